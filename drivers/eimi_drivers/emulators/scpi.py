@@ -1,0 +1,94 @@
+"""SCPI on the emulated supply: what the families have in common. `scpi_families` has what sets them apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from eimi_drivers.emulators.supply import CoilSupply
+
+UNDEFINED_HEADER = '-113,"Undefined header"'
+DATA_TYPE_ERROR = '-104,"Data type error"'
+COMMAND_PROTECTED = '-203,"Command protected"'
+OUT_OF_RANGE = '-222,"Data out of range"'
+HARDWARE_MISSING = '-241,"Hardware missing"'
+
+_SWITCH = {"1": True, "ON": True, "0": False, "OFF": False}
+
+
+class Refused(Exception):
+    """A message that the instrument answers with an entry in its error queue."""
+
+
+class ScpiDialect:
+    """Answers lines as a one-channel SCPI supply does, error queue included (SCPI-99, volume 2, 21).
+
+    questions, commands: what each header does, in capitals and as short as the standard allows.
+    """
+
+    identification = "EIMI,EMULATED SUPPLY,0,1.0"
+    no_error = '0,"No error"'
+
+    def __init__(self, supply: CoilSupply) -> None:
+        self.supply = supply
+        self.questions: dict[str, Callable[[], str]] = {
+            "*IDN?": lambda: self.identification,
+            "SYST:ERR?": lambda: self._errors.pop(0) if self._errors else self.no_error,
+            "VOLT?": lambda: f"{supply.state.set_voltage_V:.6E}",
+            "CURR?": lambda: f"{supply.state.set_current_A:.6E}",
+            "MEAS:VOLT?": lambda: f"{supply.read().voltage_V:.6E}",
+            "MEAS:CURR?": lambda: f"{supply.read().current_A:.6E}",
+            "OUTP?": lambda: "1" if supply.output_on() else "0",
+        }
+        self.commands: dict[str, Callable[[str], bool]] = {
+            "*CLS": self._clear_errors,
+            "VOLT": lambda argument: supply.set_voltage(number(argument)),
+            "CURR": lambda argument: supply.set_current(number(argument)),
+            "OUTP": lambda argument: supply.switch(switch(argument)),
+        }
+        self._errors: list[str] = []
+        self._unfinished = b""
+
+    def receive(self, data: bytes) -> bytes:
+        """Take bytes, return the answers to the lines that they complete."""
+        *lines, self._unfinished = (self._unfinished + data).split(b"\n")
+        answers = (self._answer(line.decode("latin-1").strip().upper()) for line in lines)
+        return b"".join(answer.encode("ascii") + b"\n" for answer in answers if answer is not None)
+
+    def _parse(self, line: str) -> tuple[str, str]:
+        """The header and the argument of a line, as the tables above know them."""
+        header, _, argument = line.partition(" ")
+        return header, argument.strip()
+
+    def _answer(self, line: str) -> str | None:
+        if not line:
+            return None
+        try:
+            header, argument = self._parse(line)
+            if header in self.questions and not argument:
+                return self.questions[header]()
+            if header not in self.commands:
+                raise Refused(UNDEFINED_HEADER)
+            if not self.commands[header](argument):
+                raise Refused(COMMAND_PROTECTED if self.supply.locked else OUT_OF_RANGE)
+        except Refused as refusal:
+            self._errors.append(str(refusal))
+        return None
+
+    def _clear_errors(self, argument: str) -> bool:
+        self._errors.clear()
+        return True
+
+
+def number(argument: str) -> float:
+    """A number. Raises Refused."""
+    try:
+        return float(argument)
+    except ValueError:
+        raise Refused(DATA_TYPE_ERROR) from None
+
+
+def switch(argument: str) -> bool:
+    """ON or OFF, 1 or 0. Raises Refused."""
+    if argument not in _SWITCH:
+        raise Refused(DATA_TYPE_ERROR)
+    return _SWITCH[argument]

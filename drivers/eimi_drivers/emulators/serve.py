@@ -1,0 +1,122 @@
+"""Putting an emulated supply where the ordinary drivers find it."""
+
+from __future__ import annotations
+
+import os
+import select
+import socketserver
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+from eimi_drivers.emulators.genesys import GenesysDialect
+from eimi_drivers.emulators.korad import KoradDialect
+from eimi_drivers.emulators.scpi import ScpiDialect
+from eimi_drivers.emulators.scpi_families import (
+    KepcoBopDialect,
+    KeysightE364xDialect,
+    KeysightE36312ADialect,
+    RigolDp800Dialect,
+    RohdeSchwarzHmpDialect,
+    SiglentSpdDialect,
+)
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import InstrumentError, Limits, PowerSupply
+from eimi_drivers.supplies.opening import supply_driver
+from eimi_drivers.supplies.transport import InProcessTransport, Responder
+
+DIALECTS: dict[str, Callable[[CoilSupply], Responder]] = {
+    "korad": KoradDialect,
+    "scpi": ScpiDialect,
+    "keysight-e36312a": KeysightE36312ADialect,
+    "keysight-e364x": KeysightE364xDialect,
+    "rigol-dp800": RigolDp800Dialect,
+    "siglent-spd": SiglentSpdDialect,
+    "rs-hmp": RohdeSchwarzHmpDialect,
+    "genesys": GenesysDialect,
+    "kepco-bop": KepcoBopDialect,
+}
+"""The dialect that each driver of the same name understands."""
+
+
+def emulate(dialect: str, supply: CoilSupply) -> Responder:
+    """Put a command language, one of `DIALECTS`, on a supply. Raises InstrumentError for another name."""
+    if dialect not in DIALECTS:
+        raise InstrumentError(f"there is no emulated supply {dialect!r}; those that exist: {', '.join(DIALECTS)}")
+    return DIALECTS[dialect](supply)
+
+
+def open_in_process(driver: str, supply: CoilSupply, limits: Limits) -> PowerSupply:
+    """The ordinary driver of that name on an emulated supply, in the time of the supply's clock."""
+    link = InProcessTransport(emulate(driver, supply), supply.clock, address=f"emulated {driver}")
+    return supply_driver(driver)(link, limits, supply.clock)
+
+
+@contextmanager
+def serve_pty(instrument: Responder) -> Iterator[str]:
+    """Serve on a pseudo-terminal while the context lasts; its value is the path of the port to open.
+
+    A cut line closes the terminal. Raises InstrumentError where the operating system has no pseudo-terminals.
+    """
+    try:
+        import tty
+    except ImportError as error:
+        raise InstrumentError("this system has no pseudo-terminals: serve on a TCP port instead") from error
+    device_end, driver_end = os.openpty()
+    tty.setraw(driver_end)
+    wake_read, wake_write = os.pipe()
+
+    def answer_until_stopped() -> None:
+        # The driver's end stays open here as well, or the first driver to close it would hang the line up.
+        with suppress(OSError):  # the line was cut, by a fault or by the other side
+            while wake_read not in (ready := select.select([device_end, wake_read], [], [])[0]):
+                if ready:
+                    os.write(device_end, instrument.receive(os.read(device_end, 4096)))
+        os.close(driver_end)
+        os.close(device_end)
+
+    path = os.ttyname(driver_end)
+    thread = threading.Thread(target=answer_until_stopped, name=f"emulator {path}", daemon=True)
+    thread.start()
+    try:
+        yield path
+    finally:
+        os.close(wake_write)
+        thread.join()
+        os.close(wake_read)
+
+
+@contextmanager
+def serve_tcp(instrument: Responder, host: str = "127.0.0.1", port: int = 0) -> Iterator[str]:
+    """Serve on a TCP port while the context lasts; its value is the VISA address of the socket.
+
+    port 0 takes any free one. A cut line closes the connection. Raises InstrumentError when the port is
+    taken.
+    """
+    lock = threading.Lock()
+
+    class Connection(socketserver.BaseRequestHandler):
+        def handle(self) -> None:
+            with suppress(OSError):  # the line was cut, by a fault or by the other side
+                while data := self.request.recv(4096):
+                    with lock:
+                        answer = instrument.receive(data)
+                    self.request.sendall(answer)
+
+    class Server(socketserver.ThreadingTCPServer):
+        allow_reuse_address = True
+        daemon_threads = True
+        block_on_close = False
+
+    try:
+        server = Server((host, port), Connection)
+    except OSError as error:
+        raise InstrumentError(f"cannot serve on {host}:{port}: {error}") from error
+    with server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.05,), name="emulator", daemon=True)
+        thread.start()
+        try:
+            yield f"TCPIP::{host}::{server.server_address[1]}::SOCKET"
+        finally:
+            server.shutdown()
+            thread.join()

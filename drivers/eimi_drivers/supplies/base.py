@@ -1,0 +1,248 @@
+"""What every supply driver shares: limits, read-back, protection, and switching off stage by stage."""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from decimal import ROUND_DOWN, Decimal
+from typing import ClassVar, TypeVar
+
+from eimi_drivers.interfaces import (
+    Clock,
+    Identity,
+    InstrumentError,
+    Limits,
+    ProtectionTripped,
+    Reading,
+    ReplyNotUnderstood,
+    SetPointNotTaken,
+    SetPointRefused,
+    SwitchOffFailed,
+)
+from eimi_drivers.supplies.transport import Transport, split_address
+
+REPLY_TIMEOUT_S = 1.0
+READ_BACK_WITHIN_S = 0.6
+"""Some firmware needs 0.45 s before a new set-point reads back."""
+
+LATE_ANSWER_S = 1.0
+"""After a question without an answer, the next one waits so long and throws away what has come until then."""
+
+PROTECTION_MARGIN = 1.1
+"""An instrument's own protection is set this far above the limits: it is for a regulator that has failed."""
+
+_NUMBER = re.compile(rb"\s*[+-]?(\d{1,12}\.?\d{0,12}|\.\d{1,12})([eE][+-]?\d{1,2})?[\s\0]*")
+_NOT_A_MEASUREMENT = 1e30
+"""SCPI answers 9.91E+37 for "not a number" and 9.9E+37 for infinity (SCPI-99, volume 1, 7.2.1)."""
+
+_Value = TypeVar("_Value")
+
+
+class SupplyBase(ABC):
+    """A supply whose current runs from 0 to the limit, or from minus the limit where it is bipolar.
+
+    A driver names itself, gives its steps and says how to send and ask eight things; see `korad` and
+    `genesys`. Set-points are rounded toward zero to the step, so that no rounding ever passes the limit.
+
+    bipolar: whether negative currents can be set.
+    channels: the first and the last channel that an address may name after `#`; default_channel: the one
+    used when it names none.
+    """
+
+    name: ClassVar[str]
+    current_step_A: ClassVar[str] = "0.001"
+    voltage_step_V: ClassVar[str] = "0.01"
+    bipolar: ClassVar[bool] = False
+    channels: ClassVar[tuple[int, int]] = (1, 1)
+    default_channel: ClassVar[int] = 1
+
+    def __init__(self, link: Transport, limits: Limits, clock: Clock) -> None:
+        """Sends nothing. Raises InstrumentError when the address names a channel that there is not."""
+        self.limits = limits
+        self._link = link
+        self._clock = clock
+        self._switched_on = False
+        self._unanswered = False
+        channel = split_address(link.address)[1]
+        self._channel = self.default_channel if channel is None else channel
+        first, last = self.channels
+        if not first <= self._channel <= last:
+            raise InstrumentError(
+                f"{link.address}: there is no channel {self._channel}; {self.name} has {first} to {last}"
+            )
+
+    @classmethod
+    @abstractmethod
+    def connect(cls, address: str) -> Transport:
+        """Open the transport that this driver speaks over."""
+
+    @abstractmethod
+    def identify(self) -> Identity:
+        """Ask the instrument who it is."""
+
+    @abstractmethod
+    def output_on(self) -> bool:
+        """Whether the output is on, as the instrument says."""
+
+    @abstractmethod
+    def measure(self) -> Reading:
+        """Measure the output."""
+
+    @abstractmethod
+    def _send_voltage(self, text: str) -> None: ...
+
+    @abstractmethod
+    def _send_current(self, text: str) -> None: ...
+
+    @abstractmethod
+    def _send_output(self, on: bool) -> None: ...
+
+    @abstractmethod
+    def _voltage_set(self) -> float: ...
+
+    @abstractmethod
+    def _current_set(self) -> float: ...
+
+    def _raise_reported_errors(self) -> None:  # noqa: B027  an instrument without an error queue has none
+        """Raise InstrumentError with the errors in the instrument's own queue."""
+
+    def _enabled(self) -> bool:
+        """Whether the output is switched on; differs from `output_on` where off is a current of zero."""
+        return self.output_on()
+
+    def _trip(self) -> str:
+        """What tripped, in a few words, as the instrument itself reports it; empty when nothing did."""
+        return ""
+
+    def _protect(self) -> None:  # noqa: B027  not every instrument has protections to set
+        """Set the instrument's own protections; called before the output is switched on."""
+
+    def set_voltage(self, voltage_V: float) -> None:
+        """Set the compliance voltage and read it back. Raises SetPointRefused, SetPointNotTaken."""
+        self._refuse_outside("voltage", voltage_V, 0.0, self.limits.voltage_V, "V")
+        self._program("voltage", voltage_V, self.voltage_step_V, "V", self._send_voltage, self._voltage_set)
+
+    def set_current(self, current_A: float) -> None:
+        """Set the current and read the set-point back. Raises SetPointRefused, SetPointNotTaken."""
+        lowest = -self.limits.current_A if self.bipolar else 0.0
+        self._refuse_outside("current", current_A, lowest, self.limits.current_A, "A")
+        self._program_current(current_A)
+
+    def set_output(self, on: bool) -> None:
+        """Switch the output and verify it. Raises SetPointNotTaken."""
+        if on:
+            self._protect()
+        self._send_output(on)
+        self._raise_reported_errors()
+        self._verify_output(on)
+        self._switched_on = on
+
+    def check(self) -> None:
+        """Raise InstrumentError for reported errors, ProtectionTripped for a trip or an output gone off."""
+        self._raise_reported_errors()
+        if cause := self._trip():
+            raise ProtectionTripped(f"{self._link.address}: {cause}")
+        if self._switched_on and not self._enabled():
+            raise ProtectionTripped(f"{self._link.address}: the output went off by itself: a protection tripped")
+
+    def safe_off(self) -> None:
+        """Program zero, switch off, verify; each stage is tried whatever became of the others.
+
+        Raises SwitchOffFailed with the outcome of every stage when one failed.
+        """
+        stages: tuple[tuple[str, Callable[[], None]], ...] = (
+            ("zero", lambda: self._program_current(0.0)),
+            ("off", lambda: self._send_output(False)),
+            ("verify", lambda: self._verify_output(False)),
+        )
+        outcomes, failures = [], []
+        for stage, act in stages:
+            try:
+                act()
+                outcomes.append(f"{stage}: done")
+            except InstrumentError as error:
+                outcomes.append(f"{stage}: failed ({type(error).__name__}: {error})")
+                failures.append(error)
+        if failures:
+            raise SwitchOffFailed(f"{self._link.address}: {'; '.join(outcomes)}") from failures[0]
+        self._switched_on = False
+
+    def close(self) -> None:
+        """Release the port. Does not switch off: safe_off does."""
+        self._link.close()
+
+    def _question(self, message: bytes, size: int, end: bytes = b"", pause_s: float = 0.0) -> bytes:
+        """Send a question, wait `pause_s`, and read the answer as `Transport.read` does.
+
+        An answer that comes after its time is up must not be taken for the answer to the next question.
+        """
+        if self._unanswered:
+            self._clock.sleep(LATE_ANSWER_S)
+        self._link.write(message)
+        self._clock.sleep(pause_s)
+        self._unanswered = True
+        reply = self._link.read(size, REPLY_TIMEOUT_S, end)
+        self._unanswered = False
+        return reply
+
+    def _refuse_outside(self, quantity: str, value: float, lowest: float, limit: float, unit: str) -> None:
+        if not lowest <= value <= limit:  # so written, "not a number" is refused as well
+            raise SetPointRefused(
+                f"{self._link.address}: {quantity} {value:g} {unit} was refused, nothing was sent: "
+                f"it must be from {lowest:g} to {limit:g} {unit}"
+            )
+
+    def _program_current(self, current_A: float) -> None:
+        self._program("current", current_A, self.current_step_A, "A", self._send_current, self._current_set)
+
+    def _program(
+        self,
+        quantity: str,
+        value: float,
+        step: str,
+        unit: str,
+        send: Callable[[str], None],
+        ask: Callable[[], float],
+    ) -> None:
+        # The inner rounding removes what binary fractions add: 0.7999999999999999 is 0.800, not 0.799.
+        sent = Decimal(repr(round(float(value), 9))).quantize(Decimal(step), ROUND_DOWN) + 0  # no minus zero
+        send(str(sent))
+        self._raise_reported_errors()
+        found = self._read_back(ask, lambda answer: abs(answer - float(sent)) <= 1.001 * float(step))
+        if found is not None:
+            raise SetPointNotTaken(
+                f"{self._link.address}: {quantity} was set to {sent} {unit} but reads back {found:g} {unit}"
+            )
+
+    def _verify_output(self, on: bool) -> None:
+        if self._read_back(self._enabled, lambda answer: answer == on) is not None:
+            raise SetPointNotTaken(
+                f"{self._link.address}: the output was switched {'on' if on else 'off'} "
+                f"but the instrument says that it is {'off' if on else 'on'}"
+            )
+
+    def _read_back(self, ask: Callable[[], _Value], taken: Callable[[_Value], bool]) -> _Value | None:
+        """Ask until the answer is right: None then, or the last wrong answer."""
+        deadline = self._clock.now() + READ_BACK_WITHIN_S
+        while not taken(answer := ask()):
+            if self._clock.now() >= deadline:
+                return answer
+            self._clock.sleep(0.05)
+        return None
+
+    def _number(self, question: str, reply: bytes) -> float:
+        if not _NUMBER.fullmatch(reply) or abs(number := float(reply.strip(b"\0 \t\r\n"))) > _NOT_A_MEASUREMENT:
+            raise self._not_understood(question, reply, "a number")
+        return number
+
+    def _identity(self, reply: bytes) -> Identity:
+        text = reply.strip(b"\0 \t\r\n").decode("latin-1")
+        if not (text.isascii() and text.isprintable() and text):
+            raise self._not_understood("*IDN?", reply, "a line of text")
+        return Identity(driver=self.name, text=text, address=self._link.address)
+
+    def _not_understood(self, question: str, reply: bytes, expected: str) -> ReplyNotUnderstood:
+        return ReplyNotUnderstood(
+            f"{self._link.address}: the answer to {question} must be {expected}, but it is {reply!r}"
+        )

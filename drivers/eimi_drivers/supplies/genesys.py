@@ -1,0 +1,126 @@
+"""TDK-Lambda Genesys over its serial line: lines ending with a carriage return, setters answered `OK`.
+
+Source: Genesys user manual, chapter 7, "RS232 and RS485 remote control".
+"""
+
+from __future__ import annotations
+
+import re
+
+from eimi_drivers.interfaces import (
+    Clock,
+    Identity,
+    InstrumentError,
+    InstrumentTimeout,
+    Limits,
+    Reading,
+)
+from eimi_drivers.supplies.base import PROTECTION_MARGIN, SupplyBase
+from eimi_drivers.supplies.transport import SerialTransport, Transport
+
+LONGEST_LINE = 128
+
+FAULTS = {
+    0x02: "the mains failed",
+    0x04: "it is too hot",
+    0x08: "foldback protection tripped",
+    0x10: "over-voltage protection tripped",
+    0x20: "it was shut off at its rear connector",
+    0x80: "its enable contact is open",
+}
+"""Bits of the fault register, `FR` of `STT?`. Bit 0x40, the output being off, is no fault."""
+
+_REFUSAL = re.compile(rb"[EC]\d\d\s*")
+_FAULT_REGISTER = re.compile(rb".*\bFR\(([0-9a-fA-F]{1,2})\)\s*", re.DOTALL)
+
+
+class GenesysSupply(SupplyBase):
+    """TDK-Lambda Genesys. The channel of its address, `#6`, is the unit's own address on the line.
+
+    Foldback protection is switched off before the output is switched on: it trips in constant current, where
+    a supply that feeds a coil always works. Over-voltage protection is set above the driver's limit.
+    """
+
+    name = "genesys"
+    current_step_A = "0.01"
+    channels = (0, 30)
+    default_channel = 6
+
+    def __init__(self, link: Transport, limits: Limits, clock: Clock) -> None:
+        super().__init__(link, limits, clock)
+        self._selected = False
+
+    @classmethod
+    def connect(cls, address: str) -> Transport:
+        """Open the serial port."""
+        return SerialTransport(address)
+
+    def identify(self) -> Identity:
+        """Ask IDN?."""
+        return self._identity(self._ask("IDN?"))
+
+    def output_on(self) -> bool:
+        """Whether the output is on: OUT?."""
+        reply = self._ask("OUT?")
+        if reply.strip() not in {b"ON", b"OFF"}:
+            raise self._not_understood("OUT?", reply, "ON or OFF")
+        return reply.strip() == b"ON"
+
+    def measure(self) -> Reading:
+        """Measure the output."""
+        return Reading(current_A=self._ask_value("MC?"), voltage_V=self._ask_value("MV?"))
+
+    def _exchange(self, message: str) -> bytes:
+        try:
+            return self._question(message.encode("ascii") + b"\r", LONGEST_LINE, end=b"\r")
+        except InstrumentTimeout:
+            self._selected = False  # a unit that was switched off and on has forgotten that it was
+            raise
+
+    def _ask(self, question: str) -> bytes:
+        if not self._selected:
+            for message in (f"ADR {self._channel}", "RMT REM"):
+                self._raise_unless_ok(message, self._exchange(message))
+            self._selected = True
+        reply = self._exchange(question)
+        if _REFUSAL.fullmatch(reply):
+            text = reply.strip().decode("ascii")
+            raise InstrumentError(f"{self._link.address}: the instrument answers {question} with error {text}")
+        return reply
+
+    def _raise_unless_ok(self, message: str, reply: bytes) -> None:
+        if reply.strip() != b"OK":
+            raise self._not_understood(message, reply, "OK")
+
+    def _command(self, message: str) -> None:
+        self._raise_unless_ok(message, self._ask(message))
+
+    def _ask_value(self, question: str) -> float:
+        return self._number(question, self._ask(question))
+
+    def _trip(self) -> str:
+        reply = self._ask("STT?")
+        match = _FAULT_REGISTER.fullmatch(reply)
+        if match is None:
+            raise self._not_understood("STT?", reply, "a status that ends with FR(00)")
+        register = int(match[1], 16)
+        return ", ".join(text for bit, text in FAULTS.items() if register & bit)
+
+    def _protect(self) -> None:
+        self._command("FLD OFF")
+        self._command(f"OVP {self.limits.voltage_V * PROTECTION_MARGIN:.2f}")
+
+    def _send_voltage(self, text: str) -> None:
+        self._command(f"PV {text}")
+
+    def _send_current(self, text: str) -> None:
+        self._command(f"PC {text}")
+
+    def _send_output(self, on: bool) -> None:
+        self._command("OUT ON" if on else "OUT OFF")
+
+    def _voltage_set(self) -> float:
+        return self._ask_value("PV?")
+
+    def _current_set(self) -> float:
+        return self._ask_value("PC?")

@@ -1,0 +1,110 @@
+"""Korad KA/KD supplies and what is sold of them as Tenma, RND and Velleman: 9600 baud, no terminator."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from eimi_drivers.interfaces import (
+    Clock,
+    Identity,
+    InstrumentTimeout,
+    Limits,
+    ProtectionTripped,
+    Reading,
+)
+from eimi_drivers.supplies.base import SupplyBase
+from eimi_drivers.supplies.transport import SerialTransport, Transport
+
+MESSAGE_GAP_S = 0.08
+"""Messages carry no terminator: two with no gap between them fuse, and the supply drops both."""
+
+OUTPUT_BIT = 0x40
+PROTECTION_BITS = 0x20 | 0x80
+"""Which one reports a trip depends on the firmware; on some these bits say that a protection is armed."""
+
+_VALUE_BYTES = 5
+
+
+class KoradSupply(SupplyBase):
+    """One-channel Korad protocol, over a serial line.
+
+    Over-current protection is switched off before the output is switched on: it trips at the current
+    set-point, which is where a supply that feeds a coil with constant current always works. The limits of
+    the driver and the constant-current regulator bound the current instead.
+    """
+
+    name = "korad"
+
+    def __init__(self, link: Transport, limits: Limits, clock: Clock) -> None:
+        super().__init__(link, limits, clock)
+        self._armed_bits = 0
+
+    @classmethod
+    def connect(cls, address: str) -> Transport:
+        """Open the serial port."""
+        return SerialTransport(address)
+
+    def identify(self) -> Identity:
+        """Ask *IDN?; the answer has no terminator and ends with silence."""
+        reply = self._ask("*IDN?", 1)
+        with suppress(InstrumentTimeout):
+            while len(reply) < 64:
+                reply += self._link.read(1, 0.05)
+        return self._identity(reply)
+
+    def set_output(self, on: bool) -> None:
+        """Switch the output and verify it. Raises SetPointNotTaken."""
+        super().set_output(on)
+        if on:
+            self._armed_bits = self._status() & PROTECTION_BITS
+
+    def output_on(self) -> bool:
+        """Whether the output is on, from the status byte."""
+        return bool(self._status() & OUTPUT_BIT)
+
+    def measure(self) -> Reading:
+        """Measure the output, to 1 mA and 10 mV."""
+        return Reading(current_A=self._ask_value("IOUT1?"), voltage_V=self._ask_value("VOUT1?"))
+
+    def check(self) -> None:
+        """Raise ProtectionTripped when the output went off by itself or a protection bit has come since."""
+        if not self._switched_on:
+            return
+        status = self._status()
+        if not status & OUTPUT_BIT or status & PROTECTION_BITS & ~self._armed_bits:
+            raise ProtectionTripped(
+                f"{self._link.address}: a protection tripped: status byte {status:#04x}, "
+                f"output {'on' if status & OUTPUT_BIT else 'off'}"
+            )
+
+    def _protect(self) -> None:
+        self._send("OCP0")
+
+    def _send(self, message: str) -> None:
+        self._link.write(message.encode("ascii"))
+        self._clock.sleep(MESSAGE_GAP_S)
+
+    def _ask(self, question: str, size: int) -> bytes:
+        return self._question(question.encode("ascii"), size, pause_s=MESSAGE_GAP_S)
+
+    def _status(self) -> int:
+        return self._ask("STATUS?", 1)[0]
+
+    def _ask_value(self, question: str) -> float:
+        # ISET1? is answered with a sixth byte that means nothing; the next write throws it away.
+        return self._number(question, self._ask(question, _VALUE_BYTES))
+
+    def _send_voltage(self, text: str) -> None:
+        self._send(f"VSET1:{text}")
+
+    def _send_current(self, text: str) -> None:
+        self._send(f"ISET1:{text}")
+
+    def _send_output(self, on: bool) -> None:
+        self._send("OUT1" if on else "OUT0")
+
+    def _voltage_set(self) -> float:
+        return self._ask_value("VSET1?")
+
+    def _current_set(self) -> float:
+        return self._ask_value("ISET1?")

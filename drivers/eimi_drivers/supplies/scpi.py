@@ -1,0 +1,144 @@
+"""Supplies that speak SCPI (SCPI-99, volume 2), each family with the strings of its profile.
+
+*RST is never sent: some LAN supplies hang on it, and it would switch an output that somebody else has set up.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import ClassVar
+
+from eimi_drivers.interfaces import Identity, InstrumentError, Reading
+from eimi_drivers.supplies.base import PROTECTION_MARGIN, SupplyBase
+from eimi_drivers.supplies.scpi_profiles import Profile
+from eimi_drivers.supplies.transport import Transport, VisaTransport
+
+LONGEST_LINE = 4096
+LONGEST_ERROR_QUEUE = 50
+
+_ERROR = re.compile(r'([+-]?\d{1,5})\s*[,\s]\s*"?([^"]*)"?')
+_HEXADECIMAL = re.compile(rb"(?:0[xX])?[0-9a-fA-F]{1,8}")
+_YES_OR_NO = {b"1": True, b"ON": True, b"YES": True, b"0": False, b"OFF": False, b"NO": False}
+
+
+class ScpiSupply(SupplyBase):
+    """SCPI over VISA: socket, VXI-11, HiSLIP, USB or serial line, lines ending with a newline.
+
+    Errors that the instrument's queue holds are raised by the first message after they arose, one left over
+    from before the connection included.
+    """
+
+    profile: ClassVar[Profile]
+
+    @classmethod
+    def connect(cls, address: str) -> Transport:
+        """Open the VISA resource."""
+        return VisaTransport(address)
+
+    def identify(self) -> Identity:
+        """Ask *IDN?."""
+        return self._identity(self._ask("*IDN?"))
+
+    def output_on(self) -> bool:
+        """Whether the output is on, as the instrument says."""
+        if not self.profile.output_bit:
+            return self._ask_whether(self.profile.output)
+        reply = self._ask_channel(self.profile.output)
+        if not _HEXADECIMAL.fullmatch(reply.strip()):
+            raise self._not_understood(self.profile.output, reply, "a hexadecimal number")
+        return bool(int(reply, 16) & self.profile.output_bit << (self._channel - 1))
+
+    def measure(self) -> Reading:
+        """Measure the output."""
+        return Reading(
+            current_A=self._ask_value(self.profile.measure_current),
+            voltage_V=self._ask_value(self.profile.measure_voltage),
+        )
+
+    def _fill(self, message: str, value: str = "") -> str:
+        return message.format(
+            value=value,
+            channel=self._channel,
+            voltage=f"{self.limits.voltage_V * PROTECTION_MARGIN:.2f}",
+            current=f"{self.limits.current_A * PROTECTION_MARGIN:.3f}",
+            limit=f"{self.limits.current_A:.3f}",
+        )
+
+    def _send(self, message: str) -> None:
+        self._link.write(message.encode("ascii") + b"\n")
+
+    def _ask(self, question: str) -> bytes:
+        return self._question(question.encode("ascii") + b"\n", LONGEST_LINE, b"\n", self.profile.query_delay_s)
+
+    def _select(self) -> None:
+        # Before every message: somebody may have chosen another channel at the front panel.
+        if self.profile.select:
+            self._send(self._fill(self.profile.select))
+
+    def _send_channel(self, *messages: str, value: str = "") -> None:
+        self._select()
+        for message in messages:
+            self._send(self._fill(message, value))
+
+    def _ask_channel(self, question: str) -> bytes:
+        self._select()
+        return self._ask(self._fill(question))
+
+    def _ask_value(self, question: str) -> float:
+        return self._number(self._fill(question), self._ask_channel(question))
+
+    def _ask_whether(self, question: str) -> bool:
+        reply = self._ask_channel(question)
+        try:
+            return _YES_OR_NO[reply.strip().upper()]
+        except KeyError as error:
+            raise self._not_understood(self._fill(question), reply, "0 or 1") from error
+
+    def _raise_reported_errors(self) -> None:
+        reported = []
+        question = self.profile.errors
+        for _ in range(LONGEST_ERROR_QUEUE):
+            reply = self._ask(question)
+            match = _ERROR.fullmatch(reply.decode("latin-1").strip())
+            if match is None:
+                raise self._not_understood(question, reply, 'a number and a text such as 0,"No error"')
+            if int(match[1]) == 0:
+                break
+            reported.append(f"{match[1]} {match[2]}")
+        if reported:
+            raise InstrumentError(f"{self._link.address}: the instrument reports: {'; '.join(reported)}")
+
+    def _trip(self) -> str:
+        question = self.profile.trip
+        return f"a protection tripped ({question})" if question and self._ask_whether(question) else ""
+
+    def _protect(self) -> None:
+        if self.profile.protect:
+            self._send_channel(*self.profile.protect)
+
+    def _send_voltage(self, text: str) -> None:
+        self._send_channel(self.profile.set_voltage, value=text)
+
+    def _send_current(self, text: str) -> None:
+        self._send_channel(self.profile.set_current, value=text)
+
+    def _send_output(self, on: bool) -> None:
+        self._send_channel(*(self.profile.on if on else self.profile.off))
+
+    def _voltage_set(self) -> float:
+        return self._ask_value(self.profile.voltage_set)
+
+    def _current_set(self) -> float:
+        return self._ask_value(self.profile.current_set)
+
+
+def scpi_driver(family: Profile) -> type[ScpiSupply]:
+    """The driver of a family of supplies."""
+
+    class FamilySupply(ScpiSupply):
+        __doc__ = ScpiSupply.__doc__
+        name = family.driver
+        profile = family
+        channels = family.channels
+
+    return FamilySupply

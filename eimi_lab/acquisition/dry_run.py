@@ -1,0 +1,104 @@
+"""What a run would do, down to the bytes on the wire: the run itself on an emulated supply, in simulated seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from eimi_drivers.clock import SimulatedClock
+from eimi_drivers.emulators.serve import emulate
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import Clock, Frame, Identity, Limits
+from eimi_drivers.supplies.opening import supply_driver
+from eimi_drivers.supplies.transport import InProcessTransport, Responder
+from eimi_lab.acquisition.bench import Bench
+from eimi_lab.acquisition.run import acquire
+from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.rig import Rig
+from eimi_lab.config.specimen import SpecimenFile
+
+STAND_IN = "korad"  # speaks for a virtual supply, which has no wire
+FRAME_S = 1 / 30
+RESISTANCE_OHM = 0.01  # the coil's is not known; so small a one is never in the way of the voltage limit
+
+
+class _Wire(InProcessTransport):
+    """A transport that tells every message as it is sent."""
+
+    def __init__(self, responder: Responder, clock: Clock, say: Callable[[str], None]) -> None:
+        super().__init__(responder, clock, "dry run")
+        self._say = say
+
+    def write(self, message: bytes) -> None:
+        """See `Transport.write`."""
+        self._say(message.decode("ascii", "backslashreplace").rstrip())
+        super().write(message)
+
+
+class _BeamAtRest:
+    """A camera in front of a beam that never moves."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._random = np.random.default_rng(0)
+        self._number = 0
+
+    def identify(self) -> Identity:
+        """No camera."""
+        return Identity("dry run", "no camera", "none")
+
+    def flush(self) -> None:
+        """Nothing is buffered."""
+
+    def grab(self, timeout_s: float) -> Frame:
+        """The next frame, a frame's time later."""
+        self._clock.sleep(FRAME_S)
+        self._number += 1
+        image = np.full((32, 32), 200.0)
+        image[:, 12:20] = 20.0
+        image += self._random.normal(0.0, 2.0, image.shape)
+        return Frame(image.astype(np.uint8), self._number, self._clock.now())
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[[str], None]) -> None:
+    """Tell every step of a run and every message to the supply, with the time at which it would come.
+
+    The beam settles at once, so that the duration is the shortest possible; the longest is told beside it.
+    """
+    clock = SimulatedClock()
+    limits = rig.supply.limits.stricter(protocol.limits)
+    language = STAND_IN if rig.virtual else rig.supply.driver
+    coil = CoilSupply(
+        clock, resistance_ohm=RESISTANCE_OHM, max_current_A=limits.current_A, max_voltage_V=limits.voltage_V
+    )
+    wire = _Wire(emulate(language, coil), clock, lambda message: say(f"{clock.now():9.2f} s  > {message}"))
+    supply = supply_driver(language)(wire, Limits(limits.current_A, limits.voltage_V), clock)
+
+    currents = protocol.currents_A
+    constant = rig.calibration.coil_constant_mT_per_A
+    say(f"{protocol.name} on {specimen.specimen.name} with rig {rig.name}: {len(currents)} states")
+    say(f"limits: {limits.current_A:g} A, {limits.voltage_V:g} V; ramps of {protocol.ramp.rate_A_per_s:g} A/s")
+    for index, current in enumerate(currents):
+        say(f"state {index}: {current:g} A, {current * constant:.4g} mT, {protocol.frames_per_state} frames")
+    stand_in = ", as the virtual supply has no wire" if rig.virtual else ""
+    say(f"messages to the supply, in the language of {language}{stand_in}:")
+    with TemporaryDirectory() as folder:
+        bench = Bench(supply, _BeamAtRest(clock), clock)
+        stored = iter(range(len(currents)))
+        acquire(
+            protocol,
+            specimen,
+            rig,
+            bench,
+            Path(folder) / "dry_run.h5",
+            lambda words: say(f"{clock.now():9.2f} s  state {next(stored)} stored: {words}"),
+        )
+    shortest = clock.now()
+    longest = shortest + len(currents) * (protocol.settle.timeout_s - protocol.settle.drift_window_s)
+    say(f"duration: {shortest:.0f} s where the beam rests at once, {longest:.0f} s where it never does")

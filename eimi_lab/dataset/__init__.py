@@ -1,0 +1,10 @@
+"""The dataset: one NeXus HDF5 file that holds a run and everything needed to understand it.
+
+layout      where things are in the file
+writing     `DatasetWriter`: appends a state at a time; what it acknowledged survives a crash
+points      datasets of tracked material points instead of frames
+reading     `open_dataset`: finished, live and crashed files alike
+edges       what segmentation found, stored beside the frames
+recovery    a crashed file made whole again
+importing   frames or tracked points that a lab already has; tables and images read them
+"""

@@ -1,0 +1,73 @@
+"""The edges that segmentation found, stored beside the frames that they came from."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from eimi_lab.dataset.layout import PROGRAM, flags_from_text, flags_to_text, group, now, put_text
+from eimi_lab.errors import InputError
+from eimi_lab.outputs import whole_file
+from eimi_lab.vision.edge_set import EdgePoints, EdgeSet
+
+GROUP = "segmentation"
+
+
+def write_edges(path: str | Path, edge_sets: Sequence[EdgeSet]) -> None:
+    """Store one edge set a state, in place of earlier ones.
+
+    Works on a copy that then takes the file's place, so that no crash can harm the frames. Raises InputError for a
+    file that is still being written or whose writer crashed, ValueError for a wrong number of edge sets.
+    """
+    path = Path(path)
+    with whole_file(path, force=True) as copy:
+        shutil.copyfile(path, copy)
+        try:
+            file = h5py.File(copy, "r+", libver="latest")
+        except OSError as error:
+            raise InputError(f"{path}: is still being written, or its writer crashed; `eimi recover` helps") from error
+        with file:
+            entry = file["entry"]
+            states = len(entry["states/index"])
+            if states != len(edge_sets):
+                raise ValueError(f"{path}: {len(edge_sets)} edge sets for {states} states")
+            if GROUP in entry:
+                del entry[GROUP]
+            _write(group(entry, GROUP, "NXprocess"), edge_sets)
+
+
+def _write(process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
+    put_text(process, "program", PROGRAM)
+    put_text(process, "version", version(PROGRAM))
+    put_text(process, "date", now())
+    edges = group(process, "edges", "NXcollection")
+    for side in ("left", "right"):
+        every = [getattr(edge_set, side) for edge_set in edge_sets]
+        store = group(edges, side, "NXcollection")
+        store["count"] = np.array([len(edge.sigma_mm) for edge in every], dtype=np.int64)
+        store["points"] = np.concatenate([edge.points_mm.reshape(-1, 2) for edge in every])
+        store["sigma"] = np.concatenate([edge.sigma_mm for edge in every])
+        store["points"].attrs["units"] = store["sigma"].attrs["units"] = "mm"
+    edges["corners"] = np.stack([edge_set.corners_px for edge_set in edge_sets])
+    edges["corners"].attrs["units"] = "pixel"
+    put_text(edges, "flags", json.dumps([flags_to_text(edge_set.flags).decode() for edge_set in edge_sets]))
+
+
+def read_edges(entry: h5py.Group) -> tuple[EdgeSet, ...]:
+    """The stored edge sets."""
+    edges = entry[GROUP]["edges"]
+    left, right = _read_side(edges["left"]), _read_side(edges["right"])
+    flags = [flags_from_text(text.encode()) for text in json.loads(bytes(edges["flags"][()]))]
+    return tuple(EdgeSet(*parts) for parts in zip(left, right, flags, edges["corners"][()], strict=True))
+
+
+def _read_side(store: h5py.Group) -> list[EdgePoints]:
+    bounds = np.cumsum(store["count"][()])[:-1]
+    points, sigma = np.split(store["points"][()], bounds), np.split(store["sigma"][()], bounds)
+    return [EdgePoints(p, s) for p, s in zip(points, sigma, strict=True)]

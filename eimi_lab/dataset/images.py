@@ -1,0 +1,72 @@
+"""Image files that a lab already has: found in natural order, read whole or refused."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_drivers.cameras.image_series import natural_key
+from eimi_lab.dataset.grey import grey
+from eimi_lab.errors import InputError
+
+ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm"})
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+JPEG_START, JPEG_END = b"\xff\xd8", b"\xff\xd9"
+
+
+def find_images(folder: Path) -> list[Path]:
+    """The images in a folder in natural order; other files and hidden ones are passed over. Raises InputError."""
+    if not folder.is_dir():
+        raise InputError(f"{folder}: is not a folder of images")
+    images = [file for file in folder.iterdir() if file.suffix.lower() in ENDINGS and not file.name.startswith(".")]
+    if not images:
+        raise InputError(f"{folder}: holds no images ({', '.join(sorted(ENDINGS))})")
+    return sorted(images, key=lambda file: (natural_key(file.name), file.name))
+
+
+def read_image(path: Path) -> NDArray[Any]:
+    """(H, W) uint8 or uint16; colour becomes grey. Raises InputError for a file that is not a whole image."""
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    if not raw:
+        raise InputError(f"{path}: is empty")
+    # Some versions of OpenCV decode the part of a PNG or JPEG that is there and leave the rest grey or black.
+    if (raw.startswith(PNG_SIGNATURE) and not _png_is_whole(raw)) or (
+        raw.startswith(JPEG_START) and JPEG_END not in raw[-1024:]
+    ):
+        raise InputError(f"{path}: is truncated or damaged; copy it again")
+    logging = cv2.utils.logging
+    level = logging.getLogLevel()
+    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+    try:
+        image = cv2.imdecode(np.frombuffer(raw, np.uint8), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR)
+    except cv2.error:
+        image = None
+    finally:
+        logging.setLogLevel(level)
+    if image is None:
+        raise InputError(f"{path}: is not an image, or is truncated or damaged")
+    if image.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{path}: has pixels of type {image.dtype}; 8 or 16 bits without sign are wanted")
+    return grey(image)
+
+
+def _png_is_whole(raw: bytes) -> bool:
+    """Every chunk up to IEND is there and has its checksum (PNG specification, W3C, section 5.3)."""
+    at = len(PNG_SIGNATURE)
+    while at + 12 <= len(raw):
+        length = int.from_bytes(raw[at : at + 4], "big")
+        checksum = raw[at + 8 + length : at + 12 + length]
+        if zlib.crc32(raw[at + 4 : at + 8 + length]) != int.from_bytes(checksum, "big") or len(checksum) < 4:
+            return False
+        if raw[at + 4 : at + 8] == b"IEND":
+            return True
+        at += 12 + length
+    return False

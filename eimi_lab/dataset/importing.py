@@ -1,0 +1,180 @@
+"""Datasets from what a lab already has: a folder of images, or a table of tracked points, with a table of states."""
+
+from __future__ import annotations
+
+import re
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+
+from eimi_drivers.cameras.image_series import natural_key
+from eimi_drivers.interfaces import Frame
+from eimi_lab.config.calibration import Calibration
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.dataset.images import find_images, read_image
+from eimi_lab.dataset.layout import Header
+from eimi_lab.dataset.points import NAME_BYTES, Load, TrackedPoints, write_points
+from eimi_lab.dataset.tables import Row, read_table
+from eimi_lab.dataset.writing import DatasetWriter
+from eimi_lab.errors import InputError
+from eimi_lab.outputs import whole_file
+from eimi_lab.vision.beam_frame import BeamFrame
+
+LOAD_COLUMNS = ("current_A", "field_mT", "tip_force_N")
+POINT_COLUMNS = ("state", "point", "x0_mm", "y0_mm", "x_mm", "y_mm", "sigma_mm")
+ON_THE_BEAM_MM = 1e-6  # rounding in a table
+
+
+def import_frames(
+    folder: Path, states: Path, specimen: SpecimenFile, calibration: Calibration, path: Path, force: bool = False
+) -> int:
+    """Make a dataset of the images in `folder`; returns the number of states. Raises InputError.
+
+    The images are taken in natural order; neighbours under the same load are frames of one state.
+    """
+    with whole_file(path, force) as temporary:
+        rows = read_table(states, ["frame"], LOAD_COLUMNS)
+        loads = {row.line: _load(row, calibration) for row in rows}
+        frames = [(loads[row.line], image) for image, row in _match(find_images(folder), rows)]
+        by_state = [(load, [image for _, image in group]) for load, group in groupby(frames, key=lambda f: f[0])]
+        _enough(states, len(by_state))
+        first_path = by_state[0][1][0]
+        first = read_image(first_path)
+        height, width = first.shape
+        _check_in_view(specimen, calibration, width, height)
+        header = Header(specimen=specimen, calibration=calibration)
+        number = 0
+        with DatasetWriter(temporary, header, Frame(first, 0, 0.0), force=True) as writer:
+            for load, paths in by_state:
+                images = [read_image(image) for image in paths]
+                for image, image_path in zip(images, paths, strict=True):
+                    if image.shape != first.shape or image.dtype != first.dtype:
+                        raise InputError(
+                            f"{image_path}: is {_described(image)}; {first_path.name} is {_described(first)}"
+                        )
+                writer.append_state(
+                    [Frame(image, number + k, float("nan")) for k, image in enumerate(images)],
+                    current_A=float("nan") if load.current_A is None else load.current_A,
+                    field_mT=load.field_mT,
+                    tip_force_N=load.tip_force_N,
+                )
+                number += len(images)
+        return len(by_state)
+
+
+def import_points(
+    points: Path, states: Path, specimen: SpecimenFile, gravity_angle_deg: float, path: Path, force: bool = False
+) -> int:
+    """Make a dataset of tracked points; returns the number of states. Raises InputError."""
+    with whole_file(path, force) as temporary:
+        loads = _numbered_loads(read_table(states, ["state"], LOAD_COLUMNS))
+        _enough(states, len(loads))
+        by_state: dict[int, list[Row]] = {state: [] for state in loads}
+        for row in read_table(points, POINT_COLUMNS):
+            state = row.count("state")
+            if state not in by_state:
+                raise row.fault("state", f"one of the states in {states}")
+            if any(other.text("point") == row.text("point") for other in by_state[state]):
+                raise InputError(f"{points}: row {row.line}: point {row.text('point')} is twice in state {state}")
+            by_state[state].append(row)
+        for state, rows in by_state.items():
+            if not rows:
+                raise InputError(f"{points}: has no point of state {state}, which is in {states}")
+        tracked = [_tracked(rows, specimen) for rows in by_state.values()]
+        write_points(temporary, Header(specimen=specimen), gravity_angle_deg, list(loads.values()), tracked)
+        return len(loads)
+
+
+def _match(images: list[Path], rows: list[Row]) -> list[tuple[Path, Row]]:
+    """Every image with its row. A row names its image in full, without the ending, or by the number at its end."""
+    matched: dict[Path, Row] = {}
+    for row in rows:
+        name = row.text("frame")
+        found = [image for image in images if name in (image.name, image.stem)]
+        if not found and name.isascii() and name.isdigit():
+            found = [image for image in images if _last_number(image.stem) == int(name)]
+        if not found:
+            raise row.fault("frame", f"an image in {images[0].parent}; there is none of that name")
+        if len(found) > 1:
+            raise row.fault("frame", f"one image; {', '.join(image.name for image in found)} all fit")
+        if found[0] in matched:
+            raise row.fault("frame", f"listed once; row {matched[found[0]].line} is the same image")
+        matched[found[0]] = row
+    for image in images:
+        if image not in matched:
+            raise InputError(f"{image}: is not listed in {rows[0].path}")
+    return sorted(matched.items(), key=lambda pair: (natural_key(pair[0].name), pair[0].name))
+
+
+def _last_number(stem: str) -> int | None:
+    found = re.search(r"[0-9]+$", stem)
+    return int(found.group()) if found else None
+
+
+def _load(row: Row, calibration: Calibration | None) -> Load:
+    """What acts in the state of a row. Raises InputError."""
+    has_current, has_field = "current_A" in row.cells, "field_mT" in row.cells
+    if has_current == has_field:
+        wrong = "both current_A and field_mT" if has_current else "neither current_A nor field_mT"
+        raise InputError(f"{row.path}: row 1: has {wrong}; give one of them")
+    force = row.number("tip_force_N") if "tip_force_N" in row.cells else 0.0
+    if has_field:
+        field = row.number("field_mT")
+        return Load(field / calibration.coil_constant_mT_per_A if calibration else None, field, force)
+    current = row.number("current_A")
+    if calibration:
+        return Load(current, current * calibration.coil_constant_mT_per_A, force)
+    if current:
+        raise row.fault("current_A", "0, or field_mT be given instead: tracked points come without a coil constant")
+    return Load(current, 0.0, force)
+
+
+def _numbered_loads(rows: list[Row]) -> dict[int, Load]:
+    loads: dict[int, Load] = {}
+    for row in rows:
+        state = row.count("state")
+        if state in loads:
+            raise row.fault("state", "a state that was not listed before")
+        loads[state] = _load(row, None)
+    return dict(sorted(loads.items()))
+
+
+def _tracked(rows: list[Row], specimen: SpecimenFile) -> TrackedPoints:
+    beam = specimen.specimen
+    for row in rows:
+        if not -ON_THE_BEAM_MM <= row.number("x0_mm") <= beam.length_mm + ON_THE_BEAM_MM:
+            raise row.fault("x0_mm", f"on the beam, from 0 to length_mm = {beam.length_mm:g}")
+        if abs(row.number("y0_mm")) > beam.width_mm / 2 + ON_THE_BEAM_MM:
+            raise row.fault("y0_mm", f"on the beam, within half of width_mm = {beam.width_mm:g}")
+        if row.number("sigma_mm") <= 0:
+            raise row.fault("sigma_mm", "greater than 0")
+        if len(row.text("point").encode()) > NAME_BYTES:
+            raise row.fault("point", f"a name of at most {NAME_BYTES} bytes")
+    return TrackedPoints(
+        tuple(row.text("point") for row in rows),
+        np.array([[row.number("x0_mm"), row.number("y0_mm")] for row in rows]),
+        np.array([[row.number("x_mm"), row.number("y_mm")] for row in rows]),
+        np.array([row.number("sigma_mm") for row in rows]),
+    )
+
+
+def _enough(states: Path, count: int) -> None:
+    if count < 2:
+        raise InputError(f"{states}: has one state only; a fit needs at least two different ones")
+
+
+def _check_in_view(specimen: SpecimenFile, calibration: Calibration, width: int, height: int) -> None:
+    """The beam at rest has to be inside the image."""
+    length, half = specimen.specimen.length_mm, specimen.specimen.width_mm / 2
+    corners = BeamFrame(calibration).to_px(np.array([[0, -half], [0, half], [length, -half], [length, half]]))
+    if (corners < 0).any() or (corners > [width - 1, height - 1]).any():
+        raise InputError(
+            f"specimen.length_mm = {length:g} at pixels_per_mm = {calibration.pixels_per_mm:g} is "
+            f"{length * calibration.pixels_per_mm:.0f} px and leaves the image of {width} x {height} px from "
+            f"clamp_midpoint_px = {list(calibration.clamp_midpoint_px)}; check length, scale, clamp and axis"
+        )
+
+
+def _described(image: np.ndarray) -> str:
+    return f"{image.shape[1]} x {image.shape[0]} px of {8 * image.dtype.itemsize} bits"

@@ -1,0 +1,182 @@
+"""Where things are in a dataset file. NeXus base classes throughout (https://manual.nexusformat.org/classes/base_classes).
+
+/entry                      NXentry
+  title, start_time, end_time, program_name
+  sample                    NXsample
+  instrument                NXinstrument: detector (NXdetector), supply (NXcollection of two NXlog)
+  specimen, calibration, protocol, rig    NXnote: the TOML texts as they were
+  data                      NXdata: frames, or tracked points, with their columns
+  states                    NXcollection: one row a state; its attributes tell the format and the kind
+  segmentation              NXprocess: edges, once they were found
+  truth                     NXnote: what a virtual rig was made of; for scoring alone
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from typing import Any, Literal
+
+import h5py
+import numpy as np
+
+from eimi_drivers.interfaces import Identity
+from eimi_lab.config.calibration import Calibration
+from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.rig import Rig
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.vision.edge_set import Flag
+
+FORMAT = 1
+FORMAT_ATTRIBUTE = "eimi_format"
+KIND_ATTRIBUTE = "eimi_kind"
+PROGRAM = "eimi-lab"
+
+Kind = Literal["frames", "points"]
+
+# One row a state. `index` is written last: its length is the number of states that are complete.
+STATE_COLUMNS: dict[str, tuple[str, str | None]] = {
+    "current": ("f8", "A"),
+    "field": ("f8", "mT"),
+    "tip_force": ("f8", "N"),
+    "flags": ("S4096", None),
+    "index": ("i8", None),
+}
+# One row a frame, beside the frames themselves.
+FRAME_COLUMNS: dict[str, tuple[str, str | None]] = {
+    "state": ("i8", None),
+    "number": ("i8", None),
+    "timestamp": ("f8", "s"),
+    "time": ("f8", "s"),
+    "set_current": ("f8", "A"),
+    "measured_current": ("f8", "A"),
+    "field": ("f8", "mT"),
+}
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a dataset says of itself. A quantity that an imported dataset does not know is None."""
+
+    specimen: SpecimenFile
+    calibration: Calibration | None = None
+    protocol: Protocol | None = None
+    rig: Rig | None = None
+    instruments: tuple[Identity, ...] = ()
+    truth: dict[str, Any] | None = None
+
+
+def write_header(file: h5py.File, header: Header) -> h5py.Group:
+    """Create everything that is known before the first state; returns the entry."""
+    file.attrs["default"] = "entry"
+    entry = group(file, "entry", "NXentry")
+    entry.attrs["default"] = "data"
+    beam = header.specimen.specimen
+    put_text(entry, "title", f"{beam.name}, {beam.material}")
+    put_text(entry, "start_time", now())
+    put_text(entry, "end_time", " " * 40)
+    put_text(entry, "program_name", PROGRAM).attrs["version"] = version(PROGRAM)
+
+    sample = group(entry, "sample", "NXsample")
+    put_text(sample, "name", beam.name)
+    put_text(sample, "description", beam.material)
+
+    instrument = group(entry, "instrument", "NXinstrument")
+    put_text(instrument, "name", header.rig.name if header.rig else "imported")
+    for number, identity in enumerate(header.instruments):
+        note(
+            instrument, f"identity_{number}", f"{identity.driver}: {identity.text} at {identity.address}", "text/plain"
+        )
+
+    documents = {
+        "specimen": header.specimen,
+        "calibration": header.calibration,
+        "protocol": header.protocol,
+        "rig": header.rig,
+    }
+    for name, document in documents.items():
+        if document is not None:
+            note(entry, name, document.text, "application/toml")
+    if header.truth is not None:
+        note(entry, "truth", json.dumps(header.truth), "application/json")
+    return entry
+
+
+def write_state_columns(entry: h5py.Group, kind: Kind) -> dict[str, h5py.Dataset]:
+    """Create the empty table of states."""
+    states = group(entry, "states", "NXcollection")
+    states.attrs[FORMAT_ATTRIBUTE] = FORMAT
+    states.attrs[KIND_ATTRIBUTE] = kind
+    return columns(states, STATE_COLUMNS)
+
+
+def columns(parent: h5py.Group, described: dict[str, tuple[str, str | None]]) -> dict[str, h5py.Dataset]:
+    """Create empty columns that grow."""
+    made = {}
+    for name, (dtype, unit) in described.items():
+        made[name] = parent.create_dataset(
+            name,
+            shape=(0,),
+            maxshape=(None,),
+            chunks=(64,),
+            dtype=dtype,
+            compression="gzip",
+            compression_opts=1,
+            fletcher32=True,
+        )
+        if unit:
+            made[name].attrs["units"] = unit
+    return made
+
+
+def append(column: h5py.Dataset, rows: Any) -> None:
+    """Add rows at the end of a column."""
+    count = len(column)
+    column.resize(count + len(rows), axis=0)
+    column[count:] = rows
+
+
+def group(parent: h5py.Group, name: str, nx_class: str) -> h5py.Group:
+    """Create a group of a NeXus class."""
+    made = parent.create_group(name)
+    made.attrs["NX_class"] = nx_class
+    return made
+
+
+def note(parent: h5py.Group, name: str, text: str, media_type: str) -> None:
+    """Create an NXnote."""
+    made = group(parent, name, "NXnote")
+    put_text(made, "type", media_type)
+    put_text(made, "data", text)
+
+
+def put_text(parent: h5py.Group, name: str, text: str) -> h5py.Dataset:
+    """Create a UTF-8 text of fixed length: a file under single-writer-multiple-reader bears no other kind."""
+    raw = text.encode() or b"\0"
+    return parent.create_dataset(name, data=np.array(raw, dtype=h5py.string_dtype("utf-8", len(raw))))
+
+
+def get_text(parent: h5py.Group, name: str) -> str:
+    """Read a text back."""
+    return bytes(parent[name][()]).rstrip(b"\0").decode()
+
+
+def now() -> str:
+    """The time in ISO 8601."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def flags_to_text(flags: tuple[Flag, ...]) -> bytes:
+    """Flags as JSON, for a column of fixed width."""
+    text = json.dumps([[flag.name, flag.value, flag.limit, flag.remedy] for flag in flags]).encode()
+    width = np.dtype(STATE_COLUMNS["flags"][0]).itemsize
+    if len(text) > width:
+        raise ValueError(f"{len(flags)} flags need {len(text)} bytes; a state has {width}")
+    return text
+
+
+def flags_from_text(text: bytes) -> tuple[Flag, ...]:
+    """The inverse of `flags_to_text`."""
+    return tuple(Flag(*fields) for fields in json.loads(text))

@@ -1,0 +1,108 @@
+"""Tracked material points instead of frames: motion capture, image correlation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.dataset.layout import (
+    Header,
+    append,
+    columns,
+    flags_to_text,
+    group,
+    now,
+    write_header,
+    write_state_columns,
+)
+
+Array = NDArray[np.float64]
+
+# A field of positive current is along y by definition of the beam frame.
+FIELD_ANGLE_DEG = 90.0
+
+NAME_BYTES = 64
+
+POINT_COLUMNS: dict[str, tuple[str, str | None]] = {
+    "state": ("i8", None),
+    "point": (f"S{NAME_BYTES}", None),
+    "x0": ("f8", "mm"),
+    "y0": ("f8", "mm"),
+    "x": ("f8", "mm"),
+    "y": ("f8", "mm"),
+    "sigma": ("f8", "mm"),
+}
+
+
+@dataclass(frozen=True)
+class TrackedPoints:
+    """The points of one state, in the beam frame: rest_mm and points_mm (n, 2), sigma_mm (n,) of each coordinate."""
+
+    names: tuple[str, ...]
+    rest_mm: Array
+    points_mm: Array
+    sigma_mm: Array
+
+
+@dataclass(frozen=True)
+class Load:
+    """What acts in one state. current_A is None where only the field is known."""
+
+    current_A: float | None
+    field_mT: float
+    tip_force_N: float
+
+
+def write_points(
+    path: Path, header: Header, gravity_angle_deg: float, loads: Sequence[Load], points: Sequence[TrackedPoints]
+) -> None:
+    """Write a dataset of tracked points, one element of `loads` and of `points` a state, over the file `path`."""
+    with h5py.File(path, "w", libver="latest") as file:
+        entry = write_header(file, header)
+        data = group(entry, "data", "NXdata")
+        data.attrs["signal"] = "y"
+        data.attrs["axes"] = ["x"]
+        table = columns(data, POINT_COLUMNS)
+        states = write_state_columns(entry, "points")
+        entry["states"].attrs["gravity_angle_deg"] = gravity_angle_deg
+        entry["states"].attrs["field_angle_deg"] = FIELD_ANGLE_DEG
+        for index, (load, tracked) in enumerate(zip(loads, points, strict=True)):
+            rows = {
+                "state": np.full(len(tracked.names), index),
+                "point": [name.encode() for name in tracked.names],
+                "x0": tracked.rest_mm[:, 0],
+                "y0": tracked.rest_mm[:, 1],
+                "x": tracked.points_mm[:, 0],
+                "y": tracked.points_mm[:, 1],
+                "sigma": tracked.sigma_mm,
+            }
+            for name, column in table.items():
+                append(column, rows[name])
+            append(states["current"], [float("nan") if load.current_A is None else load.current_A])
+            append(states["field"], [load.field_mT])
+            append(states["tip_force"], [load.tip_force_N])
+            append(states["flags"], [flags_to_text(())])
+            append(states["index"], [index])
+        entry["end_time"][()] = now().encode()
+
+
+def read_points(entry: h5py.Group, states: int) -> tuple[TrackedPoints, ...]:
+    """The tracked points of every state."""
+    table = {name: entry["data"][name][()] for name in POINT_COLUMNS}
+    tracked = []
+    for index in range(states):
+        here = table["state"] == index
+        tracked.append(
+            TrackedPoints(
+                tuple(name.decode() for name in table["point"][here]),
+                np.column_stack([table["x0"][here], table["y0"][here]]),
+                np.column_stack([table["x"][here], table["y"][here]]),
+                table["sigma"][here],
+            )
+        )
+    return tuple(tracked)

@@ -1,0 +1,165 @@
+"""Reading a dataset, finished or not: a live or crashed file shows every state that was acknowledged."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.config.calibration import Calibration
+from eimi_lab.config.reading import parse
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.dataset.edges import read_edges
+from eimi_lab.dataset.layout import FORMAT, FORMAT_ATTRIBUTE, KIND_ATTRIBUTE, Kind, flags_from_text, get_text
+from eimi_lab.dataset.points import TrackedPoints, read_points
+from eimi_lab.errors import InputError
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.edge_set import EdgeSet, Flag
+
+
+@dataclass(frozen=True)
+class State:
+    """One loading. current_A is what was set, measured_A the mean read back; None where it was never known."""
+
+    index: int
+    current_A: float | None
+    measured_A: float | None
+    field_mT: float
+    tip_force_N: float
+    flags: tuple[Flag, ...]
+
+
+class Dataset:
+    """An open dataset; see `open_dataset`.
+
+    gravity_angle_deg and field_angle_deg are in the beam frame, from +x toward +y. finished is False while a run
+    is going on, and after it crashed.
+    """
+
+    def __init__(self, path: Path, file: h5py.File, finished: bool) -> None:
+        states = file.get("entry/states")
+        if states is None or FORMAT_ATTRIBUTE not in states.attrs:
+            raise InputError(f"{path}: is an HDF5 file, but not a dataset of this suite; `eimi import` makes one")
+        if states.attrs[FORMAT_ATTRIBUTE] != FORMAT:
+            raise InputError(f"{path}: is of format {states.attrs[FORMAT_ATTRIBUTE]}; this version reads {FORMAT}")
+        self.path = path
+        self.finished = finished
+        self._entry = file["entry"]
+        self.kind: Kind = states.attrs[KIND_ATTRIBUTE]
+        specimen = self.text("specimen")
+        if specimen is None:
+            raise InputError(f"{path}: holds no specimen, so the beam's dimensions are unknown")
+        self.specimen = parse(SpecimenFile, specimen, f"{path}: specimen")
+        calibration = self.text("calibration")
+        self.calibration: Calibration | None = None
+        if calibration is not None:
+            self.calibration = parse(Calibration, calibration, f"{path}: calibration")
+            frame = BeamFrame(self.calibration)
+            self.gravity_angle_deg, self.field_angle_deg = frame.gravity_deg, frame.field_deg
+        elif self.kind == "frames":
+            raise InputError(f"{path}: holds frames but no calibration, so its scale is unknown")
+        else:
+            self.gravity_angle_deg = float(states.attrs["gravity_angle_deg"])
+            self.field_angle_deg = float(states.attrs["field_angle_deg"])
+        self.states: tuple[State, ...] = self._read_states()
+
+    def _read_states(self) -> tuple[State, ...]:
+        table = self._entry["states"]
+        indices = table["index"][()]
+        measured = np.full(len(indices), np.nan)
+        if self.kind == "frames":
+            # The arrays may be longer than what the last acknowledged state left: those rows are not ours to read.
+            of_state, values = self._entry["data/state"][()], self._entry["data/measured_current"][()]
+            for index in indices:
+                measured[index] = values[: len(of_state)][of_state[: len(values)] == index].mean()
+        return tuple(
+            State(
+                index=int(index),
+                current_A=_known(table["current"][index]),
+                measured_A=_known(measured[index]),
+                field_mT=float(table["field"][index]),
+                tip_force_N=float(table["tip_force"][index]),
+                flags=flags_from_text(table["flags"][index]),
+            )
+            for index in indices
+        )
+
+    def text(self, name: str) -> str | None:
+        """The stored TOML text of the specimen, calibration, protocol or rig; None where there is none."""
+        return get_text(self._entry[name], "data") if name in self._entry else None
+
+    def images(self, state_index: int) -> NDArray[Any]:
+        """(n, H, W), uint8 or uint16: the frames of a state. Raises InputError where the file is damaged."""
+        rows = np.flatnonzero(self._entry["data/state"][()] == state_index)
+        try:
+            return self._entry["data/frames"][rows[0] : rows[-1] + 1]
+        except OSError as error:
+            raise InputError(f"{self.path}: the frames of state {state_index} are damaged ({error})") from error
+
+    def edges(self) -> tuple[EdgeSet, ...] | None:
+        """What segmentation stored, one element a state; None before segmentation."""
+        return read_edges(self._entry) if "segmentation" in self._entry else None
+
+    def points(self) -> tuple[TrackedPoints, ...]:
+        """The tracked points, one element a state. Raises ValueError for a dataset of frames."""
+        if self.kind != "points":
+            raise ValueError(f"{self.path} holds frames, not tracked points")
+        return read_points(self._entry, len(self.states))
+
+    def truth(self) -> dict[str, Any] | None:
+        """What a virtual rig was made of, for scoring alone: nothing that fits may ask for it."""
+        return json.loads(get_text(self._entry["truth"], "data")) if "truth" in self._entry else None
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else float(value)
+
+
+@contextmanager
+def open_dataset(path: str | Path) -> Iterator[Dataset]:
+    """Open a dataset to read, also one that is being written or whose writer crashed. Raises InputError."""
+    path = Path(path)
+    file, finished = open_file(path)
+    with file:
+        yield Dataset(path, file, finished)
+
+
+def open_file(path: Path) -> tuple[h5py.File, bool]:
+    """The HDF5 file and whether its writer closed it. Raises InputError."""
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    try:
+        is_hdf5 = h5py.is_hdf5(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error})") from error
+    if not is_hdf5:
+        raise InputError(f"{path}: is not an HDF5 file; `eimi import` makes a dataset from images or points")
+    try:
+        return h5py.File(path, "r"), True
+    except OSError as error:
+        damaged = InputError(f"{path}: is a damaged HDF5 file ({error})")
+        if not _has_a_writer(path):
+            raise damaged from error
+    try:
+        return h5py.File(path, "r", libver="latest", swmr=True), False
+    except OSError as error:
+        raise damaged from error
+
+
+def _has_a_writer(path: Path) -> bool:
+    """Whether somebody has the file open to write, or had when he crashed.
+
+    Asked before the file is read as a live one: HDF5 would wait for a writer to complete what is damaged. Version
+    and consistency flags are at bytes 8 and 11 (HDF5 File Format Specification 3.0, section II.A, superblock 2 and 3).
+    """
+    with path.open("rb") as raw:
+        superblock = raw.read(12)
+    return superblock[8] == 3 and superblock[11] != 0

@@ -1,0 +1,11 @@
+"""The one error that a person's input can cause: printed as one line, exit status 2, no traceback."""
+
+from __future__ import annotations
+
+
+class InputError(Exception):
+    """Something a person gave cannot be used.
+
+    The message names what is wrong, where (file, key or row), the value found and what would be right, in one
+    line: ``protocol.toml: current.step_A = -0.1 must be greater than 0``.
+    """

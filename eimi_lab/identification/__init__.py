@@ -1,0 +1,8 @@
+"""From stored datasets to identified materials.
+
+experiments   a dataset's states, edges or points, and loads, as the mechanics takes them
+fits          fits.json: what an identified law is, written and read in one place
+fitting       the identification itself, over any number of datasets and models
+
+Nothing here reads the truth that a virtual rig stores; only `eimi_lab.demonstration` does, to score.
+"""

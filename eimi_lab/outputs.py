@@ -1,0 +1,55 @@
+"""Files that the suite writes: never over an existing one unless told to, and never half of one."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from eimi_lab.errors import InputError
+
+
+def refuse_existing(path: Path, force: bool) -> None:
+    """Raise InputError when `path` cannot become a new file: it exists (and not `force`), or its folder does not."""
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; give the name of a file")
+    if path.exists() and not force:
+        raise InputError(f"{path}: exists already; give another name, or --force to replace it")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: there is no folder {path.parent}")
+    if not os.access(path.parent, os.W_OK):
+        raise InputError(f"{path}: the folder {path.parent} cannot be written to")
+
+
+@contextmanager
+def whole_file(path: Path, force: bool) -> Iterator[Path]:
+    """A temporary name beside `path` to write to; it takes the place of `path` only when the block ends well.
+
+    Raises InputError as `refuse_existing` does. On any error the temporary file is removed and `path` is as before.
+    """
+    refuse_existing(path, force)
+    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    os.close(descriptor)
+    temporary = Path(name)
+    try:
+        yield temporary
+        with temporary.open("rb") as written:
+            os.fsync(written.fileno())
+        umask = os.umask(0)
+        os.umask(umask)
+        temporary.chmod(0o666 & ~umask)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def new_folder(folder: Path, force: bool) -> None:
+    """Make a folder to fill. Raises InputError when it holds something already (and not `force`)."""
+    if folder.is_dir() and any(folder.iterdir()) and not force:
+        raise InputError(f"{folder}: is not empty; give another folder, or --force to replace files in it")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made a folder ({error.strerror})") from error

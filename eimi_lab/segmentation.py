@@ -1,0 +1,63 @@
+"""Segmenting a whole dataset: every state's frames to edges, stored, and written out for a person on request."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from eimi_lab.dataset.edges import write_edges
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.errors import InputError
+from eimi_lab.vision.edge_set import EdgeSet
+from eimi_lab.vision.edges import find_edges
+from eimi_lab.vision.intensity import state_mean
+from eimi_lab.vision.overlay import draw_overlay
+
+
+def segment(path: Path, report: Callable[[str], None]) -> tuple[EdgeSet, ...]:
+    """Find the edges of every state, store them in the dataset, return them; `report` gets a line a state.
+
+    The frames of a state are averaged. Its flags are those of the run (NOT_SETTLED, …) and those of the image.
+    Raises InputError.
+    """
+    edge_sets = []
+    with open_dataset(path) as dataset:
+        if dataset.calibration is None:
+            raise InputError(f"{path}: holds tracked points, which need no segmentation")
+        for state in dataset.states:
+            found = find_edges(state_mean(dataset.images(state.index)), dataset.calibration, dataset.specimen)
+            edge_set = replace(found, flags=state.flags + found.flags)
+            edge_sets.append(edge_set)
+            flags = ", ".join(flag.name for flag in edge_set.flags) or "no flags"
+            report(f"{len(edge_set.left.sigma_mm)} + {len(edge_set.right.sigma_mm)} points, {flags}")
+    write_edges(path, edge_sets)
+    return tuple(edge_sets)
+
+
+def write_csv(folder: Path, edge_sets: Sequence[EdgeSet]) -> None:
+    """`step_00_left.csv`, … with x_mm, y_mm, sigma_mm from the clamp to the tip, and `quality.json` with the flags."""
+    for index, edge_set in enumerate(edge_sets):
+        for side in ("left", "right"):
+            edge = getattr(edge_set, side)
+            table = np.column_stack([edge.points_mm, edge.sigma_mm])
+            file = folder / f"step_{index:02d}_{side}.csv"
+            np.savetxt(file, table, "%.6f", ",", header="x_mm,y_mm,sigma_mm", comments="")
+    quality = [
+        {"step": index, "flags": [asdict(flag) for flag in edge_set.flags]} for index, edge_set in enumerate(edge_sets)
+    ]
+    (folder / "quality.json").write_text(json.dumps({"steps": quality}, indent=2) + "\n", encoding="utf-8")
+
+
+def write_overlays(folder: Path, path: Path, edge_sets: Sequence[EdgeSet]) -> None:
+    """`step_00.png`, …: the mean frame of each state with what was found on it."""
+    with open_dataset(path) as dataset:
+        if dataset.calibration is None:
+            raise InputError(f"{path}: holds tracked points, which have no images")
+        for state, edge_set in zip(dataset.states, edge_sets, strict=True):
+            picture = draw_overlay(state_mean(dataset.images(state.index)), edge_set, dataset.calibration)
+            cv2.imwrite(str(folder / f"step_{state.index:02d}.png"), picture)

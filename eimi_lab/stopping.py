@@ -1,0 +1,27 @@
+"""Being asked to stop by a signal is no error, but every open file and every coil has to hear of it."""
+
+from __future__ import annotations
+
+import signal
+from types import FrameType
+
+TERMINATION = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
+class Stopped(BaseException):
+    """A signal asked the program to stop. Nothing that handles errors may swallow it."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(f"stopped by {signal.Signals(number).name}")
+        self.number = number
+
+
+def unwind_on_termination() -> None:
+    """Let termination and hang-up raise Stopped, as Ctrl-C raises KeyboardInterrupt. What is ignored stays ignored."""
+    for number in TERMINATION:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _raise)
+
+
+def _raise(number: int, frame: FrameType | None) -> None:
+    raise Stopped(number)

@@ -1,0 +1,74 @@
+"""Polygons to pixels, exactly: the share of each pixel that a polygon covers."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
+    """Share of each pixel's area inside a polygon.
+
+    polygon_px: (n, 2) x, y in pixels, closed implicitly, either orientation; pixel centres are at integer
+    coordinates. size: (width, height) of the frame. Returns (height, width) in 0..1. The polygon may leave
+    the frame. It must not cross itself: a pixel wound twice counts once.
+
+    Signed-area accumulation, as in font rasterisers: every side is cut at pixel borders, each piece adds the
+    area to its right inside its own pixel and its height to all pixels further right, and a running sum along
+    rows adds up. Raises ValueError for fewer than three vertices or one that is not finite.
+    """
+    vertices = np.asarray(polygon_px, dtype=np.float64)
+    if vertices.ndim != 2 or vertices.shape[1] != 2 or len(vertices) < 3 or not np.isfinite(vertices).all():
+        raise ValueError("a polygon needs at least three vertices, all finite, as an (n, 2) array")
+    width, height = size
+    frame = np.zeros((height, width))
+    corner = np.array([0.5, 0.5])  # from pixel centres to pixel borders at integers
+    low = np.clip(np.floor(vertices.min(axis=0) + corner), 0, size).astype(int)
+    high = np.clip(np.ceil(vertices.max(axis=0) + corner), 0, size).astype(int)
+    if (high > low).all():
+        window = _accumulate(vertices + corner - low, tuple(high - low))
+        frame[low[1] : high[1], low[0] : high[0]] = window
+    return frame
+
+
+def _accumulate(vertices: Array, size: tuple[int, int]) -> Array:
+    """Coverage of a window (width, height) whose pixel borders are at integers."""
+    width, height = size
+    start, side = vertices, np.roll(vertices, -1, axis=0) - vertices
+    cuts = [_crossings(start, side, axis, limit) for axis, limit in enumerate(size)]
+    every = np.arange(len(start))
+    index = np.concatenate([every, every, *(which for which, _ in cuts)])
+    along = np.concatenate([np.zeros(len(start)), np.ones(len(start)), *(t for _, t in cuts)])
+    order = np.lexsort((along, index))
+    index, along = index[order], along[order]
+    same_side = index[1:] == index[:-1]
+    index, begin, end = index[:-1][same_side], along[:-1][same_side], along[1:][same_side]
+
+    middle = start[index] + side[index] * (0.5 * (begin + end))[:, None]
+    rise = side[index, 1] * (end - begin)
+    row = np.floor(middle[:, 1]).astype(np.int64)
+    # A piece left of the window covers its whole row; one right of it covers nothing.
+    x = np.maximum(middle[:, 0], 0.0)
+    inside = (row >= 0) & (row < height) & (x < width)
+    row, x, rise = row[inside], x[inside], rise[inside]
+    column = np.floor(x).astype(np.int64)
+    left_of_piece = x - column
+    stride = width + 1
+    cell = row * stride + column
+    change = np.bincount(cell, rise * (1.0 - left_of_piece), minlength=height * stride)
+    change += np.bincount(cell + 1, rise * left_of_piece, minlength=height * stride)
+    winding = np.cumsum(change.reshape(height, stride), axis=1)[:, :width]
+    return np.minimum(np.abs(winding), 1.0)
+
+
+def _crossings(start: Array, side: Array, axis: int, limit: int) -> tuple[NDArray[np.int64], Array]:
+    """Where sides cross the pixel borders 0..limit of one axis: side numbers and places along them (0..1)."""
+    first, length = start[:, axis], side[:, axis]
+    low = np.clip(np.ceil(np.minimum(first, first + length)), 0, limit + 1).astype(np.int64)
+    high = np.clip(np.floor(np.maximum(first, first + length)), -1, limit).astype(np.int64)
+    count = np.where(length == 0.0, 0, np.maximum(high - low + 1, 0))
+    index = np.repeat(np.arange(len(start)), count)
+    border = low[index] + np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
+    return index, np.clip((border - first[index]) / length[index], 0.0, 1.0)

@@ -1,0 +1,42 @@
+"""A smooth curve through points of an edge, walked by arc length."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_lsq_spline
+
+Array = NDArray[np.float64]
+
+
+class SmoothCurve:
+    """Least-squares cubic spline through ordered points (n, 2), n >= 4.
+
+    pieces: number of spline intervals; fewer than n - 3, or it is reduced. length: arc length from the first
+    to the last point, in the points' unit.
+    """
+
+    def __init__(self, points: Array, pieces: int) -> None:
+        step = np.hypot(*np.diff(points, axis=0).T)
+        parameter = np.concatenate([[0.0], np.cumsum(np.maximum(step, 1e-9))])
+        pieces = max(1, min(pieces, (len(points) - 3) // 2))
+        # Knots at quantiles of the data: each interval then holds points, which the least squares needs.
+        knots = np.quantile(parameter, np.linspace(0.0, 1.0, pieces + 1))
+        knots = np.concatenate([np.repeat(knots[0], 3), knots, np.repeat(knots[-1], 3)])
+        self._spline: BSpline = make_lsq_spline(parameter, points, knots, k=3)
+        self._slope: BSpline = self._spline.derivative()
+        self._parameter = np.linspace(parameter[0], parameter[-1], 8 * pieces + 33)
+        dense = self._spline(self._parameter)
+        self._distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(dense, axis=0).T))])
+        self.length = float(self._distance[-1])
+
+    def at(self, distance: Array) -> tuple[Array, Array]:
+        """Points and unit tangents at arc lengths; both have the shape of ``distance`` with (2,) added.
+
+        Beyond 0..length the curve goes on straight.
+        """
+        parameter = np.interp(distance, self._distance, self._parameter)
+        tangent = self._slope(parameter)
+        tangent /= np.maximum(np.linalg.norm(tangent, axis=-1, keepdims=True), 1e-12)
+        beyond = distance - np.clip(distance, 0.0, self.length)
+        return self._spline(parameter) + beyond[..., None] * tangent, tangent

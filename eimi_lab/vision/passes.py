@@ -1,0 +1,197 @@
+"""The two passes that place the edges: on normals to the outline, then on normals to the curve found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.vision.curve import SmoothCurve
+from eimi_lab.vision.profiles import AVERAGED_PX, Steps, fit_steps, normals_of, read_profiles, stations
+from eimi_lab.vision.silhouette import Silhouette
+
+Array = NDArray[np.float64]
+
+MOST_POINTS = 100  # a side
+_FEWEST_POINTS = 8  # a side: below, there is nothing to fit a curve to
+_FEWEST_OF_TIP = 3
+_TIP_SPACING_PX = 2.0
+_FIRST_BLUR_PX = 1.2  # where the fit of the blur starts
+_COARSE_HALF_PX = 10.0  # half length of a profile while the edge is known to a pixel and its blur is not
+_COARSE_MARGIN_PX = 8.0  # left out at the ends of an edge meanwhile
+_REACH_IN_BLURS = 4.0  # half length of a profile; also how far clamp and corners reach along an edge
+_CLEAN_RESIDUAL = 0.03  # of the step; what is left over of a profile below this is never called dirt
+_PIECE_IN_WIDTHS = 0.7  # length of a spline interval
+_LINES_PX = np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
+
+
+@dataclass(frozen=True)
+class Side:
+    """A stretch of the outline and the n points of it that were looked for, from the clamp to the tip.
+
+    points_px: (n, 2). offset_px: (n,) distance from ``curve``. sigma_px: (n,) standard deviation of the
+    offset, up to a factor common to the frame (`scatter_scale`). sound: (n,) where a step was found.
+    """
+
+    curve: SmoothCurve
+    points_px: Array
+    offset_px: Array
+    sigma_px: Array
+    sound: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Located:
+    """What one pass found.
+
+    lit: the grey values of the profiles' bright plateaus. residual: (n,) of all profiles, 1 where there is no
+    step.
+    """
+
+    sides: tuple[Side, ...]
+    steps: Steps
+    lit: Array
+    residual: Array
+
+
+def first_pass(
+    image: NDArray[Any],
+    silhouette: Silhouette,
+    hand: float,
+    spacing_px: float,
+    width_px: float,
+    cover_px: float,
+) -> Located | None:
+    """Left edge, tip and right edge from a silhouette with corners; None where an edge is too short.
+
+    cover_px: silicone beside the magnet, which is a second, fainter step that profiles must not reach. Where
+    it is too thin for a profile to end between the two, the edge beside the magnet comes out inward by up to
+    0.1 px (0.3 in a poor image).
+    """
+    if silhouette.corners is None:
+        return None
+    first, second = silhouette.corners
+    outline = silhouette.outline_px
+    half = min(_COARSE_HALF_PX, 0.4 * width_px)
+    inner = _inner(half, cover_px, _FIRST_BLUR_PX)
+    curves, places = [], []
+    # The right edge is turned round, so that both run from the clamp to the tip.
+    for points in (outline[: first + 1], outline[first : second + 1], outline[second:][::-1]):
+        margin = min(_COARSE_MARGIN_PX, 0.25 * width_px)
+        middle = points[_within(points, margin)]
+        if len(middle) < 4:
+            return None
+        curve = _smooth(middle, width_px)
+        curves.append(curve)
+        places.append(_places(0.0, curve.length, spacing_px if len(curves) != 2 else _TIP_SPACING_PX))
+    return _locate(image, curves, places, (-hand, -hand, hand), stations(inner, half), _FIRST_BLUR_PX, _FEWEST_OF_TIP)
+
+
+def second_pass(
+    image: NDArray[Any],
+    sides: tuple[Side, Side],
+    corners_px: Array,
+    hand: float,
+    blur_px: float,
+    spacing_px: float,
+    width_px: float,
+    cover_px: float,
+) -> Located | None:
+    """Left and right edge again, from corner to corner less what the blur of the corners reaches.
+
+    corners_px: (4, 2) clamp-left, clamp-right, tip-left, tip-right. cover_px: as in `first_pass`. None where
+    an edge is too short.
+    """
+    if not np.isfinite(corners_px).all():
+        return None
+    reach = _REACH_IN_BLURS * blur_px
+    margin = reach + 0.5 * AVERAGED_PX
+    half = min(reach + 1.0, 0.4 * width_px)
+    inner = _inner(half, cover_px, blur_px)
+    curves, places = [], []
+    for side, start, end in zip(sides, corners_px[:2], corners_px[2:], strict=True):
+        curve = _smooth(side.points_px[side.sound], width_px)
+        dense = np.arange(-width_px, curve.length + width_px, 0.5)
+        points = curve.at(dense)[0]
+        begin, finish = (float(dense[np.argmin(((points - corner) ** 2).sum(axis=1))]) for corner in (start, end))
+        curves.append(curve)
+        places.append(_places(begin + margin, finish - margin, spacing_px))
+    return _locate(image, curves, places, (-hand, hand), stations(inner, half), blur_px, _FEWEST_POINTS)
+
+
+def scatter_scale(left: Side, right: Side) -> float:
+    """The factor that makes the points' standard deviations those of their scatter.
+
+    The scatter is read from second differences along the edges, which a smooth shape does not enter: for
+    independent offsets of standard deviations a, b, c theirs is the root of a² + 4b² + c².
+    """
+    squares = []
+    for side in (left, right):
+        offset, variance = side.offset_px[side.sound], side.sigma_px[side.sound] ** 2
+        expected = variance[:-2] + 4.0 * variance[1:-1] + variance[2:]
+        squares.append((offset[:-2] - 2.0 * offset[1:-1] + offset[2:]) ** 2 / expected)
+    return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+
+def _locate(
+    image: NDArray[Any],
+    curves: Sequence[SmoothCurve],
+    places: Sequence[Array],
+    outward: Sequence[float],
+    stations_px: Array,
+    blur_px: float,
+    fewest: int,
+) -> Located | None:
+    """Edge points at arc lengths ``places`` of each curve; outward: +1 where clockwise of the tangent is light."""
+    points, normals = [], []
+    for curve, place, sign in zip(curves, places, outward, strict=True):
+        line, tangent = curve.at(place[:, None] + _LINES_PX)
+        points.append(line)
+        normals.append(sign * normals_of(tangent))
+    profiles, inside = read_profiles(image, np.concatenate(points), np.concatenate(normals), stations_px)
+    steps = fit_steps(stations_px, profiles, blur_px, usable=inside)
+    sound = inside & steps.sound
+    if not sound.any():
+        return None
+    # Dirt on an edge is no clean step; its points would be wrong by more than any noise.
+    sound &= steps.residual <= max(4.0 * float(np.median(steps.residual[sound])), _CLEAN_RESIDUAL)
+    noise = float(np.sqrt((steps.residual[sound] ** 2).mean()))
+    sigma = np.maximum(noise * steps.sensitivity, 1e-6)
+
+    sides: list[Side] = []
+    done = 0
+    for curve, place, sign in zip(curves, places, outward, strict=True):
+        rows = slice(done, done + len(place))
+        done += len(place)
+        if sound[rows].sum() < fewest:
+            return None
+        centre, tangent = curve.at(place)
+        found = centre + steps.offset_px[rows, None] * sign * normals_of(tangent)
+        sides.append(Side(curve, found, steps.offset_px[rows], sigma[rows], sound[rows]))
+    lit = profiles[sound][:, stations_px > 2.0 * steps.blur_px]
+    return Located(tuple(sides), steps, lit, np.where(inside & steps.sound, steps.residual, 1.0))
+
+
+def _inner(half_px: float, cover_px: float, blur_px: float) -> float:
+    """How far a profile may reach into the beam so as not to meet the magnet's own edge."""
+    return min(half_px, cover_px - 1.5 * blur_px) if cover_px > 3.0 * blur_px else half_px
+
+
+def _smooth(points: Array, width_px: float) -> SmoothCurve:
+    length = float(np.hypot(*np.diff(points, axis=0).T).sum())
+    return SmoothCurve(points, max(1, round(length / (_PIECE_IN_WIDTHS * width_px))))
+
+
+def _within(points: Array, margin: float) -> NDArray[np.bool_]:
+    """Which of ordered points are farther than a margin from both ends, along them."""
+    distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    return (distance >= margin) & (distance <= distance[-1] - margin)
+
+
+def _places(begin: float, end: float, spacing: float) -> Array:
+    """Evenly spaced arc lengths from begin to end, at most `MOST_POINTS`."""
+    count = min(int(max(end - begin, 0.0) / spacing) + 1, MOST_POINTS)
+    return np.linspace(begin, end, count)

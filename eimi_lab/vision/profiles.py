@@ -1,0 +1,149 @@
+"""Grey values along an edge's normals, and the blurred step fitted to them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import erf
+
+Array = NDArray[np.float64]
+
+AVERAGED_PX = 4  # along the edge: fewer is noisier, more hurts where the edge is curved
+_STEP_PX = 0.5
+_ROUNDS = 8
+_SETTLED_PX = 1e-3  # the last correction; what is left is its square in order
+_BLUR_LIMITS_PX = (0.3, 8.0)
+
+
+def sample(image: NDArray[Any], points_px: Array) -> Array:
+    """Bilinear interpolation at points (..., 2) x, y; beyond the frame the border pixel's value holds.
+
+    Written out because cv2.remap rounds places to 1/32 px before OpenCV 5.
+    """
+    height, width = image.shape
+    x = np.clip(points_px[..., 0], 0.0, width - 1.0)
+    y = np.clip(points_px[..., 1], 0.0, height - 1.0)
+    left = np.minimum(x.astype(np.int64), max(width - 2, 0))
+    top = np.minimum(y.astype(np.int64), max(height - 2, 0))
+    right, below = min(width - 1, 1), (min(height - 1, 1)) * width
+    x, y = x - left, y - top
+    flat, first = image.ravel(), top * width + left
+    upper = flat[first] * (1.0 - x) + flat[first + right] * x
+    lower = flat[first + below] * (1.0 - x) + flat[first + below + right] * x
+    return np.asarray(upper * (1.0 - y) + lower * y, dtype=np.float64)
+
+
+def normals_of(tangents: Array) -> Array:
+    """Unit tangents (..., 2) turned by a quarter, clockwise in the image."""
+    return np.asarray(np.stack([-tangents[..., 1], tangents[..., 0]], axis=-1), dtype=np.float64)
+
+
+def stations(inner_px: float, outer_px: float) -> Array:
+    """Places along a normal from -inner_px to outer_px, zero among them."""
+    first, last = -round(inner_px / _STEP_PX), round(outer_px / _STEP_PX)
+    return np.arange(first, last + 1, dtype=np.float64) * _STEP_PX
+
+
+def read_profiles(
+    image: NDArray[Any], points_px: Array, normals: Array, stations_px: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Profiles (n, m) along normals, each the mean of its window's k lines; and which of them lie in the frame.
+
+    points_px, normals: (n, k, 2). stations_px: (m,) distances along the normal.
+    """
+    places = points_px[:, :, None, :] + stations_px[:, None] * normals[:, :, None, :]
+    high = np.array([image.shape[1] - 1.0, image.shape[0] - 1.0])
+    inside = np.asarray(((places >= 0.0) & (places <= high)).all(axis=(1, 2, 3)))
+    return sample(image, places).mean(axis=1), inside
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Blurred steps fitted to n profiles.
+
+    offset_px: (n,) place of the edge along the normal. dark, bright: (n,) the plateaus on both sides.
+    blur_px: the standard deviation of the blur, one for all. residual: (n,) root mean square of what is left,
+    as a share of the step. sensitivity: (n,) by how many pixels the offset moves for noise as large as the
+    step, were it independent from station to station. sound: (n,) where a step was found.
+    """
+
+    offset_px: Array
+    dark: Array
+    bright: Array
+    blur_px: float
+    residual: Array
+    sensitivity: Array
+    sound: NDArray[np.bool_]
+
+
+def fit_steps(
+    stations_px: Array, profiles: Array, blur_px: float = 1.2, usable: NDArray[np.bool_] | None = None
+) -> Steps:
+    """Fit dark + (bright - dark) (1 + erf((u - offset) / (sqrt(2) blur))) / 2 to rising profiles (n, m).
+
+    Offset and plateaus belong to each profile and the blur to all: Gauss-Newton in which the three are
+    eliminated profile by profile from the normal equations of the blur. blur_px: where to start. usable: (n,)
+    profiles that may speak for the blur.
+    """
+    u = stations_px
+    span = float(u[-1] - u[0])
+    ends = max(2, len(u) // 6)
+    dark, bright = profiles[:, :ends].mean(axis=1), profiles[:, -ends:].mean(axis=1)
+    rises = bright - dark > 1e-9
+    share = (profiles - dark[:, None]) / np.where(rises, bright - dark, 1.0)[:, None]
+    # The area under a step from 0 to 1 is the distance from the step to the far end.
+    offset = np.clip(u[-1] - _STEP_PX * (share.sum(axis=1) - 0.5 * (share[:, 0] + share[:, -1])), u[0], u[-1])
+    speaks = rises if usable is None else rises & usable
+    blur = blur_px
+
+    for _ in range(_ROUNDS):
+        z = (u - offset[:, None]) / blur
+        rise = 0.5 * (1.0 + erf(z / np.sqrt(2.0)))
+        bell = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+        step = (bright - dark)[:, None]
+        left_over = profiles - dark[:, None] - step * rise
+        columns = np.stack([1.0 - rise, rise, -step * bell / blur], axis=-1)
+        blur_column = -step * bell * z / blur
+        inverse = _inverse(np.swapaxes(columns, 1, 2) @ columns)
+        reduced = blur_column - _project(columns, inverse, blur_column)
+        good = speaks & _typical(left_over, step[:, 0])
+        weight = float((reduced[good] ** 2).sum())
+        change = float((reduced[good] * left_over[good]).sum()) / weight if weight > 0.0 else 0.0
+        change = float(np.clip(change, -0.5 * blur, 0.5 * blur))
+        update = _solve(columns, inverse, left_over - change * blur_column)
+        dark, bright = dark + update[:, 0], bright + update[:, 1]
+        offset = np.clip(offset + np.clip(update[:, 2], -1.0, 1.0), u[0], u[-1])
+        blur = float(np.clip(blur + change, _BLUR_LIMITS_PX[0], min(_BLUR_LIMITS_PX[1], 0.4 * span)))
+        if abs(change) < _SETTLED_PX and (not good.any() or float(np.abs(update[good, 2]).max()) < _SETTLED_PX):
+            break
+
+    height = bright - dark
+    sound = rises & (height > 1e-9) & (offset > u[0] + blur) & (offset < u[-1] - blur)
+    height = np.where(sound, height, 1.0)
+    residual = np.sqrt((left_over**2).mean(axis=1)) / height
+    sensitivity = height * np.sqrt(np.maximum(inverse[:, 2, 2], 0.0))
+    sound &= np.isfinite(offset + residual + sensitivity)
+    return Steps(offset, dark, bright, blur, residual, sensitivity, sound)
+
+
+def _inverse(normal: Array) -> Array:
+    """Inverses of (n, 3, 3) normal matrices; a little on the diagonal keeps those of flat profiles finite."""
+    size = np.trace(normal, axis1=1, axis2=2)[:, None, None]
+    return np.linalg.inv(normal + (1e-9 * size + 1e-12) * np.eye(3))
+
+
+def _solve(columns: Array, inverse: Array, target: Array) -> Array:
+    return (inverse @ (np.swapaxes(columns, 1, 2) @ target[..., None]))[..., 0]
+
+
+def _project(columns: Array, inverse: Array, target: Array) -> Array:
+    return (columns @ _solve(columns, inverse, target)[..., None])[..., 0]
+
+
+def _typical(left_over: Array, step: Array) -> NDArray[np.bool_]:
+    """Which profiles are left over no more than thrice the usual: dirt on an edge must not set the blur."""
+    size = np.sqrt((left_over**2).mean(axis=1)) / np.maximum(np.abs(step), 1e-9)
+    return size <= 3.0 * np.median(size) if len(size) else np.zeros(0, dtype=bool)

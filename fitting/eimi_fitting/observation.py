@@ -1,0 +1,147 @@
+"""Simulated edges and points, and how far the measured ones lie from them.
+
+The metric (design of the study, after Eqs 9-11 of Di Lecce et al. 2022, in this project's own form): for state k the
+distance d_ki from each observed edge point to the simulated edge of the same side; error_k its root mean square,
+deviation_k its standard deviation; the objective is the mean of error_k over the states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.forward import BeamModel, Shapes
+
+Array = NDArray[np.float64]
+
+
+def edge_curves(model: BeamModel, shapes: Shapes) -> Array:
+    """(P, K, 2, S, 3, 2): left (y < 0 at rest) and right edge as S quadratic segments of three points, clamp to tip.
+
+    Each element side is one segment, the magnet's side the last, which is straight.
+    """
+    place = model.mesh.nodes + shapes.displacement
+    sides = np.stack([place[:, :, model.mesh.row(0)], place[:, :, model.mesh.row(-1)]], axis=2)
+    segments = np.stack([sides[..., 0:-1:2, :], sides[..., 1::2, :], sides[..., 2::2, :]], axis=-2)
+    spec = model.specimen
+    if spec.magnet is None:
+        return segments
+    half = 0.5 * spec.width_mm
+    x = np.linspace(spec.flexible_length_mm, spec.length_mm, 3)
+    rest = np.stack([np.column_stack([x, np.full(3, y)]) for y in (-half, half)])
+    carried = model.carried(shapes, rest.reshape(6, 2)).reshape(*shapes.status.shape, 2, 1, 3, 2)
+    return np.concatenate([segments, carried], axis=3)
+
+
+def points_on(curves: Array, per_segment: int) -> Array:
+    """(..., S, 3, 2) -> (..., S * per_segment + 1, 2): the curve as a fine polyline."""
+    xi = np.linspace(-1, 1, per_segment + 1)[:-1]
+    shape = np.stack([0.5 * xi * (xi - 1), 1 - xi * xi, 0.5 * xi * (xi + 1)])
+    inner = np.einsum("...sad,ax->...sxd", curves, shape)
+    inner = inner.reshape(*curves.shape[:-3], -1, 2)
+    return np.concatenate([inner, curves[..., -1, 2:3, :]], axis=-2)
+
+
+def signed_distance(curves: Array, points: Array) -> Array:
+    """Distance (..., n) of points (..., n, 2) to curves (..., S, 3, 2); positive to the left of clamp-to-tip.
+
+    The nearest of four stations a segment, then Newton for the foot of the perpendicular on that segment's parabola.
+    """
+    stations = points_on(curves, 4)
+    segments = curves.shape[-3]
+    # |p - v|² without |p|²: enough to find the nearest station, and a matrix product.
+    score = np.sum(stations**2, axis=-1)[..., None, :] - 2 * np.matmul(points, stations.swapaxes(-1, -2))
+    nearest = np.argmin(score, axis=-1)
+    segment = np.minimum(nearest // 4, segments - 1)
+    xi = -1 + 0.5 * (nearest - 4 * segment)
+    lowest = np.where(segment == 0, -1.0, -1.5)
+    highest = np.where(segment == segments - 1, 1.0, 1.5)
+    own = np.take_along_axis(curves, segment[..., None, None], axis=-3)  # (..., n, 3, 2)
+    bend = own[..., 0, :] - 2 * own[..., 1, :] + own[..., 2, :]
+    slope = 0.5 * (own[..., 2, :] - own[..., 0, :])
+    for _ in range(3):
+        gap = own[..., 1, :] + xi[..., None] * (slope + 0.5 * xi[..., None] * bend) - points
+        tangent = slope + xi[..., None] * bend
+        curvature = np.sum(tangent**2, axis=-1) + np.sum(gap * bend, axis=-1)
+        step = np.sum(gap * tangent, axis=-1) / np.maximum(curvature, 1e-12)
+        xi = np.clip(xi - step, lowest, highest)
+    gap = points - own[..., 1, :] - xi[..., None] * (slope + 0.5 * xi[..., None] * bend)
+    tangent = slope + xi[..., None] * bend
+    side = tangent[..., 0] * gap[..., 1] - tangent[..., 1] * gap[..., 0]
+    return np.asarray(np.copysign(np.sqrt(np.sum(gap**2, axis=-1)), side))
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """P candidates against K states.
+
+    residuals: (P, K, G, n) mm, in G groups within which neighbours may be correlated (left and right edge, or x and y);
+    weights: (K, G, n) 1 where something was observed, else 0; error_mm, deviation_mm: (P, K).
+    """
+
+    residuals: Array
+    weights: Array
+    error_mm: Array
+    deviation_mm: Array
+
+
+@dataclass(frozen=True)
+class EdgeObservation:
+    """Measured edges of K states: points_mm (K, 2, n, 2) left and right; sigma_mm (K, 2, n), infinite where unused."""
+
+    points_mm: Array
+    sigma_mm: Array
+
+    @staticmethod
+    def from_edges(edges: Sequence[tuple[Array, Array, Array, Array]]) -> EdgeObservation:
+        """Pad (left (n, 2), left sigma (n,), right (m, 2), right sigma (m,)) of each state to one array."""
+        most = max(len(points) for left, _, right, _ in edges for points in (left, right))
+        points = np.zeros((len(edges), 2, most, 2))
+        sigma = np.full((len(edges), 2, most), np.inf)
+        for k, (left, left_sigma, right, right_sigma) in enumerate(edges):
+            for side, (p, s) in enumerate(((left, left_sigma), (right, right_sigma))):
+                points[k, side, : len(p)] = p
+                sigma[k, side, : len(p)] = s
+        return EdgeObservation(points, sigma)
+
+    def misfit(self, model: BeamModel, shapes: Shapes) -> Misfit:
+        """Signed distances to the simulated edges, their RMS and standard deviation by state."""
+        curves = edge_curves(model, shapes)
+        points = np.broadcast_to(self.points_mm, (len(curves), *self.points_mm.shape))
+        weights = np.isfinite(self.sigma_mm).astype(float)
+        residuals = signed_distance(curves, points) * weights
+        total = np.maximum(weights.sum(axis=(1, 2)), 1.0)
+        distance = np.abs(residuals)
+        mean = distance.sum(axis=(2, 3)) / total
+        square = (distance**2).sum(axis=(2, 3)) / total
+        return Misfit(residuals, weights, np.sqrt(square), np.sqrt(np.maximum(square - mean**2, 0.0)))
+
+
+@dataclass(frozen=True)
+class PointObservation:
+    """Tracked material points of K states: rest_mm, moved_mm (K, n, 2), sigma_mm (K, n), infinite where unused."""
+
+    rest_mm: Array
+    moved_mm: Array
+    sigma_mm: Array
+
+    def misfit(self, model: BeamModel, shapes: Shapes) -> Misfit:
+        """Component differences to the simulated places; the distance of the metric is that of the point."""
+        k_states, n, _ = self.rest_mm.shape
+        everywhere = model.positions(shapes, self.rest_mm.reshape(-1, 2))
+        own = everywhere.reshape(len(everywhere), k_states, k_states, n, 2)
+        simulated = own[:, np.arange(k_states), np.arange(k_states)]
+        seen = np.isfinite(self.sigma_mm).astype(float)
+        residuals = (self.moved_mm - simulated).transpose(0, 1, 3, 2) * seen[:, None]
+        distance = np.sqrt((residuals**2).sum(axis=2))
+        total = np.maximum(seen.sum(axis=1), 1.0)
+        mean = distance.sum(axis=2) / total
+        square = (distance**2).sum(axis=2) / total
+        weights = np.repeat(seen[:, None], 2, axis=1)
+        return Misfit(residuals, weights, np.sqrt(square), np.sqrt(np.maximum(square - mean**2, 0.0)))
+
+
+Observation = EdgeObservation | PointObservation

@@ -1,0 +1,67 @@
+"""Listing what is attached."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+import pyvisa
+import serial
+from serial.tools import list_ports
+
+from eimi_drivers import discovery
+from eimi_drivers.discovery import Found
+
+
+def test_nothing_attached_is_no_error_and_no_port_is_opened(monkeypatch, tmp_path):
+    def never(*arguments, **options):
+        pytest.fail("a port was opened")
+
+    monkeypatch.setattr(serial, "Serial", never)
+    monkeypatch.setattr(list_ports, "comports", list)
+    monkeypatch.setattr(discovery, "VIDEO_DEVICES", tmp_path / "absent")
+    result = discovery.discover()
+    assert not [found for found in result.found if not found.address.startswith("TCPIP")]
+    assert any(note.startswith("cameras: ") for note in result.notes)
+
+
+def test_serial_ports_name_the_driver(monkeypatch):
+    ports = [
+        SimpleNamespace(device="/dev/ttyACM0", vid=0x0416, pid=0x5011, description="USB Virtual COM"),
+        SimpleNamespace(device="/dev/ttyUSB0", vid=0x0403, pid=0x6001, description=None),
+    ]
+    monkeypatch.setattr(list_ports, "comports", lambda: ports)
+    assert discovery.list_serial_ports() == (
+        Found("supply", "korad", "/dev/ttyACM0", "USB Virtual COM"),
+        Found("supply", "korad or scpi", "/dev/ttyUSB0", "serial port"),
+    )
+
+
+def test_visa_resources_are_listed_without_serial_ports(monkeypatch):
+    names = ("ASRL/dev/ttyS0::INSTR", "TCPIP::192.0.2.1::INSTR")
+    monkeypatch.setattr(pyvisa.ResourceManager, "list_resources", lambda self, query: names)
+    found, _ = discovery.list_visa_resources()
+    assert found == (Found("supply", "scpi", "TCPIP::192.0.2.1::INSTR", "VISA resource"),)
+
+
+def test_a_bus_that_cannot_be_searched_is_a_note(monkeypatch):
+    def fail(self, query):
+        raise OSError("network is unreachable")
+
+    monkeypatch.setattr(pyvisa.ResourceManager, "list_resources", fail)
+    assert discovery.list_visa_resources() == ((), ("VISA: cannot be searched: network is unreachable",))
+
+
+def test_cameras_are_listed_in_order_without_metadata_nodes(tmp_path):
+    for node, index, name in (
+        ("video10", "0", "Side camera"),
+        ("video2", "0", "Webcam"),
+        ("video3", "1", "Webcam"),
+    ):
+        (tmp_path / node).mkdir()
+        (tmp_path / node / "index").write_text(f"{index}\n")
+        (tmp_path / node / "name").write_text(f"{name}\n")
+    assert discovery.list_cameras(tmp_path) == (
+        Found("camera", "opencv", "2", "Webcam"),
+        Found("camera", "opencv", "10", "Side camera"),
+    )

@@ -1,0 +1,138 @@
+"""The emulated coil supply and the ways in which it is served."""
+
+from __future__ import annotations
+
+import math
+import socket
+
+import pytest
+
+from eimi_drivers.clock import SimulatedClock, WallClock
+from eimi_drivers.emulators import DIALECTS, CoilSupply, emulate, open_in_process, serve_pty, serve_tcp
+from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentError, Limits
+from eimi_drivers.supplies import open_supply
+
+LIMITS = Limits(current_A=1.0, voltage_V=12.0)
+
+
+def energised(clock: SimulatedClock, **options: float) -> CoilSupply:
+    coil = CoilSupply(clock, resistance_ohm=4.0, time_constant_s=0.5, **options)
+    coil.set_voltage(12.0)
+    coil.set_current(0.8)
+    coil.switch(True)
+    return coil
+
+
+def test_current_follows_with_the_time_constant():
+    clock = SimulatedClock()
+    coil = energised(clock)
+    assert coil.coil_current_A() == 0.0
+    clock.sleep(0.5)
+    assert coil.coil_current_A() == pytest.approx(0.8 * (1 - math.exp(-1)))
+    coil.set_current(0.2)  # on the way up: from where it is
+    clock.sleep(1.0)
+    assert coil.coil_current_A() == pytest.approx(0.2 + (0.8 * (1 - math.exp(-1)) - 0.2) * math.exp(-2))
+    coil.switch(False)
+    clock.sleep(50.0)
+    assert coil.coil_current_A() == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_voltage_set_point_bounds_the_current():
+    clock = SimulatedClock()
+    coil = energised(clock)
+    coil.set_voltage(2.0)
+    clock.sleep(50.0)
+    assert coil.coil_current_A() == pytest.approx(0.5)
+    assert coil.constant_voltage()
+
+
+def test_readings_are_noisy_the_same_way_for_the_same_seed():
+    def readings(seed: int) -> list[float]:
+        clock = SimulatedClock()
+        coil = energised(clock, current_noise_A=0.01, seed=seed)
+        clock.sleep(50.0)
+        return [coil.read().current_A for _ in range(500)]
+
+    assert readings(1) == readings(1)
+    assert readings(1) != readings(2)
+    mean = sum(readings(1)) / 500
+    spread = math.sqrt(sum((value - mean) ** 2 for value in readings(1)) / 499)
+    assert mean == pytest.approx(0.8, abs=0.002)
+    assert spread == pytest.approx(0.01, rel=0.15)
+
+
+def test_armed_protection_trips_at_the_current_set_point():
+    clock = SimulatedClock()
+    coil = energised(clock)
+    coil.arm(True)
+    assert coil.output_on()
+    clock.sleep(50.0)
+    assert not coil.output_on()
+    assert coil.state.tripped
+
+
+@pytest.mark.parametrize("driver", sorted(DIALECTS))
+def test_an_hour_in_process_is_simulated(driver):
+    clock = SimulatedClock()
+    supply = open_in_process(driver, CoilSupply(clock), LIMITS)
+    supply.set_voltage(12.0)
+    supply.set_current(0.5)
+    supply.set_output(True)
+    clock.sleep(3600.0)
+    assert supply.measure().current_A == pytest.approx(0.5, abs=0.001)
+
+
+def test_a_served_supply_keeps_its_state_between_connections():
+    coil = CoilSupply(WallClock())
+    with serve_pty(emulate("korad", coil)) as port:
+        for current_A in (0.3, 0.4):
+            supply = open_supply("korad", port, LIMITS)
+            supply.set_current(current_A)
+            supply.close()
+    assert coil.state.set_current_A == 0.4
+    with serve_tcp(emulate("scpi", coil)) as address:
+        for _ in range(2):
+            supply = open_supply("scpi", address, LIMITS)
+            supply.set_voltage(7.0)
+            supply.close()
+    assert coil.state.set_voltage_V == 7.0
+
+
+def test_a_port_in_use_is_refused_to_a_second_driver():
+    with serve_pty(emulate("korad", CoilSupply(WallClock()))) as port:
+        first = open_supply("korad", port, LIMITS)
+        with pytest.raises(InstrumentDisconnected, match=port):
+            open_supply("korad", port, LIMITS)
+        first.close()
+        open_supply("korad", port, LIMITS).close()
+
+
+def test_a_bare_serial_port_will_do_for_scpi():
+    with serve_pty(emulate("scpi", CoilSupply(WallClock()))) as port:
+        supply = open_supply("scpi", port, LIMITS)
+        assert supply.identify().address == port
+        supply.close()
+
+
+def test_a_tcp_port_that_is_taken_is_named():
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with (
+            pytest.raises(InstrumentError, match=str(port)),
+            serve_tcp(emulate("scpi", CoilSupply(WallClock())), port=port),
+        ):
+            pass
+
+
+def test_unknown_dialects_are_answered_with_those_that_exist():
+    with pytest.raises(InstrumentError, match=r"'gpib'.*korad, scpi, .*kepco-bop"):
+        emulate("gpib", CoilSupply(SimulatedClock()))
+
+
+def test_a_serial_server_on_the_network_is_reached_by_its_url():
+    coil = CoilSupply(WallClock())
+    with serve_tcp(emulate("korad", coil)) as address:
+        supply = open_supply("korad", f"socket://127.0.0.1:{address.split('::')[2]}", LIMITS)
+        supply.set_current(0.3)
+        supply.close()
+    assert coil.state.set_current_A == 0.3

@@ -1,0 +1,233 @@
+"""Cameras on real files, and on a device that behaves as badly as devices do."""
+
+from __future__ import annotations
+
+import threading
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eimi_drivers.cameras import list_images, open_camera, opencv
+from eimi_drivers.cameras.image_series import natural_key
+from eimi_drivers.interfaces import (
+    Camera,
+    Frame,
+    InstrumentDisconnected,
+    InstrumentError,
+    InstrumentTimeout,
+    ReplyNotUnderstood,
+)
+
+PATIENCE_S = 20.0
+
+
+def pictures(count: int, dtype: type = np.uint8) -> list[np.ndarray]:
+    random = np.random.default_rng(5)
+    return [random.integers(0, np.iinfo(dtype).max, (24, 32), dtype=dtype) for _ in range(count)]
+
+
+def play(camera: Camera, count: int) -> list[Frame]:
+    frames = [camera.grab(PATIENCE_S) for _ in range(count)]
+    assert [frame.number for frame in frames] == list(range(count))
+    assert all(a.timestamp_s < b.timestamp_s for a, b in pairwise(frames))
+    return frames
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("by_pattern", [False, True])
+def test_images_are_played_exactly_and_in_natural_order(tmp_path, dtype, by_pattern):
+    expected = pictures(12, dtype)
+    for number, image in enumerate(expected):
+        cv2.imwrite(str(tmp_path / f"f_{number}.png"), image)
+    (tmp_path / "notes.txt").write_text("not an image")
+    camera = open_camera("opencv", str(tmp_path / "f_%d.png" if by_pattern else tmp_path))
+    for frame, image in zip(play(camera, 12), expected, strict=True):
+        assert frame.image.dtype == dtype
+        np.testing.assert_array_equal(frame.image, image)
+    with pytest.raises(InstrumentDisconnected, match="end of playback after 12 images"):
+        camera.grab(PATIENCE_S)
+    camera.close()
+
+
+def test_flushing_a_recording_loses_no_frame(tmp_path):
+    for number, image in enumerate(pictures(3)):
+        cv2.imwrite(str(tmp_path / f"{number:03d}.png"), image)
+    camera = open_camera("opencv", str(tmp_path / "%03d.png"))
+    for number in range(3):
+        camera.flush()
+        assert camera.grab(PATIENCE_S).number == number
+    camera.close()
+
+
+def test_a_pattern_takes_its_own_images_only(tmp_path):
+    for name in ("f_001.png", "f_1000.png", "f_002.png", "g_001.png", "f_x.png", "f_003.jpg", "xf_001.png"):
+        (tmp_path / name).touch()
+    assert [path.name for path in list_images(tmp_path / "f_%03d.png")] == [
+        "f_001.png",
+        "f_002.png",
+        "f_1000.png",
+    ]
+    assert list_images(tmp_path / "h_%03d.png") == ()
+    assert list_images(tmp_path / "absent" / "f_%03d.png") == ()
+
+
+@given(numbers=st.lists(st.integers(0, 10**6), unique=True), prefix=st.text(alphabet="ab_-", max_size=3))
+def test_natural_order_is_the_order_of_the_numbers(numbers, prefix):
+    names = [f"{prefix}{number}.png" for number in numbers]
+    assert sorted(names, key=natural_key) == [f"{prefix}{number}.png" for number in sorted(numbers)]
+
+
+def test_a_lossless_video_is_played_exactly(tmp_path):
+    expected = [cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) for image in pictures(5)]
+    path = tmp_path / "run.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"FFV1"), 10.0, (32, 24))
+    for image in expected:
+        writer.write(image)
+    writer.release()
+    camera = open_camera("opencv", str(path))
+    frames = play(camera, 5)
+    for frame, image in zip(frames, expected, strict=True):
+        np.testing.assert_array_equal(frame.image, image)
+    assert [frame.timestamp_s for frame in frames] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+    with pytest.raises(InstrumentDisconnected, match="end of playback after 5 frames"):
+        camera.grab(PATIENCE_S)
+    camera.close()
+
+
+def test_a_file_that_is_no_image_is_named(tmp_path):
+    (tmp_path / "broken.png").write_bytes(b"not a png")
+    camera = open_camera("opencv", str(tmp_path))
+    with pytest.raises(ReplyNotUnderstood, match=r"broken\.png"):
+        camera.grab(PATIENCE_S)
+    camera.close()
+
+
+@pytest.mark.parametrize("source", ["absent", "frames/f_%03d.png", "", "notes.txt", "empty"])
+def test_a_source_that_cannot_be_opened_is_named(tmp_path, monkeypatch, source):
+    monkeypatch.chdir(tmp_path)
+    Path("notes.txt").write_text("not a video")
+    Path("empty").mkdir()
+    with pytest.raises(InstrumentDisconnected) as caught:
+        open_camera("opencv", source)
+    assert source in str(caught.value)
+
+
+def test_unknown_names_are_answered_with_those_that_exist():
+    with pytest.raises(InstrumentError, match=r"'polaroid'.*opencv"):
+        open_camera("polaroid", "0")
+
+
+class FakeDevice:
+    """A device of OpenCV: each read blocks until the test exposes a frame, or unplugs it."""
+
+    def __init__(self, index: int) -> None:
+        self._exposures = threading.Semaphore(0)
+        self.waiting = threading.Semaphore(0)
+        self.unplugged = False
+        self.released = threading.Event()
+        self._value = 0
+
+    def expose(self) -> None:
+        self.waiting.acquire(timeout=PATIENCE_S)
+        self._exposures.release()
+
+    def isOpened(self) -> bool:
+        return True
+
+    def get(self, prop: int) -> float:
+        return 0.0
+
+    def read(self) -> tuple[bool, np.ndarray | None]:
+        self.waiting.release()
+        self._exposures.acquire()
+        if self.unplugged:
+            return False, None
+        self._value += 1
+        return True, np.full((2, 2), self._value, np.uint8)
+
+    def release(self) -> None:
+        self.released.set()
+
+
+@pytest.fixture
+def device(monkeypatch, tmp_path):
+    (tmp_path / "video97").touch()
+    monkeypatch.setattr(opencv, "DEVICES", tmp_path)
+    made: list[FakeDevice] = []
+
+    def make(index: int) -> FakeDevice:
+        made.append(FakeDevice(index))
+        return made[0]
+
+    monkeypatch.setattr(cv2, "VideoCapture", make)
+    camera = open_camera("opencv", "97")
+    yield camera, made[0]
+    made[0].unplugged = True
+    made[0].expose()
+    camera.close()
+    assert made[0].released.is_set()
+
+
+def test_a_device_that_hangs_is_a_timeout(device):
+    camera, _ = device
+    with pytest.raises(InstrumentTimeout, match="97"):
+        camera.grab(0.05)
+
+
+def test_only_the_newest_frame_of_a_device_is_kept_and_the_gap_is_counted(device):
+    camera, fake = device
+    for _ in range(3):
+        fake.expose()
+    fake.waiting.acquire(timeout=PATIENCE_S)  # it reads the fourth: the third is stored
+    fake.waiting.release()
+    frame = camera.grab(PATIENCE_S)
+    assert (frame.number, int(frame.image[0, 0])) == (2, 3)
+
+
+def test_flushing_a_device_also_drops_the_frame_under_exposure(device):
+    camera, fake = device
+    fake.expose()
+    fake.waiting.acquire(timeout=PATIENCE_S)  # frame 0 is stored, frame 1 under exposure
+    fake.waiting.release()
+    camera.flush()
+    fake.expose()
+    fake.expose()
+    frame = camera.grab(PATIENCE_S)
+    assert (frame.number, int(frame.image[0, 0])) == (2, 3)
+
+
+def test_an_unplugged_device_is_disconnected(device):
+    camera, fake = device
+    fake.unplugged = True
+    fake.expose()
+    with pytest.raises(InstrumentDisconnected, match="unplugged"):
+        camera.grab(PATIENCE_S)
+    fake.waiting.release()  # for the fixture, as no more reads follow
+
+
+def test_a_device_whose_node_is_gone_is_disconnected_whatever_opencv_says(device, tmp_path):
+    camera, fake = device
+    (tmp_path / "video97").unlink()
+    fake.expose()
+    with pytest.raises(InstrumentDisconnected, match="unplugged"):
+        camera.grab(PATIENCE_S)
+    fake.waiting.release()  # for the fixture, as no more reads follow
+
+
+def test_a_closed_camera_says_so(device):
+    camera, fake = device
+    fake.unplugged = True
+    fake.waiting.acquire(timeout=PATIENCE_S)  # under exposure
+    closing = threading.Thread(target=camera.close)
+    closing.start()
+    with pytest.raises(InstrumentDisconnected, match="97"):
+        camera.grab(PATIENCE_S)
+    fake.waiting.release()
+    fake.expose()
+    closing.join()
+    fake.waiting.release()  # for the fixture

@@ -1,0 +1,268 @@
+"""The exact bytes on the wire, switching off over a failing link, and answers that nobody would expect."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eimi_drivers.clock import SimulatedClock
+from conftest import open_bench
+from eimi_drivers.emulators import DIALECTS, CoilSupply, open_in_process
+from eimi_drivers.emulators.faults import Fault
+from eimi_drivers.emulators.korad import KoradDialect
+from eimi_drivers.interfaces import (
+    InstrumentError,
+    InstrumentTimeout,
+    Limits,
+    ProtectionTripped,
+    ReplyNotUnderstood,
+    SetPointNotTaken,
+    SwitchOffFailed,
+)
+from eimi_drivers.supplies import SUPPLIES, open_supply
+from eimi_drivers.supplies.korad import MESSAGE_GAP_S, KoradSupply
+from eimi_drivers.supplies.transport import InProcessTransport
+
+LIMITS = Limits(current_A=1.0, voltage_V=12.0)
+
+
+STAGES = {
+    "korad": {"zero": (b"ISET1",), "off": (b"OUT0",), "verify": (b"STATUS?",)},
+    "scpi": {"zero": (b"CURR",), "off": (b"OUTP 0",), "verify": (b"OUTP?",)},
+    "keysight-e36312a": {"zero": (b"CURR",), "off": (b"OUTP 0",), "verify": (b"OUTP?",)},
+    "keysight-e364x": {"zero": (b"CURR ", b"CURR?"), "off": (b"OUTP 0",), "verify": (b"OUTP?",)},
+    "rigol-dp800": {"zero": (b":SOUR:CURR",), "off": (b":OUTP OFF",), "verify": (b":OUTP?",)},
+    "siglent-spd": {"zero": (b"CH1:CURR",), "off": (b"OUTP CH1,OFF",), "verify": (b"SYST:STAT?",)},
+    "rs-hmp": {"zero": (b"CURR",), "off": (b"OUTP OFF",), "verify": (b"OUTP?",)},
+    "genesys": {"zero": (b"PC",), "off": (b"OUT OFF",), "verify": (b"OUT?",)},
+}
+"""How the messages of each stage begin; of Kepco, whose off is a zero, see `test_kepco_bop`."""
+
+
+@pytest.fixture(params=STAGES)
+def staged_bench(request):
+    with open_bench(f"{request.param} in process") as opened:
+        yield opened
+
+
+@pytest.mark.parametrize("stage", ["zero", "verify"])
+def test_every_stage_of_switching_off_is_tried_when_another_fails(staged_bench, stage):
+    staged_bench.energise()
+    staged_bench.line.inject(Fault.SILENCE, lambda message: message.startswith(STAGES[staged_bench.driver][stage]))
+    with pytest.raises(SwitchOffFailed) as caught:
+        staged_bench.supply.safe_off()
+    outcomes = str(caught.value)
+    for each in ("zero", "off", "verify"):
+        assert f"{each}: {'failed' if each == stage else 'done'}" in outcomes
+    assert not staged_bench.coil.state.output
+    assert staged_bench.coil.state.set_current_A == (0.7 if stage == "zero" else 0.0)
+
+
+def test_an_off_command_that_is_lost_is_found_by_verifying(staged_bench):
+    staged_bench.energise()
+    staged_bench.line.inject(Fault.SILENCE, lambda message: message.startswith(STAGES[staged_bench.driver]["off"]))
+    with pytest.raises(SwitchOffFailed, match=r"zero: done; off: (done|failed .*); verify: failed .*says that it is on"):
+        staged_bench.supply.safe_off()
+    assert staged_bench.coil.state.set_current_A == 0.0
+    staged_bench.line.inject(None)
+    staged_bench.supply.safe_off()
+    assert not staged_bench.coil.state.output
+
+
+def test_switching_off_works_beyond_the_limits_of_the_driver():
+    clock = SimulatedClock()
+    coil = CoilSupply(clock)
+    coil.set_voltage(20.0)
+    coil.set_current(3.0)
+    coil.switch(True)
+    open_in_process("korad", coil, Limits(current_A=-1.0, voltage_V=-1.0)).safe_off()
+    assert not coil.state.output
+
+
+def test_an_output_that_does_not_switch_on_is_reported(staged_bench):
+    on = {b"OUT1", b"OUTP 1", b"OUTP 1, (@1)", b":OUTP ON", b"OUTP CH1,ON", b"OUTP ON", b"OUT ON"}
+    staged_bench.line.inject(Fault.SILENCE, lambda message: message.strip() in on)
+    with pytest.raises((SetPointNotTaken, InstrumentTimeout)) as caught:
+        staged_bench.supply.set_output(True)
+    if staged_bench.driver != "genesys":  # which would have answered OK
+        assert "switched on but the instrument says that it is off" in str(caught.value)
+
+
+@given(current_A=st.floats(0.0, 0.7))
+@settings(deadline=None)
+@pytest.mark.parametrize("driver", sorted(DIALECTS))
+def test_a_set_point_never_passes_the_limit_and_is_within_a_step(driver, current_A):
+    coil = CoilSupply(SimulatedClock())
+    open_in_process(driver, coil, Limits(0.7, 12.0)).set_current(current_A)
+    assert coil.state.set_current_A <= 0.7
+    assert -1e-6 < current_A - coil.state.set_current_A < float(SUPPLIES[driver].current_step_A)
+    if SUPPLIES[driver].bipolar:
+        open_in_process(driver, coil, Limits(0.7, 12.0)).set_current(-current_A)
+        assert -0.7 <= coil.state.set_current_A
+        assert -1e-6 < current_A + coil.state.set_current_A < float(SUPPLIES[driver].current_step_A)
+
+
+def test_binary_fractions_do_not_cost_a_step(quick_bench):
+    quick_bench.supply.set_current(0.1 + 0.1 + 0.1 + 0.1 + 0.1 + 0.1 + 0.1 + 0.1)  # 0.7999999999999999
+    assert quick_bench.coil.state.set_current_A == 0.8
+
+
+class Babbler:
+    """Answers every message with the next of some given answers."""
+
+    def __init__(self, answers: list[bytes]) -> None:
+        self._answers = answers
+        self._count = 0
+
+    def receive(self, data: bytes) -> bytes:
+        self._count += 1
+        return self._answers[self._count % len(self._answers)]
+
+
+ANSWERS = st.one_of(
+    st.binary(max_size=12),
+    st.binary(max_size=12).map(lambda answer: answer + b"\n"),
+    st.sampled_from([b"nan\n", b"9.91E+37\n", b"1_0.0", b"-inf\n", b"0\n", b'0,"No error"\n', b"0.700", b"1e400\n"]),
+)
+
+
+@given(answers=st.lists(ANSWERS, min_size=1, max_size=4))
+@settings(max_examples=200, deadline=None)
+@pytest.mark.parametrize("driver", sorted(DIALECTS))
+def test_whatever_an_instrument_answers_the_errors_are_the_known_ones(driver, answers):
+    clock = SimulatedClock()
+    supply = SUPPLIES[driver](InProcessTransport(Babbler(answers), clock, "somewhere"), LIMITS, clock)
+    for act in (
+        supply.identify,
+        supply.output_on,
+        supply.check,
+        lambda: supply.set_voltage(5.0),
+        lambda: supply.set_current(0.5),
+        lambda: supply.set_output(True),
+        supply.safe_off,
+    ):
+        with suppress(InstrumentError):
+            act()
+    with suppress(InstrumentError):
+        reading = supply.measure()
+        assert abs(reading.current_A) < 1e30
+        assert abs(reading.voltage_V) < 1e30
+
+
+def test_an_error_queue_is_read_to_its_end_and_reported(scpi):
+    scpi.line.receive(b"NONSENSE\nCURR 99\n")
+    with pytest.raises(InstrumentError, match=r"-113 Undefined header; -222 Data out of range"):
+        scpi.supply.check()
+    scpi.supply.check()
+
+
+def test_an_error_queue_without_end_does_not_hold_the_driver_up():
+    clock = SimulatedClock()
+    link = InProcessTransport(Babbler([b'-350,"Queue overflow"\n']), clock)
+    with pytest.raises(InstrumentError, match="-350 Queue overflow"):
+        SUPPLIES["scpi"](link, LIMITS, clock).check()
+
+
+class SlowFirmware(KoradDialect):
+    """Takes 0.45 s before a new current set-point reads back."""
+
+    def __init__(self, supply: CoilSupply) -> None:
+        super().__init__(supply)
+        self._shown, self._changed_s = b"0.000K", -1.0
+
+    def receive(self, data: bytes) -> bytes:
+        if data.startswith(b"ISET1:"):
+            self._changed_s = self.supply.clock.now()
+        answer = super().receive(data)
+        if data == b"ISET1?":
+            if self.supply.clock.now() - self._changed_s < 0.45:
+                return self._shown
+            self._shown = answer
+        return answer
+
+
+def test_firmware_that_reads_back_late_is_waited_for():
+    clock = SimulatedClock()
+    coil = CoilSupply(clock)
+    supply = KoradSupply(InProcessTransport(SlowFirmware(coil), clock), LIMITS, clock)
+    supply.set_current(0.7)
+    assert clock.now() >= 0.45
+
+
+def test_korad_messages_are_kept_apart_and_fuse_otherwise():
+    clock = SimulatedClock()
+    coil = CoilSupply(clock)
+    dialect = KoradDialect(coil, fuse_within_s=0.02)
+    dialect.receive(b"ISET1:0.500")
+    dialect.receive(b"VSET1:5.00")  # at once: both are lost
+    assert (coil.state.set_current_A, coil.state.set_voltage_V) == (0.0, 0.0)
+    clock.sleep(MESSAGE_GAP_S)
+    KoradSupply(InProcessTransport(dialect, clock), LIMITS, clock).set_current(0.5)
+    assert coil.state.set_current_A == 0.5
+    clock.sleep(MESSAGE_GAP_S)
+    dialect.receive(b"ISET1:0.100ISET1:0.200")  # fused already
+    assert coil.state.set_current_A == 0.5
+
+
+@pytest.mark.parametrize("bit", [0x20, 0x80])
+@pytest.mark.parametrize("output", [False, True])
+def test_korad_trips_are_seen_by_either_bit(bit, output):
+    clock = SimulatedClock()
+    coil = CoilSupply(clock)
+    supply = KoradSupply(InProcessTransport(KoradDialect(coil, protection_bit=bit), clock), LIMITS, clock)
+    supply.set_output(True)
+    supply.check()
+    coil.trip()
+    if output:  # the bit alone, with the output bit still set
+        coil.state = replace(coil.state, output=True)
+    with pytest.raises(ProtectionTripped, match="status byte"):
+        supply.check()
+
+
+def test_korad_over_current_protection_left_armed_does_not_end_a_run(korad):
+    korad.coil.arm(True)
+    korad.energise()
+    korad.supply.check()
+    assert korad.coil.coil_current_A() == pytest.approx(0.7, abs=1e-4)
+
+
+def test_korad_stray_sixth_byte_does_not_shift_later_answers(korad):
+    for current_A in (0.1, 0.2, 0.3):
+        korad.supply.set_current(current_A)
+        korad.supply.set_voltage(10 * current_A)
+
+
+def test_scpi_output_that_is_neither_on_nor_off_is_not_understood():
+    clock = SimulatedClock()
+    link = InProcessTransport(Babbler([b"2\n"]), clock, "somewhere")
+    with pytest.raises(ReplyNotUnderstood, match=r"somewhere: the answer to OUTP\? must be 0 or 1"):
+        SUPPLIES["scpi"](link, LIMITS, clock).output_on()
+
+
+def test_unknown_names_are_answered_with_those_that_exist():
+    with pytest.raises(InstrumentError, match=r"'keithley'.*genesys, kepco-bop, .*korad, rigol-dp800, .*scpi, siglent-spd"):
+        open_supply("keithley", "/dev/null", LIMITS)
+
+
+@pytest.mark.parametrize(
+    ("driver", "address"),
+    [
+        ("korad", "/dev/no-such-port"),
+        ("korad", "nonsense://"),
+        ("scpi", "/dev/no-such-port"),
+        ("scpi", "TCPIP::127.0.0.1::1::SOCKET"),
+        ("scpi", "TCPIP::nonsense"),
+        ("scpi", "GPIB0::3::INSTR"),
+        ("genesys", "/dev/no-such-port#7"),
+        ("rigol-dp800", "TCPIP::127.0.0.1::1::SOCKET#2"),
+    ],
+)
+def test_an_address_that_cannot_be_opened_is_named(driver, address):
+    with pytest.raises(InstrumentError) as caught:
+        open_supply(driver, address, LIMITS)
+    assert address in str(caught.value)
+    assert caught.value.__cause__ is not None

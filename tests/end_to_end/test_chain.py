@@ -1,0 +1,144 @@
+"""The whole chain as a person runs it."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import pytest
+
+from eimi_fitting.materials import LAWS
+
+MEASURED = Path(__file__).parents[2].parent / "shared" / "data" / "real_beam"
+VIRTUAL = Path(__file__).parents[2] / "protocols" / "rigs"
+
+
+def eimi(*arguments: str | Path, folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "eimi_lab", *map(str, arguments)],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
+
+
+def moduli(fits: Path) -> dict[str, float]:
+    return {f["model"]: f["initial_shear_modulus"]["value"] for f in json.loads(fits.read_text())["fits"]}
+
+
+def rig_of(folder: Path, model: str, parameters: str) -> Path:
+    """The shipped virtual rig with another hidden material."""
+    for file in VIRTUAL.glob("virtual*.toml"):
+        shutil.copy(file, folder)
+    materials = f'[silicone."Dragon Skin 10"]\nmodel = "{model}"\nparameters = {{ {parameters} }}\n'
+    (folder / "virtual_materials.toml").write_text(materials, encoding="utf-8")
+    return folder / "virtual.toml"
+
+
+@pytest.fixture(scope="module")
+def demonstration(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The folder of a quick demonstration and what it printed."""
+    folder = tmp_path_factory.mktemp("demonstration")
+    done = eimi("demo", "--quick", "-o", "demo", folder=folder)
+    assert done.returncode == 0, done.stderr
+    return folder / "demo", done.stdout
+
+
+def test_quick_demonstration(demonstration):
+    folder, printed = demonstration
+    assert "truth: neo-hookean" in printed
+    assert re.search(r"neo-hookean: initial shear modulus \d+ Pa \[\d+, \d+\].*% from the truth", printed)
+    assert moduli(folder / "fits.json")["neo-hookean"] == pytest.approx(46390, rel=0.02)
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert page.count("data:image/png;base64,") >= 4
+    assert "neo-hookean" in page
+    assert "http" not in page  # self-contained
+
+
+def test_a_demonstration_does_not_overwrite_another(demonstration):
+    again = eimi("demo", "--quick", "-o", "demo", folder=demonstration[0].parent)
+    assert again.returncode == 2
+    assert again.stderr.count("\n") == 1
+    assert "demo: is not empty" in again.stderr
+
+
+def test_fitting_the_dataset_again_gives_the_same_and_needs_no_truth(demonstration, tmp_path):
+    folder, _ = demonstration
+    shutil.copy(folder / "dataset.h5", tmp_path / "blind.h5")
+    with h5py.File(tmp_path / "blind.h5", "r+", libver="latest") as file:
+        del file["entry/truth"]
+        assert "46390" not in file["entry/rig/data"].asstr()[()]
+    fit = eimi("fit", "blind.h5", "--model", "neo-hookean", "-o", "fits.json", folder=tmp_path)
+    assert fit.returncode == 0, fit.stderr
+    first, second = (json.loads((f / "fits.json").read_text())["fits"][0] for f in (folder, tmp_path))
+    for record in (first, second):
+        del record["wall_s"], record["datasets"]
+    assert first == second
+    report = eimi("report", "blind.h5", "--fit", "fits.json", "-o", "report.html", folder=tmp_path)
+    assert report.returncode == 0, report.stderr
+    assert (tmp_path / "report.html").stat().st_size > 100_000
+
+
+@pytest.mark.skipif(not MEASURED.is_dir(), reason="the measured beam is not ours to ship; it lies in ../shared/data")
+@pytest.mark.parametrize(("section", "reference_Pa"), [("plane-stress", 92.9e3), ("plane-strain", 69.0e3)])
+def test_real_beam_from_tracked_points(tmp_path, section, reference_Pa):
+    tables = ["--states", MEASURED / "states.csv", "--specimen", MEASURED / "specimen.toml"]
+    made = eimi("import", MEASURED / "points.csv", *tables, "--gravity-angle", "-90", "-o", "beam.h5", folder=tmp_path)
+    assert made.returncode == 0, made.stderr
+    fit = eimi("fit", "beam.h5", "--model", "neo-hookean", "--section", section, "-o", "fits.json", folder=tmp_path)
+    assert fit.returncode == 0, fit.stderr
+    assert moduli(tmp_path / "fits.json")["neo-hookean"] == pytest.approx(reference_Pa, rel=0.03)
+    report = eimi("report", "beam.h5", "--fit", "fits.json", "-o", "report.html", folder=tmp_path)
+    assert report.returncode == 0, report.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("specimen", ["type1", "type2", "type3", "type4"])
+@pytest.mark.parametrize(
+    ("truth", "parameters", "modulus_Pa", "models"),
+    [
+        ("neo-hookean", "mu_Pa = 46390.0", 46390.0, list(LAWS)),
+        ("yeoh", "C10_Pa = 19530.0, C20_Pa = 7410.0, C30_Pa = -3117.0", 39060.0, ["yeoh", "ogden"]),
+    ],
+)
+def test_initial_shear_modulus_within_two_per_cent(tmp_path, specimen, truth, parameters, modulus_Pa, models):
+    rig = rig_of(tmp_path, truth, parameters)
+    run = eimi("acquire", "dragon_skin_10", "--specimen", specimen, "--rig", rig, "-o", "run.h5", folder=tmp_path)
+    assert run.returncode == 0, run.stderr
+    options = [word for model in models for word in ("--model", model)]
+    fit = eimi("fit", "run.h5", *options, "-o", "fits.json", folder=tmp_path)
+    assert fit.returncode == 0, fit.stderr
+    print(specimen, truth, moduli(tmp_path / "fits.json"))
+    assert moduli(tmp_path / "fits.json") == pytest.approx(dict.fromkeys(models, modulus_Pa), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "culprit"),
+    [
+        (["fit", "nothing.h5", "--model", "yeoh", "-o", "f.json"], "nothing.h5: no such file"),
+        (["fit", "text.h5", "--model", "yeoh", "-o", "f.json"], "text.h5: is not an HDF5 file"),
+        (["fit", "text.h5", "--model", "hooke", "-o", "f.json"], "--model hooke: should be one of neo-hookean"),
+        (["fit", "text.h5", "--model", "yeoh", "--section", "3d", "-o", "f.json"], "--section 3d: should be one of"),
+        (["fit", "text.h5", "-o", "f.json"], "Missing option '--model'"),
+        (["report", "text.h5", "--fit", "bad.json", "-o", "r.html"], "bad.json: line 1: is not JSON"),
+        (["report", "text.h5", "--fit", "odd.json", "-o", "r.html"], "odd.json: fits"),
+        (["demo", "--quick", "--material", "butter", "-o", "d"], "butter_quick: no such file"),
+        (["demo", "--quick", "--specimen", "type9", "-o", "d"], "type9: no such file"),
+    ],
+)
+def test_bad_input_is_one_line(tmp_path, arguments, culprit):
+    (tmp_path / "text.h5").write_text("not hdf5")
+    (tmp_path / "bad.json").write_text("{fits}")
+    (tmp_path / "odd.json").write_text('{"fits": [{"model": 3}]}')
+    before = sorted(tmp_path.iterdir())
+    failed = eimi(*arguments, folder=tmp_path)
+    assert failed.returncode == 2, failed.stderr
+    assert culprit in failed.stderr
+    assert failed.stderr.count("\n") == 1
+    assert [p for p in sorted(tmp_path.iterdir()) if p.is_file()] == before

@@ -1,0 +1,181 @@
+"""The beam against exact and published results, and its behaviour when things go wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eimi_fitting.actuation import Loads
+from eimi_fitting.forward import BeamModel
+from eimi_fitting.materials import LAWS
+from eimi_fitting.solid import Status
+from eimi_fitting.specimen import Magnet, Specimen
+
+NEO = LAWS["neo-hookean"]
+MU = np.array([[0.05e6]])
+
+
+def magnet_tipped(depth_share: float = 1.0) -> tuple[Specimen, float]:
+    """30 x 3 mm with a 4 mm rigid end, and the field in mT at which m B = 0.0323 N mm for each mm of depth."""
+    magnet = Magnet(4.0, 3.0, 1.0, 1.0, 7500.0)
+    depth = 1.0 / depth_share
+    specimen = Specimen(30.0, 3.0, depth, 1070.0, "plane-strain", magnet)
+    return specimen, 0.0323 * depth / magnet.moment_A_m2
+
+
+@pytest.mark.parametrize("mesh", [(13, None), (40, 4)])
+def test_magnet_tipped_beam_without_gravity(mesh):
+    specimen, field = magnet_tipped()
+    model = BeamModel(specimen, *mesh)
+    shapes = model.solve(NEO, MU, Loads.along(np.linspace(0, field, 8), gravity_angle_deg=None))
+    # FElupe 11.3 on 240 x 24 bilinear elements: 57.332 degrees; elastica 57.481, Rivlin 57.571.
+    assert model.tip_angle_deg(shapes)[0, -1] == pytest.approx(57.332, rel=0.005)
+
+
+@pytest.mark.parametrize("mesh", [(13, None), (40, 4)])
+def test_magnet_tipped_beam_with_gravity(mesh):
+    # The magnet fills a fifth of the depth, silicone the rest; the reference counts y from the lower edge at rest.
+    specimen, field = magnet_tipped(0.2)
+    model = BeamModel(specimen, *mesh)
+    shapes = model.solve(NEO, MU, Loads.along(np.linspace(0, field, 8), gravity_angle_deg=0.0))
+    tip = model.positions(shapes, np.array([[30.0, 0.0]]))[0, -1, 0]
+    # FElupe 11.3: 60 x 6 elements 52.439 degrees, tip (25.3678, 15.0608) mm; 240 x 24 52.284 degrees.
+    assert model.tip_angle_deg(shapes)[0, -1] == pytest.approx(52.439, rel=0.005)
+    assert tip[0] == pytest.approx(25.3678, rel=0.005)
+    assert tip[1] + 1.5 == pytest.approx(15.0608, rel=0.005)
+
+
+@pytest.mark.parametrize(("angle", "ratio"), [(30, 0.99891), (60, 0.99565), (90, 0.99031), (180, 0.96314)])
+def test_rivlin_flexure(angle, ratio):
+    # Pure bending of a block, Rivlin 1949, Phil. Trans. A 242:173: M = (mu/alpha^2)(sinh(4k)/4 - k), sinh 2k = alpha H.
+    # The field is turned along with the tip, so that the magnet feels the moment and never a limit at 90 degrees.
+    # Clamp and magnet hold the section's width, which Rivlin's block does not: curvature is taken between two
+    # sections away from them.
+    specimen, _ = magnet_tipped()
+    height, length = 3.0, 26.0
+    mu = 0.05
+
+    def rivlin_moment(alpha):
+        k = 0.5 * np.arcsinh(alpha * height)
+        return mu / alpha**2 * (0.25 * np.sinh(4 * k) - k)
+
+    angles = np.radians(np.linspace(0, angle, 13)[1:])
+    moments = rivlin_moment(angles / length)
+    field = moments / (1e3 * specimen.magnet.moment_A_m2)
+    direction = np.column_stack([-np.sin(angles), np.cos(angles)])
+    loads = Loads(field[:, None] * direction, np.zeros((12, 2)), np.zeros((12, 2)))
+    model = BeamModel(specimen, 20)
+    shapes = model.solve(NEO, MU, loads)
+    assert shapes.converged[0]
+    tip = np.radians(model.tip_angle_deg(shapes)[0, -1])
+    moment = moments[-1] * np.cos(tip - angles[-1])
+    sections = np.array([[x, y] for x in (8.0, 18.0) for y in (-1.5, 1.5)])
+    place = model.positions(shapes, sections)[0, -1]
+    across = place[1::2] - place[0::2]
+    rotation = np.unwrap(np.arctan2(-across[:, 0], across[:, 1]))
+    alpha = (rotation[1] - rotation[0]) / 10.0
+    assert moment == pytest.approx(rivlin_moment(alpha), rel=0.005)
+    nominal = np.radians(angle) / length
+    assert rivlin_moment(nominal) / (4 * mu * height**3 / 12 * nominal) == pytest.approx(ratio, abs=1e-5)
+
+
+def test_plane_stress_bends_by_three_quarters_of_the_plane_strain_stiffness():
+    magnet = Magnet(4.0, 1.0, 1.0, 1.0, 7500.0)
+    angles = []
+    for section in ("plane-strain", "plane-stress"):
+        model = BeamModel(Specimen(54.0, 1.0, 1.0, 1070.0, section, magnet))
+        shapes = model.solve(NEO, MU, Loads.along([0.001 / magnet.moment_A_m2 * 0.01], gravity_angle_deg=None))
+        angles.append(model.tip_angle_deg(shapes)[0, 0])
+    # Clamp and magnet stiffen plane strain a little more: a per cent over 50 widths.
+    assert angles[1] / angles[0] == pytest.approx(4 / 3, rel=0.01)
+
+
+def test_tip_force_of_a_slender_cantilever():
+    # Small deflection F L^3 / (3 EI) with EI = 3 mu I in plane stress.
+    specimen = Specimen(100.0, 2.0, 4.0, 0.0, "plane-stress")
+    force = 1e-6
+    model = BeamModel(specimen, 26)
+    shapes = model.solve(NEO, MU, Loads.along(0.0, gravity_angle_deg=90.0, tip_force_N=force))
+    tip = model.positions(shapes, np.array([[100.0, 0.0]]))[0, 0, 0]
+    bending = 3 * 0.05 * 4.0 * 2.0**3 / 12
+    assert tip[1] == pytest.approx(force * 100.0**3 / (3 * bending), rel=0.005)
+
+
+def test_self_weight_of_a_slender_cantilever():
+    specimen = Specimen(50.0, 2.0, 4.0, 1.0, "plane-stress")
+    model = BeamModel(specimen, 26)
+    shapes = model.solve(NEO, MU, Loads.along(0.0, gravity_angle_deg=-90.0))
+    tip = model.positions(shapes, np.array([[50.0, 0.0]]))[0, 0, 0]
+    weight = 1e-9 * 1.0 * 9.80665 * 2.0 * 4.0  # N for each mm of length
+    assert tip[1] == pytest.approx(-weight * 50.0**4 / (8 * 3 * 0.05 * 4.0 * 8 / 12), rel=0.005)
+
+
+def test_mooney_rivlin_sees_only_the_sum_in_plane_strain():
+    specimen, field = magnet_tipped()
+    model = BeamModel(specimen, 26, 2)
+    c10 = np.array([0.0, 0.01, 0.02, 0.025]) * 1e6
+    shapes = model.solve(
+        LAWS["mooney-rivlin"], np.column_stack([c10, 0.025e6 - c10]), Loads.along(np.linspace(0, field, 6))
+    )
+    tips = model.positions(shapes, np.array([[30.0, 0.0]]))[:, -1, 0]
+    assert np.ptp(tips, axis=0).max() < 1e-3
+
+
+def test_a_candidate_does_not_feel_its_neighbours():
+    specimen, field = magnet_tipped()
+    model = BeamModel(specimen)
+    loads = Loads.along(np.linspace(0, field, 5))
+    alone = model.solve(NEO, MU, loads)
+    crowd = np.array([[1.0], [np.nan], [0.05e6], [-3.0], [1e10], [np.inf], [0.0]])
+    together = model.solve(NEO, crowd, loads)
+    assert together.displacement[2] == pytest.approx(alone.displacement[0], abs=1e-7)
+    assert together.converged.tolist()[1:4] == [False, True, False]
+    assert not together.converged[5:].any()
+    assert np.isfinite(together.displacement).all()
+    assert np.isfinite(together.max_stretch).all()
+
+
+def test_impossible_loads_end_as_a_status():
+    specimen, field = magnet_tipped()
+    model = BeamModel(specimen)
+    shapes = model.solve(NEO, np.array([[1.0], [0.05e6]]), Loads.along([0.0, 1e6 * field]))
+    assert set(np.unique(shapes.status)) <= {int(s) for s in Status}
+    assert np.isfinite(shapes.displacement).all()
+
+
+def test_states_do_not_depend_on_the_way_there():
+    specimen, field = magnet_tipped(0.2)
+    model = BeamModel(specimen)
+    stepped = model.solve(NEO, MU, Loads.along(np.linspace(0, field, 16)), tolerance_mm=1e-8)
+    direct = model.solve(NEO, MU, Loads.along(field), tolerance_mm=1e-8)
+    assert direct.displacement[0, 0] == pytest.approx(stepped.displacement[0, -1], abs=1e-6)
+
+
+def test_a_field_the_other_way_mirrors_the_beam():
+    specimen, field = magnet_tipped(0.2)
+    model = BeamModel(specimen)
+    shapes = model.solve(NEO, MU, Loads.along([field, -field]), tolerance_mm=1e-8)
+    angle = model.tip_angle_deg(shapes)[0]
+    assert angle[0] == pytest.approx(-angle[1], rel=1e-6)
+    assert angle[0] > 0
+
+
+def test_the_tip_never_passes_the_field():
+    specimen, field = magnet_tipped()
+    model = BeamModel(specimen)
+    shapes = model.solve(NEO, np.array([[5e3]]), Loads.along(field * np.linspace(0, 10, 20), gravity_angle_deg=None))
+    angle = model.tip_angle_deg(shapes)[0][shapes.status[0] == Status.CONVERGED]
+    assert len(angle) == 20
+    assert np.all(np.diff(angle) > 0)
+    assert angle[-1] < 90
+
+
+def test_points_outside_the_beam_are_refused():
+    model = BeamModel(Specimen(100.0, 30.0, 30.0, 1070.0, "plane-stress"))
+    with pytest.raises(ValueError, match=r"point \(101, 9\) mm is not in the flexible part"):
+        model.place(np.array([[50.0, 0.0], [101.0, 9.0]]))
+
+
+def test_a_magnet_as_long_as_the_beam_is_refused():
+    with pytest.raises(ValueError, match="leaves nothing"):
+        BeamModel(Specimen(4.0, 3.0, 1.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 1.0, 1.0, 7500.0)))

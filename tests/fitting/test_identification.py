@@ -1,0 +1,114 @@
+"""Recovering known materials from simulated edges with noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eimi_fitting.actuation import Loads
+from eimi_fitting.forward import BeamModel
+from eimi_fitting.identification import DISCARDED_MM, Experiment, NothingConverged, compare, identify
+from eimi_fitting.materials import LAWS
+from eimi_fitting.observation import EdgeObservation, PointObservation, edge_curves, points_on
+from eimi_fitting.search_space import SEARCH_SPACES
+from eimi_fitting.specimen import Magnet, Specimen
+from eimi_fitting.uncertainty import correlation_length
+
+SPECIMEN = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
+FIELD_MT = np.linspace(0, 7.05, 4)
+NOISE_MM = 1e-3
+
+
+def measured(model: str, parameters: list[float], seed: int = 0) -> Experiment:
+    """Edges of a finer beam of a known material, with noise, for the ordinary beam to explain."""
+    rng = np.random.default_rng(seed)
+    fine, loads = BeamModel(SPECIMEN, 30, 3), Loads.along(FIELD_MT)
+    shapes = fine.solve(LAWS[model], np.array([parameters]), loads)
+    assert shapes.converged[0]
+    sides = points_on(edge_curves(fine, shapes)[0], 3)[:, :, 4:-4:2]
+    noisy = sides + rng.normal(0, NOISE_MM, sides.shape)
+    sigma = np.full(sides.shape[2], NOISE_MM)
+    observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in noisy])
+    return Experiment(BeamModel(SPECIMEN), loads, observed)
+
+
+@pytest.fixture(scope="module")
+def neo_hookean() -> Experiment:
+    return measured("neo-hookean", [46e3])
+
+
+def test_neo_hookean_within_a_per_cent_and_its_interval(neo_hookean):
+    fit = identify("neo-hookean", [neo_hookean], seed=3)
+    assert fit.initial_shear_modulus_Pa == pytest.approx(46e3, rel=0.01)
+    low, high = fit.uncertainty.initial_shear_modulus_Pa
+    assert low < fit.initial_shear_modulus_Pa < high
+    assert fit.error_mm.shape == (4,)
+    assert 0.5 * NOISE_MM < fit.error_mm.mean() < 4 * NOISE_MM
+    assert fit.stop
+    assert not fit.at_bound
+    assert fit.evaluations == sum(1 for _ in fit.history) * 8
+
+
+def test_same_seed_same_result_and_another_seed_the_same_material(neo_hookean):
+    first, again, other = (identify("neo-hookean", [neo_hookean], seed=s, most_generations=30) for s in (5, 5, 6))
+    assert first.parameters.tolist() == again.parameters.tolist()
+    assert first.uncertainty.intervals.tolist() == again.uncertainty.intervals.tolist()
+    assert other.parameters[0] == pytest.approx(first.parameters[0], rel=1e-2)
+
+
+def test_mooney_rivlin_says_that_only_the_sum_is_fixed(neo_hookean):
+    fit = identify("mooney-rivlin", [neo_hookean], seed=1)
+    assert fit.initial_shear_modulus_Pa == pytest.approx(46e3, rel=0.01)
+    assert fit.uncertainty.not_fixed == ("C01/(C10+C01)",)
+    assert "they do not fix C01/(C10+C01)" in fit.uncertainty.statement
+    low, high = fit.uncertainty.intervals[0]
+    assert high - low > 0.3 * 23e3
+
+
+def test_several_specimens_in_one_fit(neo_hookean):
+    both = identify("neo-hookean", [neo_hookean, measured("neo-hookean", [46e3], seed=1)], seed=1)
+    assert both.error_mm.shape == (8,)
+    assert both.initial_shear_modulus_Pa == pytest.approx(46e3, rel=0.01)
+
+
+def test_unstable_and_unsolvable_candidates_are_discarded_and_told_apart(neo_hookean):
+    result = compare(LAWS["yeoh"], np.array([[2e4, 1e3, 0.0], [2e4, -2e5, 0.0], [np.nan, 0, 0]]), [neo_hookean])
+    assert result.objective_mm[0] < 1.0
+    assert result.objective_mm[1:].tolist() == [DISCARDED_MM, DISCARDED_MM]
+    assert result.unconverged[2]
+    assert not result.unconverged[0]
+    assert not result.unstable[0]
+
+
+def test_nothing_that_can_be_simulated_is_an_error():
+    model = BeamModel(SPECIMEN)
+    crushed = Loads(np.zeros((2, 2)), np.array([[-1e9, 3e8], [-1e9, 3e8]]), np.zeros((2, 2)))
+    rest = np.tile([[[10.0, 0.0]]], (2, 1, 1))
+    experiment = Experiment(model, crushed, PointObservation(rest, rest, np.ones((2, 1))))
+    with pytest.raises(NothingConverged, match="candidates could be simulated"):
+        identify("neo-hookean", [experiment], seed=1, most_generations=2)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_search_space_covers_its_bounds_and_keeps_the_modulus(name):
+    space, law = SEARCH_SPACES[name], LAWS[name]
+    rng = np.random.default_rng(0)
+    unit = rng.uniform(size=(200, len(space.names)))
+    parameters = space.parameters(unit)
+    assert parameters.shape == (200, len(law.parameter_names))
+    # The first coordinate is the initial shear modulus, whatever the others are.
+    assert law.initial_shear_modulus(parameters) == pytest.approx(space.physical(unit)[:, 0], rel=1e-12)
+    corners = space.physical(np.array([np.zeros(len(space.names)), np.ones(len(space.names))]))
+    assert corners[0] == pytest.approx(space.lower)
+    assert corners[1] == pytest.approx(space.upper)
+
+
+def test_correlation_length_of_white_and_of_averaged_noise():
+    rng = np.random.default_rng(0)
+    white = rng.normal(size=(400, 200))
+    weights = np.ones_like(white)
+    assert correlation_length(white, weights) == pytest.approx(1.0, abs=0.1)
+    # A moving mean over m values has the triangular autocorrelation whose sum is m.
+    averaged = np.apply_along_axis(lambda r: np.convolve(r, np.ones(5) / 5, "valid"), 1, white)
+    # (the sum to its first negative value collects a little of the noise beyond)
+    assert correlation_length(averaged, np.ones_like(averaged)) == pytest.approx(5.0, rel=0.2)

@@ -1,0 +1,90 @@
+"""Distances to simulated edges, against curves whose distances are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eimi_fitting.actuation import Loads
+from eimi_fitting.forward import BeamModel
+from eimi_fitting.materials import LAWS
+from eimi_fitting.observation import (
+    EdgeObservation,
+    PointObservation,
+    edge_curves,
+    points_on,
+    signed_distance,
+)
+from eimi_fitting.specimen import Magnet, Specimen
+
+SPECIMEN = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
+
+
+def arc(radius: float, segments: int = 12, angle: float = 1.2) -> np.ndarray:
+    """(S, 3, 2) quadratic segments on a circle about the origin."""
+    ends = np.linspace(0, angle, 2 * segments + 1)
+    points = radius * np.column_stack([np.cos(ends), np.sin(ends)])
+    return np.stack([points[0:-1:2], points[1::2], points[2::2]], axis=1)
+
+
+@settings(max_examples=50, deadline=None)
+@given(offset=st.floats(-2.0, 2.0), along=st.floats(0.05, 1.15))
+def test_distance_to_a_circle_is_the_difference_of_radii(offset, along):
+    radius = 20.0
+    point = (radius + offset) * np.array([[np.cos(along), np.sin(along)]])
+    # Anticlockwise: left of the direction of travel is inward.
+    assert signed_distance(arc(radius), point)[0] == pytest.approx(-offset, abs=2e-4)
+
+
+def test_beyond_the_ends_the_distance_is_to_the_end_point():
+    line = np.array([[[0.0, 0.0], [0.5, 0.0], [1.0, 0.0]]])
+    distance = signed_distance(line, np.array([[2.0, 0.0], [-3.0, 4.0]]))
+    assert np.abs(distance) == pytest.approx([1.0, 5.0])
+
+
+def test_edges_of_an_unloaded_beam_are_its_sides():
+    model = BeamModel(SPECIMEN)
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[4e4]]), Loads.along(0.0, gravity_angle_deg=None))
+    left, right = points_on(edge_curves(model, shapes)[0, 0], 4)
+    for side, y in ((left, -1.5), (right, 1.5)):
+        assert side[:, 1] == pytest.approx(y, abs=1e-9)
+        assert side[[0, -1], 0] == pytest.approx([0.0, 30.0], abs=1e-9)
+        assert np.all(np.diff(side[:, 0]) > 0)
+
+
+def test_error_and_deviation_by_hand():
+    model = BeamModel(SPECIMEN)
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[4e4]]), Loads.along(0.0, gravity_angle_deg=None))
+    x = np.array([5.0, 10.0])
+    sigma = np.ones(2)
+    # Left points 0.3 mm outside, right ones 0.1 mm outside: distances 0.3, 0.3, 0.1, 0.1.
+    left, right = np.column_stack([x, [-1.8, -1.8]]), np.column_stack([x, [1.6, 1.6]])
+    misfit = EdgeObservation.from_edges([(left, sigma, right, sigma)]).misfit(model, shapes)
+    assert misfit.error_mm[0, 0] == pytest.approx(np.sqrt((0.09 + 0.01) / 2), abs=1e-9)
+    assert misfit.deviation_mm[0, 0] == pytest.approx(0.1, abs=1e-9)
+
+
+def test_padding_does_not_count():
+    model = BeamModel(SPECIMEN)
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[4e4]]), Loads.along(0.0, gravity_angle_deg=None))
+    one, three = np.array([[5.0, -1.7]]), np.column_stack([[5.0, 10.0, 15.0], [1.7] * 3])
+    misfit = EdgeObservation.from_edges([(one, np.ones(1), three, np.ones(3))]).misfit(model, shapes)
+    assert misfit.weights.sum() == 4
+    assert misfit.error_mm[0, 0] == pytest.approx(0.2, abs=1e-9)
+
+
+def test_points_of_each_state_are_compared_in_their_own_state():
+    model = BeamModel(Specimen(50.0, 2.0, 4.0, 1.0, "plane-stress"))
+    shapes = model.solve(
+        LAWS["neo-hookean"], np.array([[4e4], [8e4]]), Loads.along([0.0, 0.0], 90.0, 90.0, [0.0, 1e-6])
+    )
+    rest = np.array([[50.0, 0.0]])
+    where = model.positions(shapes, rest)[0, :, 0]
+    observed = PointObservation(
+        np.array([rest, rest]), where[:, None] + [[[0.0, 0.03]], [[0.04, 0.0]]], np.ones((2, 1))
+    )
+    misfit = observed.misfit(model, shapes)
+    assert misfit.error_mm[0] == pytest.approx([0.03, 0.04], abs=1e-12)
+    assert np.all(misfit.error_mm[1] != misfit.error_mm[0])

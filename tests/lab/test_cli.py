@@ -1,0 +1,170 @@
+"""The command line: one line for every mistake, exit status by its kind, and the commands that need no run."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import h5py
+import numpy as np
+import pytest
+
+from eimi_drivers.interfaces import Frame, Limits
+from eimi_drivers.supplies.opening import open_supply
+from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.specimen import load_specimen
+from eimi_lab.dataset.layout import Header
+from eimi_lab.dataset.points import Load, TrackedPoints, write_points
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.dataset.writing import DatasetWriter
+from eimi_lab.vision.edge_set import Flag
+
+Run = Callable[..., tuple[int, str]]
+
+
+def eimi(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "eimi_lab", *arguments]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=60, check=False)
+
+
+ACQUIRE = ("acquire", "protocol.toml", "--specimen", "specimen.toml", "--rig")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("acqire",), "No such command 'acqire'"),
+        (("acquire",), "Missing argument"),
+        (("acquire", "p", "--rigg", "x"), "--rigg"),
+        (("segment",), "Missing argument"),
+        (("emulate", "kord"), "SUPPLY = 'kord' should be one of korad, scpi"),
+        ((*ACQUIRE, "virtual"), "-o FILE.h5 is missing"),
+        ((*ACQUIRE, "virtul", "-o", "x.h5"), "virtul: no such file"),
+        (("acquire", "protocol", "--specimen", "type1", "--rig", "virtual", "-o", "x.h5"), "protocol: no such file"),
+        (("acquire", "protocol.toml", "--specimen", "protocol.toml", "--rig", "virtual"), "is not a known key"),
+        ((*ACQUIRE, "virtual", "-o", "precious.h5"), "precious.h5: exists already"),
+        ((*ACQUIRE, "virtual", "-o", "nowhere/x.h5"), "nowhere/x.h5: there is no folder nowhere"),
+        (("segment", "missing.h5"), "missing.h5: no such file"),
+        (("segment", "precious.h5"), "precious.h5: is not an HDF5 file"),
+        (("segment", "other.h5"), "other.h5: is an HDF5 file, but not a dataset of this suite"),
+        (("segment", "points.h5"), "points.h5: holds tracked points"),
+        (("recover", "precious.h5", "-o", "x.h5"), "precious.h5: is not an HDF5 file"),
+        (("recover", "points.h5", "-o", "precious.h5"), "precious.h5: exists already"),
+    ],
+)
+def test_a_mistake_gives_one_line_and_status_2(
+    run: Run, files: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], told: str
+) -> None:
+    monkeypatch.chdir(files)
+    Path("precious.h5").write_text("precious")
+    with h5py.File("other.h5", "w") as file:
+        file["numbers"] = [1, 2, 3]
+    point = TrackedPoints(("a",), np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
+    write_points(Path("points.h5"), Header(load_specimen("specimen.toml")), 0.0, [Load(None, 1.0, 0.0)], [point])
+    before = sorted(Path().iterdir())
+    status, said = run(*arguments)
+    assert (status, said.count("\n")) == (2, 1)
+    assert told in said
+    assert sorted(Path().iterdir()) == before
+    assert Path("precious.h5").read_text() == "precious"
+
+
+def test_mistakes_as_a_person_meets_them(files: Path) -> None:
+    (files / "specimen.toml").write_text((files / "specimen.toml").read_text().replace("length_mm", "lenght_mm"))
+    done = eimi(*ACQUIRE, "virtual", "-o", "x.h5", cwd=files)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "eimi: specimen.toml: specimen.lenght_mm is not a known key; did you mean length_mm?\n"
+    assert eimi("--frobnicate", cwd=files).returncode == 2
+
+
+def test_an_instrument_that_is_not_there_gives_one_line_and_status_1(files: Path) -> None:
+    (files / "rig.toml").write_text("""
+name = "none"
+calibration = "calibration.toml"
+supply = { driver = "korad", address = "/dev/not-there", limits = { current_A = 1.0, voltage_V = 10.0 } }
+camera = { driver = "opencv", source = 0 }
+""")
+    done = eimi(*ACQUIRE, "rig.toml", "-o", "x.h5", cwd=files)
+    assert done.returncode == 1
+    assert done.stderr.startswith("eimi: /dev/not-there: ")
+    assert done.stderr.count("\n") == 1
+    assert not (files / "x.h5").exists()
+
+
+def test_a_dry_run_prints_steps_duration_limits_and_messages(files: Path) -> None:
+    done = eimi(*ACQUIRE, "virtual", "--dry-run", cwd=files)
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = done.stdout.splitlines()
+    assert lines[1] == "limits: 1 A, 10 V; ramps of 10 A/s"
+    assert "state 3: 0.3 A, 1.41 mT, 2 frames" in lines
+    assert re.fullmatch(r" +[0-9.]+ s  > ISET1:0\.300", next(line for line in lines if "ISET1:0.300" in line))
+    assert lines[-2].endswith("> STATUS?")  # that the output is off is the last thing asked
+    assert lines[-1].startswith("duration: ")
+    assert sorted(path.suffix for path in files.iterdir()) == [".toml"] * 3
+
+
+def test_an_emulated_supply_is_served_until_ctrl_c(files: Path) -> None:
+    command = [sys.executable, "-m", "eimi_lab", "emulate", "scpi", "--tcp", "0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        assert server.stdout.readline() == 'driver = "scpi"\n'
+        address = server.stdout.readline().split('"')[1]
+        supply = open_supply("scpi", address, Limits(1.0, 10.0))
+        supply.set_current(0.25)
+        assert not supply.output_on()
+        supply.close()
+        server.send_signal(signal.SIGINT)
+        assert server.wait(20) == 130
+
+
+def test_instruments_always_has_an_answer(tmp_path: Path) -> None:
+    done = eimi("instruments", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert re.match(r"(supply|camera): driver = |no supply and no camera found", done.stdout)
+
+
+@pytest.fixture
+def dataset(files: Path) -> Path:
+    """Two states of a beam that stands still, drawn at 8 px/mm, one of them with a flag from its run."""
+    header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
+    rng = np.random.default_rng(0)
+    image = np.full((96, 128), 210.0)
+    image[:8] = 4.0
+    image[:88, 56:72] = 16.0  # 10 mm by 2 mm from a clamp at the 8th row, edges at 55.5 and 71.5
+    image = cv2.GaussianBlur(image, (0, 0), 1.0)
+    with DatasetWriter(files / "run.h5", header, Frame(image.astype(np.uint8), 0, 0.0)) as writer:
+        for k in range(2):
+            frames = [
+                Frame(np.rint(image + rng.normal(0, 1.5, image.shape)).clip(0, 255).astype(np.uint8), n, 0.0)
+                for n in range(3)
+            ]
+            flags = (Flag("NOT_SETTLED", 2.0, 1.2, "Wait."),) if k else ()
+            writer.append_state(frames, current_A=k / 10, field_mT=0.47 * k, flags=flags)
+    return files / "run.h5"
+
+
+def test_segment_stores_edges_and_writes_them_out(run: Run, dataset: Path) -> None:
+    folder = dataset.parent
+    arguments = ("segment", dataset, "--csv", folder / "csv", "--overlay", folder / "overlay")
+    status, said = run(*arguments)
+    assert (status, said.count("\n")) == (0, 2)  # a line a state
+    table = np.loadtxt(folder / "csv" / "step_00_left.csv", delimiter=",", skiprows=1)
+    assert (folder / "csv" / "step_01_right.csv").read_text().startswith("x_mm,y_mm,sigma_mm\n")
+    assert np.all(np.diff(table[:, 0]) > 0)
+    assert np.abs(np.abs(table[:, 1]) - (71.5 - 55.5) / 16).max() < 0.1
+    quality = (folder / "csv" / "quality.json").read_text()
+    assert '"NOT_SETTLED"' in quality
+    assert cv2.imread(str(folder / "overlay" / "step_01.png")).shape == (96, 128, 3)
+    with open_dataset(dataset) as stored:
+        edges = stored.edges()
+        assert edges is not None
+        assert edges[0].left.points_mm == pytest.approx(table[:, :2], abs=1e-6)
+        assert edges[1].flags[0].name == "NOT_SETTLED"
+    status, said = run(*arguments)
+    assert (status, "csv: is not empty" in said) == (2, True)
+    assert run(*arguments, "--force")[0] == 0

@@ -1,0 +1,217 @@
+"""TOML files: exact currents, shipped files, and one line for everything that can be wrong."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from importlib.resources import files as package_files
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eimi_fitting.specimen import VACUUM_PERMEABILITY
+from eimi_lab.config.calibration import Calibration, load_calibration
+from eimi_lab.config.materials import load_materials
+from eimi_lab.config.protocol import Protocol, load_protocol
+from eimi_lab.config.reading import Document, parse
+from eimi_lab.config.rig import load_rig
+from eimi_lab.config.specimen import SpecimenFile, load_specimen
+from eimi_lab.errors import InputError
+
+SHIPPED = Path(str(package_files("eimi_lab.protocols")))
+
+
+def test_currents_of_the_shipped_protocols_are_exact_decimals() -> None:
+    dragon_skin = load_protocol("dragon_skin_10")
+    ecoflex = load_protocol("ecoflex_00_50")
+    assert [str(current) for current in dragon_skin.currents_A] == [f"{k // 10}.{k % 10}" for k in range(16)]
+    assert [str(current) for current in ecoflex.currents_A] == [f"{k // 10}.{k % 10}" for k in range(11)]
+
+
+@given(start=st.integers(-200, 200), steps=st.integers(1, 60), step=st.integers(1, 50), down=st.booleans())
+def test_steps_never_pick_up_rounding(start: int, steps: int, step: int, down: bool) -> None:
+    stop = start - steps * step if down else start + steps * step
+    text = load_protocol("dragon_skin_10").text
+    text = text.replace("start_A = 0.0", f"start_A = {start / 100}").replace("stop_A = 1.5", f"stop_A = {stop / 100}")
+    text = text.replace("step_A = 0.1", f"step_A = {step / 100}").replace("current_A = 1.6", "current_A = 1000.0")
+    currents = parse(Protocol, text, "p.toml").currents_A
+    expected = [Decimal(start + (-1 if down else 1) * k * step) / 100 for k in range(steps + 1)]
+    assert [Decimal(repr(current)) for current in currents] == expected
+
+
+@pytest.mark.parametrize("path", sorted(SHIPPED.glob("specimens/*.toml")), ids=lambda path: path.stem)
+def test_shipped_specimens_load_by_name(path: Path) -> None:
+    specimen = load_specimen(path.stem)
+    assert specimen == load_specimen(path)
+    assert specimen.specimen.name == path.stem
+    assert specimen.mechanics().magnet is not None
+
+
+def test_shipped_rigs_load_by_name_with_their_calibration() -> None:
+    virtual, bench = load_rig("virtual"), load_rig("bench_example")
+    assert virtual.virtual is not None
+    assert bench.virtual is None
+    assert virtual.calibration.coil_constant_mT_per_A == bench.calibration.coil_constant_mT_per_A == 4.7
+    assert set(virtual.virtual.materials.silicone) == {"Dragon Skin 10", "Ecoflex 00-50"}
+
+
+def test_a_rig_finds_its_calibration_beside_it(files: Path) -> None:
+    text = load_rig("bench_example").text.replace("bench_example_calibration.toml", "calibration.toml")
+    (files / "rig.toml").write_text(text)
+    assert load_rig(files / "rig.toml").calibration.pixels_per_mm == 8.0
+    (files / "calibration.toml").unlink()
+    with pytest.raises(InputError, match=r"rig\.toml: calibration = 'calibration\.toml': no such file"):
+        load_rig(files / "rig.toml")
+
+
+def test_the_mechanics_get_the_moment_of_the_magnet() -> None:
+    specimen = load_specimen("type1")
+    magnet = specimen.magnet
+    assert magnet is not None
+    mechanics = specimen.mechanics()
+    assert mechanics.magnet is not None
+    volume_m3 = magnet.length_mm * magnet.width_mm * magnet.depth_mm * 1e-9
+    assert mechanics.magnet.moment_A_m2 == pytest.approx(magnet.remanence_T / VACUUM_PERMEABILITY * volume_m3)
+    assert mechanics.flexible_length_mm == specimen.specimen.length_mm - magnet.length_mm
+
+
+def test_the_specimen_of_the_real_beam_loads(real_beam: Path) -> None:
+    mechanics = load_specimen(real_beam / "specimen.toml").mechanics()
+    assert (mechanics.length_mm, mechanics.section, mechanics.tip_load_mm) == (100.0, "plane-stress", (100.0, 15.0))
+
+
+def test_a_model_keeps_its_text(files: Path) -> None:
+    path = files / "specimen.toml"
+    assert load_specimen(path).text == path.read_text()
+
+
+def refuse(model: type[Document], shipped: Document, old: str, new: str) -> str:
+    text = shipped.text
+    assert old in text
+    with pytest.raises(InputError) as caught:
+        parse(model, text.replace(old, new, 1), "some.toml")
+    message = str(caught.value)
+    assert message.startswith("some.toml: ")
+    assert "\n" not in message
+    return message.removeprefix("some.toml: ")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("length_mm", "lenght_mm", "specimen.lenght_mm is not a known key; did you mean length_mm?"),
+        ("length_mm", "length_cm", "specimen.length_cm is not a known key; did you mean length_mm?"),
+        ("[magnet]", "[magnt]", "magnt is not a known key; did you mean magnet?"),
+        ("length_mm = 30.0", "length_mm = -30.0", "specimen.length_mm = -30.0 should be greater than 0"),
+        ("length_mm = 30.0", 'length_mm = "30"', "specimen.length_mm = '30' should be a valid number"),
+        ("length_mm = 30.0", "length_mm = true", "specimen.length_mm = true should be a valid number"),
+        ("length_mm = 30.0", "length_mm = inf", "specimen.length_mm = inf should be a finite number"),
+        ("length_mm = 30.0", "length_mm = 3.5", None),
+        ("length_mm = 30.0", "length_mm = 4.0", "magnet.length_mm = 4 must be less than specimen.length_mm = 4"),
+        ("width_mm = 3.0", "width_mm = 2.0", "magnet.width_mm = 3 must not exceed specimen.width_mm = 2"),
+        ('"plane-strain"', '"plane"', "specimen.section = 'plane' should be 'plane-strain' or 'plane-stress'"),
+        ("density_kg_m3", "# density_kg_m3", "specimen.density_kg_m3 is missing"),
+        ("[specimen]", "[specimen", None),
+        ("[magnet]", "[tip_load]\nx_mm = 31.0\ny_mm = 0.0\n[magnet]", "tip_load.x_mm = 31 must lie on the beam"),
+        ("[magnet]", "[tip_load]\nx_mm = 30.0\ny_mm = 2.0\n[magnet]", "tip_load.y_mm = 2 must lie on the beam"),
+    ],
+)
+def test_a_bad_specimen_is_told_in_one_line(old: str, new: str, told: str | None) -> None:
+    message = refuse(SpecimenFile, load_specimen("type1"), old, new)
+    assert told is None or message.startswith(told)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("step_A = 0.1 ", "step_A = 0.4 ", "[current] step_A = 0.4 does not divide the range from 0.0 to 1.5 A"),
+        ("step_A = 0.1", "step_A = -0.1", "current.step_A = -0.1 should be greater than 0"),
+        ("step_A = 0.1", "step_A = 1e-9", "[current] step_A = 1E-9 gives more than 1000 states"),
+        ("stop_A = 1.5", "stop_A = 0.0", "[current] stop_A = 0.0 is start_A"),
+        ("stop_A = 1.5", "stop_A = 1.7", "current goes to 1.7 A, which exceeds limits.current_A = 1.6"),
+        ("start_A = 0.0", "values_A = [0.0, 0.1]", "[current] needs start_A, stop_A and step_A, or values_A alone"),
+        ("[settle]", "[setle]", "setle is not a known key; did you mean settle?"),
+        ("[ramp]", "[limits.ramp]", "limits.ramp is not a known key"),
+        ("frames_per_state = 3", "frames_per_state = 0", "frames_per_state = 0 should be greater than or equal to 1"),
+        ("timeout_s = 30.0", "timeout_s = 0.5", "[settle] timeout_s = 0.5 must be more than drift_window_s = 1"),
+    ],
+)
+def test_a_bad_protocol_is_told_in_one_line(old: str, new: str, told: str) -> None:
+    shipped = load_protocol("dragon_skin_10")
+    padded = shipped.text.replace("step_A = 0.1\n", "step_A = 0.1 \n")
+    assert refuse(Protocol, parse(Protocol, padded, "padded"), old, new).startswith(told)
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("field_angle_deg = 90.0", "field_angle_deg = 90 must lie across the beam"),
+        ("pixels_per_cm = 80.0", "pixels_per_cm is not a known key; did you mean pixels_per_mm?"),
+        ("distortion = [0.0, 0.0, 0.0, 0.0]", "camera_matrix and distortion belong together"),
+        ("clamp_midpoint_px = [64.0]", "clamp_midpoint_px.1 is missing"),
+        ("telecentric = true\nstand_off_mm = 300.0", "stand_off_mm = 300 has no meaning beside telecentric"),
+    ],
+)
+def test_a_bad_calibration_is_told_in_one_line(files: Path, line: str, told: str) -> None:
+    path = files / "calibration.toml"
+    key = line.split(" = ")[0]
+    kept = [other for other in path.read_text().splitlines() if not other.startswith(f"{key} ")]
+    path.write_text("\n".join([*kept, line]))
+    with pytest.raises(InputError) as caught:
+        load_calibration(path)
+    assert str(caught.value).startswith(f"{path}: {told}")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('driver = "virtual"', 'driver = "kord"', "supply.driver = 'kord' is not a driver; there are korad, scpi"),
+        ('driver = "virtual"', 'driver = "korad"', "supply.driver and camera.driver must both be 'virtual'"),
+        ("blur_px", "blur_pixels", "virtual.optics.blur_pixels is not a known key; did you mean blur_px?"),
+        ("virtual_materials", "butter", "materials = 'butter.toml': no such file beside the rig"),
+    ],
+)
+def test_a_bad_rig_is_told_in_one_line(tmp_path: Path, old: str, new: str, told: str) -> None:
+    shipped = load_rig("virtual")
+    assert shipped.virtual is not None
+    (tmp_path / "virtual_calibration.toml").write_text(shipped.calibration.text)
+    (tmp_path / "virtual_materials.toml").write_text(shipped.virtual.materials.text)
+    path = tmp_path / "rig.toml"
+    path.write_text(shipped.text.replace(old, new, 1))
+    with pytest.raises(InputError) as caught:
+        load_rig(path)
+    assert str(caught.value).startswith(f"{path}: {told}")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("parameters = {", "parameters = { K_Pa = 1.0,"), ('model = "', 'model = "un')]
+)
+def test_a_bad_material_of_the_virtual_rig_is_told_in_one_line(tmp_path: Path, old: str, new: str) -> None:
+    shipped = load_rig("virtual").virtual
+    assert shipped is not None
+    path = tmp_path / "materials.toml"
+    path.write_text(shipped.materials.text.replace(old, new, 1))
+    with pytest.raises(InputError) as caught:
+        load_materials(path)
+    assert str(caught.value).startswith(f"{path}: [silicone.Dragon Skin 10] ")
+
+
+def test_the_rigs_own_text_keeps_the_hidden_materials_to_itself() -> None:
+    rig = load_rig("virtual")
+    assert rig.virtual is not None
+    for material in rig.virtual.materials.silicone.values():
+        assert not any(f"{value:g}" in rig.text for value in material.values)
+
+
+def test_a_name_that_is_not_shipped_tells_those_that_are() -> None:
+    with pytest.raises(InputError, match=r"type9: no such file.*type1, type2, type3, type4"):
+        load_specimen("type9")
+
+
+@given(text=st.text(max_size=200))
+def test_any_text_gives_a_model_or_one_line(text: str) -> None:
+    for model in (Protocol, SpecimenFile, Calibration):
+        with pytest.raises(InputError) as caught:
+            parse(model, text, "some.toml")
+        assert "\n" not in str(caught.value)

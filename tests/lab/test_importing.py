@@ -1,0 +1,316 @@
+"""Importing through the command line: good folders become datasets, bad ones one line and no file."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eimi_lab.dataset.images import read_image
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.dataset.tables import read_table
+from eimi_lab.errors import InputError
+
+Run = Callable[..., tuple[int, str]]
+
+
+def import_frames(run: Run, files: Path) -> tuple[int, str]:
+    return run(
+        "import",
+        files / "frames",
+        "--states",
+        files / "states.csv",
+        "--specimen",
+        files / "specimen.toml",
+        "--calibration",
+        files / "calibration.toml",
+        "-o",
+        files / "out.h5",
+    )
+
+
+def import_points(run: Run, files: Path) -> tuple[int, str]:
+    return run(
+        "import",
+        files / "points.csv",
+        "--states",
+        files / "states.csv",
+        "--specimen",
+        files / "specimen.toml",
+        "--gravity-angle",
+        "-90",
+        "-o",
+        files / "out.h5",
+    )
+
+
+def test_images_come_in_natural_order(run: Run, pictures: Path, frame: Callable[..., np.ndarray]) -> None:
+    states = pictures / "states.csv"
+    header, *rows = states.read_text().splitlines()
+    states.write_text("\n".join([header, *sorted(rows)]))  # as a shell would sort them: 1, 10, 2, 20
+    assert import_frames(run, pictures) == (0, "")
+    with open_dataset(pictures / "out.h5") as dataset:
+        assert [state.current_A for state in dataset.states] == [0.1, 0.2, 1.0, 2.0]
+        assert [state.field_mT for state in dataset.states] == pytest.approx([0.47, 0.94, 4.7, 9.4])
+        assert [state.measured_A for state in dataset.states] == [None] * 4
+        assert np.array_equal(dataset.images(1)[0], frame(2))
+
+
+def test_neighbours_under_one_load_are_frames_of_one_state(run: Run, pictures: Path) -> None:
+    (pictures / "states.csv").write_text(
+        "tip_force_N,field_mT,frame\n0,0,1\n0,0,2\n\n0.1,0,10\n0,0,frame_20\n", encoding="utf-8-sig"
+    )
+    assert import_frames(run, pictures) == (0, "")
+    with open_dataset(pictures / "out.h5") as dataset:
+        assert [len(dataset.images(state.index)) for state in dataset.states] == [2, 1, 1]
+        assert [state.tip_force_N for state in dataset.states] == [0.0, 0.1, 0.0]
+
+
+def rewrite(name: str, old: str, new: str) -> Callable[[Path], None]:
+    def spoil(files: Path) -> None:
+        text = (files / name).read_text()
+        assert old in text
+        (files / name).write_text(text.replace(old, new, 1))
+
+    return spoil
+
+
+def truncate(files: Path) -> None:
+    image = files / "frames" / "frame_10.png"
+    image.write_bytes(image.read_bytes()[:-500])
+
+
+def shrink(files: Path) -> None:
+    cv2.imwrite(str(files / "frames" / "frame_10.png"), np.zeros((96, 100), np.uint8))
+
+
+def empty(files: Path) -> None:
+    for image in (files / "frames").iterdir():
+        image.unlink()
+
+
+BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
+    "header": (
+        rewrite("states.csv", "current_A", "curent_A"),
+        "states.csv: row 1: 'curent_A' is not a known column; did you mean current_A?",
+    ),
+    "column missing": (
+        rewrite("states.csv", "frame,", "tip_force_N,"),
+        "states.csv: row 1: the column frame is missing",
+    ),
+    "no load": (
+        lambda files: (files / "states.csv").write_text("frame,tip_force_N\nframe_1.png,0\n"),
+        "neither current_A nor field_mT",
+    ),
+    "both loads": (
+        lambda files: (files / "states.csv").write_text("frame,current_A,field_mT\nframe_1.png,0,0\n"),
+        "both current_A and field_mT",
+    ),
+    "text for a number": (
+        rewrite("states.csv", "0.2", "much"),
+        "states.csv: row 3: current_A = 'much' should be a number",
+    ),
+    "decimal comma": (
+        rewrite("states.csv", ",0.2", ",0,2"),
+        "states.csv: row 3: has 3 cells; the header has 2 columns",
+    ),
+    "not finite": (
+        rewrite("states.csv", "0.2", "nan"),
+        "states.csv: row 3: current_A = 'nan' should be a finite number",
+    ),
+    "cell missing": (rewrite("states.csv", ",0.2", ""), "states.csv: row 3: has 1 cells"),
+    "empty table": (lambda files: (files / "states.csv").write_text(""), "states.csv: is empty"),
+    "header only": (
+        lambda files: (files / "states.csv").write_text("frame,current_A\n"),
+        "states.csv: has a header but no rows",
+    ),
+    "no table": (lambda files: (files / "states.csv").unlink(), "states.csv: cannot be read"),
+    "image missing": (
+        lambda files: (files / "frames" / "frame_2.png").unlink(),
+        "states.csv: row 3: frame = 'frame_2.png' should be an image in",
+    ),
+    "image twice": (
+        rewrite("states.csv", "frame_2.png", "frame_1.png"),
+        "states.csv: row 3: frame = 'frame_1.png' should be listed once; row 2",
+    ),
+    "image extra": (
+        lambda files: shutil.copy(files / "frames" / "frame_1.png", files / "frames" / "more.png"),
+        "more.png: is not listed in",
+    ),
+    "image truncated": (truncate, "frame_10.png: is truncated or damaged"),
+    "image empty": (lambda files: (files / "frames" / "frame_10.png").write_bytes(b""), "frame_10.png: is empty"),
+    "no image": (
+        lambda files: (files / "frames" / "frame_10.png").write_text("hello"),
+        "frame_10.png: is not an image",
+    ),
+    "other size": (shrink, "frame_10.png: is 100 x 96 px of 8 bits; frame_1.png is 128 x 96 px of 8 bits"),
+    "empty folder": (empty, "frames: holds no images"),
+    "one state": (
+        lambda files: (files / "states.csv").write_text("frame,current_A\n1,0\n2,0\n10,0\n20,0\n"),
+        "states.csv: has one state only",
+    ),
+    "specimen too long": (
+        rewrite("specimen.toml", "length_mm = 10.0", "length_mm = 30.0"),
+        "specimen.length_mm = 30 at pixels_per_mm = 8 is 240 px and leaves the image of 128 x 96 px",
+    ),
+    "misspelt key": (
+        rewrite("specimen.toml", "length_mm", "lenght_mm"),
+        "specimen.toml: specimen.lenght_mm is not a known key; did you mean length_mm?",
+    ),
+    "calibration": (
+        rewrite("calibration.toml", "8.0", "-8.0"),
+        "calibration.toml: pixels_per_mm = -8.0 should be greater than 0",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD_FRAMES)
+def test_bad_frames_give_one_line_and_no_file(run: Run, pictures: Path, case: str) -> None:
+    spoil, told = BAD_FRAMES[case]
+    spoil(pictures)
+    status, said = import_frames(run, pictures)
+    assert status == 2
+    assert said.count("\n") == 1
+    assert told in said
+    assert not list(pictures.glob("*.h5"))
+    assert not list(pictures.glob(".out*"))
+
+
+def test_an_existing_file_stays_unless_forced(run: Run, pictures: Path) -> None:
+    (pictures / "out.h5").write_text("precious")
+    status, said = import_frames(run, pictures)
+    assert (status, "out.h5: exists already" in said) == (2, True)
+    assert (pictures / "out.h5").read_text() == "precious"
+
+
+@pytest.mark.parametrize("ending", [".png", ".jpg", ".tif", ".bmp", ".pgm"])
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.9, 0.999])
+def test_a_truncated_image_is_never_read(
+    tmp_path: Path, frame: Callable[..., np.ndarray], ending: str, share: float
+) -> None:
+    path = tmp_path / f"image{ending}"
+    cv2.imwrite(str(path), frame(1))
+    whole = path.read_bytes()
+    assert read_image(path).shape == (96, 128)
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(InputError, match=path.name):
+        read_image(path)
+
+
+def test_the_real_beam_comes_in_as_points(run: Run, files: Path, real_beam: Path) -> None:
+    for name in ("points.csv", "states.csv", "specimen.toml"):
+        shutil.copy(real_beam / name, files)
+    assert import_points(run, files) == (0, "")
+    with open_dataset(files / "out.h5") as dataset:
+        assert (dataset.kind, dataset.calibration) == ("points", None)
+        assert (dataset.gravity_angle_deg, dataset.field_angle_deg) == (-90.0, 90.0)
+        assert [(state.field_mT, state.tip_force_N) for state in dataset.states] == [(0.0, 0.0), (0.0, 0.51012)]
+        tracked = dataset.points()[1]
+        assert tracked.names == ("Tip-2", "Tip-3")
+        assert tracked.rest_mm.tolist() == [[100.0, 9.0], [100.0, -9.0]]
+        assert tracked.points_mm.tolist() == [[101.166, -8.277], [96.367, -25.465]]
+        assert tracked.sigma_mm.tolist() == [1.0, 1.0]
+
+
+@pytest.fixture
+def tracked(files: Path) -> Path:
+    (files / "states.csv").write_text("state,field_mT\n0,0\n1,2.5\n")
+    rows = [
+        "state,point,x0_mm,y0_mm,x_mm,y_mm,sigma_mm",
+        "1,a,10,1,9,3,0.1",
+        "0,a,10,1,10,1,0.1",
+        "0,b,5,-1,5,-1,0.1",
+        "1,b,5,-1,5,0,0.1",
+    ]
+    (files / "points.csv").write_text("\n".join(rows) + "\n")
+    return files
+
+
+def test_points_are_sorted_into_their_states(run: Run, tracked: Path) -> None:
+    assert import_points(run, tracked) == (0, "")
+    with open_dataset(tracked / "out.h5") as dataset:
+        assert [(state.field_mT, state.current_A) for state in dataset.states] == [(0.0, None), (2.5, None)]
+        assert [points.names for points in dataset.points()] == [("a", "b"), ("a", "b")]
+        assert dataset.points()[1].points_mm.tolist() == [[9.0, 3.0], [5.0, 0.0]]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "told"),
+    [
+        (rewrite("points.csv", "1,a", "2,a"), "points.csv: row 2: state = '2' should be one of the states in"),
+        (rewrite("points.csv", "1,a", "x,a"), "points.csv: row 2: state = 'x' should be a whole number"),
+        (rewrite("points.csv", "1,b", "1,a"), "points.csv: row 5: point a is twice in state 1"),
+        (rewrite("points.csv", "1,a,10,1,9,3,0.1", "1,a,10,1,9,3,0"), "row 2: sigma_mm = '0' should be greater than 0"),
+        (rewrite("points.csv", "10,1,9", "11,1,9"), "row 2: x0_mm = '11' should be on the beam, from 0 to length_mm"),
+        (rewrite("points.csv", "10,1,9", "10,2,9"), "row 2: y0_mm = '2' should be on the beam, within half"),
+        (rewrite("states.csv", "1,2.5", "1,2.5\n2,3"), "points.csv: has no point of state 2"),
+        (rewrite("states.csv", "1,2.5", "0,2.5"), "states.csv: row 3: state = '0' should be a state that was not"),
+        (rewrite("states.csv", "1,2.5\n", ""), "states.csv: has one state only"),
+        (rewrite("states.csv", "field_mT", "current_A"), "current_A = '2.5' should be 0, or field_mT be given"),
+    ],
+)
+def test_bad_points_give_one_line_and_no_file(
+    run: Run, tracked: Path, spoil: Callable[[Path], None], told: str
+) -> None:
+    spoil(tracked)
+    status, said = import_points(run, tracked)
+    assert (status, said.count("\n")) == (2, 1)
+    assert told in said
+    assert not list(tracked.glob("*.h5"))
+
+
+def test_what_belongs_to_the_other_kind_is_refused(run: Run, pictures: Path) -> None:
+    common = ("--states", pictures / "states.csv", "--specimen", pictures / "specimen.toml", "-o", pictures / "o.h5")
+    status, said = run("import", pictures / "frames", *common)
+    assert (status, "images need --calibration" in said) == (2, True)
+    status, said = run("import", pictures / "states.csv", *common)
+    assert (status, "tracked points need --gravity-angle" in said) == (2, True)
+    status, said = run("import", pictures / "nowhere", *common)
+    assert (status, "nowhere: no such folder" in said) == (2, True)
+
+
+def test_through_the_installed_module(pictures: Path) -> None:
+    truncate(pictures)
+    arguments = ["import", "frames", "--states", "states.csv", "--specimen", "specimen.toml"]
+    arguments += ["--calibration", "calibration.toml", "-o", "out.h5"]
+    done = subprocess.run(
+        [sys.executable, "-m", "eimi_lab", *arguments],
+        cwd=pictures,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr == "eimi: frames/frame_10.png: is truncated or damaged; copy it again\n"
+
+
+cells = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=8)
+
+
+@given(rows=st.lists(st.lists(cells, min_size=1, max_size=4), max_size=5))
+def test_any_table_is_read_or_told_in_one_line(tmp_path_factory: pytest.TempPathFactory, rows: list[list[str]]) -> None:
+    path = tmp_path_factory.mktemp("tables") / "states.csv"
+    path.write_text("\n".join(["frame,current_A", *(",".join(row) for row in rows)]), encoding="utf-8", newline="")
+    told = ""
+    try:
+        numbers = [row.number("current_A") for row in read_table(path, ["frame"], ["current_A"])]
+    except InputError as error:
+        numbers, told = [], str(error)
+    assert np.isfinite(numbers).all()
+    assert told.startswith(str(path)) or numbers
+
+
+@given(numbers=st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=20))
+def test_numbers_survive_a_table(tmp_path_factory: pytest.TempPathFactory, numbers: list[float]) -> None:
+    path = tmp_path_factory.mktemp("tables") / "states.csv"
+    path.write_text("current_A\n" + "\n".join(map(repr, numbers)))
+    assert [row.number("current_A") for row in read_table(path, ["current_A"])] == numbers

@@ -1,0 +1,159 @@
+"""Whole runs through the command line on a supply behind a real transport, cut short in every way that can be caught.
+
+The supply is emulated in the test's own process, so that it outlives the run and its coil can be looked at.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from eimi_drivers.clock import WallClock
+from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_lab.dataset.reading import open_dataset
+
+FOUR_STATES = [0.0, 0.1, 0.2, 0.3]
+PICTURES, NAMES = 24, 3000
+
+
+@dataclass
+class Ended:
+    """How a run ended: its status, the lines on stderr, and the states that it acknowledged there."""
+
+    status: int
+    said: list[str]
+
+    @property
+    def acknowledged(self) -> int:
+        return sum(line.startswith("acquire ") for line in self.said)
+
+
+@pytest.fixture
+def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
+    """A folder with a protocol, a specimen, and a recording of a beam at rest that lasts for a whole run."""
+    recording = files / "recording"
+    recording.mkdir()
+    for number in range(PICTURES):
+        cv2.imwrite(str(recording / f"f_{number}.png"), frame(number))
+    for number in range(PICTURES, NAMES):
+        os.link(recording / f"f_{number % PICTURES}.png", recording / f"f_{number}.png")
+    return files
+
+
+def run(bench: Path, driver: str, address: str, after: int, act: Callable[[subprocess.Popen[str]], None]) -> Ended:
+    """Acquire, and act once `after` states are acknowledged."""
+    (bench / "rig.toml").write_text(f"""
+name = "emulated"
+calibration = "calibration.toml"
+supply = {{ driver = "{driver}", address = "{address}", limits = {{ current_A = 1.0, voltage_V = 10.0 }} }}
+camera = {{ driver = "opencv", source = "{bench / "recording"}" }}
+""")
+    command = [sys.executable, "-m", "eimi_lab", "acquire", "protocol.toml", "--specimen", "specimen.toml"]
+    process = subprocess.Popen(
+        [*command, "--rig", "rig.toml", "-o", "run.h5"], cwd=bench, stderr=subprocess.PIPE, text=True
+    )
+    said = []
+    assert process.stderr is not None
+    for line in process.stderr:
+        said.append(line.rstrip())
+        if line.startswith(f"acquire {after}/"):
+            act(process)
+    return Ended(process.wait(60), said)
+
+
+def assert_off(coil: CoilSupply) -> None:
+    assert not coil.state.output
+    assert coil.state.set_current_A == 0.0
+    WallClock().sleep(0.5)  # ten time constants of the coil
+    assert abs(coil.coil_current_A()) < 1e-3
+
+
+def states(path: Path) -> list[float | None]:
+    with open_dataset(path) as dataset:
+        assert all(dataset.images(state.index).shape == (2, 96, 128) for state in dataset.states)
+        return [state.current_A for state in dataset.states]
+
+
+def test_a_run_to_its_end_on_a_serial_port(bench: Path) -> None:
+    coil = CoilSupply(WallClock())
+    with serve_pty(emulate("korad", coil)) as port:
+        ended = run(bench, "korad", port, 99, lambda process: None)
+    assert (ended.status, ended.acknowledged) == (0, 4), ended.said
+    assert_off(coil)
+    assert states(bench / "run.h5") == FOUR_STATES
+
+
+@pytest.mark.parametrize(
+    ("number", "after", "driver"),
+    [
+        (signal.SIGTERM, 1, "korad"),
+        (signal.SIGINT, 2, "scpi"),
+        (signal.SIGHUP, 3, "scpi"),
+        *(
+            pytest.param(number, after, driver, marks=pytest.mark.slow)
+            for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+            for after in (1, 2, 3, 4)
+            for driver in ("korad", "scpi")
+        ),
+    ],
+)
+def test_a_signal_ends_with_the_coil_off_and_every_acknowledged_state(
+    bench: Path, number: signal.Signals, after: int, driver: str
+) -> None:
+    coil = CoilSupply(WallClock())
+    instrument = emulate(driver, coil)
+    with serve_pty(instrument) if driver == "korad" else serve_tcp(instrument) as address:
+
+        def twice(process: subprocess.Popen[str]) -> None:
+            process.send_signal(number)
+            WallClock().sleep(0.1)
+            process.send_signal(number)
+
+        ended = run(bench, driver, address, after, twice)
+    assert_off(coil)
+    assert ended.acknowledged >= after
+    assert states(bench / "run.h5") == FOUR_STATES[: ended.acknowledged]
+    # The second signal may find the interpreter leaving already, with the system's own handlers back in place.
+    assert ended.status in (128 + number, -number)
+    assert ended.said[-1] == f"eimi: stopped by {number.name}"
+
+
+def test_a_camera_that_runs_dry_ends_with_the_coil_off(bench: Path) -> None:
+    coil = CoilSupply(WallClock())
+
+    def unplug(process: subprocess.Popen[str]) -> None:
+        for number in range(PICTURES, NAMES):
+            (bench / "recording" / f"f_{number}.png").unlink()
+
+    with serve_tcp(emulate("scpi", coil)) as address:
+        ended = run(bench, "scpi", address, 1, unplug)
+    assert_off(coil)
+    assert states(bench / "run.h5") == FOUR_STATES[: ended.acknowledged]
+    assert 1 <= ended.acknowledged < 4
+    assert ended.status == 1
+    assert "cannot be read as an image" in ended.said[-1]
+
+
+@pytest.mark.parametrize("after", [1, 3])
+def test_a_kill_loses_no_acknowledged_state(bench: Path, after: int) -> None:
+    coil = CoilSupply(WallClock())
+    with serve_tcp(emulate("scpi", coil)) as address:
+        ended = run(bench, "scpi", address, after, subprocess.Popen.kill)
+    assert ended.status == -signal.SIGKILL
+    found = states(bench / "run.h5")
+    assert len(found) >= ended.acknowledged >= after
+    assert found == FOUR_STATES[: len(found)]
+    command = [sys.executable, "-m", "eimi_lab", "recover", "run.h5", "-o", "whole.h5"]
+    done = subprocess.run(command, cwd=bench, capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == f"whole.h5: {len(found)} states\n"
+    assert states(bench / "whole.h5") == found

@@ -1,0 +1,56 @@
+"""Settling: the measure is 1 at rest, whatever the camera's noise, and grows with motion as motion's blur predicts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eimi_lab.acquisition.settling import edge_band, measure_noise
+
+
+def camera(rng: np.random.Generator, shift_px: float, electrons: float = 10_000.0) -> np.ndarray:
+    """(200, 300) uint8 with shot noise: a bright field that falls off, a dark beam with blurred edges."""
+    x = np.arange(300) - shift_px
+    light = 0.8 * (1 - 0.2 * (x / 300) ** 2)
+    beam = 0.06 + 0.94 / (1 + np.exp(-(np.abs(x - 150) - 37) / 0.6))
+    share = np.tile(light * beam, (200, 1))
+    counted = rng.normal(share * electrons, np.sqrt(share * electrons))
+    return np.clip(np.rint(counted / electrons * 255), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("electrons", [2_500.0, 10_000.0])
+def test_at_rest_the_ratio_is_one(electrons: float) -> None:
+    rng = np.random.default_rng(1)
+    noise = measure_noise([camera(rng, 0.0, electrons) for _ in range(8)])
+    ratios = [noise.difference_ratio(camera(rng, 5.3, electrons), camera(rng, 5.3, electrons)) for _ in range(10)]
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.05)
+    assert max(ratios) < 1.15
+
+
+def test_noise_follows_shot_noise() -> None:
+    rng = np.random.default_rng(2)
+    noise = measure_noise([camera(rng, 0.0) for _ in range(8)])
+    expected = 255 / 10_000 * noise.levels + 1 / 12  # variance of counting in grey levels, and of rounding
+    assert noise.variances == pytest.approx(expected, rel=0.1)
+
+
+def test_motion_shows() -> None:
+    rng = np.random.default_rng(3)
+    noise = measure_noise([camera(rng, 0.0) for _ in range(8)])
+    ratios = [noise.difference_ratio(camera(rng, 0.0), camera(rng, shift)) for shift in (0.05, 0.1, 0.2, 0.5)]
+    assert ratios == sorted(ratios)
+    assert ratios[1] > 1.2
+    assert ratios[3] / ratios[2] == pytest.approx(0.5**2 / 0.2**2, rel=0.35)
+
+
+def test_the_band_lies_along_the_edges() -> None:
+    rng = np.random.default_rng(4)
+    band = edge_band(camera(rng, 0.0))
+    columns = np.flatnonzero(band.mean(axis=0) > 0.5)
+    assert set(columns) <= {*range(105, 122), *range(179, 196)}
+    assert {113, 187} <= set(columns)
+
+
+def test_noise_needs_two_frames() -> None:
+    with pytest.raises(ValueError, match="at least two"):
+        measure_noise([np.zeros((4, 4), np.uint8)])

@@ -1,0 +1,149 @@
+"""Edges of rendered beams of known shape: error, order, spacing, stated scatter, corners."""
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from eimi_lab.config.specimen import Magnet, SpecimenFile
+from eimi_lab.virtual.optics import expose
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.benchmark import (
+    CALIBRATION,
+    CONDITIONS,
+    NOMINAL,
+    SPECIMEN,
+    bend,
+    errors_px,
+    make_bent_scene,
+)
+from eimi_lab.vision.edges import find_edges
+from eimi_lab.vision.intensity import state_mean
+
+
+@lru_cache
+def photograph(angle_deg, condition="nominal", seed=0):
+    beam = bend(SPECIMEN, angle_deg)
+    scene = make_bent_scene(CONDITIONS[condition], CALIBRATION, SPECIMEN, beam)
+    return expose(scene, np.random.default_rng(seed)), beam, scene
+
+
+def rms(values):
+    return np.sqrt(np.mean(np.square(values)))
+
+
+@pytest.mark.parametrize("angle_deg", [-75.0, -20.0, 0.0, 45.0, 90.0])
+def test_nominal_error(angle_deg):
+    image, beam, _ = photograph(angle_deg)
+    edges = find_edges(image, CALIBRATION, SPECIMEN)
+    for errors in errors_px(edges, beam, CALIBRATION):
+        assert len(errors) > 85
+        assert abs(errors.mean()) < 0.01
+        assert rms(errors) < 0.02
+        assert np.abs(errors).max() < 0.1
+    assert edges.flags == ()
+
+
+@pytest.mark.parametrize("condition", ["hard", "defocused"])
+@pytest.mark.parametrize("angle_deg", [0.0, 60.0])
+def test_error_in_a_poor_image(condition, angle_deg):
+    image, beam, _ = photograph(angle_deg, condition)
+    edges = find_edges(image, CALIBRATION, SPECIMEN)
+    for errors in errors_px(edges, beam, CALIBRATION):
+        assert rms(errors) < 0.05
+    assert {flag.name for flag in edges.flags} == ({"DEFOCUS"} if condition == "defocused" else set())
+
+
+@pytest.mark.parametrize("condition", ["nominal", "hard"])
+def test_stated_deviation_is_that_of_the_scatter(condition):
+    pulls = []
+    for angle_deg in (-30.0, 10.0, 60.0):
+        image, beam, _ = photograph(angle_deg, condition)
+        edges = find_edges(image, CALIBRATION, SPECIMEN)
+        for errors, side in zip(errors_px(edges, beam, CALIBRATION), (edges.left, edges.right), strict=True):
+            pulls.append(errors / (side.sigma_mm * CALIBRATION.pixels_per_mm))
+    assert 0.8 < rms(np.concatenate(pulls)) < 1.25
+
+
+@pytest.mark.parametrize("angle_deg", [-60.0, 0.0, 60.0])
+def test_order_sides_and_ends(angle_deg):
+    image, beam, _ = photograph(angle_deg)
+    edges = find_edges(image, CALIBRATION, SPECIMEN)
+    assert edges.left.points_mm[0, 1] < 0 < edges.right.points_mm[0, 1]
+    for side, edge in ((edges.left, beam.left), (edges.right, beam.right)):
+        steps = np.hypot(*np.diff(side.points_mm, axis=0).T)
+        assert steps.max() < 1.1 * steps.min()
+        # From the clamp to the tip, a few pixels short of both.
+        assert 0.1 < np.linalg.norm(side.points_mm[0] - edge[0]) < 0.5
+        assert 0.1 < np.linalg.norm(side.points_mm[-1] - edge[-1]) < 0.5
+        assert side.sigma_mm.shape == (len(side.points_mm),)
+    truth = BeamFrame(CALIBRATION).to_px([beam.left[0], beam.right[0], beam.left[-1], beam.right[-1]])
+    np.testing.assert_allclose(edges.corners_px, truth, atol=0.15)
+
+
+def test_spacing_is_kept_within_bounds():
+    image, _, _ = photograph(0.0)
+    coarse = find_edges(image, CALIBRATION, SPECIMEN, spacing_mm=1.0)
+    assert np.hypot(*np.diff(coarse.left.points_mm, axis=0).T) == pytest.approx(1.0, rel=0.06)
+    assert len(find_edges(image, CALIBRATION, SPECIMEN, spacing_mm=0.001).left.points_mm) == 100
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"field_angle_deg": 180.0},
+        {"axis_angle_deg": 0.0, "field_angle_deg": 90.0, "clamp_midpoint_px": (180.2, 500.7)},
+        {"axis_angle_deg": -90.0, "field_angle_deg": 10.0, "clamp_midpoint_px": (640.0, 900.0)},
+        {"axis_angle_deg": 78.0},
+        {"pixels_per_mm": 10.0},
+    ],
+)
+def test_any_orientation_hand_and_scale(change):
+    calibration = CALIBRATION.model_copy(update=change)
+    beam = bend(SPECIMEN, 50.0)
+    image = expose(make_bent_scene(NOMINAL, calibration, SPECIMEN, beam), np.random.default_rng(0))
+    edges = find_edges(image, calibration, SPECIMEN)
+    for errors in errors_px(edges, beam, calibration):
+        assert abs(errors.mean()) < 0.01
+        assert rms(errors) < 0.02
+    assert edges.flags == ()
+
+
+@pytest.mark.parametrize("magnet_width_mm", [1.5, 2.4, None])
+def test_narrow_magnet_and_none(magnet_width_mm):
+    magnet = None
+    if magnet_width_mm:
+        magnet = Magnet.model_validate(SPECIMEN.magnet.model_dump() | {"width_mm": magnet_width_mm})
+    specimen = SpecimenFile(specimen=SPECIMEN.specimen, magnet=magnet)
+    beam = bend(specimen, 30.0)
+    image = expose(make_bent_scene(NOMINAL, CALIBRATION, specimen, beam), np.random.default_rng(0))
+    edges = find_edges(image, CALIBRATION, specimen)
+    for errors in errors_px(edges, beam, CALIBRATION):
+        assert rms(errors) < 0.02
+    assert edges.flags == ()
+
+
+def test_through_a_distorting_lens():
+    calibration = CALIBRATION.model_copy(
+        update={
+            "camera_matrix": ((1500.0, 0.0, 640.0), (0.0, 1500.0, 512.0), (0.0, 0.0, 1.0)),
+            "distortion": (-0.2, 0.08, 0.001, 0.001, 0.0),
+        }
+    )
+    beam = bend(SPECIMEN, 50.0)
+    image = expose(make_bent_scene(NOMINAL, calibration, SPECIMEN, beam), np.random.default_rng(0))
+    for errors in errors_px(find_edges(image, calibration, SPECIMEN), beam, calibration):
+        assert rms(errors) < 0.02
+
+
+def test_colour_depth_and_mean_of_frames():
+    image, beam, scene = photograph(30.0)
+    rng = np.random.default_rng(3)
+    lone = rms(np.concatenate(errors_px(find_edges(image, CALIBRATION, SPECIMEN), beam, CALIBRATION)))
+    for picture in (np.dstack([image // 4, image // 3, image]), image.astype(np.uint16) * 16):
+        edges = find_edges(picture, CALIBRATION, SPECIMEN)
+        assert rms(np.concatenate(errors_px(edges, beam, CALIBRATION))) == pytest.approx(lone, rel=0.1)
+        assert edges.flags == ()
+    mean = find_edges(state_mean(expose(scene, rng) for _ in range(8)), CALIBRATION, SPECIMEN)
+    assert rms(np.concatenate(errors_px(mean, beam, CALIBRATION))) < 0.6 * lone
+    assert mean.flags == ()
