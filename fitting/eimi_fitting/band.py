@@ -6,9 +6,12 @@ another's entries, and no loop over candidates is needed.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
+from scipy.sparse import csr_array
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -35,7 +38,8 @@ class BandAssembly:
         # Layer k holds the k-th contribution to each entry: up to four where four elements meet.
         self._layers = [(source[run == k], target[run == k]) for k in range(run.max() + 1)]
         self._block = d * d
-        self._vector_dofs = dofs
+        free = np.flatnonzero(dofs.ravel() >= 0)
+        self._sum = csr_array((np.ones(len(free)), (dofs.ravel()[free], free)), shape=(n, dofs.size))
         self._cache: dict[int, list[tuple[Indices, Indices]]] = {}
 
     def _indices(self, batch: int) -> list[tuple[Indices, Indices]]:
@@ -67,37 +71,63 @@ class BandAssembly:
 
     def vector(self, element_vectors: Array) -> Array:
         """Element vectors (E, B, d) -> (B, n)."""
-        batch = element_vectors.shape[1]
-        dofs = np.where(self._vector_dofs < 0, self.n, self._vector_dofs)
-        index = dofs[:, None, :] + (np.arange(batch) * (self.n + 1))[None, :, None]
-        total = np.bincount(index.ravel(), element_vectors.ravel(), minlength=batch * (self.n + 1)).astype(float)
-        return total.reshape(batch, self.n + 1)[:, : self.n]
+        elements, batch, d = element_vectors.shape
+        total = self._sum @ element_vectors.transpose(0, 2, 1).reshape(elements * d, batch)
+        return np.ascontiguousarray(total.T)
 
 
-def solve(band: Array, right: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Solve every block: lower bands (B, n, w) and right-hand sides (B, n) -> solutions (B, n), ok (B,).
+@dataclass(frozen=True)
+class BandFactor:
+    """The factors of a batch of band matrices; ``sound`` (B,) tells which of them could be factorised."""
+
+    sound: NDArray[np.bool_]
+    cholesky: Array | None
+    lu: tuple[Array, Indices] | None
+    bandwidth: int
+
+    def solve(self, right: Array) -> Array:
+        """Right-hand sides (B, n) -> solutions (B, n), zero where the matrix was not sound."""
+        right = np.where(self.sound[:, None], right, 0.0)
+        if self.cholesky is not None:
+            x, _ = lapack.dpbtrs(self.cholesky, right.reshape(-1), lower=1)
+        else:
+            assert self.lu is not None
+            x, _ = lapack.dgbtrs(self.lu[0], self.bandwidth, self.bandwidth, right.reshape(-1), self.lu[1])
+        return np.asarray(x.reshape(right.shape))
+
+
+def factorise(band: Array, sound: NDArray[np.bool_]) -> BandFactor:
+    """Factorise the lower bands (B, n, w) of the candidates that are sound (finite).
 
     Cholesky first; where a block is not positive definite (far from equilibrium), LU with pivoting serves the whole
-    batch. Blocks with entries that are not finite are replaced by the identity, so that they spoil no neighbour.
+    batch. Blocks that are not sound are replaced by the identity, so that they spoil no neighbour.
     """
     batch, n, width = band.shape
-    ok = np.isfinite(band).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
-    if not ok.all():
-        band, right = band.copy(), right.copy()
-        band[~ok] = 0.0
-        band[~ok, :, 0] = 1.0
-        right[~ok] = 0.0
-    matrix = band.reshape(batch * n, width).T
-    _, x, info = lapack.dpbsv(matrix, right.reshape(-1), lower=1)
-    if info != 0:
-        x, singular = _solve_indefinite(band, right)
-        ok = ok & ~singular
-    x = x.reshape(batch, n)
-    ok = ok & np.isfinite(x).all(axis=1)
-    return np.where(ok[:, None], x, 0.0), ok
+    if not np.isfinite(band.sum()):
+        sound = sound & np.isfinite(band).all(axis=(1, 2))
+    band = _with_identity(band, sound)
+    cholesky, info = lapack.dpbtrf(band.reshape(batch * n, width).T, lower=1)
+    if info == 0:
+        return BandFactor(sound, cholesky, None, width - 1)
+    while True:
+        lu, pivots, info = lapack.dgbtrf(_general(band), width - 1, width - 1, overwrite_ab=1)
+        if info == 0:
+            return BandFactor(sound, None, (lu, pivots), width - 1)
+        # An exactly zero pivot: find which candidate it belongs to and go on without it.
+        sound = sound & (np.arange(batch) != (info - 1) // n)
+        band = _with_identity(band, sound)
 
 
-def _solve_indefinite(band: Array, right: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _with_identity(band: Array, sound: NDArray[np.bool_]) -> Array:
+    if sound.all():
+        return band
+    identity = np.zeros(band.shape[-1])
+    identity[0] = 1.0
+    return np.where(sound[:, None, None], band, identity)
+
+
+def _general(band: Array) -> Array:
+    """Lower bands (B, n, w) -> LAPACK's general band storage of the whole batch, with room for pivoting."""
     batch, n, width = band.shape
     k = width - 1
     lower = band.reshape(batch * n, width)
@@ -106,14 +136,4 @@ def _solve_indefinite(band: Array, right: Array) -> tuple[Array, NDArray[np.bool
         full[2 * k + r] = lower[:, r]
         if r:
             full[2 * k - r, r:] = lower[:-r, r]
-    _, _, x, info = lapack.dgbsv(k, k, full, right.reshape(-1), overwrite_ab=1)
-    singular = np.zeros(batch, bool)
-    if info > 0:  # an exactly zero pivot: find which candidate, answer for the others
-        singular[(info - 1) // n] = True
-        band, right = band.copy(), right.copy()
-        band[singular] = 0.0
-        band[singular, :, 0] = 1.0
-        right[singular] = 0.0
-        x, more = _solve_indefinite(band, right)
-        singular |= more
-    return x, singular
+    return full

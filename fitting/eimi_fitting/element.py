@@ -34,7 +34,8 @@ class Operators:
 
     gradient: (E, 9, 2 q) nodal values -> (I, q) gradients; weighted: (E, 2 q, 9) its transpose times the weights;
     tangent: (E, 4 q, 81); pressure: (E, 2 q, 27); basis: (E, q, 3) pressure functions at the Gauss points;
-    mass: (E, 3) their weighted squares; load: (E, 9) integrals of the shape functions; weights: (E, q) mm².
+    mass: (E, 3) their weighted squares; load: (E, 9) and slope: (E, 9, 2) integrals of the
+    shape functions and of their derivatives; weights: (E, q) mm².
     """
 
     gradient: Array
@@ -44,6 +45,7 @@ class Operators:
     basis: Array
     mass: Array
     load: Array
+    slope: Array
     weights: Array
 
 
@@ -76,7 +78,9 @@ def operators(mesh: Mesh) -> Operators:
         mass[:, k] = np.einsum("eq,eq,eq->e", weights, f, f)
     pressure = np.einsum("eq,eqaI,eqk->eIqak", weights, slope, basis).reshape(n, 2 * POINTS, 27)
     load = np.einsum("eq,qa->ea", weights, values)
-    return Operators(gradient, weighted, tangent, pressure, basis, mass, load, weights)
+    return Operators(
+        gradient, weighted, tangent, pressure, basis, mass, load, np.einsum("eq,eqaI->eaI", weights, slope), weights
+    )
 
 
 def gradients(ops: Operators, nodal: Array) -> Array:
@@ -187,15 +191,19 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
     return K.reshape(n, b, 18, 18)
 
 
-def volume_terms(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) -> tuple[Array, Array]:
-    """Coupling (E, B, 18, 3) of displacement and pressure, and the residual (E, B, 3) of J - 1 = p / K."""
+def volume_gap(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) -> Array:
+    """Residual (E, B, 3) of J - 1 = p / K against the pressure functions."""
+    residual = np.matmul((ev.J - 1) * ops.weights[:, None, :], ops.basis)
+    return residual - pressure * ops.mass[:, None, :] / batch.bulk[:, None]
+
+
+def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
+    """Derivative (E, B, 18, 3) of the volume residual with respect to the displacement."""
     (f11, f12), (f21, f22) = ev.F
     n, b = f11.shape[:2]
     Z = np.empty((n, b, 2, 2, POINTS))
     Z[:, :, 0, 0], Z[:, :, 0, 1], Z[:, :, 1, 0], Z[:, :, 1, 1] = f22, -f21, -f12, f11
-    coupling = np.matmul(Z.reshape(n, b * 2, 2 * POINTS), ops.pressure).reshape(n, b, 18, 3)
-    residual = np.matmul((ev.J - 1) * ops.weights[:, None, :], ops.basis)
-    return coupling, residual - pressure * ops.mass[:, None, :] / batch.bulk[:, None]
+    return np.matmul(Z.reshape(n, b * 2, 2 * POINTS), ops.pressure).reshape(n, b, 18, 3)
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array | None) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from eimi_fitting.materials import Law
 from eimi_fitting.mesh import Indices, beam_mesh, shape_functions
 from eimi_fitting.solid import Configuration, DeadLoads, Solid, Status, combine
 from eimi_fitting.specimen import Specimen
+from eimi_fitting.stability import stable_stretch
 
 Array = NDArray[np.float64]
 
@@ -28,7 +30,7 @@ class Shapes:
     """P candidates in K states.
 
     displacement: (P, K, N, 2) mm; rigid: (P, K, 3) mm, mm, rad (rotation of the magnet, zero without one);
-    status: (P, K) Status; iterations: (P, K) linear solves; max_stretch: (P, K) largest principal stretch.
+    status: (P, K) Status; iterations: (P, K) tangents factorised; max_stretch: (P, K) largest principal stretch.
     Rows that are not converged hold the last place reached: look at the status.
     """
 
@@ -72,6 +74,8 @@ class BeamModel:
         self.solid = Solid(mesh, fixed, rigid, (flexible, 0.0))
         self._lumped = np.zeros(len(mesh.nodes))
         np.add.at(self._lumped, mesh.elements, self.solid.ops.load)
+        self._slopes = np.zeros((len(mesh.nodes), 2))  # integrals of dN/dX
+        np.add.at(self._slopes, mesh.elements, self.solid.ops.slope)
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
         """Nodes (n, 9) and weights (n, 9) that give the displacement of material points (n, 2) of the flexible part.
@@ -133,6 +137,9 @@ class BeamModel:
         field, gravity, tip_force = load[0:2], load[2:4], load[4:6]
         kg_per_mm3 = 1e-9 * spec.density_kg_m3
         nodal = self._lumped[:, None] * (kg_per_mm3 * gravity)
+        # Hard-magnetic silicone: the energy -B . F M is linear in the displacement, so its forces are dead
+        # (Zhao, Kim, Cianchetti, Zhao 2019, J. Mech. Phys. Solids 124:244). A/m T = J/m³ = 1e-6 N/mm².
+        nodal = nodal + 1e-6 * (self._slopes @ np.array(spec.magnetisation_A_per_m))[:, None] * field
         force, tensor = np.zeros(2), np.zeros((2, 2))
         point = np.array(spec.tip_load_mm if spec.tip_load_mm is not None else (spec.length_mm, 0.0))
         per_depth = tip_force / spec.depth_mm
@@ -162,12 +169,14 @@ class BeamModel:
         *,
         tolerance_mm: float = 1e-6,
         start: Configuration | None = None,
+        bulk_modulus_Pa: Array | None = None,
     ) -> Shapes:
         """Take P candidates, parameters (P, n) in the law's units (Pa), through the K states in order.
 
         The first state is reached from rest (or from ``start``, the ``last`` of an earlier result), each further one
         by extrapolation from those before. A step that fails is cut into smaller ones; a candidate that fails for
-        good is marked in this and in all later states, and no longer computed.
+        good is marked in this and in all later states, and no longer computed. The material is incompressible unless
+        bulk moduli (P,) are given, which plane stress does not know: ValueError.
         """
         parameters = np.atleast_2d(np.asarray(parameters, float))
         scale = np.array([_MEGA if unit == "Pa" else 1.0 for unit in law.units])
@@ -177,7 +186,14 @@ class BeamModel:
             mu = law.initial_shear_modulus(scaled)
         sound = sound & np.isfinite(mu) & (mu > 0)
         section = self.specimen.section
-        batch = Batch(law, scaled, section, BULK_RATIO * np.where(sound, mu, 1.0))
+        bulk = BULK_RATIO * np.where(sound, mu, 1.0)
+        if bulk_modulus_Pa is not None:
+            if section == "plane-stress":
+                raise ValueError("plane stress is incompressible here: it takes no bulk modulus")
+            given = np.broadcast_to(np.asarray(bulk_modulus_Pa, float) * _MEGA, bulk.shape)
+            sound = sound & np.isfinite(given) & (given > 0)
+            bulk = np.where(sound, given, bulk)
+        batch = Batch(law, scaled, section, bulk)
         p, k_states = len(parameters), len(loads)
         now = self.solid.rest(p) if start is None else start.copy()
         shapes = Shapes(
@@ -204,6 +220,9 @@ class BeamModel:
             shapes.max_stretch[rows, k] = self._max_stretch(now.displacement[rows])
             path.append((load, now.copy()))
             previous = load
+        limit = stable_stretch(law, scaled, shapes.max_stretch.max(axis=1))
+        beyond = shapes.max_stretch > limit[:, None] * (1 + 1e-9)
+        shapes.status[(shapes.status == Status.CONVERGED) & beyond] = Status.UNSTABLE
         return shapes
 
     def _advance(
@@ -219,34 +238,29 @@ class BeamModel:
         """Bring ``rows`` of ``now`` to the new load, in one step or, where that fails, in 4 and then in 16."""
         status = np.full(len(rows), Status.DIVERGED, np.int8)
         iterations = np.zeros(len(rows), np.intp)
-        left = np.arange(len(rows))
+        left = np.arange(len(rows))  # places in ``rows`` that have not arrived
         for cuts in (1, 4, 16):
-            if not len(left):
-                break
-            part = guess.take(rows[left]) if cuts == 1 else now.take(rows[left])
-            going = np.arange(len(left))
+            part = (guess if cuts == 1 else now).take(rows[left])
+            going = left.copy()
             for c in range(1, cuts + 1):
                 dead = self._dead_loads(previous + (load - previous) * c / cuts)
-                sub = Batch(
-                    batch.law,
-                    batch.parameters[rows[left[going]]],
-                    batch.section,
-                    batch.bulk[rows[left[going]]],
-                )
-                reached, outcome, spent = self.solid.equilibrium(sub, dead, part.take(going), tolerance_mm)
-                iterations[left[going]] += spent
-                status[left[going]] = outcome
-                fine = outcome == Status.CONVERGED
-                part.put(going[fine], reached.take(np.flatnonzero(fine)))
-                going = going[fine]
+                sub = Batch(batch.law, batch.parameters[rows[going]], batch.section, batch.bulk[rows[going]])
+                part, outcome, spent = self.solid.equilibrium(sub, dead, part, tolerance_mm)
+                iterations[going] += spent
+                status[going] = outcome
+                fine = np.flatnonzero(outcome == Status.CONVERGED)
+                if len(fine) < len(going):
+                    going, part = going[fine], part.take(fine)
                 if not len(going):
                     break
-            now.put(rows[left[going]], part.take(going))
-            left = np.setdiff1d(left, left[going])
+            now.put(rows[going], part)
+            left = np.flatnonzero(status != Status.CONVERGED)
+            if not len(left):
+                break
         return status, iterations
 
     def _max_stretch(self, displacement: Array) -> Array:
-        nodal = np.ascontiguousarray(displacement[:, self.mesh.elements].transpose(1, 0, 3, 2))
+        nodal = self.solid.by_element(displacement)
         (h11, h12), (h21, h22) = element.gradients(self.solid.ops, nodal)
         a = (1 + h11) ** 2 + h12**2 + h21**2 + (1 + h22) ** 2
         J = (1 + h11) * (1 + h22) - h12 * h21
@@ -264,7 +278,7 @@ def _extrapolate(path: list[tuple[Array, Configuration]], load: Array) -> Config
         return None
     places: list[float] = []
     used: list[Configuration] = []
-    for earlier, configuration in path[:-5:-1]:
+    for earlier, configuration in path[:-6:-1]:
         offset = earlier - path[-1][0]
         t = float(offset @ direction) / length2
         # Off the line, ahead, or so close to another point that the polynomial would swing: go no further back.
@@ -274,8 +288,5 @@ def _extrapolate(path: list[tuple[Array, Configuration]], load: Array) -> Config
         used.append(configuration)
     if len(places) < 2:
         return None
-    nodes = np.array(places)
-    weights = np.array(
-        [np.prod((1.0 - np.delete(nodes, i)) / (nodes[i] - np.delete(nodes, i))) for i in range(len(nodes))]
-    )
+    weights = [prod((1.0 - s) / (t - s) for s in places if s != t) for t in places]
     return combine(weights, used)

@@ -71,29 +71,35 @@ class _Invariant(NamedTuple):
     JJ: Array
 
 
-def _invariants(a: Array, J: Array, section: Section) -> tuple[_Invariant, _Invariant]:
-    """First and second isochoric invariant of a planar state."""
+def _first_invariant(a: Array, J: Array, section: Section) -> _Invariant:
+    """First isochoric invariant of a planar state."""
     if section == "plane-stress":
         s = J**-2
-        i1 = _Invariant(a + s, np.ones_like(a), -2 * s / J, np.zeros_like(a), 6 * s**2)
-        i2 = _Invariant(J**2 + a * s, s, 2 * J - 2 * a * s / J, -2 * s / J, 2 + 6 * a * s**2)
-        return i1, i2
+        return _Invariant(a + s, np.ones_like(a), -2 * s / J, np.zeros_like(a), 6 * s**2)
     c = J ** (-2 / 3)
-    value = c * (a + 1)
-    i1 = _Invariant(value, c, -2 / 3 * value / J, -2 / 3 * c / J, 10 / 9 * value / J**2)
-    c2 = c * c
-    i2 = _Invariant(
-        c2 * (a + J**2),
-        c2,
-        c2 * (2 / 3 * J - 4 / 3 * a / J),
-        -4 / 3 * c2 / J,
-        c2 * (28 / 9 * a / J**2 - 2 / 9),
+    value, over = c * (a + 1), 1 / J
+    return _Invariant(value, c, -2 / 3 * value * over, -2 / 3 * c * over, 10 / 9 * value * over * over)
+
+
+def _second_invariant(a: Array, J: Array, section: Section) -> _Invariant:
+    """Second isochoric invariant of a planar state."""
+    if section == "plane-stress":
+        s = J**-2
+        return _Invariant(J**2 + a * s, s, 2 * J - 2 * a * s / J, -2 * s / J, 2 + 6 * a * s**2)
+    c = J ** (-4 / 3)
+    return _Invariant(
+        c * (a + J**2),
+        c,
+        c * (2 / 3 * J - 4 / 3 * a / J),
+        -4 / 3 * c / J,
+        c * (28 / 9 * a / J**2 - 2 / 9),
     )
-    return i1, i2
 
 
 class _InvariantLaw(ABC):
     """A law that is a function of I1 - 3 and I2 - 3: subclasses give W and its derivatives."""
+
+    needs_second = False  # whether I2 enters at all
 
     @abstractmethod
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
@@ -101,7 +107,14 @@ class _InvariantLaw(ABC):
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
         """Energy density and derivatives of a planar state."""
-        i1, i2 = _invariants(a, J, section)
+        i1 = _first_invariant(a, J, section)
+        if not self.needs_second:
+            w, w1, _, w11 = self.coefficients(parameters, i1.value - 3, np.zeros(()))
+            slope = w11 * i1.a
+            return PlanarEnergy(
+                w, w1 * i1.a, w1 * i1.J, slope * i1.a, w1 * i1.aJ + slope * i1.J, w1 * i1.JJ + w11 * i1.J**2
+            )
+        i2 = _second_invariant(a, J, section)
         w, w1, w2, w11 = self.coefficients(parameters, i1.value - 3, i2.value - 3)
         return PlanarEnergy(
             w,
@@ -145,6 +158,7 @@ class NeoHookean(_InvariantLaw):
 class MooneyRivlin(_InvariantLaw):
     """psi = C10 (I1 - 3) + C01 (I2 - 3); the initial shear modulus is 2 (C10 + C01)."""
 
+    needs_second = True
     name: str = "mooney-rivlin"
     parameter_names: tuple[str, ...] = ("C10", "C01")
     units: tuple[str, ...] = ("Pa", "Pa")
@@ -183,6 +197,21 @@ class Yeoh(_InvariantLaw):
         )
 
 
+_SERIES_TO = 0.1  # c - 1, and
+_SERIES_PRODUCT = 2.0  # nu^2 (c - 1), up to which ten terms are enough
+
+
+def _terms(nu2: float, z: float) -> int:
+    """How many terms of the series reach rounding for the second derivative, at most ten."""
+    z = min(z, _SERIES_TO, _SERIES_PRODUCT / nu2)
+    term = 1.0
+    for k in range(10):
+        term *= (nu2 + k * k) * z / ((2 * k + 1) * (k + 1))
+        if k >= 2 and term * (k + 1) * k < 1e-16 * z * z:
+            return k + 1
+    return 10
+
+
 def _cosh_of_scaled_angle(nu: Array, c: Array) -> tuple[Array, Array, Array]:
     """g(c) = cosh(nu arccosh c) for c >= 1 with its first two derivatives in c.
 
@@ -192,7 +221,7 @@ def _cosh_of_scaled_angle(nu: Array, c: Array) -> tuple[Array, Array, Array]:
     """
     z = np.maximum(c - 1.0, 0.0)
     nu2 = nu * nu
-    n_terms = 10
+    n_terms = _terms(float(np.abs(nu2).max(initial=1.0)), float(z.max(initial=0.0)))
     coefficients = [np.ones_like(nu2)]
     for k in range(n_terms):
         coefficients.append(coefficients[-1] * (nu2 - k * k) / ((2 * k + 1) * (k + 1)))
@@ -202,8 +231,7 @@ def _cosh_of_scaled_angle(nu: Array, c: Array) -> tuple[Array, Array, Array]:
         g2 = g2 * z + 2 * g1
         g1 = g1 * z + g
         g = g * z + coefficients[k]
-    # The series' last term is ~ (nu^2 z / 2)^10 / 10!, so it serves where nu^2 z is moderate and z small.
-    far = (z > 0.1) | (nu2 * z > 2.0)
+    far = (z > _SERIES_TO) | (nu2 * z > _SERIES_PRODUCT)
     if np.any(far):
         z_far = np.where(far, z, 1.0)
         angle = np.arccosh(1.0 + z_far)

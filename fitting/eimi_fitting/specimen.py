@@ -36,6 +36,7 @@ class Specimen:
 
     Beam frame: x from the clamp to the tip, y across, origin at the middle of the clamp line; width is along y,
     depth out of the plane. ``tip_load_mm`` is where a tip force acts (middle of the tip unless given).
+    ``magnetisation_A_per_m`` is that of a silicone cast with magnetic powder, in the beam frame at rest.
     """
 
     length_mm: float
@@ -45,6 +46,7 @@ class Specimen:
     section: Section
     magnet: Magnet | None = None
     tip_load_mm: tuple[float, float] | None = None
+    magnetisation_A_per_m: tuple[float, float] = (0.0, 0.0)
 
     @property
     def flexible_length_mm(self) -> float:

@@ -33,12 +33,14 @@ def _smallest_stiffness(law: Law, parameters: Array, log_stretch: Array) -> Arra
     return np.asarray(np.linalg.eigvalsh(projected)[..., 0].min(axis=2))
 
 
-def is_stable(law: Law, parameters: Array, max_stretch: Array, steps: int = 25) -> NDArray[np.bool_]:
-    """(P, n) and (P,) -> (P,): Drucker-stable in every mode up to the given largest stretch."""
+def stable_stretch(law: Law, parameters: Array, reached: Array, steps: int = 25) -> Array:
+    """(P, n) and (P,) -> (P,): the largest stretch, up to the one reached, at which a law is stable in every mode."""
     parameters = np.atleast_2d(parameters)
-    log_stretch = np.log(np.maximum(max_stretch, 1.0))[:, None] * np.linspace(0, 1, steps)
+    log_stretch = np.log(np.maximum(reached, 1.0))[:, None] * np.linspace(0, 1, steps)
     with np.errstate(all="ignore"):
-        return np.asarray((_smallest_stiffness(law, parameters, log_stretch) > 0).all(axis=1))
+        stable = _smallest_stiffness(law, parameters, log_stretch) > 0
+    last = np.logical_and.accumulate(stable, axis=1).sum(axis=1) - 1
+    return np.where(last < 0, 0.0, np.exp(np.take_along_axis(log_stretch, np.maximum(last, 0)[:, None], axis=1)[:, 0]))
 
 
 def stable_up_to(law: Law, parameters: Array) -> float | None:

@@ -179,3 +179,33 @@ def test_points_outside_the_beam_are_refused():
 def test_a_magnet_as_long_as_the_beam_is_refused():
     with pytest.raises(ValueError, match="leaves nothing"):
         BeamModel(Specimen(4.0, 3.0, 1.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 1.0, 1.0, 7500.0)))
+
+
+def test_a_law_that_is_not_stable_where_it_was_taken_says_so():
+    specimen, field = magnet_tipped()
+    model = BeamModel(specimen)
+    loads = Loads.along([0.0, 0.3 * field, field])
+    shapes = model.solve(LAWS["yeoh"], np.array([[25e3, 0, 0], [25e3, -1e5, 0]]), loads)
+    assert shapes.status[0].tolist() == [Status.CONVERGED] * 3
+    assert shapes.status[1].tolist() == [Status.CONVERGED, Status.CONVERGED, Status.UNSTABLE]
+
+
+def test_a_finite_bulk_modulus_softens_the_beam_and_a_large_one_does_not():
+    specimen, field = magnet_tipped()
+    model = BeamModel(specimen)
+    loads = Loads.along([0.02 * field], gravity_angle_deg=None)
+    shapes = model.solve(NEO, np.array([[0.05e6]] * 2), loads, bulk_modulus_Pa=np.array([0.1e6, 500e6]))
+    soft, hard = shapes.rigid[:, 0, 2]
+    reference = model.solve(NEO, MU, loads).rigid[0, 0, 2]
+    assert hard == pytest.approx(reference, rel=1e-4)
+    # Plane strain E' = 9 K mu / (3 K + mu) / (1 - nu^2), small angles go as 1 / E'.
+    k, mu = 0.1, 0.05
+    nu = (3 * k - 2 * mu) / (2 * (3 * k + mu))
+    stiffness = 9 * k * mu / (3 * k + mu) / (1 - nu**2)
+    assert soft / reference == pytest.approx(4 * mu / stiffness, rel=0.02)
+
+
+def test_plane_stress_takes_no_bulk_modulus():
+    model = BeamModel(Specimen(50.0, 2.0, 4.0, 1.0, "plane-stress"))
+    with pytest.raises(ValueError, match="plane stress"):
+        model.solve(NEO, MU, Loads.along(0.0), bulk_modulus_Pa=np.array([1e6]))

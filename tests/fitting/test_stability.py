@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from eimi_fitting.materials import LAWS
-from eimi_fitting.stability import is_stable, stable_up_to
+from eimi_fitting.stability import stable_stretch, stable_up_to
 
 
 def test_positive_neo_hookean_is_always_stable():
-    assert is_stable(LAWS["neo-hookean"], np.array([[4e4]]), np.array([5.0]))[0]
+    assert stable_stretch(LAWS["neo-hookean"], np.array([[4e4]]), np.array([5.0]))[0] == pytest.approx(5.0)
     assert stable_up_to(LAWS["neo-hookean"], np.array([4e4])) is None
 
 
 def test_negative_modulus_is_never_stable():
-    assert not is_stable(LAWS["neo-hookean"], np.array([[-4e4]]), np.array([1.01]))[0]
+    assert stable_stretch(LAWS["neo-hookean"], np.array([[-4e4]]), np.array([1.01]))[0] == 0.0
 
 
 def test_falling_yeoh_loses_stability_where_planar_tension_does():
@@ -29,8 +29,10 @@ def test_falling_yeoh_loses_stability_where_planar_tension_does():
     planar = stretch[np.argmax(np.diff(t) < 0)]
     assert limit is not None
     assert 1.0 < limit <= planar * 1.01
-    assert is_stable(LAWS["yeoh"], np.array([[c10, c20, 0.0]]), np.array([0.99 * limit]))[0]
-    assert not is_stable(LAWS["yeoh"], np.array([[c10, c20, 0.0]]), np.array([1.05 * limit]))[0]
+    reached = np.array([0.99 * limit, 1.2 * limit])
+    stable = stable_stretch(LAWS["yeoh"], np.array([[c10, c20, 0.0]] * 2), reached)
+    assert stable[0] == pytest.approx(reached[0])
+    assert stable[1] == pytest.approx(limit, rel=0.02)
 
 
 def test_mooney_rivlin_with_negative_c01_has_a_limit_and_with_positive_none():

@@ -1,0 +1,88 @@
+"""What one simulated curve costs: a batch of candidates, one candidate, and how cost grows.
+
+    cd fitting && python -m benchmarks.speed
+
+One thread. A 30 x 3 mm beam with a 4 mm magnet through 16 field states.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from collections.abc import Callable
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+import numpy as np  # noqa: E402
+import scipy  # noqa: E402
+
+from eimi_fitting.actuation import Loads  # noqa: E402
+from eimi_fitting.forward import BeamModel  # noqa: E402
+from eimi_fitting.materials import LAWS  # noqa: E402
+from eimi_fitting.specimen import Magnet, Specimen  # noqa: E402
+
+SPECIMEN = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
+EXAMPLES = {
+    "neo-hookean": [46e3],
+    "mooney-rivlin": [20e3, 3e3],
+    "yeoh": [23e3, 5e3, -600.0],
+    "ogden": [2e4, 1.7, 100.0, 8.0, -5e3, -2.5],
+}
+TOLERANCE_MM = 1e-2  # as the identification uses it
+
+
+def population(name: str, size: int) -> np.ndarray:
+    """Candidates about an example, moduli spread by a third."""
+    spread = np.exp(0.3 * np.random.default_rng(0).standard_normal((size, 1)))
+    unit = np.array([u == "Pa" for u in LAWS[name].units])
+    return np.where(unit, np.array(EXAMPLES[name]) * spread, EXAMPLES[name])
+
+
+def fastest(run: Callable[[], object], repeats: int = 7) -> float:
+    """Seconds of the fastest of several runs: what the machine can do when nothing else is on it."""
+    run()
+    times = []
+    for _ in range(repeats):
+        begun = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - begun)
+    return min(times)
+
+
+def main() -> None:
+    """Print every figure."""
+    print(f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}, one thread")
+    model, fine = BeamModel(SPECIMEN), BeamModel(SPECIMEN, 39, 3)
+    loads = Loads.along(np.linspace(0, 7.05, 16))
+    tip = np.array([[30.0, 0.0]])
+    for name, law in LAWS.items():
+        candidates = population(name, 16)
+        batch = fastest(lambda law=law, c=candidates: model.solve(law, c, loads, tolerance_mm=TOLERANCE_MM))
+        single = fastest(lambda law=law, c=candidates: model.solve(law, c[:1], loads, tolerance_mm=TOLERANCE_MM))
+        ours = model.positions(model.solve(law, candidates[:1], loads, tolerance_mm=TOLERANCE_MM), tip)[0, -1, 0]
+        reference = fine.positions(fine.solve(law, candidates[:1], loads), tip)[0, -1, 0]
+        off = np.linalg.norm(ours - reference) / np.linalg.norm(reference - tip[0])
+        print(
+            f"{name:14s} {1e3 * batch / 16:6.2f} ms a candidate in a batch of 16, {1e3 * single:6.1f} ms alone; "
+            f"tip {100 * off:.3f} % of its deflection from 39 x 3"
+        )
+    print("growth, ms in all (Neo-Hookean):")
+    for size in (4, 8, 16, 32, 64):
+        print(f"  {size:3d} candidates {cost(model, size, 16):8.1f}")
+    for states in (8, 16, 32, 64):
+        print(f"  {states:3d} states     {cost(model, 16, states):8.1f}")
+    for along in (8, 13, 26, 52):
+        print(f"  {along:3d} elements   {cost(BeamModel(SPECIMEN, along, 1), 16, 16):8.1f}")
+
+
+def cost(model: BeamModel, size: int, states: int) -> float:
+    """Milliseconds of a batch of Neo-Hookean candidates through so many states."""
+    candidates, loads = population("neo-hookean", size), Loads.along(np.linspace(0, 7.05, states))
+    law = LAWS["neo-hookean"]
+    return 1e3 * fastest(lambda: model.solve(law, candidates, loads, tolerance_mm=TOLERANCE_MM), 3)
+
+
+if __name__ == "__main__":
+    main()
