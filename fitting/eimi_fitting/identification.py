@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cma
 import numpy as np
@@ -19,6 +19,7 @@ from eimi_fitting.actuation import Loads
 from eimi_fitting.forward import BeamModel
 from eimi_fitting.materials import LAWS, Law
 from eimi_fitting.observation import Misfit, Observation
+from eimi_fitting.polish import Polish, polish
 from eimi_fitting.search_space import SEARCH_SPACES, SearchSpace
 from eimi_fitting.solid import Status
 from eimi_fitting.stability import LARGEST_STRETCH_CHECKED, stable_up_to
@@ -28,6 +29,9 @@ Array = NDArray[np.float64]
 
 # Worse than any simulation can be, and finite: the optimiser would replace a NaN by the generation's median.
 DISCARDED_MM = 1e6
+# Of the change in the modulus from the coarse mesh to the fine one, the share that finer meshes still add (measured:
+# 13 x 1 is off by 0.20 and 0.41 %, 26 x 3 by 0.02 and 0.07 %).
+_LEFT_BY_REFINING = 1 / 6
 _TOLERANCE_MM = 1e-2  # of the last Newton step: what is left is below 1e-4, and edges are good to 1e-3
 
 
@@ -115,6 +119,7 @@ class Fit:
     stability_checked_to: float
     at_bound: tuple[str, ...]
     history: tuple[Generation, ...]
+    polish: Polish
     evaluations: int
     unconverged: int
     unstable: int
@@ -138,6 +143,8 @@ def identify(
 ) -> Fit:
     """Identify one law (a key of LAWS) from one or several experiments.
 
+    The search runs on the coarse mesh of `BeamModel`'s defaults; the polish, the errors and the intervals use the
+    experiments' own models, which `BeamModel.refined` makes fine enough for the edges of a good camera.
     ``progress(generation, best_mm, step_size)`` is called once a generation. Raises NothingConverged, and
     KeyError for an unknown law.
     """
@@ -150,9 +157,10 @@ def identify(
         "bounds": [0, 1],
         "seed": seed if seed > 0 else 1,
         "popsize": population or (8 if n == 1 else 8 + 2 * n),
-        "tolx": 2e-5,
-        "tolfun": 5e-7,
-        "tolfunhist": 5e-7,
+        # The search need only come near enough for the polish: to 20 nm in the objective.
+        "tolx": 1e-4,
+        "tolfun": 2e-5,
+        "tolfunhist": 2e-5,
         "tolflatfitness": 10,
         "maxiter": most_generations,
         "verbose": -9,
@@ -161,12 +169,13 @@ def identify(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         search = cma.CMAEvolutionStrategy([0.5] * dimensions, 0.25, options)
+    coarse = [replace(experiment, model=BeamModel(experiment.model.specimen)) for experiment in experiments]
     history: list[Generation] = []
     best, best_unit = np.inf, np.full(n, 0.5)
     evaluations = unconverged = unstable = 0
     while not search.stop():
         candidates = np.clip(np.array(search.ask()), 0.0, 1.0)
-        result = compare(law, space.parameters(candidates[:, :n]), experiments)
+        result = compare(law, space.parameters(candidates[:, :n]), coarse)
         values = result.objective_mm
         search.tell(list(candidates), values.tolist())
         evaluations += len(values)
@@ -183,15 +192,22 @@ def identify(
         raise NothingConverged(
             f"none of {evaluations} {model} candidates could be simulated: check geometry, loads and units"
         )
+
+    def refined(units: Array) -> Comparison:
+        return compare(law, space.parameters(units), experiments)
+
+    polished, searched = polish(refined, best_unit), best_unit
+    best_unit = polished.unit
     parameters = space.parameters(best_unit[None])
     final = compare(law, parameters, experiments)
     uncertainty = estimate_uncertainty(
         space,
         law,
         best_unit,
-        lambda units: [(m.residuals, m.weights) for m in compare(law, space.parameters(units), experiments).misfits],
+        lambda units: [(m.residuals, m.weights) for m in refined(units).misfits],
         [e.observed for e in experiments],
         seed,
+        float(best_unit[0] - searched[0]) * _LEFT_BY_REFINING,
     )
     return Fit(
         law,
@@ -205,6 +221,7 @@ def identify(
         LARGEST_STRETCH_CHECKED,
         _at_bound(space, best_unit),
         tuple(history),
+        polished,
         evaluations,
         unconverged,
         unstable,

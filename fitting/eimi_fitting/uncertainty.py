@@ -7,8 +7,8 @@ its first negative value (initial positive sequence; Geyer 1992, Statist. Sci. 7
 stated uncertainty, which is taken as common to the points of one state.
 
 A direction that the data do not fix is held by the bounds of the search, entered as a normal prior with the bounds'
-variance; it is named as not fixed. Errors common to the whole experiment (scale, coil constant, moment) are not in
-these intervals.
+variance; it is named as not fixed. What the mesh leaves is added to the modulus. Errors common to the whole
+experiment (scale, coil constant, moment) are not in these intervals.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from scipy import stats
 
 from eimi_fitting.materials import Law
 from eimi_fitting.observation import EdgeObservation, Observation
+from eimi_fitting.polish import difference_batch
 from eimi_fitting.search_space import SearchSpace
 
 Array = NDArray[np.float64]
@@ -76,20 +77,19 @@ def estimate_uncertainty(
     residuals: Residuals,
     observed: Sequence[Observation],
     seed: int,
+    mesh_error: float = 0.0,
 ) -> Uncertainty:
-    """Intervals about the optimum ``unit`` (n,) of the search coordinates; one extra batch of 2 n + 1 candidates."""
+    """Intervals about the optimum ``unit`` (n,) of the search coordinates; one extra batch of 2 n + 1 candidates.
+
+    mesh_error: standard deviation of the first coordinate, the modulus, that the mesh adds.
+    """
     n = len(unit)
-    step = np.full(n, 1e-3)
-    step[0] = 2e-4  # the modulus: a range of three decades
-    ahead, behind = np.minimum(unit + step, 1.0), np.maximum(unit - step, 0.0)
-    batch = np.tile(unit, (2 * n + 1, 1))
-    batch[1 : n + 1][np.diag_indices(n)] = ahead
-    batch[n + 1 :][np.diag_indices(n)] = behind
+    batch, distance = difference_batch(unit)
     information = np.eye(n) / _BOUNDS_VARIANCE
     noise2, count, effective, taus = 0.0, 0.0, 0.0, []
     for (all_residuals, weights), seen in zip(residuals(batch), observed, strict=True):
         r = all_residuals[0]
-        slope = (all_residuals[1 : n + 1] - all_residuals[n + 1 :]) / (ahead - behind)[:, None, None, None]
+        slope = (all_residuals[1 : n + 1] - all_residuals[n + 1 :]) / distance[:, None, None, None]
         if isinstance(seen, EdgeObservation):
             tau = correlation_length(r, weights)
             variance = float((r**2).sum() / weights.sum())
@@ -106,6 +106,7 @@ def estimate_uncertainty(
         noise2 += float((r**2).sum())
         count += float(weights.sum())
     covariance = np.linalg.inv(information)
+    covariance[0, 0] += mesh_error**2
     spread = np.sqrt(np.diag(covariance))
     # Student's t where the noise level was estimated from the residuals themselves.
     widen = stats.t.ppf(0.975, max(effective - n, 1.0)) / stats.norm.ppf(0.975) if taus else 1.0
