@@ -67,6 +67,11 @@ def acquire(
     rig: Annotated[str, typer.Option(help="rig.toml, or a shipped one such as virtual")],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="the dataset to write")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="tell what would be done, and do nothing")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="go on with the run that the dataset holds")] = False,
+    take_over: Annotated[
+        bool, typer.Option("--take-over", help="switch off a supply whose output is found on, not refuse it")
+    ] = False,
+    note: Annotated[str, typer.Option(help="what you want the dataset to tell of this run")] = "",
     force: Force = False,
 ) -> None:
     """Run a protocol: currents, frames, dataset."""
@@ -76,6 +81,7 @@ def acquire(
     from eimi_lab.config.protocol import load_protocol
     from eimi_lab.config.rig import load_rig
     from eimi_lab.config.specimen import load_specimen
+    from eimi_lab.dataset.file_system import network_file_system
     from eimi_lab.outputs import refuse_existing
     from eimi_lab.progress import progress
 
@@ -88,18 +94,23 @@ def acquire(
         return
     if output is None:
         raise InputError("-o FILE.h5 is missing: the dataset to write; only --dry-run does without")
-    refuse_existing(output, force)
+    if not resume:
+        refuse_existing(output, force)
+    elif force or note:
+        raise InputError("--resume goes on with what the dataset holds: give neither --force nor --note with it")
+    if kind := network_file_system(output.parent):
+        _tell(f"warning: {output} is on a network ({kind}): a crash may cost stored states; a local disk is safer", 0)
     with (
         open_bench(bench_rig, beam, chosen.limits) as bench,
         progress("acquire", len(chosen.currents_A)) as report,
     ):
-        run(chosen, beam, bench_rig, bench, output, report, force)
+        run(chosen, beam, bench_rig, bench, output, report, force, resume=resume, take_over=take_over, note=note)
     print(f"{output}: {len(chosen.currents_A)} states")
 
 
 @app.command("import")
 def import_(
-    source: Annotated[Path, typer.Argument(help="folder of images, or points.csv with tracked points")],
+    source: Annotated[Path, typer.Argument(help="folder of images, video, or points.csv with tracked points")],
     states: Annotated[Path, typer.Option(help="states.csv: frame (or state), current_A or field_mT, tip_force_N")],
     specimen: Specimen,
     output: Output,
@@ -108,25 +119,106 @@ def import_(
         float | None,
         typer.Option(help="for tracked points: gravity in the beam frame, degrees from +x toward +y; 0 hangs down"),
     ] = None,
+    average: Annotated[bool, typer.Option("--average", help="keep the mean of a state's frames, not each")] = False,
     force: Force = False,
 ) -> None:
-    """Make a dataset of images or tracked points that a lab already has."""
+    """Make a dataset of images, a video or tracked points that a lab already has."""
     from eimi_lab.config.calibration import load_calibration
     from eimi_lab.config.specimen import load_specimen
-    from eimi_lab.dataset.importing import import_frames, import_points
+    from eimi_lab.dataset.importing import VIDEOS, import_frames, import_points
+    from eimi_lab.progress import progress
 
     if not source.exists():
-        raise InputError(f"{source}: no such folder of images or table of points")
+        raise InputError(f"{source}: no such folder of images, video or table of points")
     beam = load_specimen(specimen)
-    if source.is_dir():
+    if source.is_dir() or source.suffix.lower() in VIDEOS:
         if calibration is None or gravity_angle is not None:
             raise InputError(f"{source}: images need --calibration, which holds the direction of gravity as well")
-        count = import_frames(source, states, beam, load_calibration(calibration), output, force)
+        count = import_frames(source, states, beam, load_calibration(calibration), output, force, average, progress)
     else:
         if gravity_angle is None or calibration is not None:
             raise InputError(f"{source}: tracked points need --gravity-angle and no --calibration")
         count = import_points(source, states, beam, gravity_angle, output, force)
     print(f"{output}: {count} states")
+
+
+@app.command()
+def calibrate(
+    output: Annotated[Path, typer.Option("-o", "--output", help="calibration.toml, or the board's PDF")],
+    images: Annotated[list[Path] | None, typer.Argument(help="of a board; or one, of the beam or of a ruler")] = None,
+    board: Annotated[str | None, typer.Option(help="charuco, checkerboard or circles")] = None,
+    columns: Annotated[int, typer.Option(help="squares (or circles) in a row of the board")] = 20,
+    rows: Annotated[int, typer.Option(help="rows of the board")] = 16,
+    square_mm: Annotated[float, typer.Option(help="side of a square, or distance of the circles' centres")] = 2.0,
+    board_error_percent: Annotated[float, typer.Option(help="by how much the print's scale may be wrong", min=0)] = 0.1,
+    print_board: Annotated[
+        bool, typer.Option("--print-board", help="write the board as a PDF to scale, no more")
+    ] = False,
+    mid_plane: Annotated[
+        Path | None, typer.Option(help="image of the board in the beam's middle plane; else the first")
+    ] = None,
+    specimen: Annotated[
+        str | None, typer.Option(help="without a board: specimen.toml of the beam that hangs at rest in the image")
+    ] = None,
+    width_tolerance_mm: Annotated[float, typer.Option(help="by how much its width may be wrong", min=0)] = 0.05,
+    ruler_px: Annotated[
+        tuple[float, float, float, float] | None, typer.Option(help="without a board: x y of both ends of a length")
+    ] = None,
+    ruler_mm: Annotated[float, typer.Option(help="that length")] = 0.0,
+    coil_constant: Annotated[float | None, typer.Option(help="mT per ampere at the specimen")] = None,
+    clamp_midpoint_px: Annotated[
+        tuple[float, float] | None, typer.Option(help="x y of the middle of the clamp line, where the beam comes out")
+    ] = None,
+    axis_angle: Annotated[float, typer.Option(help="undeformed beam, degrees clockwise from the image's +x")] = 90.0,
+    gravity_angle: Annotated[float | None, typer.Option(help="gravity; else along the beam")] = None,
+    field_angle: Annotated[float | None, typer.Option(help="positive coil field; else 90 degrees less")] = None,
+    telecentric: Annotated[bool, typer.Option("--telecentric", help="the lens is telecentric")] = False,
+    force: Force = False,
+) -> None:
+    """Scale, distortion and orientation from images of a board, of the beam itself, or of a ruler."""
+    from eimi_lab import calibrating
+    from eimi_lab.config.specimen import load_specimen
+    from eimi_lab.outputs import refuse_existing, whole_file
+    from eimi_lab.vision.board import Board
+    from eimi_lab.vision.board import print_board as write_board
+
+    refuse_existing(output, force)
+    if sum(way is not None for way in (board, specimen, ruler_px)) != 1:
+        raise InputError("calibrate needs one of --board, --specimen and --ruler-px, and not more than one")
+    try:
+        pattern = Board(board, columns, rows, square_mm) if board else None  # type: ignore[arg-type]
+    except ValueError as error:
+        raise InputError(f"--board, --columns, --rows, --square-mm: {error}") from None
+    if print_board:
+        if pattern is None:
+            raise InputError("--print-board needs --board: charuco, checkerboard or circles")
+        with whole_file(output, force) as temporary:
+            write_board(pattern, temporary)
+        print(output)
+        return
+    if not images or (pattern is None and len(images) > 1):
+        raise InputError("IMAGES: give the images of the board, or the one image of the beam or the ruler")
+    if coil_constant is None or coil_constant <= 0 or clamp_midpoint_px is None:
+        raise InputError("--coil-constant (greater than 0) and --clamp-midpoint-px are missing: no image tells them")
+    gravity = axis_angle if gravity_angle is None else gravity_angle
+    field = axis_angle - 90.0 if field_angle is None else field_angle
+    setting = calibrating.Setting(coil_constant, clamp_midpoint_px, axis_angle, gravity, field, telecentric)
+    if pattern:
+        found, told = calibrating.from_board(
+            images, mid_plane or images[0], pattern, setting, board_error_percent / 100.0
+        )
+    elif specimen:
+        found, told = calibrating.from_beam(images[0], load_specimen(specimen), setting, width_tolerance_mm)
+    else:
+        found, told = calibrating.from_ruler(images[0], ruler_px or (0.0, 0.0, 0.0, 0.0), ruler_mm, setting)
+    calibrating.write_calibration(found, output, force)
+    uncertain = found.uncertainty
+    for line in told:
+        print(line)
+    if uncertain:
+        print(f"{found.pixels_per_mm:.4f} ± {uncertain.pixels_per_mm:.2g} px/mm")
+        print(f"axis at {found.axis_angle_deg:.3f} ± {uncertain.axis_angle_deg:.2g} degrees")
+    print(output)
 
 
 @app.command()
@@ -146,22 +238,25 @@ def segment(
     dataset: Annotated[Path, typer.Argument(help="a dataset of frames")],
     csv: Annotated[Path | None, typer.Option(help="folder for the edges as CSV and quality.json")] = None,
     overlay: Annotated[Path | None, typer.Option(help="folder for pictures of the edges on the frames")] = None,
+    dark: Annotated[Path | None, typer.Option(help="image taken without light, to take off every frame")] = None,
+    flat: Annotated[Path | None, typer.Option(help="image of the bare back-light, to even out the light")] = None,
     force: Force = False,
 ) -> None:
     """Find the beam's edges in every state and store them in the dataset."""
     from eimi_lab.dataset.reading import open_dataset
     from eimi_lab.outputs import new_folder
     from eimi_lab.progress import progress
+    from eimi_lab.segmentation import read_correction, write_csv, write_overlays
     from eimi_lab.segmentation import segment as find
-    from eimi_lab.segmentation import write_csv, write_overlays
 
     with open_dataset(dataset) as opened:
         total = len(opened.states)
+    correction = read_correction(dark, flat)
     for folder in (csv, overlay):
         if folder:
             new_folder(folder, force)
     with progress("segment", total) as report:
-        edge_sets = find(dataset, report)
+        edge_sets = find(dataset, report, correction)
     if csv:
         write_csv(csv, edge_sets)
     if overlay:
@@ -238,6 +333,100 @@ def fit(
 
 
 @app.command()
+def tensile(
+    curve: Annotated[Path, typer.Argument(help="strain and stress: the materials database's CSV, or two columns")],
+    model: Annotated[list[str], typer.Option(help="neo-hookean, mooney-rivlin, yeoh or ogden; may be repeated")],
+    output: Output,
+    window: Annotated[
+        list[str] | None, typer.Option(help="largest strain in percent, or full; may be repeated [20 50 100 full]")
+    ] = None,
+    relative: Annotated[
+        bool, typer.Option("--relative", help="least squares on the relative error of the stress")
+    ] = False,
+    force: Force = False,
+) -> None:
+    """Fit laws to a tensile test, the conventional route."""
+    from eimi_lab.identification.fits import write_fits
+    from eimi_lab.identification.fitting import check_models
+    from eimi_lab.identification.tensile import WINDOWS, check_windows, fit_window, read_tensile
+    from eimi_lab.outputs import refuse_existing
+
+    models, windows = check_models(model), check_windows(window or list(WINDOWS))
+    refuse_existing(output, force)
+    test = read_tensile(curve)
+    fits = [fit_window(test, name, percent, relative) for percent in windows for name in models]
+    write_fits(output, fits, force)
+    for found in fits:
+        print(found.summary())
+
+
+@app.command()
+def validate(
+    datasets: Annotated[list[Path], typer.Argument(help="datasets that the fits have not seen, or any others")],
+    fit: Annotated[list[Path], typer.Option(help="fits.json, of datasets or tensile tests; may be repeated")],
+    output: Output,
+    section: Annotated[
+        str | None, typer.Option(help="plane-strain or plane-stress, in place of the specimen's")
+    ] = None,
+    include_flagged: Annotated[bool, typer.Option("--include-flagged", help="use flagged states too")] = False,
+    force: Force = False,
+) -> None:
+    """Every fit on every dataset: error and deviation by state, and a table with the best fit first."""
+    from eimi_lab.identification.experiments import load_evidence
+    from eimi_lab.identification.fits import read_any_fits
+    from eimi_lab.identification.fitting import check_section
+    from eimi_lab.identification.validation import table, write_validation
+    from eimi_lab.identification.validation import validate as simulate
+    from eimi_lab.outputs import refuse_existing
+    from eimi_lab.progress import progress
+
+    chosen = check_section(section)
+    refuse_existing(output, force)
+    fits = [(path, index, found) for path in fit for index, found in enumerate(read_any_fits(path))]
+    evidence = [load_evidence(path, section=chosen, flagged=include_flagged) for path in datasets]
+    validations = []
+    with progress("validate", len(evidence)) as report:
+        for seen in evidence:
+            validations += [simulate(seen, found, path, index) for path, index, found in fits]
+            report(f"{seen.path}, {len(fits)} fits")
+    write_validation(output, validations, force)
+    print("\n".join(table(validations)))
+
+
+@app.command()
+def export(
+    fits: Annotated[Path, typer.Argument(help="fits.json, of datasets or of a tensile test")],
+    model: Annotated[str, typer.Option(help="neo-hookean, mooney-rivlin, yeoh or ogden")],
+    to: Annotated[str, typer.Option(help="abaqus, calculix, ansys, comsol, febio or sofa")],
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="the file to write; else it is printed")] = None,
+    index: Annotated[int | None, typer.Option(help="which fit of the file, from 0, where several have the law")] = None,
+    bulk_modulus_kPa: Annotated[
+        float | None, typer.Option("--bulk-modulus-kPa", help="no fit identifies it, so state it")
+    ] = None,
+    bulk_ratio: Annotated[
+        float | None, typer.Option("--bulk-ratio", help="in its place: bulk over initial shear modulus")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Write a fit as a material card of another finite-element program."""
+    from eimi_lab.identification.cards import bulk_modulus_Pa, card, check_solver, choose_fit
+    from eimi_lab.identification.fits import read_any_fits
+    from eimi_lab.identification.fitting import check_models
+    from eimi_lab.outputs import whole_file
+
+    solver = check_solver(to)
+    (law,) = check_models([model])
+    chosen = choose_fit(fits, read_any_fits(fits), law, index)
+    text = card(fits, chosen, solver, bulk_modulus_Pa(chosen, bulk_modulus_kPa, bulk_ratio))
+    if output is None:
+        print(text, end="")
+        return
+    with whole_file(output, force) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    print(output)
+
+
+@app.command()
 def report(
     datasets: Annotated[list[Path], typer.Argument(help="the datasets to show")],
     output: Output,
@@ -276,3 +465,31 @@ def demo(
     for score in done.scores:
         print(f"{score.fit.summary()}; {score.difference_percent:+.2f} % from the truth")
     print(f"{done.dataset}\n{done.fits}\n{done.report}")
+
+
+@app.command()
+def simulate(
+    protocol: Annotated[str, typer.Argument(help="protocol.toml, or a shipped one such as dragon_skin_10")],
+    specimen: Specimen,
+    model: Annotated[str, typer.Option(help="neo-hookean, mooney-rivlin, yeoh or ogden")],
+    parameter: Annotated[list[str], typer.Option(help="KEY=NUMBER such as mu_Pa=46390; once for each of the law's")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="the folder to fill")],
+    coil_constant: Annotated[float, typer.Option(help="mT for each ampere")] = 4.7,
+    gravity_angle: Annotated[float, typer.Option(help="in the beam frame, degrees from +x toward +y; 0 hangs")] = 0.0,
+    force: Force = False,
+) -> None:
+    """Simulate a specimen of a known law: shapes, tip curve and stretch as CSV, figure and VTU for ParaView."""
+    import numpy as np
+
+    from eimi_lab.config.protocol import load_protocol
+    from eimi_lab.config.specimen import load_specimen
+    from eimi_lab.outputs import new_folder
+    from eimi_lab.simulation import parse_parameters, write_simulation
+    from eimi_lab.simulation import simulate as run
+
+    law, values = parse_parameters(model, parameter)
+    beam, field_mT = load_specimen(specimen), coil_constant * np.array(load_protocol(protocol).currents_A)
+    result = run(beam, law, values, field_mT, gravity_angle)
+    new_folder(output, force)
+    write_simulation(output, result)
+    print(f"{output}: {len(field_mT)} states, tip at {result.model.tip_angle_deg(result.shapes)[0, -1]:.2f} degrees")

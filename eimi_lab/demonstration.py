@@ -68,12 +68,12 @@ def demonstrate(
     progress: Progress,
 ) -> Demonstration:
     """Run the chain into a folder. ``material`` names the shipped protocol. Raises InputError."""
-    new_folder(folder, force)
     protocol = load_protocol(f"{material}_quick" if quick else material)
     beam = _cast(load_specimen(specimen), protocol.material)
     bench_rig = load_rig(rig)
     if bench_rig.virtual is None:
         raise InputError(f"{rig}: is a real rig; the demonstration runs on a virtual one, `eimi acquire` on a real one")
+    new_folder(folder, force)
     dataset, fits_file, report = folder / "dataset.h5", folder / "fits.json", folder / "report.html"
     _acquire(protocol, beam, bench_rig, dataset, force, progress)
     with progress("segment", len(protocol.currents_A)) as told:

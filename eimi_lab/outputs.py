@@ -30,7 +30,10 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
     Raises InputError as `refuse_existing` does. On any error the temporary file is removed and `path` is as before.
     """
     refuse_existing(path, force)
-    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    except OSError as error:  # such as a file system mounted read-only
+        raise InputError(f"{path}: the folder {path.parent} takes no new file ({error.strerror})") from error
     os.close(descriptor)
     temporary = Path(name)
     try:

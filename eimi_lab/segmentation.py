@@ -9,34 +9,61 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from eimi_lab.dataset.edges import write_edges
+from eimi_lab.dataset.images import read_image
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.errors import InputError
 from eimi_lab.vision.edge_set import EdgeSet
 from eimi_lab.vision.edges import find_edges
-from eimi_lab.vision.intensity import state_mean
-from eimi_lab.vision.overlay import draw_overlay
+from eimi_lab.vision.intensity import FieldCorrection, state_mean
+from eimi_lab.vision.overlay import contact_sheet, draw_overlay
 
 
-def segment(path: Path, report: Callable[[str], None]) -> tuple[EdgeSet, ...]:
+def segment(
+    path: Path, report: Callable[[str], None], correction: FieldCorrection | None = None
+) -> tuple[EdgeSet, ...]:
     """Find the edges of every state, store them in the dataset, return them; `report` gets a line a state.
 
-    The frames of a state are averaged. Its flags are those of the run (NOT_SETTLED, …) and those of the image.
+    The frames of a state are averaged, and corrected for dark frame and flat field where those are given. Its flags
+    are those of the run (NOT_SETTLED, …) and those of the image.
     Raises InputError.
     """
     edge_sets = []
     with open_dataset(path) as dataset:
         if dataset.calibration is None:
             raise InputError(f"{path}: holds tracked points, which need no segmentation")
+        age = dataset.calibration.age_days(dataset.start_time())
         for state in dataset.states:
-            found = find_edges(state_mean(dataset.images(state.index)), dataset.calibration, dataset.specimen)
+            image = state_mean(dataset.images(state.index))
+            if correction is not None:
+                image = _corrected(path, correction, image)
+            found = find_edges(image, dataset.calibration, dataset.specimen, calibration_age_days=age)
             edge_set = replace(found, flags=state.flags + found.flags)
             edge_sets.append(edge_set)
             flags = ", ".join(flag.name for flag in edge_set.flags) or "no flags"
             report(f"{len(edge_set.left.sigma_mm)} + {len(edge_set.right.sigma_mm)} points, {flags}")
     write_edges(path, edge_sets)
     return tuple(edge_sets)
+
+
+def _corrected(path: Path, correction: FieldCorrection, image: NDArray[np.float32]) -> NDArray[np.float32]:
+    try:
+        return correction.apply(image)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def read_correction(dark: Path | None, flat: Path | None) -> FieldCorrection | None:
+    """The correction by a dark frame and a flat field, image files both; None without either. Raises InputError."""
+    if dark is None and flat is None:
+        return None
+    dark_image, flat_image = (None if path is None else read_image(path) for path in (dark, flat))
+    try:
+        return FieldCorrection(dark_image, flat_image)
+    except ValueError as error:
+        raise InputError(f"{flat or dark}: {error}") from error
 
 
 def write_csv(folder: Path, edge_sets: Sequence[EdgeSet]) -> None:
@@ -48,16 +75,30 @@ def write_csv(folder: Path, edge_sets: Sequence[EdgeSet]) -> None:
             file = folder / f"step_{index:02d}_{side}.csv"
             np.savetxt(file, table, "%.6f", ",", header="x_mm,y_mm,sigma_mm", comments="")
     quality = [
-        {"step": index, "flags": [asdict(flag) for flag in edge_set.flags]} for index, edge_set in enumerate(edge_sets)
+        {
+            "step": index,
+            "flags": [asdict(flag) for flag in edge_set.flags],
+            "calibration_digest": edge_set.calibration_digest,
+            "calibration_age_days": edge_set.calibration_age_days,
+        }
+        for index, edge_set in enumerate(edge_sets)
     ]
     (folder / "quality.json").write_text(json.dumps({"steps": quality}, indent=2) + "\n", encoding="utf-8")
 
 
 def write_overlays(folder: Path, path: Path, edge_sets: Sequence[EdgeSet]) -> None:
-    """`step_00.png`, …: the mean frame of each state with what was found on it."""
+    """`step_00.png`, …: the mean frame of each state with what was found on it; `contact_sheet.png`: all of them."""
+    small: list[NDArray[np.uint8]] = []
+    captions = []
     with open_dataset(path) as dataset:
         if dataset.calibration is None:
             raise InputError(f"{path}: holds tracked points, which have no images")
         for state, edge_set in zip(dataset.states, edge_sets, strict=True):
             picture = draw_overlay(state_mean(dataset.images(state.index)), edge_set, dataset.calibration)
             cv2.imwrite(str(folder / f"step_{state.index:02d}.png"), picture)
+            share = min(1.0, 512 / max(picture.shape))
+            shrunk = cv2.resize(picture, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
+            small.append(np.asarray(shrunk, dtype=np.uint8))
+            flags = " ".join(flag.name for flag in edge_set.flags)
+            captions.append(f"{state.index:02d}: {state.field_mT:.3g} mT {flags}")
+    cv2.imwrite(str(folder / "contact_sheet.png"), contact_sheet(small, captions))

@@ -16,12 +16,22 @@ class Stopped(BaseException):
         self.number = number
 
 
+_asked: list[int] = []
+
+
 def unwind_on_termination() -> None:
-    """Let termination and hang-up raise Stopped, as Ctrl-C raises KeyboardInterrupt. What is ignored stays ignored."""
-    for number in TERMINATION:
+    """Let Ctrl-C, termination and hang-up raise Stopped. What is ignored stays ignored."""
+    for number in (signal.SIGINT, *TERMINATION):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _raise)
 
 
+def raise_if_asked() -> None:
+    """Raise Stopped once more when it was raised before: in a destructor or a callback Python swallows it."""
+    if _asked:
+        raise Stopped(_asked[0])
+
+
 def _raise(number: int, frame: FrameType | None) -> None:
+    _asked.append(number)
     raise Stopped(number)

@@ -41,13 +41,17 @@ class Drivers(Mapping[str, Driver], Generic[Driver]):
 
     def __iter__(self) -> Iterator[str]:
         yield from self._own
-        yield from sorted(entry_points(group=self._group).names - set(self._own))
+        yield from self.announced()
 
     def __len__(self) -> int:
         return len(list(iter(self)))
 
     def __contains__(self, name: object) -> bool:
         return name in list(iter(self))
+
+    def announced(self) -> tuple[str, ...]:
+        """The names that other packages announce."""
+        return tuple(sorted(entry_points(group=self._group).names - set(self._own)))
 
     def find(self, name: str) -> Driver:
         """The driver of that name. Raises InstrumentError naming those that exist."""

@@ -54,7 +54,10 @@ class Identity:
 
 @dataclass(frozen=True)
 class Limits:
-    """The largest current (A) and voltage (V) that may ever be asked for. Both positive."""
+    """The largest current (A) and voltage (V) that may ever be asked for. Both positive.
+
+    A bipolar supply may be asked for the same current the other way.
+    """
 
     current_A: float
     voltage_V: float

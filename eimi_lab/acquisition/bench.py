@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 from eimi_drivers.interfaces import Camera, Clock, PowerSupply
+from eimi_lab.acquisition.guardian import Guardian, Ward, guarding
 from eimi_lab.config.protocol import SupplyLimits
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
@@ -15,12 +16,16 @@ from eimi_lab.config.specimen import SpecimenFile
 
 @dataclass(frozen=True)
 class Bench:
-    """A supply, a camera and their time. truth is what a virtual rig is made of, None on a real bench."""
+    """A supply, a camera and their time. truth is what a virtual rig is made of, None on a real bench.
+
+    guardian: switches the supply off if the run dies; a virtual one dies with the run.
+    """
 
     supply: PowerSupply
     camera: Camera
     clock: Clock
     truth: dict[str, Any] | None = None
+    guardian: Guardian | None = None
 
 
 @contextmanager
@@ -40,10 +45,30 @@ def open_bench(rig: Rig, specimen: SpecimenFile, limits: SupplyLimits) -> Iterat
         return
     from eimi_drivers.cameras.opening import open_camera
     from eimi_drivers.clock import WallClock
-    from eimi_drivers.interfaces import Limits
+    from eimi_drivers.interfaces import InstrumentDisconnected, Limits
     from eimi_drivers.supplies.opening import open_supply
 
     wall = WallClock()
-    opened = open_supply(rig.supply.driver, rig.supply.address, Limits(stricter.current_A, stricter.voltage_V), wall)
-    with closing(opened), closing(open_camera(rig.camera.driver, rig.camera.source)) as eye:
-        yield Bench(opened, eye, wall)
+    ward = Ward(rig.supply.driver, rig.supply.address, stricter.current_A, stricter.voltage_V)
+    with ExitStack() as opened:
+        guardian = opened.enter_context(guarding(ward))
+        try:
+            supply = opened.enter_context(
+                closing(open_supply(ward.driver, ward.address, Limits(ward.current_A, ward.voltage_V), wall))
+            )
+            eye = opened.enter_context(closing(open_camera(rig.camera.driver, rig.camera.source)))
+        except InstrumentDisconnected as error:
+            raise InstrumentDisconnected(f"{error}; {_attached()}") from error
+        yield Bench(supply, eye, wall, guardian=guardian)
+
+
+def _attached() -> str:
+    """What could have been meant, for a person whose rig names something that is not there."""
+    from eimi_drivers.discovery import list_cameras, list_serial_ports
+
+    ports = ", ".join(found.address for found in list_serial_ports()) or "none"
+    cameras = ", ".join(found.address for found in list_cameras()) or "none"
+    return (
+        f"serial ports here: {ports}; cameras here: {cameras}; `eimi instruments` tells more, and --rig virtual needs "
+        "no instrument"
+    )

@@ -17,13 +17,16 @@ def never() -> None:
 
 
 class Coil:
-    """A coil on a supply. `stop_if_asked` is called between operations, never within one, and may raise."""
+    """A coil on a supply, set to `asked_A`.
 
-    def __init__(self, supply: PowerSupply, clock: Clock, rule: Ramp) -> None:
+    `stop_if_asked` is called between operations, never within one, and may raise.
+    """
+
+    def __init__(self, supply: PowerSupply, clock: Clock, rule: Ramp, asked_A: float = 0.0) -> None:
         self.supply = supply
         self._clock = clock
         self._rule = rule
-        self._asked_A = 0.0
+        self._asked_A = asked_A
 
     def ramp_to(self, current_A: float, stop_if_asked: Callable[[], None] = never) -> None:
         """Ramp to a current. Raises what `PowerSupply.set_current` raises."""

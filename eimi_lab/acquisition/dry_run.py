@@ -15,6 +15,7 @@ from eimi_drivers.interfaces import Clock, Frame, Identity, Limits
 from eimi_drivers.supplies.opening import supply_driver
 from eimi_drivers.supplies.transport import InProcessTransport, Responder
 from eimi_lab.acquisition.bench import Bench
+from eimi_lab.acquisition.heating import hottest
 from eimi_lab.acquisition.run import acquire
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import Rig
@@ -84,6 +85,9 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
     constant = rig.calibration.coil_constant_mT_per_A
     say(f"{protocol.name} on {specimen.specimen.name} with rig {rig.name}: {len(currents)} states")
     say(f"limits: {limits.current_A:g} A, {limits.voltage_V:g} V; ramps of {protocol.ramp.rate_A_per_s:g} A/s")
+    if rig.coil:
+        worst = hottest(protocol, rig.coil)
+        say(f"coil: at most {100 * worst.share:.0f} % of the heat that it bears, at the end of state {worst.state}")
     for index, current in enumerate(currents):
         say(f"state {index}: {current:g} A, {current * constant:.4g} mT, {protocol.frames_per_state} frames")
     stand_in = ", as the virtual supply has no wire" if rig.virtual else ""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
+from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from eimi_lab.config.reading import Document, locate, parse, read_text
+from eimi_lab.config.reading import Document, Table, locate, parse, read_text
 
 # TOML has lists only; in strict mode a tuple has to be told that a list will do.
 Pair = Annotated[tuple[float, float], Field(strict=False)]
@@ -22,11 +24,21 @@ Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 DISTORTION_LENGTHS = (4, 5, 8, 12, 14)
 
 
+class Uncertainty(Table):
+    """Standard deviations of a calibration's numbers, each in the unit of its name."""
+
+    pixels_per_mm: float = Field(ge=0)
+    axis_angle_deg: float = Field(ge=0)
+    focal_length_px: float | None = Field(default=None, ge=0)
+    stand_off_mm: float | None = Field(default=None, ge=0)
+
+
 class Calibration(Document):
     """Image frame: x right, y down, pixel centres at integer coordinates; angles clockwise from +x, in degrees.
 
     camera_matrix and distortion are OpenCV's; stand_off_mm is the distance from the lens's entrance pupil to the
-    beam's middle plane, which a telecentric lens does not need.
+    beam's middle plane, which a telecentric lens does not need. calibrated_on is the day on which the numbers were
+    measured, and uncertainty how well; a file written by hand may leave them out.
     """
 
     pixels_per_mm: float = Field(gt=0)
@@ -39,6 +51,8 @@ class Calibration(Document):
     distortion: Numbers | None = None
     stand_off_mm: float | None = Field(default=None, gt=0)
     telecentric: bool = False
+    calibrated_on: date | None = None
+    uncertainty: Uncertainty | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Calibration:
@@ -55,6 +69,18 @@ class Calibration(Document):
         if self.telecentric and self.stand_off_mm is not None:
             raise ValueError(f"stand_off_mm = {self.stand_off_mm:g} has no meaning beside telecentric = true")
         return self
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the numbers, whatever the file's layout and comments."""
+        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
+
+    def age_days(self, taken: datetime) -> float | None:
+        """Days from the calibration to a moment; None where its day is not known."""
+        if self.calibrated_on is None:
+            return None
+        begin = datetime(self.calibrated_on.year, self.calibrated_on.month, self.calibrated_on.day, tzinfo=UTC)
+        return max(0.0, (taken - begin).total_seconds() / 86400.0)
 
 
 def load_calibration(path: str | Path) -> Calibration:

@@ -14,7 +14,7 @@ MOST_STATES = 1000  # more is a slip of the pen
 
 
 class Currents(Table):
-    """Set-points: start_A, stop_A and step_A, or an explicit list values_A.
+    """Set-points: start_A, stop_A and step_A, or an explicit list values_A; up_and_down goes back the same way.
 
     `exact` holds them as typed in decimal, so that the fourth step of 0.1 is 0.3 and not 0.30000000000000004.
     """
@@ -23,6 +23,7 @@ class Currents(Table):
     stop_A: float | None = None
     step_A: float | None = Field(default=None, gt=0)
     values_A: Annotated[tuple[float, ...], Field(strict=False, min_length=2)] | None = None
+    up_and_down: bool = False
 
     @model_validator(mode="after")
     def _one_way(self) -> Currents:
@@ -43,6 +44,10 @@ class Currents(Table):
 
     @property
     def exact(self) -> tuple[float, ...]:
+        there = self._one_way_exact()
+        return there + there[-2::-1] if self.up_and_down else there
+
+    def _one_way_exact(self) -> tuple[float, ...]:
         if self.values_A is not None:
             return self.values_A
         start, stop, step = (Decimal(str(end)) for end in (self.start_A, self.stop_A, self.step_A))

@@ -39,6 +39,16 @@ class Supply(Table):
         return _one_of(driver, [*SUPPLIES, VIRTUAL])
 
 
+class CoilRating(Table):
+    """What the coil bears: a current for ever, and how slowly it warms up and cools down.
+
+    See `eimi_lab.acquisition.heating`.
+    """
+
+    continuous_current_A: float = Field(gt=0)
+    thermal_time_constant_s: float = Field(gt=0)
+
+
 class Camera(Table):
     """The side camera; source is the number of a device, or a path, as the driver takes it."""
 
@@ -81,6 +91,7 @@ class Rig(Document):
     supply: Supply
     camera: Camera
     calibration: Calibration
+    coil: CoilRating | None = None
     virtual: Virtual | None = None
 
     @model_validator(mode="after")

@@ -56,6 +56,10 @@ def _write(process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
         store["points"].attrs["units"] = store["sigma"].attrs["units"] = "mm"
     edges["corners"] = np.stack([edge_set.corners_px for edge_set in edge_sets])
     edges["corners"].attrs["units"] = "pixel"
+    ages = [edge_set.calibration_age_days for edge_set in edge_sets]
+    edges["calibration_age"] = np.array([np.nan if age is None else age for age in ages])
+    edges["calibration_age"].attrs["units"] = "day"
+    put_text(edges, "calibration_digest", json.dumps([edge_set.calibration_digest for edge_set in edge_sets]))
     put_text(edges, "flags", json.dumps([flags_to_text(edge_set.flags).decode() for edge_set in edge_sets]))
 
 
@@ -64,7 +68,10 @@ def read_edges(entry: h5py.Group) -> tuple[EdgeSet, ...]:
     edges = entry[GROUP]["edges"]
     left, right = _read_side(edges["left"]), _read_side(edges["right"])
     flags = [flags_from_text(text.encode()) for text in json.loads(bytes(edges["flags"][()]))]
-    return tuple(EdgeSet(*parts) for parts in zip(left, right, flags, edges["corners"][()], strict=True))
+    digests = json.loads(bytes(edges["calibration_digest"][()]))
+    ages = [None if np.isnan(age) else float(age) for age in edges["calibration_age"][()]]
+    corners = edges["corners"][()]
+    return tuple(EdgeSet(*parts) for parts in zip(left, right, flags, corners, digests, ages, strict=True))
 
 
 def _read_side(store: h5py.Group) -> list[EdgePoints]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from eimi_drivers.cameras.image_series import natural_key
 from eimi_lab.dataset.grey import grey
+from eimi_lab.dataset.image_sizes import MOST_PIXELS, claimed_size
 from eimi_lab.errors import InputError
 
 ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm"})
@@ -42,6 +43,9 @@ def read_image(path: Path) -> NDArray[Any]:
         raw.startswith(JPEG_START) and JPEG_END not in raw[-1024:]
     ):
         raise InputError(f"{path}: is truncated or damaged; copy it again")
+    size = claimed_size(raw)
+    if size is not None and size[0] * size[1] > MOST_PIXELS:
+        raise InputError(f"{path}: says that it is {size[0]} x {size[1]} px; more than {MOST_PIXELS:_} are not read")
     logging = cv2.utils.logging
     level = logging.getLogLevel()
     logging.setLogLevel(logging.LOG_LEVEL_SILENT)

@@ -1,12 +1,17 @@
-"""Datasets from what a lab already has: a folder of images, or a table of tracked points, with a table of states."""
+"""Datasets from what a lab already has: images, a video or a table of tracked points, and a table of states."""
 
 from __future__ import annotations
 
 import re
-from itertools import groupby
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
+from datetime import UTC, datetime
+from itertools import chain, groupby, islice, pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eimi_drivers.cameras.image_series import natural_key
 from eimi_drivers.interfaces import Frame
@@ -15,51 +20,82 @@ from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.dataset.images import find_images, read_image
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.points import NAME_BYTES, Load, TrackedPoints, write_points
+from eimi_lab.dataset.state_checks import state_flags
 from eimi_lab.dataset.tables import Row, read_table
+from eimi_lab.dataset.videos import ENDINGS as VIDEOS
+from eimi_lab.dataset.videos import read_video
 from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.errors import InputError
 from eimi_lab.outputs import whole_file
 from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.edge_set import Flag
 
 LOAD_COLUMNS = ("current_A", "field_mT", "tip_force_N")
 POINT_COLUMNS = ("state", "point", "x0_mm", "y0_mm", "x_mm", "y_mm", "sigma_mm")
 ON_THE_BEAM_MM = 1e-6  # rounding in a table
+LOSSLESS = frozenset({".png", ".tif", ".tiff", ".bmp", ".pgm"})
+MANY_FRAMES = 50  # from here on progress is shown
+
+
+Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 
 
 def import_frames(
-    folder: Path, states: Path, specimen: SpecimenFile, calibration: Calibration, path: Path, force: bool = False
+    source: Path,
+    states: Path,
+    specimen: SpecimenFile,
+    calibration: Calibration,
+    path: Path,
+    force: bool = False,
+    average: bool = False,
+    progress: Progress | None = None,
 ) -> int:
-    """Make a dataset of the images in `folder`; returns the number of states. Raises InputError.
+    """Make a dataset of a folder of images or of a video; returns the number of states. Raises InputError.
 
-    The images are taken in natural order; neighbours under the same load are frames of one state.
+    Images are taken in natural order, and all have to be listed; of a video the listed frames are taken, counted from
+    0. Neighbours under the same load are frames of one state: kept, or averaged into one. What the frames of a state
+    say against one another becomes its flags. progress: is shown where there are many frames.
     """
     with whole_file(path, force) as temporary:
         rows = read_table(states, ["frame"], LOAD_COLUMNS)
         loads = {row.line: _load(row, calibration) for row in rows}
-        frames = [(loads[row.line], image) for image, row in _match(find_images(folder), rows)]
+        found = _match_video(source, rows) if source.suffix.lower() in VIDEOS else _match(find_images(source), rows)
+        frames = [(loads[row.line], image) for image, row in found]
         by_state = [(load, [image for _, image in group]) for load, group in groupby(frames, key=lambda f: f[0])]
         _enough(states, len(by_state))
-        first_path = by_state[0][1][0]
-        first = read_image(first_path)
+        listed = [image for _, image in frames]
+        images = _read(source, listed)
+        first = next(images)
+        images = chain([first], images)
         height, width = first.shape
         _check_in_view(specimen, calibration, width, height)
-        header = Header(specimen=specimen, calibration=calibration)
-        number = 0
-        with DatasetWriter(temporary, header, Frame(first, 0, 0.0), force=True) as writer:
-            for load, paths in by_state:
-                images = [read_image(image) for image in paths]
-                for image, image_path in zip(images, paths, strict=True):
+        oldest = min(file.stat().st_mtime for file in ([source] if source.is_file() else listed))
+        taken = datetime.fromtimestamp(oldest, UTC).isoformat(timespec="seconds")
+        header = Header(specimen=specimen, calibration=calibration, taken=taken)
+        like = _mean([first]) if average else first
+        shown = progress("import", len(by_state)) if progress and len(frames) >= MANY_FRAMES else None
+        with (
+            shown or nullcontext(_silent) as report,
+            DatasetWriter(temporary, header, Frame(like, 0, 0.0), force=True) as writer,
+        ):
+            number, last = 0, None
+            for load, names in by_state:
+                taken_here = list(islice(images, len(names)))
+                for image, name in zip(taken_here, names, strict=True):
                     if image.shape != first.shape or image.dtype != first.dtype:
-                        raise InputError(
-                            f"{image_path}: is {_described(image)}; {first_path.name} is {_described(first)}"
-                        )
+                        raise InputError(f"{name}: is {_described(image)}; {listed[0].name} is {_described(first)}")
+                flags = _flags(names, taken_here, last)
+                last = taken_here[-1]
+                kept = [_mean(taken_here)] if average else taken_here
                 writer.append_state(
-                    [Frame(image, number + k, float("nan")) for k, image in enumerate(images)],
+                    [Frame(image, number + k, float("nan")) for k, image in enumerate(kept)],
                     current_A=float("nan") if load.current_A is None else load.current_A,
                     field_mT=load.field_mT,
                     tip_force_N=load.tip_force_N,
+                    flags=flags,
                 )
-                number += len(images)
+                number += len(kept)
+                report(f"{len(names)} frames at {load.field_mT:g} mT")
         return len(by_state)
 
 
@@ -105,6 +141,49 @@ def _match(images: list[Path], rows: list[Row]) -> list[tuple[Path, Row]]:
         if image not in matched:
             raise InputError(f"{image}: is not listed in {rows[0].path}")
     return sorted(matched.items(), key=lambda pair: (natural_key(pair[0].name), pair[0].name))
+
+
+def _match_video(video: Path, rows: list[Row]) -> list[tuple[Path, Row]]:
+    """Every listed frame of a video, named by the video and its number, in order."""
+    by_number: dict[int, Row] = {}
+    for row in rows:
+        number = row.count("frame")
+        if number in by_number:
+            raise row.fault("frame", f"listed once; row {by_number[number].line} is the same frame")
+        by_number[number] = row
+    return [(video / str(number), row) for number, row in sorted(by_number.items())]
+
+
+def _read(source: Path, listed: list[Path]) -> Iterator[NDArray[Any]]:
+    """The images one after another, as they are asked for."""
+    if source.is_file():
+        return read_video(source, [int(image.name) for image in listed])
+    return (read_image(image) for image in listed)
+
+
+def _flags(names: list[Path], images: list[NDArray[Any]], last: NDArray[Any] | None) -> tuple[Flag, ...]:
+    """What a state's images say against one another, and against the last image of the state before."""
+    numbers = [_last_number(name.stem) for name in names]
+    known = [number for number in numbers if number is not None]
+    if len(known) < len(names) or any(later <= earlier for earlier, later in pairwise(known)):
+        known = list(range(len(names)))
+    lossless = all(name.suffix.lower() in LOSSLESS for name in names)
+    frames = [Frame(image, number, 0.0) for image, number in zip(images, known, strict=True)]
+    flags = state_flags(frames, lossless)
+    if last is not None and np.array_equal(last, images[0]):
+        remedy = f"Look for the right image: {names[0].name} is, bit for bit, the one before it, of another load."
+        flags = (*flags, Flag("DUPLICATE", 1.0, 0.0, remedy))
+    return flags
+
+
+def _mean(images: list[NDArray[Any]]) -> NDArray[np.uint16]:
+    """The mean of images (H, W) as 16 bits; of 8 bits it is 257 times as much, so that the full scales agree."""
+    scale = 257.0 if images[0].dtype == np.uint8 else 1.0
+    return np.rint(scale * np.mean(images, axis=0, dtype=np.float64)).astype(np.uint16)
+
+
+def _silent(words: str) -> None:
+    """For imports too short to be watched."""
 
 
 def _last_number(stem: str) -> int | None:

@@ -5,8 +5,11 @@
   sample                    NXsample
   instrument                NXinstrument: detector (NXdetector), supply (NXcollection of two NXlog)
   specimen, calibration, protocol, rig    NXnote: the TOML texts as they were
+  host                      NXnote: time zone and versions of what wrote the file
+  user_note                 NXnote: what the user had to say
   data                      NXdata: frames, or tracked points, with their columns
   states                    NXcollection: one row a state; its attributes tell the format and the kind
+  sessions                  NXcollection: one row for every time that the run was begun or resumed
   segmentation              NXprocess: edges, once they were found
   truth                     NXnote: what a virtual rig was made of; for scoring alone
 """
@@ -14,6 +17,7 @@
 from __future__ import annotations
 
 import json
+import platform
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -44,6 +48,8 @@ STATE_COLUMNS: dict[str, tuple[str, str | None]] = {
     "flags": ("S4096", None),
     "index": ("i8", None),
 }
+# One row for each time that a run was begun or resumed.
+SESSION_COLUMNS: dict[str, tuple[str, str | None]] = {"start": ("S40", None), "first_state": ("i8", None)}
 # One row a frame, beside the frames themselves.
 FRAME_COLUMNS: dict[str, tuple[str, str | None]] = {
     "state": ("i8", None),
@@ -58,7 +64,10 @@ FRAME_COLUMNS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class Header:
-    """What a dataset says of itself. A quantity that an imported dataset does not know is None."""
+    """What a dataset says of itself. A quantity that an imported dataset does not know is None.
+
+    taken: when the first frame was taken, ISO 8601; None where that is now.
+    """
 
     specimen: SpecimenFile
     calibration: Calibration | None = None
@@ -66,6 +75,8 @@ class Header:
     rig: Rig | None = None
     instruments: tuple[Identity, ...] = ()
     truth: dict[str, Any] | None = None
+    note: str = ""
+    taken: str | None = None
 
 
 def write_header(file: h5py.File, header: Header) -> h5py.Group:
@@ -75,7 +86,7 @@ def write_header(file: h5py.File, header: Header) -> h5py.Group:
     entry.attrs["default"] = "data"
     beam = header.specimen.specimen
     put_text(entry, "title", f"{beam.name}, {beam.material}")
-    put_text(entry, "start_time", now())
+    put_text(entry, "start_time", header.taken or now())
     put_text(entry, "end_time", " " * 40)
     put_text(entry, "program_name", PROGRAM).attrs["version"] = version(PROGRAM)
 
@@ -86,9 +97,7 @@ def write_header(file: h5py.File, header: Header) -> h5py.Group:
     instrument = group(entry, "instrument", "NXinstrument")
     put_text(instrument, "name", header.rig.name if header.rig else "imported")
     for number, identity in enumerate(header.instruments):
-        note(
-            instrument, f"identity_{number}", f"{identity.driver}: {identity.text} at {identity.address}", "text/plain"
-        )
+        note(instrument, f"identity_{number}", identity_text(identity), "text/plain")
 
     documents = {
         "specimen": header.specimen,
@@ -101,7 +110,28 @@ def write_header(file: h5py.File, header: Header) -> h5py.Group:
             note(entry, name, document.text, "application/toml")
     if header.truth is not None:
         note(entry, "truth", json.dumps(header.truth), "application/json")
+    note(entry, "host", json.dumps(host()), "application/json")
+    if header.note:
+        note(entry, "user_note", header.note, "text/plain")
     return entry
+
+
+def identity_text(identity: Identity) -> str:
+    """An instrument in one line, as a dataset keeps it."""
+    return f"{identity.driver}: {identity.text} at {identity.address}"
+
+
+def host() -> dict[str, str]:
+    """The time zone and the versions of what writes the file."""
+    local = datetime.now().astimezone()
+    return {
+        "time_zone": f"{local:%Z} (UTC{local:%z})",
+        PROGRAM: version(PROGRAM),
+        "python": platform.python_version(),
+        "h5py": h5py.__version__,
+        "hdf5": h5py.version.hdf5_version,
+        "numpy": np.__version__,
+    }
 
 
 def write_state_columns(entry: h5py.Group, kind: Kind) -> dict[str, h5py.Dataset]:
@@ -164,7 +194,7 @@ def get_text(parent: h5py.Group, name: str) -> str:
 
 
 def now() -> str:
-    """The time in ISO 8601."""
+    """The time in ISO 8601, in UTC."""
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 

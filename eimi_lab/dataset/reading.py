@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.dataset.edges import read_edges
 from eimi_lab.dataset.layout import FORMAT, FORMAT_ATTRIBUTE, KIND_ATTRIBUTE, Kind, flags_from_text, get_text
 from eimi_lab.dataset.points import TrackedPoints, read_points
+from eimi_lab.dataset.probing import why_unreadable
 from eimi_lab.errors import InputError
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edge_set import EdgeSet, Flag
@@ -97,12 +99,47 @@ class Dataset:
         return get_text(self._entry[name], "data") if name in self._entry else None
 
     def images(self, state_index: int) -> NDArray[Any]:
-        """(n, H, W), uint8 or uint16: the frames of a state. Raises InputError where the file is damaged."""
+        """(n, H, W), uint8 or uint16: the frames of a state. Raises InputError naming those that are damaged."""
         rows = np.flatnonzero(self._entry["data/state"][()] == state_index)
         try:
             return self._entry["data/frames"][rows[0] : rows[-1] + 1]
         except OSError as error:
-            raise InputError(f"{self.path}: the frames of state {state_index} are damaged ({error})") from error
+            damaged = ", ".join(str(row - rows[0]) for row in rows.tolist() if not self._readable(row))
+            raise InputError(
+                f"{self.path}: frame {damaged} of the {len(rows)} of state {state_index} (counted from 0) "
+                f"is damaged ({error})"
+            ) from error
+
+    def _readable(self, row: int) -> bool:
+        try:
+            self._entry["data/frames"][row]
+        except OSError:
+            return False
+        return True
+
+    def frame_format(self) -> tuple[tuple[int, int], np.dtype[Any]]:
+        """Height and width of the frames, and their type."""
+        frames = self._entry["data/frames"]
+        return frames.shape[1:], frames.dtype
+
+    def instruments(self) -> tuple[str, ...]:
+        """What supply and camera said of themselves, a line each; empty for an imported dataset."""
+        group = self._entry["instrument"]
+        return tuple(get_text(group[name], "data") for name in sorted(group) if name.startswith("identity_"))
+
+    def start_time(self) -> datetime:
+        """When the run began, or when the oldest of the imported image files was written."""
+        return datetime.fromisoformat(get_text(self._entry, "start_time"))
+
+    def last_time_s(self) -> float:
+        """The run's clock at the last frame; 0 before there is one."""
+        times = self._entry["data/time"][()]
+        return float(np.nanmax(times, initial=0.0))
+
+    @property
+    def resumable(self) -> bool:
+        """Whether the file can take more states; those of earlier versions cannot."""
+        return "sessions" in self._entry
 
     def edges(self) -> tuple[EdgeSet, ...] | None:
         """What segmentation stored, one element a state; None before segmentation."""
@@ -145,20 +182,17 @@ def open_file(path: Path) -> tuple[h5py.File, bool]:
     try:
         return h5py.File(path, "r"), True
     except OSError as error:
-        damaged = InputError(f"{path}: is a damaged HDF5 file ({error})")
-        if not _has_a_writer(path):
-            raise damaged from error
-    try:
-        return h5py.File(path, "r", libver="latest", swmr=True), False
-    except OSError as error:
-        raise damaged from error
+        reason = why_unreadable(path) if _has_a_writer(path) else str(error)
+        if reason:
+            raise InputError(f"{path}: is a damaged HDF5 file ({reason})") from error
+    return h5py.File(path, "r", libver="latest", swmr=True), False
 
 
 def _has_a_writer(path: Path) -> bool:
     """Whether somebody has the file open to write, or had when he crashed.
 
-    Asked before the file is read as a live one: HDF5 would wait for a writer to complete what is damaged. Version
-    and consistency flags are at bytes 8 and 11 (HDF5 File Format Specification 3.0, section II.A, superblock 2 and 3).
+    Version and consistency flags are at bytes 8 and 11 (HDF5 File Format Specification 3.0, section II.A, superblock 2
+    and 3).
     """
     with path.open("rb") as raw:
         superblock = raw.read(12)

@@ -23,7 +23,7 @@ class Optics:
     background: the brightest place of the back-light as a share of full scale. vignette: loss in the corners;
     gradient: loss from one corner to the opposite one; lumps: largest deviation of smooth irregular patches;
     all as shares of the light. Transmissions are shares of the light behind the body. bits: depth of the
-    image, 8 to 16.
+    image, 8 to 16. gamma: the camera stores light to the power 1 / gamma; 1 is what measurements need.
     """
 
     blur_px: float = 1.0
@@ -36,13 +36,14 @@ class Optics:
     magnet_transmission: float = 0.01
     clamp_transmission: float = 0.0
     bits: int = 8
+    gamma: float = 1.0
 
     def __post_init__(self) -> None:
         shares = ("vignette", "gradient", "lumps", "silicone_transmission", "magnet_transmission")
         for name in (*shares, "clamp_transmission"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be at least 0 and below 1")
-        for name in ("full_well_e", "background"):
+        for name in ("full_well_e", "background", "gamma"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
         if not self.blur_px >= 0.0:
@@ -53,11 +54,12 @@ class Optics:
 
 @dataclass(frozen=True)
 class Scene:
-    """A still scene on the sensor: each pixel's mean and standard deviation, grey levels, (height, width)."""
+    """A still scene: mean and standard deviation of each pixel's light, in grey levels, (height, width)."""
 
     mean: NDArray[np.float32]
     deviation: NDArray[np.float32]
     bits: int
+    gamma: float = 1.0
 
 
 def make_scene(
@@ -67,12 +69,14 @@ def make_scene(
     magnet_px: ArrayLike | None = None,
     clamp_px: ArrayLike | None = None,
     oversampling: int = 1,
+    far_px: ArrayLike | None = None,
 ) -> Scene:
     """The part of an image that does not change from frame to frame.
 
     size: (width, height). beam_px: (n, 2) outline of the whole beam, the magnet's block included; it may end
     at the clamp line or run on behind the clamp. magnet_px: outline of the magnet, inside the beam. clamp_px:
-    outline of the clamp, in front of the beam. Raises ValueError where an outline is no polygon.
+    outline of the clamp, in front of the beam. far_px: outline of the beam's far face where the lens shows both faces;
+    beam_px is then the near one. Raises ValueError where an outline is no polygon.
 
     oversampling: the blur is applied to an image so many times finer. At 1 the blur acts on pixels instead of
     before them, which displaces an edge along the pixel rows by up to 0.01 px at a blur of 1 px; at 2 by
@@ -84,6 +88,8 @@ def make_scene(
 
     fine = (size[0] * oversampling, size[1] * oversampling)
     beam = coverage(finer(beam_px), fine).astype(np.float32)
+    if far_px is not None:
+        np.maximum(beam, coverage(finer(far_px), fine).astype(np.float32), out=beam)
     passed: NDArray[Any] = np.ones_like(beam)
     if clamp_px is not None:
         clamp = coverage(finer(clamp_px), fine).astype(np.float32)
@@ -107,7 +113,7 @@ def make_scene(
     mean = light * np.float32(full_scale)
     # Electrons are counted: their variance is their number.
     deviation = np.sqrt(light) * np.float32(full_scale / np.sqrt(optics.full_well_e))
-    return Scene(mean, deviation, optics.bits)
+    return Scene(mean, deviation, optics.bits, optics.gamma)
 
 
 def expose(scene: Scene, rng: np.random.Generator) -> NDArray[Any]:
@@ -118,6 +124,9 @@ def expose(scene: Scene, rng: np.random.Generator) -> NDArray[Any]:
     frame = rng.standard_normal(scene.mean.shape, dtype=np.float32)
     frame *= scene.deviation
     frame += scene.mean
+    if scene.gamma != 1.0:
+        full_scale = np.float32(2**scene.bits - 1)
+        frame = full_scale * np.maximum(frame / full_scale, 0.0) ** np.float32(1.0 / scene.gamma)
     frame += np.float32(0.5)
     np.clip(frame, 0.0, 2**scene.bits - 0.5, out=frame)
     return frame.astype(np.uint8 if scene.bits == 8 else np.uint16)

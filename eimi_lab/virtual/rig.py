@@ -41,7 +41,9 @@ class VirtualCamera:
         frame: BeamFrame,
         mT_per_A: float,
         virtual: Virtual,
+        depth_mm: float,
     ) -> None:
+        self._perspective = frame.perspective(depth_mm, virtual.frame_size_px)
         self._beam, self._coil, self._clock, self._frame = beam, coil, clock, frame
         self._mT_per_A, self._virtual = mT_per_A, virtual
         self._rng = np.random.default_rng(virtual.seed)
@@ -64,12 +66,14 @@ class VirtualCamera:
         field_mT = self._mT_per_A * self._coil.coil_current_A()
         if self._scene is None or self._beam.moves(field_mT):
             outline, magnet = self._beam.outlines_mm(field_mT)
+            near, far = self._perspective.faces(outline) if self._perspective else (outline, None)
             self._scene = make_scene(
                 self._virtual.optics,
                 self._virtual.frame_size_px,
-                self._frame.to_px(outline),
+                self._frame.to_px(near),
                 None if magnet is None else self._frame.to_px(magnet),
                 self._clamp_px,
+                far_px=None if far is None else self._frame.to_px(far),
             )
         self._number += 1
         return Frame(expose(self._scene, self._rng), self._number, self._clock.now())
@@ -101,7 +105,9 @@ def open_virtual_rig(rig: Rig, specimen: SpecimenFile) -> tuple[PowerSupply, Vir
     )
     frame = BeamFrame(rig.calibration)
     beam = VirtualBeam(specimen.mechanics(), material, virtual.mesh, frame.gravity_deg, frame.field_deg)
-    camera = VirtualCamera(beam, coil, clock, frame, rig.calibration.coil_constant_mT_per_A, virtual)
+    camera = VirtualCamera(
+        beam, coil, clock, frame, rig.calibration.coil_constant_mT_per_A, virtual, specimen.specimen.depth_mm
+    )
     truth = {
         "model": material.model,
         "parameters": material.parameters,

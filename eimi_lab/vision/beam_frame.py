@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from eimi_fitting.observation import Perspective
 from eimi_lab.config.calibration import Calibration
 
 Array = NDArray[np.float64]
@@ -38,6 +39,7 @@ class BeamFrame:
         self._matrix = None if calibration.camera_matrix is None else np.array(calibration.camera_matrix)
         self._distortion = np.array(calibration.distortion or ())
         self._origin = self._undistort(np.array([calibration.clamp_midpoint_px], dtype=np.float64))[0]
+        self._stand_off_mm = None if calibration.telecentric else calibration.stand_off_mm
         self.field_deg = self._turned(calibration.field_angle_deg - calibration.axis_angle_deg)
         self.gravity_deg = self._turned(calibration.gravity_angle_deg - calibration.axis_angle_deg)
 
@@ -55,6 +57,17 @@ class BeamFrame:
         still = np.zeros(3)
         image_points = cv2.projectPoints(rays, still, still, self._matrix, self._distortion)[0]
         return np.asarray(image_points, dtype=np.float64).reshape(-1, 2)
+
+    def perspective(self, depth_mm: float, size: tuple[int, int]) -> Perspective | None:
+        """How the lens sees a specimen's depth in images of a width and height; None for one that does not matter.
+
+        The optical axis is at the camera matrix's principal point, or amid the image where there is none. Raises
+        ValueError where the specimen reaches the lens.
+        """
+        if self._stand_off_mm is None:
+            return None
+        centre = (np.array(size) - 1.0) / 2.0 if self._matrix is None else self._matrix[:2, 2]
+        return Perspective((centre - self._origin) @ self._axes.T / self._scale, self._stand_off_mm, depth_mm)
 
     def _undistort(self, points: Array) -> Array:
         if self._matrix is None or len(points) == 0:

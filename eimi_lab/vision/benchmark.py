@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,6 +20,7 @@ from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import Beam, Magnet, SpecimenFile
 from eimi_lab.virtual.optics import Optics, Scene, expose, make_scene
 from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.comparison import METHODS
 from eimi_lab.vision.edge_set import EdgeSet
 from eimi_lab.vision.edges import find_edges
 
@@ -51,7 +53,26 @@ CONDITIONS = {
     "hard": replace(NOMINAL, blur_px=1.5, full_well_e=2500.0, gradient=0.25, lumps=0.08, silicone_transmission=0.15),
     "defocused": replace(NOMINAL, blur_px=3.0),
 }
-ANGLES_DEG = (-75.0, -40.0, -10.0, 0.0, 3.0, 20.0, 55.0, 75.0, 90.0)
+SWEEP = {
+    "blur 0.5 px": replace(NOMINAL, blur_px=0.5),
+    "blur 2 px": replace(NOMINAL, blur_px=2.0),
+    "blur 4 px": replace(NOMINAL, blur_px=4.0),
+    "2500 electrons": replace(NOMINAL, full_well_e=2500.0),
+    "1000 electrons": replace(NOMINAL, full_well_e=1000.0),
+    "12 bit, 30 000 electrons": replace(NOMINAL, full_well_e=30_000.0, bits=12),
+    "gradient 40 %": replace(NOMINAL, gradient=0.4),
+    "lumps 10 %": replace(NOMINAL, lumps=0.1),
+    "silicone transmits 0 %": replace(NOMINAL, silicone_transmission=0.0, magnet_transmission=0.0),
+    "silicone transmits 30 %": replace(NOMINAL, silicone_transmission=0.3),
+    "silicone 30 %, magnet 30 %": replace(NOMINAL, silicone_transmission=0.3, magnet_transmission=0.3),
+    "clipped back-light": replace(NOMINAL, background=1.2),
+    "gamma 2.2": replace(NOMINAL, gamma=2.2),
+}
+ANGLES_DEG = (-110.0, -75.0, -40.0, -10.0, 0.0, 3.0, 20.0, 55.0, 90.0, 110.0)
+FEW_ANGLES_DEG = (-75.0, 0.0, 3.0, 40.0)
+POINTS_PER_MM = 50.0
+NEAR_MM = 0.12  # of an edge, for a point of another method to count as one of it
+END_MM = 1.0  # left out at both ends, where clamp and corners blur into the edge
 
 
 @dataclass(frozen=True)
@@ -70,7 +91,7 @@ class BentBeam:
         return np.vstack([self.left, self.right[::-1]])
 
 
-def bend(specimen_file: SpecimenFile, tip_angle_deg: float, points_per_mm: float = 50.0) -> BentBeam:
+def bend(specimen_file: SpecimenFile, tip_angle_deg: float, points_per_mm: float = POINTS_PER_MM) -> BentBeam:
     """The flexible part as a circular arc of its own length, then the magnet's block straight on."""
     mechanics = specimen_file.mechanics()
     flexible, half = mechanics.flexible_length_mm, 0.5 * mechanics.width_mm
@@ -166,18 +187,67 @@ def measure(optics: Optics, angles_deg: tuple[float, ...], frames: int, seed: in
     return rows
 
 
+def overall(rows: list[dict[str, Any]]) -> dict[str, float]:
+    """Bias and RMS of each side, largest error, pull and time over the rows of `measure`."""
+    summary = {name: float(np.mean([row[name] for row in rows])) for name in ("left_bias", "right_bias", "ms")}
+    for name in ("left_rms", "right_rms", "pull"):
+        summary[name] = float(np.sqrt(np.mean([row[name] ** 2 for row in rows])))
+    return summary | {"worst": max(float(row["worst"]) for row in rows)}
+
+
+def measure_other(
+    method: Callable[[NDArray[Any]], Array], optics: Optics, angles_deg: tuple[float, ...], seed: int
+) -> dict[str, float]:
+    """Bias, RMS and time of another method; of its points those count that are near an edge and clear of its ends."""
+    rng = np.random.default_rng(seed)
+    frame, ppm = BeamFrame(CALIBRATION), CALIBRATION.pixels_per_mm
+    errors: dict[str, list[Array]] = {"left": [], "right": []}
+    seconds = []
+    for angle in angles_deg:
+        beam = bend(SPECIMEN, angle)
+        image = expose(make_bent_scene(optics, CALIBRATION, SPECIMEN, beam), rng)
+        begin = time.process_time()
+        points = method(image)
+        seconds.append(time.process_time() - begin)
+        places = frame.to_mm(points)
+        for side, edge, outward in (("left", beam.left, -1.0), ("right", beam.right, 1.0)):
+            distance, nearest = cKDTree(edge).query(places)
+            kept = (distance < NEAR_MM) & (nearest > END_MM * POINTS_PER_MM)
+            kept &= nearest < len(edge) - END_MM * POINTS_PER_MM
+            errors[side].append(ppm * outward_errors_mm(places[kept], edge, outward))
+    left, right = (np.concatenate(errors[side]) for side in ("left", "right"))
+    return {
+        "left_bias": float(left.mean()),
+        "right_bias": float(right.mean()),
+        "left_rms": float(np.sqrt((left**2).mean())),
+        "right_rms": float(np.sqrt((right**2).mean())),
+        "ms": 1e3 * float(np.median(seconds)),
+    }
+
+
 def main() -> None:
     cv2.setNumThreads(1)
     print("error along the normal, outward positive, px; pull: RMS of error over stated standard deviation")
-    print("condition   tip deg  points  bias left  right    RMS left  right    worst  pull  ms  flags")
-    for name, optics in CONDITIONS.items():
-        for row in measure(optics, ANGLES_DEG, frames=3, seed=1):
-            print(
-                f"{name:10s} {row['angle']:8.0f} {row['points']:7d} "
-                f"{row['left_bias']:+10.4f} {row['right_bias']:+.4f} "
-                f"{row['left_rms']:9.4f} {row['right_rms']:.4f} "
-                f"{row['worst']:8.3f} {row['pull']:5.2f} {row['ms']:3.0f}  {row['flags']}"
-            )
+    print("\n| condition | bias left | right | RMS left | right | largest | pull | ms |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    for name, optics in (CONDITIONS | SWEEP).items():
+        row = overall(measure(optics, ANGLES_DEG if name in CONDITIONS else FEW_ANGLES_DEG, frames=2, seed=1))
+        print(f"| {name} | {_four(row)} | {row['worst']:.3f} | {row['pull']:.2f} | {row['ms']:.0f} |", flush=True)
+    print("\n| nominal, tip angle | bias left | right | RMS left | right | largest | pull | ms |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    for row in measure(NOMINAL, ANGLES_DEG, frames=2, seed=1):
+        print(f"| {row['angle']:.0f}° | {_four(row)} | {row['worst']:.3f} | {row['pull']:.2f} | {row['ms']:.0f} |")
+    print("\n| method | condition | bias left | right | RMS left | right | ms |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
+    for title, method in METHODS.items():
+        for name, optics in CONDITIONS.items():
+            row = measure_other(method, optics, FEW_ANGLES_DEG, seed=1)
+            print(f"| {title} | {name} | {_four(row)} | {row['ms']:.0f} |", flush=True)
+
+
+def _four(row: dict[str, Any]) -> str:
+    biases = f"{row['left_bias']:+.4f} | {row['right_bias']:+.4f}"
+    return f"{biases} | {row['left_rms']:.4f} | {row['right_rms']:.4f}"
 
 
 if __name__ == "__main__":

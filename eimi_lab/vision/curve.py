@@ -40,3 +40,11 @@ class SmoothCurve:
         tangent /= np.maximum(np.linalg.norm(tangent, axis=-1, keepdims=True), 1e-12)
         beyond = distance - np.clip(distance, 0.0, self.length)
         return self._spline(parameter) + beyond[..., None] * tangent, tangent
+
+    def curvature(self, distance: Array) -> Array:
+        """Second derivative (n, 2) of the place with respect to arc length: toward the centre, one over the radius."""
+        parameter = np.interp(distance, self._distance, self._parameter)
+        slope, second = self._slope(parameter), self._slope.derivative()(parameter)
+        speed = np.maximum((slope**2).sum(axis=-1, keepdims=True), 1e-12)
+        along = (second * slope).sum(axis=-1, keepdims=True) / speed
+        return np.asarray((second - along * slope) / speed)

@@ -37,9 +37,13 @@ class EdgeSet:
 
     corners_px: (4, 2) clamp-left, clamp-right, tip-left, tip-right; NaN where a corner was not found.
     An edge set without points (n = 0) is a frame in which no beam was found; its flags say why.
+    calibration_digest: `Calibration.digest` of the one that made pixels millimetres; calibration_age_days: how old it
+    was when the frame was taken, None where that is not known.
     """
 
     left: EdgePoints
     right: EdgePoints
     flags: tuple[Flag, ...]
     corners_px: Array
+    calibration_digest: str = ""
+    calibration_age_days: float | None = None

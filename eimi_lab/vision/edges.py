@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.clamp import ClampLine, find_clamp_line
+from eimi_lab.vision.dimensions import length_deviation, local_widths, twist_deg, width_deviation
 from eimi_lab.vision.edge_set import EdgePoints, EdgeSet
 from eimi_lab.vision.intensity import full_scale, grey
-from eimi_lab.vision.passes import Side, first_pass, scatter_scale, second_pass
-from eimi_lab.vision.profiles import AVERAGED_PX
+from eimi_lab.vision.passes import Located, Side, first_pass, scatter_scale, second_pass
+from eimi_lab.vision.profiles import AVERAGED_PX, sample
 from eimi_lab.vision.quality import SATURATION_LEVEL, Findings, Limits, judge
+from eimi_lab.vision.response import estimate_gamma
 from eimi_lab.vision.silhouette import find_silhouette, measure_back_light
 
 Array = NDArray[np.float64]
@@ -31,13 +33,15 @@ def find_edges(
     *,
     spacing_mm: float = 0.3,
     limits: Limits | None = None,
+    calibration_age_days: float | None = None,
 ) -> EdgeSet:
     """The beam's edges in one image, (height, width) or (height, width, 3), of any depth.
 
     spacing_mm: wanted distance of the points along the edges; wider where that would give more than
     `passes.MOST_POINTS` or where profiles would overlap. A few pixels at the clamp line and at the corners are left
-    out, where the profile is no clean step. A picture without a beam gives an edge set without points, and
-    flags; it never raises for a picture.
+    out, where the profile is no clean step. A beam brighter than what is beside its root is taken for a lit one in
+    front of a dark background. calibration_age_days: how old the calibration was when the image was taken. A picture
+    without a beam gives an edge set without points, and flags; it never raises for a picture.
 
     Method: on normals to the outline, the mean of four neighbouring profiles is fitted with a step blurred by
     a Gaussian, with plateaus of its own on both sides and one blur for the whole image; twice, the second
@@ -46,32 +50,46 @@ def find_edges(
     limits = limits or Limits()
     frame = BeamFrame(calibration)
     specimen = specimen_file.specimen
+    findings = Findings(contrast=0.0, clamp_seen=0.0, calibration_age_days=calibration_age_days)
+
+    def edge_set(left: EdgePoints, right: EdgePoints, findings: Findings, corners_px: Array) -> EdgeSet:
+        flags = judge(findings, limits, specimen.width_mm, specimen.depth_mm)
+        return EdgeSet(left, right, flags, corners_px, calibration.digest, calibration_age_days)
+
+    def no_edges(findings: Findings) -> EdgeSet:
+        nothing = EdgePoints(np.zeros((0, 2)), np.zeros(0))
+        return edge_set(nothing, nothing, findings, np.full((4, 2), np.nan))
+
     try:
         pixels = grey(image)
     except ValueError:
         pixels = np.zeros((0, 0), dtype=np.uint8)
     if min(pixels.shape) < _SMALLEST_FRAME_PX:
-        return _no_edges(Findings(contrast=0.0, clamp_seen=0.0), limits)
+        return no_edges(findings)
 
     largest = full_scale(pixels)
+    lit_beam = _is_brighter_than_beside(pixels, frame, specimen.width_mm)
+    if lit_beam:
+        pixels = (largest - pixels).astype(pixels.dtype)
     light = measure_back_light(pixels, frame, specimen.width_mm)
-    findings = Findings(contrast=(light.bright - light.dark) / largest if largest else 0.0, clamp_seen=0.0)
     clamp = find_clamp_line(pixels, frame, specimen.width_mm, light.bright)
-    findings = replace(findings, clamp_seen=clamp.seen)
+    contrast = (light.bright - light.dark) / largest if largest else 0.0
+    findings = replace(findings, contrast=contrast, clamp_seen=clamp.seen)
     # A root hardly darker than the light around it is no beam, however the picture is exposed.
     if light.bright - light.dark < 0.2 * light.bright or light.bright <= 0.0:
-        return _no_edges(replace(findings, contrast=0.0), limits)
+        return no_edges(replace(findings, contrast=0.0))
     silhouette = find_silhouette(pixels, frame, clamp, light, specimen.length_mm, specimen.width_mm)
     if silhouette is None:
-        return _no_edges(replace(findings, length_deviation=1.0), limits)
+        return no_edges(replace(findings, length_deviation=1.0))
     findings = replace(
         findings,
         touches_frame=silhouette.touches_frame,
         other_bodies=silhouette.other_bodies,
+        hole_share=silhouette.hole_share,
         corner_turn_deg=silhouette.turn_deg,
     )
     if silhouette.corners is None:
-        return _no_edges(findings, limits)
+        return no_edges(findings)
 
     spacing_px = max(spacing_mm * calibration.pixels_per_mm, AVERAGED_PX)
     width_px = specimen.width_mm * calibration.pixels_per_mm
@@ -79,37 +97,65 @@ def find_edges(
     cover_px = 0.5 * (specimen.width_mm - magnet_mm) * calibration.pixels_per_mm
     first = first_pass(pixels, silhouette, frame.hand, spacing_px, width_px, cover_px)
     if first is None:
-        return _no_edges(replace(findings, residual=1.0), limits)
+        return no_edges(replace(findings, residual=1.0))
     left, tip, right = first.sides
     corners_px = _corners(clamp, left, tip, right, width_px)
     second = second_pass(
         pixels, (left, right), corners_px, frame.hand, first.steps.blur_px, spacing_px, width_px, cover_px
     )
     if second is None:
-        return _no_edges(replace(findings, residual=1.0), limits)
+        return no_edges(replace(findings, residual=1.0))
     left, right = second.sides
     steps = second.steps
+    found_left, found_right = left.points_px[left.sound], right.points_px[right.sound]
+    widths = local_widths(found_left, found_right)
+    clipped = second.plateau(-1.0) < (1.0 - SATURATION_LEVEL) * largest if lit_beam else None
+    if clipped is None:
+        clipped = second.plateau(1.0) > SATURATION_LEVEL * largest
     findings = replace(
         findings,
         contrast=float(np.percentile((steps.bright - steps.dark)[steps.sound], 10)) / largest,
-        saturated_share=float((second.lit > SATURATION_LEVEL * largest).mean()),
+        saturated_share=float(clipped.mean()),
         blur_px=steps.blur_px,
         residual=float(np.percentile(second.residual, 95)),
-        width_deviation=_width_deviation(left, right, width_px),
-        length_deviation=_length_deviation(left, right, corners_px, specimen.length_mm * calibration.pixels_per_mm),
+        width_deviation=width_deviation(widths, width_px),
+        length_deviation=length_deviation(
+            found_left, found_right, corners_px, specimen.length_mm * calibration.pixels_per_mm
+        ),
+        twist_deg=twist_deg(widths, width_px, specimen.depth_mm * calibration.pixels_per_mm),
+        clamp_offset_mm=float(np.linalg.norm(frame.to_mm(corners_px[:2]).mean(axis=0))),
     )
+    if clipped.mean() <= limits.saturated_share:  # a clipped step is as lopsided as one of a bent response
+        findings = replace(findings, gamma=_gamma(second, largest if lit_beam else None))
     scatter = scatter_scale(left, right)
-    return EdgeSet(
-        left=_edge_points(left, scatter, frame, calibration.pixels_per_mm),
-        right=_edge_points(right, scatter, frame, calibration.pixels_per_mm),
-        flags=judge(findings, limits),
-        corners_px=corners_px,
+    return edge_set(
+        _edge_points(left, scatter, frame, calibration.pixels_per_mm),
+        _edge_points(right, scatter, frame, calibration.pixels_per_mm),
+        findings,
+        corners_px,
     )
 
 
-def _no_edges(findings: Findings, limits: Limits) -> EdgeSet:
-    nothing = EdgePoints(np.zeros((0, 2)), np.zeros(0))
-    return EdgeSet(nothing, nothing, judge(findings, limits), np.full((4, 2), np.nan))
+def _is_brighter_than_beside(image: NDArray[Any], frame: BeamFrame, width_mm: float) -> bool:
+    """Whether the beam's root is brighter by a fifth than what is to both sides of it."""
+    along, across = np.meshgrid(np.linspace(0.3, 0.9, 7), np.linspace(-0.25, 0.25, 5))
+    inside, left, right = (
+        float(np.median(sample(image, frame.to_px(width_mm * np.column_stack([along.ravel(), (across + y).ravel()])))))
+        for y in (0.0, -1.5, 1.5)
+    )
+    return inside > 1.2 * max(left, right) + 1.0
+
+
+def _gamma(located: Located, inverted_from: float | None) -> float | None:
+    """The camera's gamma from the half of each edge that is nearer to the clamp, where no magnet is behind it."""
+    near = np.concatenate([np.arange(len(side.sound)) < len(side.sound) // 2 for side in located.sides])
+    near &= located.sound
+    steps, stations, profiles = located.steps, located.stations_px, located.profiles[near]
+    offset, bright = steps.offset_px[near], steps.bright[near]
+    if inverted_from is not None:  # back to a step that rises as the light does
+        stations, offset = -stations[::-1], -offset
+        profiles, bright = inverted_from - profiles[:, ::-1], inverted_from - steps.dark[near]
+    return estimate_gamma(stations, profiles, offset, bright, steps.blur_px)
 
 
 def _edge_points(side: Side, scatter: float, frame: BeamFrame, pixels_per_mm: float) -> EdgePoints:
@@ -147,25 +193,3 @@ def _crossing(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
     if abs(np.linalg.det(directions)) < 0.1:
         return np.full(2, np.nan)
     return one[0] + one[1] * np.linalg.solve(directions, other[0] - one[0])[0]
-
-
-def _width_deviation(left: Side, right: Side, width_px: float) -> float:
-    """Departure of the local width from the specimen's, as a share of it; a tenth of the beam departs more."""
-    across = right.points_px[right.sound]
-    points = left.points_px[left.sound]
-    nearest = cKDTree(across).query(points)[1]
-    # The neighbours' chord, not the nearest point itself: the points are far apart for what is asked here.
-    behind, ahead = across[np.maximum(nearest - 1, 0)], across[np.minimum(nearest + 1, len(across) - 1)]
-    chord = (ahead - behind) / np.linalg.norm(ahead - behind, axis=1, keepdims=True)
-    gap = points - across[nearest]
-    width = np.abs(chord[:, 0] * gap[:, 1] - chord[:, 1] * gap[:, 0])
-    return float(np.percentile(np.abs(width / width_px - 1.0), 90))
-
-
-def _length_deviation(left: Side, right: Side, corners_px: Array, length_px: float) -> float:
-    """Departure of both edges' mean length, corner to corner, from the specimen's, as a share of it."""
-    total = 0.0
-    for side, start, end in ((left, corners_px[0], corners_px[2]), (right, corners_px[1], corners_px[3])):
-        path = np.vstack([start, side.points_px[side.sound], end])
-        total += float(np.hypot(*np.diff(path, axis=0).T).sum())
-    return abs(0.5 * total / length_px - 1.0)

@@ -59,3 +59,40 @@ def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
         raise ValueError("a state without frames has no mean")
     total /= count
     return total
+
+
+class FieldCorrection:
+    """Takes out what the sensor adds without light (dark frame) and the unevenness of light and pixels (flat field).
+
+    (image - dark) * mean / (flat - dark), with the median of flat - dark as mean: against what EMVA standard 1288
+    calls dark signal and photo response non-uniformity. A pixel at full scale stays there: clipping still shows.
+    """
+
+    def __init__(self, dark: ArrayLike | None, flat: ArrayLike | None) -> None:
+        """Images (height, width) without light and of the bare back-light, one of them or both.
+
+        Raises ValueError for images that differ in size, a flat field no brighter than the dark frame, or neither.
+        """
+        images = [None if image is None else grey(image).astype(np.float32) for image in (dark, flat)]
+        given = [image for image in images if image is not None]
+        if not given:
+            raise ValueError("neither a dark frame nor a flat field is given")
+        if len({image.shape for image in given}) > 1:
+            raise ValueError(f"the flat field has the shape {given[1].shape}, the dark frame {given[0].shape}")
+        self._dark = images[0] if images[0] is not None else np.zeros_like(given[0])
+        self._gain: NDArray[np.float32] = np.ones_like(given[0])
+        if images[1] is not None:
+            light = images[1] - self._dark
+            middle = float(np.median(light))
+            if not middle > 0.0 or (light < 0.05 * middle).mean() > 0.01:
+                raise ValueError("the flat field is dark in places, and can correct nothing there")
+            self._gain = (middle / np.maximum(light, 0.05 * middle)).astype(np.float32)
+
+    def apply(self, image: ArrayLike) -> NDArray[np.float32]:
+        """The corrected image (height, width). Raises ValueError for an image of another size."""
+        pixels = grey(image)
+        if pixels.shape != self._dark.shape:
+            raise ValueError(f"the image has the shape {pixels.shape}, dark frame and flat field {self._dark.shape}")
+        largest = full_scale(pixels)
+        corrected = np.clip((pixels - self._dark) * self._gain, 0.0, largest)
+        return np.asarray(np.where(pixels >= largest, largest, corrected), dtype=np.float32)

@@ -1,7 +1,9 @@
-"""A frame with what was found on it: the edges, the corners and the flags."""
+"""A frame with what was found on it: the edges, their normals, the corners and the flags; and many on one sheet."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -16,21 +18,28 @@ from eimi_lab.vision.intensity import full_scale, grey
 LEFT_COLOUR, RIGHT_COLOUR, CORNER_COLOUR = (255, 128, 0), (0, 128, 255), (0, 200, 0)  # blue, green, red
 FLAG_COLOUR = (0, 0, 255)
 _SUB_PIXEL_BITS = 4
+_NORMAL_EVERY = 10  # points
+_NORMAL_PX = 8.0  # to both sides
+_SHEET_PX = (320, 280)  # width and height of a picture on the sheet, its caption included
+_CAPTION_PX = 20
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 def draw_overlay(image: ArrayLike, edges: EdgeSet, calibration: Calibration) -> NDArray[np.uint8]:
     """(height, width, 3) uint8 picture: left edge blue, right edge orange, corners green, a red line for each flag.
 
-    image: as for `find_edges`. Raises ValueError for an array that is no image.
+    Every tenth point of an edge shows the normal along which it was sought. image: as for `find_edges`. Raises
+    ValueError for an array that is no image.
     """
     pixels = grey(image)
     shown = np.rint(pixels * (255.0 / full_scale(pixels))).astype(np.uint8)
     picture = cv2.cvtColor(shown, cv2.COLOR_GRAY2BGR)
     frame = BeamFrame(calibration)
     for edge, colour in ((edges.left, LEFT_COLOUR), (edges.right, RIGHT_COLOUR)):
-        line = _fixed_point(frame.to_px(edge.points_mm))
-        cv2.polylines(picture, [line], False, colour, 1, cv2.LINE_AA, _SUB_PIXEL_BITS)
+        points = frame.to_px(edge.points_mm)
+        cv2.polylines(picture, [_fixed_point(points)], False, colour, 1, cv2.LINE_AA, _SUB_PIXEL_BITS)
+        for normal in _normals(points):
+            cv2.polylines(picture, [_fixed_point(normal)], False, colour, 1, cv2.LINE_AA, _SUB_PIXEL_BITS)
     radius = 4 << _SUB_PIXEL_BITS
     for corner in _fixed_point(edges.corners_px[np.isfinite(edges.corners_px).all(axis=1)]):
         cv2.circle(picture, tuple(map(int, corner)), radius, CORNER_COLOUR, 1, cv2.LINE_AA, _SUB_PIXEL_BITS)
@@ -40,6 +49,33 @@ def draw_overlay(image: ArrayLike, edges: EdgeSet, calibration: Calibration) -> 
         cv2.rectangle(picture, (8, base - high), (12 + wide, base + below), (255, 255, 255), cv2.FILLED)
         cv2.putText(picture, text, (10, base), _FONT, 0.6, FLAG_COLOUR, 1, cv2.LINE_AA)
     return np.asarray(picture, dtype=np.uint8)
+
+
+def contact_sheet(pictures: Sequence[NDArray[np.uint8]], captions: Sequence[str]) -> NDArray[np.uint8]:
+    """One picture of many (height, width, 3), each made small with its caption above, in rows, about square in all."""
+    wide, high = _SHEET_PX
+    columns = max(1, math.ceil(math.sqrt(len(pictures))))
+    rows = max(1, math.ceil(len(pictures) / columns))
+    sheet = np.full((rows * high, columns * wide, 3), 255, dtype=np.uint8)
+    for index, (picture, caption) in enumerate(zip(pictures, captions, strict=True)):
+        top, left = index // columns * high, index % columns * wide
+        share = min(1.0, (wide - 4) / picture.shape[1], (high - _CAPTION_PX - 4) / picture.shape[0])
+        size = (max(1, round(picture.shape[1] * share)), max(1, round(picture.shape[0] * share)))
+        small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+        begin = top + _CAPTION_PX
+        sheet[begin : begin + size[1], left : left + size[0]] = small
+        cv2.putText(sheet, caption, (left + 2, top + _CAPTION_PX - 6), _FONT, 0.42, (0, 0, 0), 1, cv2.LINE_AA)
+    return sheet
+
+
+def _normals(points: NDArray[Any]) -> NDArray[Any]:
+    """(k, 2, 2): short lines across an edge (n, 2) at every tenth point."""
+    if len(points) < 3:
+        return np.zeros((0, 2, 2))
+    tangent = np.gradient(points, axis=0)
+    tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-12)
+    across = _NORMAL_PX * np.column_stack([-tangent[:, 1], tangent[:, 0]])
+    return np.stack([points - across, points + across], axis=1)[::_NORMAL_EVERY]
 
 
 def _fixed_point(points: NDArray[Any]) -> NDArray[np.int32]:

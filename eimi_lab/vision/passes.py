@@ -47,14 +47,24 @@ class Side:
 class Located:
     """What one pass found.
 
-    lit: the grey values of the profiles' bright plateaus. residual: (n,) of all profiles, 1 where there is no
-    step.
+    stations_px: (m,) and profiles (n, m): grey values along the normals, outward. residual: (n,) of all profiles, 1
+    where there is no step.
     """
 
     sides: tuple[Side, ...]
     steps: Steps
-    lit: Array
+    stations_px: Array
+    profiles: Array
     residual: Array
+
+    @property
+    def sound(self) -> NDArray[np.bool_]:
+        """(n,) which profiles gave a point."""
+        return np.concatenate([side.sound for side in self.sides])
+
+    def plateau(self, outward: float) -> Array:
+        """Grey values of the sound profiles outside (+1) or inside (-1) the beam, clear of the step."""
+        return self.profiles[self.sound][:, outward * self.stations_px > 2.0 * self.steps.blur_px]
 
 
 def first_pass(
@@ -105,7 +115,7 @@ def second_pass(
     corners_px: (4, 2) clamp-left, clamp-right, tip-left, tip-right. cover_px: as in `first_pass`. None where
     an edge is too short.
     """
-    if not np.isfinite(corners_px).all():
+    if not np.isfinite(corners_px).all() or min(side.sound.sum() for side in sides) < _FEWEST_POINTS:
         return None
     reach = _REACH_IN_BLURS * blur_px
     margin = reach + 0.5 * AVERAGED_PX
@@ -170,9 +180,10 @@ def _locate(
             return None
         centre, tangent = curve.at(place)
         found = centre + steps.offset_px[rows, None] * sign * normals_of(tangent)
+        # The half level of a blurred curved edge lies inward by half the blur squared times the curvature.
+        found -= 0.5 * steps.blur_px**2 * curve.curvature(place)
         sides.append(Side(curve, found, steps.offset_px[rows], sigma[rows], sound[rows]))
-    lit = profiles[sound][:, stations_px > 2.0 * steps.blur_px]
-    return Located(tuple(sides), steps, lit, np.where(inside & steps.sound, steps.residual, 1.0))
+    return Located(tuple(sides), steps, stations_px, profiles, np.where(inside & steps.sound, steps.residual, 1.0))
 
 
 def _inner(half_px: float, cover_px: float, blur_px: float) -> float:

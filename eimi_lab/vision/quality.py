@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from eimi_lab.vision.dimensions import stiffening_by_twist
 from eimi_lab.vision.edge_set import Flag
 
 
@@ -19,6 +20,11 @@ class Limits:
     corner_turn_deg: float = 55.0
     width_deviation: float = 0.05
     length_deviation: float = 0.10
+    hole_share: float = 0.002
+    gamma: float = 1.3
+    twist_deg: float = 1.5
+    clamp_offset_mm: float = 0.1
+    calibration_age_days: float = 90.0
 
 
 @dataclass(frozen=True)
@@ -30,7 +36,9 @@ class Findings:
     edges' blur. residual: what a blurred step leaves of an edge profile (RMS, as a share of the step), 19 of
     20 profiles leave less. clamp_seen: share of the profiles beside the beam that show the clamp line.
     corner_turn_deg: turn of the outline at the less clear corner of the tip. width_deviation,
-    length_deviation: from the specimen's, as a share of it.
+    length_deviation: from the specimen's, as a share of it. hole_share: the largest bright patch inside the beam, as a
+    share of its width squared. gamma: of the camera (`response`). twist_deg: of the tip about the beam's axis.
+    clamp_offset_mm: from the calibration's clamp midpoint to where the beam leaves its clamp.
     """
 
     contrast: float
@@ -43,13 +51,19 @@ class Findings:
     corner_turn_deg: float | None = None
     width_deviation: float | None = None
     length_deviation: float | None = None
+    hole_share: float | None = None
+    gamma: float | None = None
+    twist_deg: float | None = None
+    clamp_offset_mm: float | None = None
+    calibration_age_days: float | None = None
 
 
 SATURATION_LEVEL = 0.985  # of full scale: noise reaches the limit before the mean does
 
 
-def judge(findings: Findings, limits: Limits) -> tuple[Flag, ...]:
-    """The flags of a frame, in the order in which one would look into them."""
+def judge(findings: Findings, limits: Limits, width_mm: float, depth_mm: float) -> tuple[Flag, ...]:
+    """The flags of a frame, in the order in which one would look into them; width and depth are the specimen's."""
+    stiffer = 100.0 * stiffening_by_twist(findings.twist_deg or 0.0, width_mm, depth_mm)
     checks: list[tuple[str, float | None, float, bool, str]] = [
         (
             "LOW_CONTRAST",
@@ -67,11 +81,32 @@ def judge(findings: Findings, limits: Limits) -> tuple[Flag, ...]:
             "Lower the exposure or the gain until the back-light stays below 90 % of full scale.",
         ),
         (
+            "GAMMA",
+            findings.gamma,
+            limits.gamma,
+            False,
+            "Switch the camera's gamma (and tone curve) off, so that grey values are proportional to light.",
+        ),
+        (
             "CLAMP_NOT_FOUND",
             findings.clamp_seen,
             limits.clamp_seen,
             True,
             "Make the clamp's edge visible on both sides of the beam, or correct clamp_midpoint_px and axis_angle_deg.",
+        ),
+        (
+            "CALIBRATION_STALE",
+            findings.clamp_offset_mm,
+            limits.clamp_offset_mm,
+            False,
+            "Calibrate again, or correct clamp_midpoint_px: the beam leaves its clamp so many millimetres from there.",
+        ),
+        (
+            "CALIBRATION_STALE",
+            findings.calibration_age_days,
+            limits.calibration_age_days,
+            False,
+            "Calibrate again, and see that calibrated_on is right: the calibration was this many days old.",
         ),
         (
             "TOUCHES_FRAME",
@@ -86,6 +121,13 @@ def judge(findings: Findings, limits: Limits) -> tuple[Flag, ...]:
             0.0,
             False,
             "Clear everything dark but the beam and its clamp from in front of the back-light.",
+        ),
+        (
+            "HOLE_OR_REFLECTION",
+            findings.hole_share,
+            limits.hole_share,
+            False,
+            "Shade the beam from light in front of it, and look for holes and bubbles through which the light comes.",
         ),
         (
             "CORNER_AMBIGUOUS",
@@ -114,6 +156,14 @@ def judge(findings: Findings, limits: Limits) -> tuple[Flag, ...]:
             limits.width_deviation,
             False,
             "Check width_mm and pixels_per_mm, look for dirt on the beam, and see that it does not twist.",
+        ),
+        (
+            "TWIST",
+            findings.twist_deg,
+            limits.twist_deg,
+            False,
+            "Mount the beam so that it bends in the image's plane; a twist of so many degrees alone makes "
+            f"a fitted modulus {stiffer:+.2g} % wrong, and beside it tells of a load out of the plane.",
         ),
         (
             "LENGTH_ANOMALY",

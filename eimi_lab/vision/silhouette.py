@@ -21,6 +21,7 @@ _REACH = 2.0  # beam lengths around the clamp that are looked at; a loaded beam 
 _CORNER_ARM = 0.35  # of the beam's width: over this length on both sides a corner's turn is measured
 _PLACES_IN_WIDTH = 40  # where the turn is measured
 _LEAST_TURN_DEG = 30.0
+_PARENT = 3  # column of OpenCV's table of contours that names the one around each
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,8 @@ class Silhouette:
 
     outline_px: (n, 2) about a pixel apart. corners: where in it the tip's left and right corners are.
     turn_deg: by how much the outline turns at the less clear of the two; 0 where no pair of corners was found
-    (corners is None). other_bodies: dark bodies beside the beam within its reach.
+    (corners is None). other_bodies: dark bodies beside the beam within its reach. hole_share: area of the largest
+    bright patch inside the outline, as a share of the width squared.
     """
 
     outline_px: Array
@@ -50,6 +52,7 @@ class Silhouette:
     turn_deg: float
     touches_frame: bool
     other_bodies: int
+    hole_share: float
 
 
 def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -> BackLight:
@@ -109,14 +112,14 @@ def find_silhouette(
     behind -= np.outer([0, 0, 1, 1], 4 * reach * clamp.ahead)
     cv2.fillConvexPoly(mask, np.rint(behind).astype(np.int32), 0)
 
-    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    contours, nesting = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     root = tuple(clamp.point_px + 0.3 * width_mm * scale * clamp.ahead - low)
-    body, others = None, 0
-    for contour in contours:
-        if len(contour) < width_mm * scale:
+    body, others, own = None, 0, -1
+    for index, contour in enumerate(contours):
+        if len(contour) < width_mm * scale or nesting[0, index, _PARENT] >= 0:
             continue
         if body is None and cv2.pointPolygonTest(contour, root, False) >= 0:
-            body = contour.reshape(-1, 2) + low
+            body, own = contour.reshape(-1, 2) + low, index
         elif cv2.contourArea(contour) > 0.25 * (width_mm * scale) ** 2:
             others += 1
     if body is None:
@@ -126,7 +129,9 @@ def find_silhouette(
         return None
     at_border = (body <= 0) | (body >= np.array([width - 1, height - 1]))
     corners, turn_deg = _tip_corners(frame.to_mm(outline), width_mm)
-    return Silhouette(outline, corners, turn_deg, bool(at_border.any()), others)
+    holes = [cv2.contourArea(hole) for hole, row in zip(contours, nesting[0], strict=True) if row[_PARENT] == own]
+    hole_share = max(holes, default=0.0) / (width_mm * scale) ** 2
+    return Silhouette(outline, corners, turn_deg, bool(at_border.any()), others, hole_share)
 
 
 def _from_left_to_right(contour: Array, frame: BeamFrame, clamp: ClampLine) -> Array:

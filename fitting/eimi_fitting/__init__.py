@@ -7,6 +7,8 @@ actuation       magnet torque, gravity and tip force as dead loads
 band, forward   Newton over the batch: many candidates at once through all field states
 observation     simulated edges and points, and their distance to the measured ones
 identification  CMA-ES over scaled parameters; uncertainty says what the result is worth
+tensile         the conventional route: least squares on a tensile curve
+export          a law as a material card of other programs
 
 Knows no files and no instruments; needs numpy, scipy and cma alone.
 """

@@ -89,14 +89,54 @@ class Misfit:
 
 
 @dataclass(frozen=True)
+class Perspective:
+    """An ordinary lens before a specimen with depth: it sees the union of the near and the far face's outline.
+
+    centre_mm: (2,) where the optical axis meets the middle plane; stand_off_mm: from the entrance pupil to that plane.
+    Places are as the middle plane's scale has them. Raises ValueError where the specimen reaches the pupil.
+    """
+
+    centre_mm: Array
+    stand_off_mm: float
+    depth_mm: float
+
+    def __post_init__(self) -> None:
+        if not 0.5 * self.depth_mm < self.stand_off_mm:
+            raise ValueError(f"a stand-off of {self.stand_off_mm:g} mm is within the depth of {self.depth_mm:g} mm")
+
+    def faces(self, places_mm: Array) -> tuple[Array, Array]:
+        """Where places (..., 2) of the near and of the far face appear."""
+        near, far = (
+            self.centre_mm + self.stand_off_mm / (self.stand_off_mm + half) * (places_mm - self.centre_mm)
+            for half in (-0.5 * self.depth_mm, 0.5 * self.depth_mm)
+        )
+        return near, far
+
+    def distance_to_union(self, curves: Array, points: Array) -> Array:
+        """`signed_distance` of points (..., 2, n, 2) to left and right edge of the union of both faces.
+
+        Beside an edge the face that reaches farther out hides the other's, and from it the outward distance is less.
+        """
+        near, far = (signed_distance(face, points) for face in self.faces(curves))
+        outward = np.array([-1.0, 1.0])[:, None]  # the left edge's outside is to the right of clamp-to-tip
+        return np.asarray(outward * np.minimum(outward * near, outward * far))
+
+
+@dataclass(frozen=True)
 class EdgeObservation:
-    """Measured edges of K states: points_mm (K, 2, n, 2) left and right; sigma_mm (K, 2, n), infinite where unused."""
+    """Measured edges of K states: points_mm (K, 2, n, 2) left and right; sigma_mm (K, 2, n), infinite where unused.
+
+    perspective: of the lens; None where it is telecentric or its stand-off unknown.
+    """
 
     points_mm: Array
     sigma_mm: Array
+    perspective: Perspective | None = None
 
     @staticmethod
-    def from_edges(edges: Sequence[tuple[Array, Array, Array, Array]]) -> EdgeObservation:
+    def from_edges(
+        edges: Sequence[tuple[Array, Array, Array, Array]], perspective: Perspective | None = None
+    ) -> EdgeObservation:
         """Pad (left (n, 2), left sigma (n,), right (m, 2), right sigma (m,)) of each state to one array."""
         most = max(len(points) for left, _, right, _ in edges for points in (left, right))
         points = np.zeros((len(edges), 2, most, 2))
@@ -105,14 +145,15 @@ class EdgeObservation:
             for side, (p, s) in enumerate(((left, left_sigma), (right, right_sigma))):
                 points[k, side, : len(p)] = p
                 sigma[k, side, : len(p)] = s
-        return EdgeObservation(points, sigma)
+        return EdgeObservation(points, sigma, perspective)
 
     def misfit(self, model: BeamModel, shapes: Shapes) -> Misfit:
         """Signed distances to the simulated edges, their RMS and standard deviation by state."""
         curves = edge_curves(model, shapes)
         points = np.broadcast_to(self.points_mm, (len(curves), *self.points_mm.shape))
         weights = np.isfinite(self.sigma_mm).astype(float)
-        residuals = signed_distance(curves, points) * weights
+        distance_to = self.perspective.distance_to_union if self.perspective else signed_distance
+        residuals = distance_to(curves, points) * weights
         total = np.maximum(weights.sum(axis=(1, 2)), 1.0)
         distance = np.abs(residuals)
         mean = distance.sum(axis=(2, 3)) / total

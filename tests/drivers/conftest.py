@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
@@ -17,19 +17,15 @@ from eimi_drivers.supplies.transport import InProcessTransport
 
 LIMITS = Limits(current_A=1.0, voltage_V=12.0)
 IN_PROCESS = tuple(f"{driver} in process" for driver in DIALECTS)
-QUICK_LINKS = ("korad on a pty", "scpi on a pty", "genesys on a pty", "scpi over tcp", "rigol-dp800 over tcp")
-OTHER_LINKS = tuple(
-    link
-    for driver in DIALECTS
-    for link in (f"{driver} on a pty", f"{driver} over tcp")
-    if link not in QUICK_LINKS
-)
-LINKS = (
-    *IN_PROCESS,
-    *QUICK_LINKS,
-    *(pytest.param(link, marks=pytest.mark.slow) for link in OTHER_LINKS),
-)
+QUICK_LINKS = ("korad on a pty", "genesys on a pty", "scpi over tcp")
 SERIAL_DRIVERS = ("korad", "genesys")
+
+
+def links(quick: tuple[str, ...]) -> list[object]:
+    """Every driver over every transport; those on real ports that are not in `quick` in the slow run alone."""
+    real = [f"{driver} {where}" for driver in DIALECTS for where in ("on a pty", "over tcp")]
+    slow = (pytest.param(link, marks=pytest.mark.slow) for link in real if link not in quick)
+    return [*IN_PROCESS, *quick, *slow]
 
 
 @dataclass
@@ -77,7 +73,14 @@ def open_bench(link: str) -> Iterator[Bench]:
         yield Bench(supply, coil, line, clock, driver, address, sent)
 
 
-@pytest.fixture(params=LINKS)
+@pytest.fixture(params=links(QUICK_LINKS[-1:]))
+def waiting_bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    """As `bench`, for what takes seconds of waiting on a real port."""
+    with open_bench(request.param) as opened:
+        yield opened
+
+
+@pytest.fixture(params=links(QUICK_LINKS))
 def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     """A driver over each transport."""
     with open_bench(request.param) as opened:
@@ -89,6 +92,13 @@ def quick_bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     """Each driver on an emulator in the same process, in simulated time."""
     with open_bench(request.param) as opened:
         yield opened
+
+
+@pytest.fixture
+def bench_of() -> Iterator[Callable[[str], Bench]]:
+    """Opens the bench of one driver and transport by its name."""
+    with ExitStack() as stack:
+        yield lambda link: stack.enter_context(open_bench(link))
 
 
 @pytest.fixture

@@ -1,62 +1,141 @@
-"""The driver that the README shows is a working one."""
+"""The driver that the README shows is a working one, and is found without touching this package."""
 
 from __future__ import annotations
 
 import re
+import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
-from eimi_drivers.clock import SimulatedClock
-from eimi_drivers.emulators import CoilSupply
-from eimi_drivers.interfaces import Limits, PowerSupply, ReplyNotUnderstood
-from eimi_drivers.supplies import SUPPLIES
-from eimi_drivers.supplies.transport import InProcessTransport
+from eimi_drivers import discovery
+from eimi_drivers.cameras import CAMERAS, open_camera
+from eimi_drivers.clock import WallClock
+from eimi_drivers.emulators import CoilSupply, serve_pty
+from eimi_drivers.interfaces import InstrumentError, Limits, PowerSupply, ReplyNotUnderstood
+from eimi_drivers.supplies import SUPPLIES, open_supply
 
 README = Path(__file__).parents[2] / "drivers" / "README.md"
 
 
-class GenesysDialect:
+class AimTtiDialect:
+    """Output 1 of an Aim-TTi supply."""
+
     def __init__(self, supply: CoilSupply) -> None:
         self.supply = supply
 
     def receive(self, data: bytes) -> bytes:
-        name, _, value = data.decode("ascii").strip("\r").partition(" ")
+        return b"".join(self._answer(line) for line in data.decode("ascii").splitlines())
+
+    def _answer(self, line: str) -> bytes:
+        name, _, value = line.partition(" ")
         supply = self.supply
         questions = {
-            "IDN?": lambda: "LAMBDA,GEN20-38",
-            "OUT?": lambda: "ON" if supply.output_on() else "OFF",
-            "PV?": lambda: f"{supply.state.set_voltage_V:.3f}",
-            "PC?": lambda: f"{supply.state.set_current_A:.3f}",
-            "MV?": lambda: f"{supply.read().voltage_V:.3f}",
-            "MC?": lambda: f"{supply.read().current_A:.3f}",
+            "*IDN?": lambda: "THURLBY THANDAR, CPX400DP, 0, 1.0",
+            "OP1?": lambda: str(int(supply.output_on())),
+            "V1?": lambda: f"V1 {supply.state.set_voltage_V:.2f}",
+            "I1?": lambda: f"I1 {supply.state.set_current_A:.3f}",
+            "V1O?": lambda: f"{supply.read().voltage_V:.2f}V",
+            "I1O?": lambda: f"{supply.read().current_A:.3f}A",
         }
         if name in questions:
-            return questions[name]().encode("ascii") + b"\r"
-        if name == "OUT":
-            supply.switch(value == "ON")
-            return b"OK\r"
-        taken = supply.set_voltage(float(value)) if name == "PV" else supply.set_current(float(value))
-        return b"OK\r" if taken else b"E01\r"
+            return questions[name]().encode("ascii") + b"\r\n"
+        commands = {
+            "OP1": lambda: supply.switch(value == "1"),
+            "V1": lambda: supply.set_voltage(float(value)),
+            "I1": lambda: supply.set_current(float(value)),
+        }
+        commands[name]()
+        return b""
 
 
-def test_the_driver_in_the_readme_works(monkeypatch):
-    monkeypatch.setattr("eimi_drivers.supplies.SUPPLIES", dict(SUPPLIES))
-    blocks = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
-    names: dict[str, object] = {"__name__": "readme"}
-    exec(next(block for block in blocks if "GenesysSupply" in block), names)
-    clock = SimulatedClock()
-    coil = CoilSupply(clock, max_current_A=2.0)
-    link = InProcessTransport(GenesysDialect(coil), clock)
-    supply = names["SUPPLIES"]["genesys"](link, Limits(current_A=3.0, voltage_V=12.0), clock)
-    assert isinstance(supply, PowerSupply)
-    assert supply.identify().text == "LAMBDA,GEN20-38"
-    supply.set_voltage(12.0)
-    supply.set_current(0.705)
-    supply.set_output(True)
-    clock.sleep(10.0)
-    assert supply.measure().current_A == pytest.approx(0.70)
-    with pytest.raises(ReplyNotUnderstood, match="E01"):
-        supply.set_current(2.5)
-    supply.safe_off()
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+
+
+def install(folder: Path, group: str, points: dict[str, str]) -> None:
+    """What an installer leaves of a package that announces these entry points."""
+    information = folder / "some_lab-1.0.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: some-lab\nVersion: 1.0\n")
+    lines = [f"[{group}]", *(f"{name} = {value}" for name, value in points.items())]
+    (information / "entry_points.txt").write_text("\n".join(lines) + "\n")
+
+
+@pytest.fixture
+def readme_driver(monkeypatch, tmp_path):
+    """The README's driver in a package of its own, installed as the README says."""
+    code = next(block for block in blocks("python") if "class AimTtiSupply" in block)
+    table = next(block for block in blocks("toml") if "entry-points" in block)
+    assert len([line for line in (code + table).splitlines() if line.strip()]) <= 40
+    (tmp_path / "aim_tti.py").write_text(code, encoding="utf-8")
+    for group, points in tomllib.loads(table)["project"]["entry-points"].items():
+        install(tmp_path, group, points)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    yield "aim-tti"
+    sys.modules.pop("aim_tti", None)
+
+
+def test_the_driver_in_the_readme_works(readme_driver):
+    coil = CoilSupply(WallClock(), max_current_A=2.0, time_constant_s=1e-5)
+    with serve_pty(AimTtiDialect(coil)) as port:
+        supply = open_supply(readme_driver, port, Limits(current_A=3.0, voltage_V=12.0))
+        assert isinstance(supply, PowerSupply)
+        assert supply.identify().text == "THURLBY THANDAR, CPX400DP, 0, 1.0"
+        supply.set_voltage(12.0)
+        supply.set_current(0.7059)
+        supply.set_output(True)
+        assert supply.output_on()
+        assert supply.measure().current_A == pytest.approx(0.705)
+        supply.check()
+        with pytest.raises(InstrumentError, match=r"2\.5"):
+            supply.set_current(2.5)
+        supply.safe_off()
+        supply.close()
     assert not coil.state.output
+
+
+def test_nonsense_is_not_understood_by_the_driver_in_the_readme(readme_driver):
+    class Nonsense:
+        def receive(self, data: bytes) -> bytes:
+            return b"\n"
+
+    with serve_pty(Nonsense()) as port:
+        supply = open_supply(readme_driver, port, Limits(current_A=3.0, voltage_V=12.0))
+        for act in (supply.identify, supply.measure, supply.output_on):
+            with pytest.raises(ReplyNotUnderstood):
+                act()
+        supply.close()
+
+
+def test_announced_drivers_are_listed_beside_those_of_the_package(readme_driver, monkeypatch):
+    assert readme_driver in SUPPLIES
+    assert list(SUPPLIES)[-1] == readme_driver
+    assert len(SUPPLIES) == len(list(SUPPLIES))
+    monkeypatch.setattr(discovery, "list_basler_cameras", tuple)
+    assert any(readme_driver in note for note in discovery.discover().notes)
+
+
+def test_a_driver_that_cannot_be_imported_names_what_is_wrong(monkeypatch, tmp_path):
+    install(tmp_path, "eimi_drivers.supplies", {"lost": "no_such_module:Supply"})
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(InstrumentError, match=r"'lost' is announced as no_such_module:Supply .* cannot be imported"):
+        open_supply("lost", "somewhere", Limits(1.0, 12.0))
+
+
+def test_a_name_of_this_package_cannot_be_taken_over(monkeypatch, tmp_path):
+    own = SUPPLIES["korad"]
+    install(tmp_path, "eimi_drivers.supplies", {"korad": "no_such_module:Supply"})
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert SUPPLIES["korad"] is own
+    assert list(SUPPLIES).count("korad") == 1
+
+
+def test_cameras_are_announced_the_same_way(monkeypatch, tmp_path):
+    (tmp_path / "pinhole.py").write_text("def open_pinhole(source, settings):\n    return ('pinhole', source)\n")
+    install(tmp_path, "eimi_drivers.cameras", {"pinhole": "pinhole:open_pinhole"})
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert "pinhole" in CAMERAS
+    assert open_camera("pinhole", "box 3") == ("pinhole", "box 3")
+    sys.modules.pop("pinhole")

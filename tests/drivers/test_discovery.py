@@ -20,9 +20,11 @@ def test_nothing_attached_is_no_error_and_no_port_is_opened(monkeypatch, tmp_pat
     monkeypatch.setattr(serial, "Serial", never)
     monkeypatch.setattr(list_ports, "comports", list)
     monkeypatch.setattr(discovery, "VIDEO_DEVICES", tmp_path / "absent")
+    monkeypatch.setattr(discovery, "list_basler_cameras", tuple)
     result = discovery.discover()
     assert not [found for found in result.found if not found.address.startswith("TCPIP")]
-    assert any(note.startswith("cameras: ") for note in result.notes)
+    assert discovery.NO_SUPPLY in result.notes or result.found
+    assert discovery.UNLISTED_CAMERAS in result.notes
 
 
 def test_serial_ports_name_the_driver(monkeypatch):
@@ -33,7 +35,7 @@ def test_serial_ports_name_the_driver(monkeypatch):
     monkeypatch.setattr(list_ports, "comports", lambda: ports)
     assert discovery.list_serial_ports() == (
         Found("supply", "korad", "/dev/ttyACM0", "USB Virtual COM"),
-        Found("supply", "korad or scpi", "/dev/ttyUSB0", "serial port"),
+        Found("supply", discovery.SERIAL_DRIVERS, "/dev/ttyUSB0", "serial port"),
     )
 
 
@@ -41,7 +43,7 @@ def test_visa_resources_are_listed_without_serial_ports(monkeypatch):
     names = ("ASRL/dev/ttyS0::INSTR", "TCPIP::192.0.2.1::INSTR")
     monkeypatch.setattr(pyvisa.ResourceManager, "list_resources", lambda self, query: names)
     found, _ = discovery.list_visa_resources()
-    assert found == (Found("supply", "scpi", "TCPIP::192.0.2.1::INSTR", "VISA resource"),)
+    assert found == (Found("supply", discovery.SCPI_DRIVERS, "TCPIP::192.0.2.1::INSTR", "VISA resource"),)
 
 
 def test_a_bus_that_cannot_be_searched_is_a_note(monkeypatch):
@@ -65,3 +67,13 @@ def test_cameras_are_listed_in_order_without_metadata_nodes(tmp_path):
         Found("camera", "opencv", "2", "Webcam"),
         Found("camera", "opencv", "10", "Side camera"),
     )
+
+
+def test_a_port_that_this_user_may_not_open_is_noted_with_the_remedy(monkeypatch, tmp_path):
+    port = tmp_path / "ttyUSB0"
+    port.touch()
+    listed = SimpleNamespace(device=str(port), vid=None, pid=None, description="adapter")
+    monkeypatch.setattr(list_ports, "comports", lambda: [listed])
+    monkeypatch.setattr(discovery.os, "access", lambda path, mode: False)
+    monkeypatch.setattr(discovery, "list_basler_cameras", tuple)
+    assert any(str(port) in note and "dialout" in note for note in discovery.discover().notes)

@@ -136,3 +136,37 @@ def test_a_serial_server_on_the_network_is_reached_by_its_url():
         supply.set_current(0.3)
         supply.close()
     assert coil.state.set_current_A == 0.3
+
+
+def test_the_coil_warms_up_and_its_resistance_with_it():
+    clock = SimulatedClock()
+    coil = energised(clock, thermal_resistance_K_per_W=10.0, thermal_time_constant_s=600.0)
+    clock.sleep(600.0)
+    warmer_K = 10.0 * 4.0 * 0.8**2 * (1 - math.exp(-1))
+    assert coil.heating_K() == pytest.approx(warmer_K)
+    assert coil.resistance_ohm() == pytest.approx(4.0 * (1 + 0.00393 * warmer_K))
+    assert coil.read().voltage_V == pytest.approx(0.8 * coil.resistance_ohm())
+    coil.switch(False)
+    clock.sleep(600.0)
+    assert coil.heating_K() == pytest.approx(warmer_K * math.exp(-1))
+
+
+def test_a_warm_coil_reaches_the_voltage_limit_and_the_current_sags():
+    clock = SimulatedClock()
+    coil = energised(clock, thermal_resistance_K_per_W=40.0)
+    coil.set_voltage(3.3)
+    clock.sleep(1.0)
+    assert not coil.constant_voltage()
+    clock.sleep(6000.0)
+    assert coil.constant_voltage()
+    assert coil.coil_current_A() == pytest.approx(3.3 / coil.resistance_ohm())
+    assert coil.coil_current_A() < 0.79
+
+
+def test_the_inductance_shows_in_the_voltage():
+    clock = SimulatedClock()
+    coil = energised(clock)  # L = 4 ohm x 0.5 s = 2 H
+    assert coil.read().voltage_V == pytest.approx(2.0 * 0.8 / 0.5)  # no current yet: all of it is L dI/dt
+    coil.set_current(0.0)
+    clock.sleep(0.1)
+    assert coil.read().voltage_V == pytest.approx(0.0, abs=1e-9)

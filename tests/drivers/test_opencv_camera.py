@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eimi_drivers.cameras import list_images, open_camera, opencv
+from eimi_drivers.cameras import CameraSettings, list_images, open_camera, opencv
 from eimi_drivers.cameras.image_series import natural_key
 from eimi_drivers.interfaces import (
     Camera,
@@ -21,6 +21,8 @@ from eimi_drivers.interfaces import (
     InstrumentError,
     InstrumentTimeout,
     ReplyNotUnderstood,
+    SetPointNotTaken,
+    SetPointRefused,
 )
 
 PATIENCE_S = 20.0
@@ -131,6 +133,8 @@ class FakeDevice:
         self.unplugged = False
         self.released = threading.Event()
         self._value = 0
+        self.properties: dict[int, float] = {}
+        self.stuck: set[int] = set()
 
     def expose(self) -> None:
         self.waiting.acquire(timeout=PATIENCE_S)
@@ -140,7 +144,15 @@ class FakeDevice:
         return True
 
     def get(self, prop: int) -> float:
-        return 0.0
+        return self.properties.get(prop, 0.0)
+
+    def set(self, prop: int, value: float) -> bool:
+        if prop not in self.stuck:
+            self.properties[prop] = value
+        return True  # whatever happened, as real ones do
+
+    def getBackendName(self) -> str:
+        return "V4L2"
 
     def read(self) -> tuple[bool, np.ndarray | None]:
         self.waiting.release()
@@ -231,3 +243,94 @@ def test_a_closed_camera_says_so(device):
     fake.expose()
     closing.join()
     fake.waiting.release()  # for the fixture
+
+
+@pytest.fixture
+def bare_device(monkeypatch, tmp_path):
+    """A device that nobody has opened yet."""
+    monkeypatch.setattr(opencv, "DEVICES", tmp_path)
+    fake = FakeDevice(97)
+    monkeypatch.setattr(cv2, "VideoCapture", lambda index: fake)
+    return fake
+
+
+def close(camera: Camera, fake: FakeDevice) -> None:
+    fake.unplugged = True
+    fake.expose()
+    camera.close()
+
+
+def test_settings_are_set_and_read_back(bare_device):
+    settings = CameraSettings(exposure_s=0.005, gain=12.0, gamma=100.0, bit_depth=16)
+    camera = open_camera("opencv", 97, settings)
+    assert camera.settings == settings
+    assert bare_device.properties[cv2.CAP_PROP_EXPOSURE] == 50  # of 100 µs
+    assert bare_device.properties[cv2.CAP_PROP_AUTO_EXPOSURE] == 1  # by hand
+    close(camera, bare_device)
+
+
+@pytest.mark.parametrize(
+    ("stuck", "settings", "name"),
+    [
+        (cv2.CAP_PROP_EXPOSURE, CameraSettings(exposure_s=0.005), "exposure_s was set to 0.005 but reads back 0"),
+        (cv2.CAP_PROP_GAIN, CameraSettings(gain=12.0), "gain was set to 12.0 but reads back 0"),
+        (cv2.CAP_PROP_GAMMA, CameraSettings(gamma=100.0), "gamma was set to 100.0 but reads back 0"),
+        (cv2.CAP_PROP_FOURCC, CameraSettings(bit_depth=16), "bit_depth was set to 16 but reads back 8"),
+    ],
+)
+def test_a_setting_that_did_not_take_is_named_and_the_device_released(bare_device, stuck, settings, name):
+    bare_device.stuck.add(stuck)
+    with pytest.raises(SetPointNotTaken, match=name):
+        open_camera("opencv", 97, settings)
+    assert bare_device.released.is_set()
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [CameraSettings(bit_depth=9), CameraSettings(exposure_s=-1.0), CameraSettings(region=(0, 0, 0, 5))],
+)
+def test_settings_that_cannot_be_are_refused(bare_device, settings):
+    with pytest.raises(SetPointRefused, match="must be"):
+        open_camera("opencv", 97, settings)
+    assert bare_device.released.is_set()
+
+
+def test_a_frame_that_was_ready_before_the_flush_is_passed_over(bare_device):
+    bare_device.properties[cv2.CAP_PROP_POS_MSEC] = 1000.0  # long ago
+    camera = open_camera("opencv", 97)
+    bare_device.waiting.acquire(timeout=PATIENCE_S)
+    bare_device.waiting.release()
+    camera.flush()
+    for _ in range(3):  # under exposure, and two from a buffer that the device filled before
+        bare_device.expose()
+    bare_device.waiting.acquire(timeout=PATIENCE_S)
+    bare_device.waiting.release()
+    with pytest.raises(InstrumentTimeout):
+        camera.grab(0.05)
+    bare_device.properties[cv2.CAP_PROP_POS_MSEC] = 1e15  # after it
+    bare_device.expose()
+    frame = camera.grab(PATIENCE_S)
+    assert (frame.number, frame.timestamp_s) == (3, 1e12)
+    close(camera, bare_device)
+
+
+def test_a_region_is_cut_out_of_every_image(tmp_path):
+    image = pictures(1)[0]
+    cv2.imwrite(str(tmp_path / "a.png"), image)
+    camera = open_camera("opencv", str(tmp_path), CameraSettings(region=(3, 5, 10, 7)))
+    np.testing.assert_array_equal(camera.grab(PATIENCE_S).image, image[5:12, 3:13])
+    camera.close()
+
+
+def test_a_region_beyond_the_image_is_refused(tmp_path):
+    cv2.imwrite(str(tmp_path / "a.png"), pictures(1)[0])
+    camera = open_camera("opencv", str(tmp_path), CameraSettings(region=(30, 0, 10, 7)))
+    with pytest.raises(SetPointRefused, match="does not fit into images of 32 x 24"):
+        camera.grab(PATIENCE_S)
+    camera.close()
+
+
+def test_a_recording_has_nothing_to_set(tmp_path):
+    cv2.imwrite(str(tmp_path / "a.png"), pictures(1)[0])
+    with pytest.raises(InstrumentError, match="a recording has no exposure_s, gain to set"):
+        open_camera("opencv", str(tmp_path), CameraSettings(exposure_s=0.01, gain=1.0))

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eimi_drivers.clock import SimulatedClock
-from conftest import open_bench
 from eimi_drivers.emulators import DIALECTS, CoilSupply, open_in_process
 from eimi_drivers.emulators.faults import Fault
 from eimi_drivers.emulators.korad import KoradDialect
@@ -44,9 +43,8 @@ STAGES = {
 
 
 @pytest.fixture(params=STAGES)
-def staged_bench(request):
-    with open_bench(f"{request.param} in process") as opened:
-        yield opened
+def staged_bench(request, bench_of):
+    return bench_of(f"{request.param} in process")
 
 
 @pytest.mark.parametrize("stage", ["zero", "verify"])
@@ -65,7 +63,7 @@ def test_every_stage_of_switching_off_is_tried_when_another_fails(staged_bench, 
 def test_an_off_command_that_is_lost_is_found_by_verifying(staged_bench):
     staged_bench.energise()
     staged_bench.line.inject(Fault.SILENCE, lambda message: message.startswith(STAGES[staged_bench.driver]["off"]))
-    with pytest.raises(SwitchOffFailed, match=r"zero: done; off: (done|failed .*); verify: failed .*says that it is on"):
+    with pytest.raises(SwitchOffFailed, match=r"zero: done; off: .*; verify: failed .*says that it is on"):
         staged_bench.supply.safe_off()
     assert staged_bench.coil.state.set_current_A == 0.0
     staged_bench.line.inject(None)
@@ -102,7 +100,7 @@ def test_a_set_point_never_passes_the_limit_and_is_within_a_step(driver, current
     assert -1e-6 < current_A - coil.state.set_current_A < float(SUPPLIES[driver].current_step_A)
     if SUPPLIES[driver].bipolar:
         open_in_process(driver, coil, Limits(0.7, 12.0)).set_current(-current_A)
-        assert -0.7 <= coil.state.set_current_A
+        assert coil.state.set_current_A >= -0.7
         assert -1e-6 < current_A + coil.state.set_current_A < float(SUPPLIES[driver].current_step_A)
 
 
@@ -244,7 +242,7 @@ def test_scpi_output_that_is_neither_on_nor_off_is_not_understood():
 
 
 def test_unknown_names_are_answered_with_those_that_exist():
-    with pytest.raises(InstrumentError, match=r"'keithley'.*genesys, kepco-bop, .*korad, rigol-dp800, .*scpi, siglent-spd"):
+    with pytest.raises(InstrumentError, match=r"'keithley'.*genesys, kepco-bop, .*korad, .*scpi, siglent-spd"):
         open_supply("keithley", "/dev/null", LIMITS)
 
 

@@ -4,14 +4,29 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from eimi_drivers.clock import SimulatedClock
+from eimi_drivers.emulators.faults import FaultyInstrument
+from eimi_drivers.emulators.korad import KoradDialect
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import Frame, Identity, Limits
+from eimi_drivers.supplies.korad import KoradSupply
+from eimi_drivers.supplies.transport import InProcessTransport
 from eimi_lab import cli
+from eimi_lab.acquisition.bench import Bench
+from eimi_lab.acquisition.run import acquire
+from eimi_lab.config.protocol import Protocol, load_protocol
+from eimi_lab.config.rig import Rig, load_rig
+from eimi_lab.config.specimen import SpecimenFile, load_specimen
+from eimi_lab.dataset.reading import open_dataset
 
 SPECIMEN = """
 [specimen]
@@ -108,3 +123,88 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
 
     monkeypatch.setattr(cli, "unwind_on_termination", lambda: None)
     return run
+
+
+FRAME_S = 0.005
+
+
+class DrawnCamera:
+    """Looks at a drawn beam that swings out whenever the coil's current changes; `event` comes before each frame."""
+
+    def __init__(self, coil: CoilSupply, clock: SimulatedClock, draw: Callable[..., np.ndarray]) -> None:
+        self.coil, self.clock, self.draw = coil, clock, draw
+        self.number = 0
+        self.event: Callable[[int], None] = lambda number: None
+        self.swing_s, self.sway_px = 0.1, 0.0
+        self.repeats = False
+        self._changed_s, self._current_A = 0.0, 0.0
+
+    def identify(self) -> Identity:
+        return Identity("drawn", "a drawn beam", "memory")
+
+    def flush(self) -> None:
+        pass
+
+    def grab(self, timeout_s: float) -> Frame:
+        self.clock.sleep(FRAME_S)
+        self.event(self.number)
+        set_A = self.coil.state.set_current_A
+        if set_A != self._current_A:
+            self._changed_s, self._current_A = self.clock.now(), set_A
+        age = (self.clock.now() - self._changed_s) / self.swing_s
+        shift = 10 * set_A + (5 * np.exp(-age) * np.cos(9 * age) if set_A else 0.0)
+        shift += self.sway_px * np.sin(self.number) * (set_A > 0)
+        self.number += 1
+        if not self.repeats:
+            self._image = self.draw(self.number, shift)
+        return Frame(self._image, self.number, self.clock.now())
+
+    def close(self) -> None:
+        pass
+
+
+@dataclass
+class Setup:
+    coil: CoilSupply
+    line: FaultyInstrument
+    camera: DrawnCamera
+    bench: Bench
+    protocol: Protocol
+    specimen: SpecimenFile
+    rig: Rig
+    path: Path
+
+    def run(self, **options: Any) -> list[str]:
+        said: list[str] = []
+        acquire(self.protocol, self.specimen, self.rig, self.bench, self.path, said.append, **options)
+        return said
+
+    def is_off(self) -> bool:
+        return not self.coil.state.output and self.coil.state.set_current_A == 0.0
+
+    def stored(self) -> list[float | None]:
+        with open_dataset(self.path) as dataset:
+            assert all(dataset.images(state.index).shape == (2, 96, 128) for state in dataset.states)
+            return [state.current_A for state in dataset.states]
+
+
+@pytest.fixture
+def setup(files: Path, frame: Callable[..., np.ndarray]) -> Setup:
+    clock = SimulatedClock()
+    coil = CoilSupply(clock, current_noise_A=0.0005)
+    line = FaultyInstrument(KoradDialect(coil))
+    supply = KoradSupply(InProcessTransport(line, clock), Limits(1.0, 10.0), clock)
+    camera = DrawnCamera(coil, clock, frame)
+    (files / "rig.toml").write_text(
+        load_rig("bench_example").text.replace("bench_example_calibration.toml", "calibration.toml")
+    )
+    return Setup(
+        coil,
+        line,
+        camera,
+        Bench(supply, camera, clock, {"model": "drawn"}),
+        load_protocol(files / "protocol.toml"),
+        load_specimen(files / "specimen.toml"),
+        load_rig(files / "rig.toml"),
+        files / "run.h5",
+    )

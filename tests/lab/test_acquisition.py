@@ -2,126 +2,37 @@
 
 from __future__ import annotations
 
+import json
+import re
 import signal
-from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
-from eimi_drivers.clock import SimulatedClock
-from eimi_drivers.emulators.faults import Fault, FaultyInstrument
+from eimi_drivers.emulators.faults import Fault
 from eimi_drivers.emulators.korad import KoradDialect
-from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import (
-    Frame,
-    Identity,
     InstrumentDisconnected,
     InstrumentError,
     Limits,
     SwitchOffFailed,
 )
-from eimi_drivers.supplies.korad import KoradSupply
-from eimi_drivers.supplies.transport import InProcessTransport
-from eimi_lab.acquisition.bench import Bench
 from eimi_lab.acquisition.dry_run import dry_run
-from eimi_lab.acquisition.run import acquire
-from eimi_lab.config.protocol import Protocol, load_protocol
+from eimi_lab.acquisition.live_view import Live
+from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.reading import parse
-from eimi_lab.config.rig import Rig, load_rig
-from eimi_lab.config.specimen import SpecimenFile, load_specimen
+from eimi_lab.config.rig import CoilRating
+from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.errors import InputError
 from eimi_lab.stopping import Stopped
 
-FRAME_S = 0.005
 
-
-class DrawnCamera:
-    """Looks at a drawn beam that swings out whenever the coil's current changes; `event` comes before each frame."""
-
-    def __init__(self, coil: CoilSupply, clock: SimulatedClock, draw: Callable[..., np.ndarray]) -> None:
-        self.coil, self.clock, self.draw = coil, clock, draw
-        self.number = 0
-        self.event: Callable[[int], None] = lambda number: None
-        self.swing_s, self.sway_px = 0.1, 0.0
-        self.repeats = False
-        self._changed_s, self._current_A = 0.0, 0.0
-
-    def identify(self) -> Identity:
-        return Identity("drawn", "a drawn beam", "memory")
-
-    def flush(self) -> None:
-        pass
-
-    def grab(self, timeout_s: float) -> Frame:
-        self.clock.sleep(FRAME_S)
-        self.event(self.number)
-        set_A = self.coil.state.set_current_A
-        if set_A != self._current_A:
-            self._changed_s, self._current_A = self.clock.now(), set_A
-        age = (self.clock.now() - self._changed_s) / self.swing_s
-        shift = 10 * set_A + (5 * np.exp(-age) * np.cos(9 * age) if set_A else 0.0)
-        shift += self.sway_px * np.sin(self.number) * (set_A > 0)
-        self.number += 1
-        if not self.repeats:
-            self._image = self.draw(self.number, shift)
-        return Frame(self._image, self.number, self.clock.now())
-
-    def close(self) -> None:
-        pass
-
-
-@dataclass
-class Setup:
-    coil: CoilSupply
-    line: FaultyInstrument
-    camera: DrawnCamera
-    bench: Bench
-    protocol: Protocol
-    specimen: SpecimenFile
-    rig: Rig
-    path: Path
-
-    def run(self) -> list[str]:
-        said: list[str] = []
-        acquire(self.protocol, self.specimen, self.rig, self.bench, self.path, said.append)
-        return said
-
-    def is_off(self) -> bool:
-        return not self.coil.state.output and self.coil.state.set_current_A == 0.0
-
-    def stored(self) -> list[float | None]:
-        with open_dataset(self.path) as dataset:
-            assert all(dataset.images(state.index).shape == (2, 96, 128) for state in dataset.states)
-            return [state.current_A for state in dataset.states]
-
-
-@pytest.fixture
-def setup(files: Path, frame: Callable[..., np.ndarray]) -> Setup:
-    clock = SimulatedClock()
-    coil = CoilSupply(clock, current_noise_A=0.0005)
-    line = FaultyInstrument(KoradDialect(coil))
-    supply = KoradSupply(InProcessTransport(line, clock), Limits(1.0, 10.0), clock)
-    camera = DrawnCamera(coil, clock, frame)
-    (files / "rig.toml").write_text(
-        load_rig("bench_example").text.replace("bench_example_calibration.toml", "calibration.toml")
-    )
-    return Setup(
-        coil,
-        line,
-        camera,
-        Bench(supply, camera, clock, {"model": "drawn"}),
-        load_protocol(files / "protocol.toml"),
-        load_specimen(files / "specimen.toml"),
-        load_rig(files / "rig.toml"),
-        files / "run.h5",
-    )
-
-
-def test_a_run_stores_every_state_and_ends_with_the_coil_off(setup: Setup) -> None:
+def test_a_run_stores_every_state_and_ends_with_the_coil_off(setup: Any) -> None:
     said = setup.run()
     assert [line.split(",")[0] for line in said] == ["0 A", "0.1 A", "0.2 A", "0.3 A"]
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
@@ -136,7 +47,7 @@ def test_a_run_stores_every_state_and_ends_with_the_coil_off(setup: Setup) -> No
             assert state.measured_A == pytest.approx(state.current_A, abs=0.003)
 
 
-def test_frames_are_taken_of_a_beam_at_rest(setup: Setup) -> None:
+def test_frames_are_taken_of_a_beam_at_rest(setup: Any) -> None:
     setup.run()
     with open_dataset(setup.path) as dataset:
         for state in dataset.states:
@@ -145,7 +56,7 @@ def test_frames_are_taken_of_a_beam_at_rest(setup: Setup) -> None:
             assert (dark[0] + dark[-1]) / 2 == pytest.approx(64 + 10 * (state.current_A or 0.0), abs=0.5)
 
 
-def test_the_current_moves_no_faster_than_the_ramp(setup: Setup, files: Path) -> None:
+def test_the_current_moves_no_faster_than_the_ramp(setup: Any, files: Path) -> None:
     slow = setup.protocol.text.replace("rate_A_per_s = 10.0", "rate_A_per_s = 0.05").replace(
         "step_A = 0.1\ntol", "step_A = 0.02\ntol"
     )
@@ -165,7 +76,7 @@ def test_the_current_moves_no_faster_than_the_ramp(setup: Setup, files: Path) ->
     assert history[-1][1] == 0.0
 
 
-def test_a_beam_that_never_rests_is_flagged_and_kept(setup: Setup) -> None:
+def test_a_beam_that_never_rests_is_flagged_and_kept(setup: Any) -> None:
     setup.camera.sway_px = 0.5
     said = setup.run()
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
@@ -175,7 +86,7 @@ def test_a_beam_that_never_rests_is_flagged_and_kept(setup: Setup) -> None:
     assert said[1].endswith("NOT_SETTLED")
 
 
-def test_a_camera_that_repeats_itself_never_looks_settled(setup: Setup) -> None:
+def test_a_camera_that_repeats_itself_never_looks_settled(setup: Any) -> None:
     def freeze(number: int) -> None:
         setup.camera.repeats = number > 10
 
@@ -185,7 +96,7 @@ def test_a_camera_that_repeats_itself_never_looks_settled(setup: Setup) -> None:
         assert {flag.name for flag in dataset.states[-1].flags} == {"NOT_SETTLED", "DUPLICATE"}
 
 
-def test_dropped_frames_are_flagged(setup: Setup) -> None:
+def test_dropped_frames_are_flagged(setup: Any) -> None:
     def drop(number: int) -> None:
         setup.camera.number += 1
 
@@ -196,15 +107,29 @@ def test_dropped_frames_are_flagged(setup: Setup) -> None:
         assert dataset.states[0].flags[0].value == 1
 
 
-def test_a_supply_that_is_on_is_refused(setup: Setup) -> None:
+def test_a_supply_that_is_on_is_refused(setup: Any) -> None:
     setup.coil.set_voltage(5.0)
     setup.coil.switch(True)
-    with pytest.raises(InstrumentError, match="the output is on"):
+    with pytest.raises(InstrumentError, match=r"the output is on \(-?0\.0.. A, -?0\.0. V\).*--take-over"):
         setup.run()
     assert not setup.path.exists()
+    assert setup.coil.state.output  # somebody else's, perhaps
 
 
-def test_a_current_that_is_not_reached_stops_the_run(setup: Setup) -> None:
+def test_a_supply_that_is_on_can_be_taken_over(setup: Any) -> None:
+    setup.coil.set_voltage(10.0)
+    setup.coil.set_current(0.35)
+    setup.coil.switch(True)
+    setup.bench.clock.sleep(1.0)
+    seen: list[float] = []
+    setup.camera.event = lambda number: seen.append(setup.coil.coil_current_A())
+    setup.run(take_over=True)
+    assert max(seen[:8]) < 0.001  # the beam is first seen without current
+    assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
+    assert setup.is_off()
+
+
+def test_a_current_that_is_not_reached_stops_the_run(setup: Any) -> None:
     setup.bench.supply.limits = Limits(1.0, 1.0)  # volts: too few for 0.3 A through 4 ohm
     with pytest.raises(InstrumentError, match=r"0\.2[45]. A measured at a set-point of 0\.3 A"):
         setup.run()
@@ -212,7 +137,7 @@ def test_a_current_that_is_not_reached_stops_the_run(setup: Setup) -> None:
     assert setup.stored() == [0.0, 0.1, 0.2]
 
 
-def test_a_protection_that_trips_stops_the_run(setup: Setup) -> None:
+def test_a_protection_that_trips_stops_the_run(setup: Any) -> None:
     setup.camera.event = lambda number: setup.coil.trip() if setup.coil.state.set_current_A == 0.2 else None
     with pytest.raises(InstrumentError, match="protection tripped"):
         setup.run()
@@ -221,7 +146,7 @@ def test_a_protection_that_trips_stops_the_run(setup: Setup) -> None:
 
 
 @pytest.mark.parametrize("number", [0, 7, 8, 9, 20, 45, 60])
-def test_a_camera_that_fails_at_any_frame_leaves_the_coil_off(setup: Setup, number: int) -> None:
+def test_a_camera_that_fails_at_any_frame_leaves_the_coil_off(setup: Any, number: int) -> None:
     def fail(at: int) -> None:
         if at == number:
             raise InstrumentDisconnected("memory: unplugged")
@@ -237,7 +162,7 @@ def test_a_camera_that_fails_at_any_frame_leaves_the_coil_off(setup: Setup, numb
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("frame_number", [9, 30, 55])
 def test_a_signal_leaves_the_coil_off_and_the_handlers_as_they_were(
-    setup: Setup, number: signal.Signals, frame_number: int
+    setup: Any, number: signal.Signals, frame_number: int
 ) -> None:
     before = signal.getsignal(number)
 
@@ -254,7 +179,7 @@ def test_a_signal_leaves_the_coil_off_and_the_handlers_as_they_were(
     assert signal.getsignal(number) is before
 
 
-def test_a_signal_while_switching_off_does_not_cut_it_short(setup: Setup) -> None:
+def test_a_signal_while_switching_off_does_not_cut_it_short(setup: Any) -> None:
     class InterruptedOnTheWayDown(KoradDialect):
         def receive(self, data: bytes) -> bytes:
             if setup.coil.state.set_current_A == 0.3 and data.startswith(b"ISET1:"):
@@ -268,7 +193,7 @@ def test_a_signal_while_switching_off_does_not_cut_it_short(setup: Setup) -> Non
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
 
 
-def test_a_ramp_that_fails_does_not_keep_the_output_on(setup: Setup) -> None:
+def test_a_ramp_that_fails_does_not_keep_the_output_on(setup: Any) -> None:
     def deaf_to_set_points(at: int) -> None:
         if setup.coil.state.set_current_A == 0.2:
             setup.line.inject(Fault.SILENCE, lambda message: message.startswith(b"ISET1"))
@@ -281,7 +206,35 @@ def test_a_ramp_that_fails_does_not_keep_the_output_on(setup: Setup) -> None:
     assert setup.stored() == [0.0, 0.1]
 
 
-def test_what_does_not_go_together_is_refused_before_anything_is_touched(setup: Setup) -> None:
+def test_every_frame_is_shown_with_its_state(setup: Any) -> None:
+    shown: list[Live] = []
+    setup.run(show=shown.append)
+    assert [live.frame.number for live in shown] == list(range(1, setup.camera.number + 1))
+    assert {(live.state, live.current_A) for live in shown} == {(None, None), (0, 0.0), (1, 0.1), (2, 0.2), (3, 0.3)}
+
+
+def test_the_dataset_tells_where_it_comes_from(setup: Any) -> None:
+    setup.run(note="first cast, 3 days old; ± 1 °C")
+    with h5py.File(setup.path) as file:
+        assert file["entry/user_note/data"][()].decode() == "first cast, 3 days old; ± 1 °C"
+        host = json.loads(file["entry/host/data"][()])
+    assert re.fullmatch(r"\S+ \(UTC[+-]\d{4}\)", host["time_zone"])
+    assert host["h5py"] == h5py.__version__
+
+
+def test_a_coil_that_would_overheat_refuses_the_protocol(setup: Any) -> None:
+    told: list[str] = []
+    dry_run(setup.protocol, setup.specimen, setup.rig, told.append)
+    assert any(line.startswith("coil: at most ") for line in told)
+    hot = CoilRating(continuous_current_A=0.1, thermal_time_constant_s=30.0)
+    setup.rig = setup.rig.model_copy(update={"coil": hot})
+    for attempt in (setup.run, lambda: dry_run(setup.protocol, setup.specimen, setup.rig, told.append)):
+        with pytest.raises(InputError, match=r"could overheat the coil at state 3 \(0\.3 A\): 3\d\d %"):
+            attempt()
+    assert setup.camera.number == 0
+
+
+def test_what_does_not_go_together_is_refused_before_anything_is_touched(setup: Any) -> None:
     other = setup.specimen.text.replace("Dragon Skin 10", "Ecoflex 00-50")
     setup.specimen = parse(SpecimenFile, other, "s")
     with pytest.raises(InputError, match="'Dragon Skin 10', but the specimen small is of 'Ecoflex 00-50'"):
@@ -289,14 +242,14 @@ def test_what_does_not_go_together_is_refused_before_anything_is_touched(setup: 
     assert setup.camera.number == 0
 
 
-def test_a_rig_that_allows_less_refuses_the_protocol(setup: Setup) -> None:
+def test_a_rig_that_allows_less_refuses_the_protocol(setup: Any) -> None:
     tight = setup.protocol.text.replace("stop_A = 0.3", "stop_A = 1.8").replace("current_A = 1.0", "current_A = 2.0")
     setup.protocol = parse(Protocol, tight, "p")
     with pytest.raises(InputError, match=r"goes to 1\.8 A; rig bench allows supply\.limits\.current_A = 1\.6"):
         setup.run()
 
 
-def test_a_dry_run_tells_the_very_messages_of_a_run(setup: Setup) -> None:
+def test_a_dry_run_tells_the_very_messages_of_a_run(setup: Any) -> None:
     told: list[str] = []
     dry_run(setup.protocol, setup.specimen, setup.rig, told.append)
     dry = [line.split("> ")[1] for line in told if " > " in line]

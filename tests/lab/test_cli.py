@@ -49,6 +49,8 @@ ACQUIRE = ("acquire", "protocol.toml", "--specimen", "specimen.toml", "--rig")
         (("acquire", "protocol.toml", "--specimen", "protocol.toml", "--rig", "virtual"), "is not a known key"),
         ((*ACQUIRE, "virtual", "-o", "precious.h5"), "precious.h5: exists already"),
         ((*ACQUIRE, "virtual", "-o", "nowhere/x.h5"), "nowhere/x.h5: there is no folder nowhere"),
+        ((*ACQUIRE, "virtual", "-o", "x.h5", "--resume", "--force"), "give neither --force nor --note with it"),
+        ((*ACQUIRE, "virtual", "-o", "x.h5", "--resume"), "x.h5: no such file to resume"),
         (("segment", "missing.h5"), "missing.h5: no such file"),
         (("segment", "precious.h5"), "precious.h5: is not an HDF5 file"),
         (("segment", "other.h5"), "other.h5: is an HDF5 file, but not a dataset of this suite"),
@@ -92,6 +94,7 @@ camera = { driver = "opencv", source = 0 }
     done = eimi(*ACQUIRE, "rig.toml", "-o", "x.h5", cwd=files)
     assert done.returncode == 1
     assert done.stderr.startswith("eimi: /dev/not-there: ")
+    assert re.search(r"serial ports here: .+; cameras here: .+; `eimi instruments` tells more", done.stderr)
     assert done.stderr.count("\n") == 1
     assert not (files / "x.h5").exists()
 

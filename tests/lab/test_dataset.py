@@ -162,7 +162,7 @@ def test_a_flipped_bit_in_a_frame_is_noticed(files: Path, frame: Callable[..., n
         raw.write(bytes([byte ^ 4]))
     with open_dataset(path) as dataset:
         dataset.images(0)
-        with pytest.raises(InputError, match=r"run\.h5: the frames of state 1 are damaged"):
+        with pytest.raises(InputError, match=r"run\.h5: frame 1 of the 2 of state 1 .* is damaged"):
             dataset.images(1)
 
 

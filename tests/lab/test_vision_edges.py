@@ -1,24 +1,26 @@
 """Edges of rendered beams of known shape: error, order, spacing, stated scatter, corners."""
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
 
 from eimi_lab.config.specimen import Magnet, SpecimenFile
-from eimi_lab.virtual.optics import expose
+from eimi_lab.virtual.optics import expose, make_scene
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.benchmark import (
     CALIBRATION,
     CONDITIONS,
     NOMINAL,
+    SIZE,
     SPECIMEN,
     bend,
     errors_px,
     make_bent_scene,
 )
 from eimi_lab.vision.edges import find_edges
-from eimi_lab.vision.intensity import state_mean
+from eimi_lab.vision.intensity import FieldCorrection, state_mean
 
 
 @lru_cache
@@ -147,3 +149,46 @@ def test_colour_depth_and_mean_of_frames():
     mean = find_edges(state_mean(expose(scene, rng) for _ in range(8)), CALIBRATION, SPECIMEN)
     assert rms(np.concatenate(errors_px(mean, beam, CALIBRATION))) < 0.6 * lone
     assert mean.flags == ()
+
+
+@pytest.mark.parametrize("angle_deg", [-40.0, 0.0, 70.0])
+def test_a_lit_beam_before_a_dark_background(angle_deg):
+    image, beam, _ = photograph(angle_deg)
+    edges = find_edges(230 - np.minimum(image, 230), CALIBRATION, SPECIMEN)
+    for errors in errors_px(edges, beam, CALIBRATION):
+        assert abs(errors.mean()) < 0.01
+        assert rms(errors) < 0.02
+    assert edges.flags == ()
+    clipped = np.where(image < 60, 255, 230 - np.minimum(image, 230)).astype(np.uint8)
+    assert "SATURATED" in {flag.name for flag in find_edges(clipped, CALIBRATION, SPECIMEN).flags}
+
+
+def test_dark_frame_and_flat_field_take_out_what_is_uneven():
+    optics = replace(NOMINAL, gradient=0.6, vignette=0.4, full_well_e=1e6)
+    beam = bend(SPECIMEN, 40.0)
+    rows, columns = np.indices(SIZE[::-1])
+    dark = 6.0 + 12.0 * (columns % 2)  # a sensor whose columns differ without light
+    gain = 1.0 + 0.15 * np.sin(columns / 7.0) * np.sin(rows / 11.0)
+    image = dark + gain * make_bent_scene(optics, CALIBRATION, SPECIMEN, beam).mean * 0.8
+    nothing = [[-9.0, -9.0], [-8.0, -9.0], [-8.0, -8.0]]
+    flat = dark + gain * make_scene(optics, SIZE, nothing).mean * 0.8
+    rng = np.random.default_rng(0)
+    image = np.rint(image + rng.normal(0, 0.3, image.shape)).astype(np.uint8)
+    raw = rms(np.concatenate(errors_px(find_edges(image, CALIBRATION, SPECIMEN), beam, CALIBRATION)))
+    corrected = FieldCorrection(np.rint(dark).astype(np.uint8), np.rint(flat).astype(np.uint8)).apply(image)
+    edges = find_edges(corrected, CALIBRATION, SPECIMEN)
+    better = rms(np.concatenate(errors_px(edges, beam, CALIBRATION)))
+    assert better < 0.02
+    assert raw > 1.5 * better
+    assert edges.flags == ()
+    clipped = FieldCorrection(None, np.full(SIZE[::-1], 200, np.uint8)).apply(np.full(SIZE[::-1], 255, np.uint8))
+    assert (clipped == 255).all()
+
+
+def test_blur_does_not_draw_a_curved_edge_inward():
+    specimen = SpecimenFile(specimen=SPECIMEN.specimen.model_copy(update={"length_mm": 12.0}))
+    beam = bend(specimen, 110.0)  # a radius of 6 mm
+    optics = replace(NOMINAL, blur_px=2.4, full_well_e=1e7, bits=16)
+    image = expose(make_bent_scene(optics, CALIBRATION, specimen, beam), np.random.default_rng(0))
+    for errors in errors_px(find_edges(image, CALIBRATION, specimen), beam, CALIBRATION):
+        assert abs(np.median(errors)) < 0.004

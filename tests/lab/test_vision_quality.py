@@ -6,7 +6,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -173,6 +173,7 @@ SHORT = SpecimenFile.model_validate(
     arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.sampled_from([0, 10, 90, 200, 255])),
     st.integers(1, 16),
 )
+@example(np.array([[0, 0, 90, 0], [0, 0, 90, 0], [0, 0, 0, 0]], dtype=np.uint8), 15)  # an edge of three points
 def test_no_picture_raises(tiles, enlarged):
     image = np.kron(tiles, np.ones((enlarged, enlarged), dtype=np.uint8))
     edges = find_edges(image, SMALL, SHORT)

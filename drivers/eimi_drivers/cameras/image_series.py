@@ -9,7 +9,8 @@ from typing import Any
 import cv2
 from numpy.typing import NDArray
 
-from eimi_drivers.interfaces import InstrumentDisconnected, ReplyNotUnderstood
+from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings
+from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentError, ReplyNotUnderstood
 
 IMAGE_SUFFIXES = frozenset({".png", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".jpg", ".jpeg"})
 
@@ -38,12 +39,23 @@ def list_images(source: str | Path) -> tuple[Path, ...]:
     return tuple(sorted(found, key=lambda path: natural_key(path.name)))
 
 
+def refuse_on_recording(recording: str, settings: CameraSettings) -> None:
+    """Raises InstrumentError when there is a setting that a recording cannot have."""
+    if names := ", ".join(settings.chosen()):
+        raise InstrumentError(f"{recording}: a recording has no {names} to set")
+
+
 class ImageSeries:
     """Reads the images of a series one after the other, grey values and bit depth as they are stored."""
 
     def __init__(self, paths: tuple[Path, ...]) -> None:
         self._paths = paths
         self._next = 0
+
+    def set_up(self, settings: CameraSettings) -> CameraSettings:
+        """Nothing can be set on a recording. Raises InstrumentError when something is to be."""
+        refuse_on_recording(str(self._paths[0].parent), settings)
+        return NO_SETTINGS
 
     def read(self) -> tuple[NDArray[Any], float]:
         """The next image, and its place in the series for a time stamp, since an image file has none.

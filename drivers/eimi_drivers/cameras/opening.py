@@ -4,19 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from eimi_drivers.cameras.basler import BaslerCamera
 from eimi_drivers.cameras.opencv import OpenCVCamera
-from eimi_drivers.interfaces import Camera, InstrumentError
+from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings
+from eimi_drivers.installed import Drivers
+from eimi_drivers.interfaces import Camera
 
-CAMERAS: dict[str, Callable[[str | int], Camera]] = {OpenCVCamera.name: OpenCVCamera}
+CAMERAS: Drivers[Callable[[str | int, CameraSettings], Camera]] = Drivers(
+    "camera", "eimi_drivers.cameras", {OpenCVCamera.name: OpenCVCamera, BaslerCamera.name: BaslerCamera}
+)
+"""Every camera driver by its name, those of other installed packages included."""
 
 
-def open_camera(driver: str, source: str | int) -> Camera:
+def open_camera(driver: str, source: str | int, settings: CameraSettings = NO_SETTINGS) -> Camera:
     """Open a camera.
 
-    driver: "opencv". source: a device index, a video file, a folder of images or a numbered pattern.
+    driver: a name in `CAMERAS`. source: as the driver takes it; for "opencv" a device index, a video file, a
+    folder of images or a numbered pattern, for "basler" a serial number.
+    settings: set before the first frame and read back.
 
-    Raises InstrumentError for an unknown driver, InstrumentDisconnected when the source cannot be opened.
+    Raises InstrumentError for an unknown driver or a setting that the camera does not have,
+    InstrumentDisconnected when the source cannot be opened, SetPointNotTaken for a setting that did not take.
     """
-    if driver not in CAMERAS:
-        raise InstrumentError(f"there is no camera driver {driver!r}; those that exist: {', '.join(sorted(CAMERAS))}")
-    return CAMERAS[driver](source)
+    return CAMERAS.find(driver)(source, settings)

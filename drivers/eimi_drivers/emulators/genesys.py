@@ -1,4 +1,4 @@
-"""The language of TDK-Lambda Genesys on the emulated supply (user manual, chapter 7)."""
+"""The language of TDK-Lambda Genesys on the emulated supply."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """TDK-Lambda Genesys over its serial line: lines ending with a carriage return, setters answered `OK`.
 
-Source: Genesys user manual, chapter 7, "RS232 and RS485 remote control".
+The layout of `STT?` and the bits of its fault register are to be checked against the manual of the unit in hand.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from eimi_drivers.supplies.base import PROTECTION_MARGIN, SupplyBase
 from eimi_drivers.supplies.transport import SerialTransport, Transport
 
 LONGEST_LINE = 128
+BLIND_GAP_S = 0.05
+"""Between messages that are sent without waiting for their answers."""
 
 FAULTS = {
     0x02: "the mains failed",
@@ -49,6 +51,7 @@ class GenesysSupply(SupplyBase):
     def __init__(self, link: Transport, limits: Limits, clock: Clock) -> None:
         super().__init__(link, limits, clock)
         self._selected = False
+        self._greeting = (f"ADR {self._channel}", "RMT REM")
 
     @classmethod
     def connect(cls, address: str) -> Transport:
@@ -79,7 +82,7 @@ class GenesysSupply(SupplyBase):
 
     def _ask(self, question: str) -> bytes:
         if not self._selected:
-            for message in (f"ADR {self._channel}", "RMT REM"):
+            for message in self._greeting:
                 self._raise_unless_ok(message, self._exchange(message))
             self._selected = True
         reply = self._exchange(question)
@@ -117,7 +120,22 @@ class GenesysSupply(SupplyBase):
         self._command(f"PC {text}")
 
     def _send_output(self, on: bool) -> None:
-        self._command("OUT ON" if on else "OUT OFF")
+        if on:
+            self._command("OUT ON")
+            return
+        if self._unanswered:
+            self._say_off()  # before anything is waited for
+        try:
+            self._command("OUT OFF")
+        except InstrumentError:
+            self._say_off()
+            raise
+
+    def _say_off(self) -> None:
+        """Say it all without waiting for answers, since it may be they alone that are lost."""
+        for message in (*self._greeting, "OUT OFF"):
+            self._link.write(message.encode("ascii") + b"\r")
+            self._clock.sleep(BLIND_GAP_S)
 
     def _voltage_set(self) -> float:
         return self._ask_value("PV?")

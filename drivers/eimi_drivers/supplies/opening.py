@@ -12,10 +12,15 @@ from eimi_drivers.supplies.korad import KoradSupply
 from eimi_drivers.supplies.scpi import scpi_driver
 from eimi_drivers.supplies.scpi_profiles import PROFILES
 
+_OWN: tuple[type[SupplyBase], ...] = (
+    KoradSupply,
+    *(scpi_driver(profile) for profile in PROFILES),
+    GenesysSupply,
+    KepcoBopSupply,
+)
+
 SUPPLIES: Drivers[type[SupplyBase]] = Drivers(
-    "supply",
-    "eimi_drivers.supplies",
-    {driver.name: driver for driver in (KoradSupply, *map(scpi_driver, PROFILES), GenesysSupply, KepcoBopSupply)},
+    "supply", "eimi_drivers.supplies", {driver.name: driver for driver in _OWN}
 )
 """Every supply driver by its name, those of other installed packages included."""
 

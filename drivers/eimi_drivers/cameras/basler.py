@@ -1,0 +1,191 @@
+"""Basler cameras through pypylon, one software trigger a frame. Needs the extra `basler`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings
+from eimi_drivers.interfaces import (
+    Frame,
+    Identity,
+    InstrumentDisconnected,
+    InstrumentError,
+    InstrumentTimeout,
+    SetPointRefused,
+)
+
+EXPOSURE_NODES = ("ExposureTime", "ExposureTimeAbs")
+GAIN_NODES = ("Gain",)
+PIXEL_FORMATS = {8: "Mono8", 10: "Mono10", 12: "Mono12", 16: "Mono16"}
+USB_TICKS_PER_S = 1e9
+
+
+class BaslerCamera:
+    """A Basler camera by its serial number, or by its place in the list of those attached (`0`).
+
+    Every `grab` triggers an exposure of its own, so that no frame is older than its `grab`. Frame numbers are the
+    camera's block identifiers and time stamps its own clock (the host's where it has none). A failed transfer
+    raises InstrumentError; its number is passed over, and the next frame shows the gap.
+    """
+
+    name = "basler"
+
+    def __init__(self, source: str | int, settings: CameraSettings = NO_SETTINGS) -> None:
+        """Open and set up the camera.
+
+        Raises InstrumentError without pypylon, InstrumentDisconnected where there is no such camera,
+        SetPointRefused and SetPointNotTaken for the settings.
+        """
+        try:
+            from pypylon import genicam, pylon
+        except ImportError as error:
+            raise InstrumentError("Basler cameras need pypylon: pip install 'eimi-lab[basler]'") from error
+        self.source = str(source)
+        self._pylon = pylon
+        self._errors = genicam.GenericException
+        self._out_of_range = genicam.OutOfRangeException
+        self._readable = genicam.IsReadable
+        with self._errors_named():
+            self._camera = pylon.InstantCamera(self._find(pylon.TlFactory.GetInstance()))
+            self._camera.Open()
+        try:
+            with self._errors_named():
+                self.settings = self._set_up(settings)
+                self._ticks_per_s = self._tick_frequency()
+                self._camera.StartGrabbing(pylon.GrabStrategy_OneByOne)
+        except InstrumentError:
+            self.close()
+            raise
+
+    def _find(self, factory: Any) -> Any:
+        devices = list(factory.EnumerateDevices())
+        for place, device in enumerate(devices):
+            if self.source in {str(place), device.GetSerialNumber()}:
+                return factory.CreateDevice(device)
+        attached = ", ".join(device.GetSerialNumber() for device in devices) or "none"
+        raise InstrumentDisconnected(f"Basler camera {self.source}: not found; attached: {attached}")
+
+    @contextmanager
+    def _errors_named(self) -> Iterator[None]:
+        try:
+            yield
+        except self._errors as error:
+            kind = InstrumentDisconnected if self._removed() else InstrumentError
+            raise kind(f"Basler camera {self.source}: {str(error).strip()}") from error
+
+    def _removed(self) -> bool:
+        return hasattr(self, "_camera") and bool(self._camera.IsCameraDeviceRemoved())
+
+    def _set_up(self, settings: CameraSettings) -> CameraSettings:
+        try:
+            self._set(settings)
+        except self._out_of_range as error:
+            raise SetPointRefused(f"Basler camera {self.source}: {str(error).strip()}") from error
+        found = self._read_back()
+        settings.verify(f"Basler camera {self.source}", found)
+        self._camera.TriggerSelector.Value = "FrameStart"
+        self._camera.TriggerMode.Value = "On"
+        self._camera.TriggerSource.Value = "Software"
+        return found
+
+    def _set(self, settings: CameraSettings) -> None:
+        camera = self._camera
+        if settings.bit_depth is not None:
+            if settings.bit_depth not in PIXEL_FORMATS:
+                raise SetPointRefused(
+                    f"Basler camera {self.source}: bit_depth = {settings.bit_depth} must be one of "
+                    f"{', '.join(map(str, PIXEL_FORMATS))}"
+                )
+            camera.PixelFormat.Value = PIXEL_FORMATS[settings.bit_depth]
+        if settings.region is not None:
+            self._set_region(*settings.region)
+        if settings.exposure_s is not None:
+            self._node(EXPOSURE_NODES).Value = settings.exposure_s * 1e6
+        if settings.gain is not None:
+            self._node(GAIN_NODES).Value = settings.gain
+        if settings.gamma is not None:
+            camera.Gamma.Value = settings.gamma
+
+    def _set_region(self, left: int, top: int, width: int, height: int) -> None:
+        camera = self._camera
+        camera.OffsetX.Value = camera.OffsetY.Value = 0  # else a larger size may not fit beside the old offset
+        camera.Width.Value, camera.Height.Value = width, height
+        camera.OffsetX.Value, camera.OffsetY.Value = left, top
+
+    def _node(self, names: tuple[str, ...]) -> Any:
+        for name in names:
+            node = getattr(self._camera, name)
+            if self._readable(node):
+                return node
+        raise InstrumentError(f"Basler camera {self.source}: it has no {' or '.join(names)}")
+
+    def _read_back(self) -> CameraSettings:
+        camera = self._camera
+        depths = {name: depth for depth, name in PIXEL_FORMATS.items()}
+        return CameraSettings(
+            exposure_s=self._node(EXPOSURE_NODES).Value / 1e6,
+            gain=float(camera.Gain.Value) if self._readable(camera.Gain) else None,
+            gamma=float(camera.Gamma.Value) if self._readable(camera.Gamma) else None,
+            region=(camera.OffsetX.Value, camera.OffsetY.Value, camera.Width.Value, camera.Height.Value),
+            bit_depth=depths.get(camera.PixelFormat.Value),
+        )
+
+    def _tick_frequency(self) -> float:
+        node = self._camera.GevTimestampTickFrequency
+        return float(node.Value) if self._readable(node) else USB_TICKS_PER_S
+
+    def identify(self) -> Identity:
+        """Model and serial number."""
+        info = self._camera.GetDeviceInfo()
+        return Identity(self.name, f"{info.GetModelName()} {info.GetSerialNumber()}", self.source)
+
+    def flush(self) -> None:
+        """Throw away frames that came after their `grab` had given up."""
+        with self._errors_named():
+            while self._camera.IsGrabbing():
+                with self._camera.RetrieveResult(0, self._pylon.TimeoutHandling_Return) as result:
+                    if not result.IsValid():
+                        return
+
+    def grab(self, timeout_s: float) -> Frame:
+        """Trigger an exposure and return its frame.
+
+        Raises InstrumentTimeout after `timeout_s`, InstrumentDisconnected when the camera is gone or closed,
+        InstrumentError when the frame was not transferred whole.
+        """
+        timeout_ms = max(round(timeout_s * 1000), 1)
+        if self._removed() or not self._camera.IsGrabbing():
+            raise InstrumentDisconnected(f"Basler camera {self.source}: it was unplugged or closed")
+        self.flush()
+        with self._errors_named():
+            if not self._camera.WaitForFrameTriggerReady(timeout_ms, self._pylon.TimeoutHandling_Return):
+                raise self._no_frame(timeout_s)
+            self._camera.ExecuteSoftwareTrigger()
+            with self._camera.RetrieveResult(timeout_ms, self._pylon.TimeoutHandling_Return) as result:
+                if not result.IsValid():
+                    raise self._no_frame(timeout_s)
+                if not result.GrabSucceeded():
+                    raise InstrumentError(
+                        f"Basler camera {self.source}: failed grab: {result.GetErrorDescription().strip()} "
+                        f"({result.GetErrorCode():#010x})"
+                    )
+                ticks = result.GetTimeStamp()
+                return Frame(
+                    image=result.GetArray(),
+                    number=int(result.GetBlockID()),
+                    timestamp_s=ticks / self._ticks_per_s if ticks else time.monotonic(),
+                )
+
+    def _no_frame(self, timeout_s: float) -> InstrumentError:
+        if self._removed():
+            return InstrumentDisconnected(f"Basler camera {self.source}: it was unplugged")
+        return InstrumentTimeout(f"Basler camera {self.source}: no frame within {timeout_s:g} s")
+
+    def close(self) -> None:
+        """Release the camera; closing twice is allowed."""
+        with self._errors_named():
+            self._camera.StopGrabbing()
+            self._camera.Close()

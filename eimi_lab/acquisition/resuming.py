@@ -1,0 +1,90 @@
+"""Going on with a run that ended early: what it had stored, and whether everything is as it was."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.dataset.layout import Header, identity_text
+from eimi_lab.dataset.reading import Dataset, open_dataset
+from eimi_lab.dataset.recovery import recover
+from eimi_lab.errors import InputError
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A run that ended early: the states that it acknowledged, and the seconds that its clock shows by now."""
+
+    states: int
+    elapsed_s: float
+
+
+def take_up(path: Path, header: Header, image: NDArray[Any]) -> Begun:
+    """See that a run may be resumed with frames like (H, W) `image`; recover its file in place where it crashed.
+
+    Raises InputError naming the first difference between that run and this one.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: no such file to resume; leave out --resume to begin a run")
+    with open_dataset(path) as dataset:
+        if dataset.kind != "frames" or not dataset.resumable:
+            raise InputError(f"{path}: was not written by a run that can be resumed")
+        difference = _difference(dataset, header) or _other_frames(dataset, image)
+        if difference:
+            raise InputError(f"{path}: cannot be resumed: {difference}")
+        begun = Begun(len(dataset.states), _elapsed_s(dataset))
+        crashed = not dataset.finished
+    if crashed:
+        recover(path, path, force=True)
+    return begun
+
+
+def _difference(dataset: Dataset, header: Header) -> str:
+    now = {
+        "protocol": header.protocol,
+        "specimen": header.specimen,
+        "rig": header.rig,
+        "calibration": header.calibration,
+    }
+    for name, document in now.items():
+        before, after = _keys(dataset.text(name) or ""), _keys(document.text if document else "")
+        for key in sorted(before.keys() | after.keys()):
+            if before.get(key) != after.get(key):
+                return (
+                    f"the {name} differs: {key} was {before.get(key, 'absent')}, and is {after.get(key, 'absent')} now"
+                )
+    instruments = tuple(identity_text(identity) for identity in header.instruments)
+    if dataset.instruments() != instruments:
+        return f"the instruments differ: {', '.join(dataset.instruments())} before, {', '.join(instruments)} now"
+    return ""
+
+
+def _keys(text: str) -> dict[str, Any]:
+    """Every key of a TOML text with its value; comments and the order of keys are no difference."""
+
+    def flat(table: dict[str, Any], prefix: str) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for key, value in table.items():
+            found |= flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+        return found
+
+    return flat(tomllib.loads(text), "")
+
+
+def _other_frames(dataset: Dataset, image: NDArray[Any]) -> str:
+    size, dtype = dataset.frame_format()
+    if (size, dtype) != (image.shape, image.dtype):
+        return f"the frames differ: {size} {dtype} before, {image.shape} {np.dtype(image.dtype)} now"
+    return ""
+
+
+def _elapsed_s(dataset: Dataset) -> float:
+    """Since the run began; a simulated clock may have run ahead of the host's."""
+    host_s = (datetime.now(UTC) - dataset.start_time()).total_seconds()
+    return max(host_s, dataset.last_time_s())

@@ -1,0 +1,191 @@
+"""Making a calibration.toml: from images of a board, of the beam at rest, or from two ends of a ruler."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, date, datetime
+from pathlib import Path
+
+from eimi_lab.config.calibration import Calibration, Uncertainty
+from eimi_lab.config.reading import check, parse
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.dataset.images import read_image
+from eimi_lab.errors import InputError
+from eimi_lab.outputs import whole_file
+from eimi_lab.vision.board import Board
+from eimi_lab.vision.known_width import measure_beam
+from eimi_lab.vision.lens import FEWEST_VIEWS, View, calibrate_lens, place_in_plane
+
+MOST_TILT_DEG = 5.0
+READING_PX = 1.0  # standard deviation of a point that a person reads off an image
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What no image tells: the coil, where the clamp is, and which way is which (degrees clockwise from +x).
+
+    The axis angle need only be right to some degrees where a board or a beam shows it better; gravity and field keep
+    their angles to it.
+    """
+
+    coil_constant_mT_per_A: float
+    clamp_midpoint_px: tuple[float, float]
+    axis_angle_deg: float
+    gravity_angle_deg: float
+    field_angle_deg: float
+    telecentric: bool = False
+
+    def calibration(self, pixels_per_mm: float, turned_deg: float, uncertainty: Uncertainty, on: date) -> Calibration:
+        """A calibration with the axis and all that goes with it turned by some degrees. Raises InputError."""
+        table = {
+            "pixels_per_mm": pixels_per_mm,
+            "coil_constant_mT_per_A": self.coil_constant_mT_per_A,
+            "clamp_midpoint_px": self.clamp_midpoint_px,
+            "axis_angle_deg": self.axis_angle_deg + turned_deg,
+            "gravity_angle_deg": self.gravity_angle_deg + turned_deg,
+            "field_angle_deg": self.field_angle_deg + turned_deg,
+            "telecentric": self.telecentric,
+            "calibrated_on": on,
+            "uncertainty": uncertainty,
+        }
+        return check(Calibration, table, "", "calibrate")
+
+
+def from_board(
+    images: Sequence[Path], mid_plane: Path, board: Board, setting: Setting, board_error: float
+) -> tuple[Calibration, list[str]]:
+    """Lens, scale and orientation from images of a board; also lines that tell how well. Raises InputError.
+
+    mid_plane: the image in which the board lies in the beam's middle plane, along the beam. From less than four
+    images, or through a telecentric lens, the lens's own distortion is not found. board_error: of the print, a share.
+    """
+    paths = list(dict.fromkeys([*images, mid_plane]))
+    views: dict[Path, View] = {}
+    size: tuple[int, int] | None = None
+    for path in paths:
+        image = read_image(path)
+        if size not in (None, image.shape[::-1]):
+            raise InputError(f"{path}: is {image.shape[1]} x {image.shape[0]} px; {paths[0].name} is another size")
+        size = (image.shape[1], image.shape[0])
+        found = board.find(image)
+        if found is None:
+            raise InputError(
+                f"{path}: shows no {board.kind} board of {board.columns} x {board.rows}; check --board, --columns and "
+                "--rows, and that the picture is sharp"
+            )
+        views[path] = found
+    assert size is not None  # there is at least the image of the mid-plane
+    lens, told = None, []
+    view = views[mid_plane]
+    if not setting.telecentric and len(paths) >= FEWEST_VIEWS:
+        try:
+            lens = calibrate_lens(list(views.values()), size)
+            stand_off = lens.stand_off_mm(view)
+        except ValueError as error:
+            raise InputError(f"{paths[0]} and {len(paths) - 1} more: {error}") from error
+        view = (view[0], lens.undistort(view[1]))
+        told.append(f"lens: {lens.residual_px:.3f} px RMS over {len(paths)} views")
+    elif not setting.telecentric:
+        told.append(f"lens: not calibrated; that takes {FEWEST_VIEWS} or more views, most of them tilted")
+    plane = place_in_plane(view, board_error)
+    if plane.tilt_deg > MOST_TILT_DEG:
+        raise InputError(
+            f"{mid_plane}: the board is tilted by {plane.tilt_deg:.1f} degrees; hold it in the beam's middle plane, or "
+            "name the image in which it is there with --mid-plane"
+        )
+    told.append(f"mid-plane: {plane.residual_px:.3f} px RMS, tilted by about {plane.tilt_deg:.1f} degrees")
+    turned = (plane.angle_deg - setting.axis_angle_deg + 45.0) % 90.0 - 45.0  # to the nearer of the board's directions
+    uncertainty = Uncertainty(
+        pixels_per_mm=plane.pixels_per_mm_sigma,
+        axis_angle_deg=plane.angle_sigma_deg,
+        focal_length_px=lens.focal_length_sigma_px if lens else None,
+        stand_off_mm=stand_off * lens.focal_length_sigma_px / lens.focal_length_px if lens else None,
+    )
+    calibration = setting.calibration(plane.pixels_per_mm, turned, uncertainty, _day_of(paths))
+    if lens:
+        matrix = tuple(tuple(map(float, row)) for row in lens.matrix)
+        seen = {"camera_matrix": matrix, "distortion": tuple(map(float, lens.distortion)), "stand_off_mm": stand_off}
+        calibration = calibration.model_copy(update=seen)
+    return calibration, told
+
+
+def from_beam(
+    image: Path, specimen: SpecimenFile, setting: Setting, tolerance_mm: float
+) -> tuple[Calibration, list[str]]:
+    """Scale, clamp and axis from the beam at rest, whose width is known to `tolerance_mm`. Raises InputError."""
+    width = specimen.specimen.width_mm
+    guess = setting.calibration(1.0, 0.0, Uncertainty(pixels_per_mm=0.0, axis_angle_deg=0.0), _day_of([image]))
+    try:
+        seen = measure_beam(read_image(image), specimen, guess)
+    except ValueError as error:
+        raise InputError(f"{image}: {error}") from error
+    uncertainty = Uncertainty(
+        pixels_per_mm=math.hypot(seen.pixels_per_mm_sigma, seen.pixels_per_mm * tolerance_mm / width),
+        axis_angle_deg=seen.axis_angle_sigma_deg,
+    )
+    turned = seen.axis_angle_deg - setting.axis_angle_deg
+    calibration = setting.calibration(seen.pixels_per_mm, turned, uncertainty, _day_of([image]))
+    calibration = calibration.model_copy(update={"clamp_midpoint_px": seen.clamp_midpoint_px})
+    return calibration, [_how_well(calibration, f"width_mm = {width:g} ± {tolerance_mm:g}")]
+
+
+def from_ruler(
+    image: Path, ends_px: tuple[float, float, float, float], length_mm: float, setting: Setting
+) -> tuple[Calibration, list[str]]:
+    """Scale from the two ends (x1, y1, x2, y2) of a known length in the beam's middle plane. Raises InputError."""
+    height, width = read_image(image).shape
+    if not (
+        0 <= min(ends_px[::2]) <= max(ends_px[::2]) < width and 0 <= min(ends_px[1::2]) <= max(ends_px[1::2]) < height
+    ):
+        raise InputError(f"{image}: is {width} x {height} px; the ruler's ends {ends_px} are not both in it")
+    long_px = math.dist(ends_px[:2], ends_px[2:])
+    if not (length_mm > 0 and long_px > 20 * READING_PX):
+        raise InputError(f"{image}: a ruler of {length_mm:g} mm over {long_px:.1f} px gives no scale; use a longer one")
+    uncertainty = Uncertainty(pixels_per_mm=math.sqrt(2.0) * READING_PX / length_mm, axis_angle_deg=1.0)
+    calibration = setting.calibration(long_px / length_mm, 0.0, uncertainty, _day_of([image]))
+    return calibration, [_how_well(calibration, f"{length_mm:g} mm read off by eye")]
+
+
+def write_calibration(calibration: Calibration, path: Path, force: bool) -> None:
+    """Write a calibration.toml. Raises InputError."""
+    uncertain = calibration.uncertainty
+    lines = [
+        f"pixels_per_mm = {calibration.pixels_per_mm:.6f}",
+        f"coil_constant_mT_per_A = {calibration.coil_constant_mT_per_A!r}",
+        f"clamp_midpoint_px = {_listed(calibration.clamp_midpoint_px)}",
+        f"axis_angle_deg = {calibration.axis_angle_deg:.5f}       # clockwise from the image's +x, as all angles",
+        f"gravity_angle_deg = {calibration.gravity_angle_deg:.5f}",
+        f"field_angle_deg = {calibration.field_angle_deg:.5f}",
+    ]
+    if calibration.camera_matrix is not None and calibration.distortion is not None:
+        lines.append("camera_matrix = [" + ", ".join(map(_listed, calibration.camera_matrix)) + "]")
+        lines.append(f"distortion = {_listed(calibration.distortion)}")
+    if calibration.stand_off_mm is not None:
+        lines.append(f"stand_off_mm = {calibration.stand_off_mm:.3f}")
+    if calibration.telecentric:
+        lines.append("telecentric = true")
+    if calibration.calibrated_on is not None:
+        lines.append(f"calibrated_on = {calibration.calibrated_on.isoformat()}")
+    if uncertain is not None:
+        lines += ["", "[uncertainty]    # standard deviations"]
+        lines += [f"{name} = {value:.3g}" for name, value in uncertain.model_dump(exclude_none=True).items()]
+    text = "\n".join(lines) + "\n"
+    parse(Calibration, text, path)
+    with whole_file(path, force) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _listed(numbers: Sequence[float]) -> str:
+    return "[" + ", ".join(f"{number:.8g}" if number % 1 else f"{number:.1f}" for number in numbers) + "]"
+
+
+def _how_well(calibration: Calibration, source: str) -> str:
+    share = calibration.uncertainty.pixels_per_mm / calibration.pixels_per_mm if calibration.uncertainty else math.nan
+    return f"scale from {source}: uncertain by {100.0 * share:.2g} %; a board in the beam's plane gives about 0.1 %"
+
+
+def _day_of(images: Sequence[Path]) -> date:
+    """The day on which the newest image file was written."""
+    return datetime.fromtimestamp(max(path.stat().st_mtime for path in images), UTC).date()

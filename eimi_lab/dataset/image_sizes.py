@@ -1,0 +1,56 @@
+"""How large an image file says it is, read before anything is decoded: a few bytes can claim any amount of memory."""
+
+from __future__ import annotations
+
+import struct
+
+MOST_PIXELS = 100_000_000
+
+_JPEG_SIZES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})  # start-of-frame markers
+_TIFF_WIDTH, _TIFF_HEIGHT = 256, 257
+
+
+def claimed_size(raw: bytes) -> tuple[int, int] | None:
+    """Width and height by the header of a PNG, JPEG, BMP, TIFF or PGM file; None where it tells none.
+
+    Sources: PNG specification (W3C), section 11.2.2; JPEG, ITU-T T.81, table B.2; BITMAPINFOHEADER (Microsoft);
+    TIFF 6.0 (Adobe), section 2; netpbm's manual of pgm.
+    """
+    try:
+        if raw.startswith(b"\x89PNG"):
+            width, height = struct.unpack_from(">II", raw, 16)
+        elif raw.startswith(b"\xff\xd8"):
+            return _jpeg(raw)
+        elif raw.startswith(b"BM"):
+            width, height = struct.unpack_from("<ii", raw, 18)
+        elif raw[:4] in (b"II*\0", b"MM\0*"):
+            return _tiff(raw, "<" if raw.startswith(b"II") else ">")
+        elif raw[:2] in (b"P2", b"P5"):
+            lines = [line for line in raw[:4096].split(b"\n") if not line.startswith(b"#")]
+            width, height = (int(word) for word in b" ".join(lines).split()[1:3])
+        else:
+            return None
+    except (struct.error, ValueError):
+        return None
+    return abs(width), abs(height)
+
+
+def _jpeg(raw: bytes) -> tuple[int, int] | None:
+    at = 2
+    while at + 9 < len(raw) and raw[at] == 0xFF:
+        if raw[at + 1] in _JPEG_SIZES:
+            height, width = struct.unpack_from(">HH", raw, at + 5)
+            return width, height
+        at += 2 + int.from_bytes(raw[at + 2 : at + 4], "big")
+    return None
+
+
+def _tiff(raw: bytes, order: str) -> tuple[int, int] | None:
+    (at,) = struct.unpack_from(f"{order}I", raw, 4)
+    (count,) = struct.unpack_from(f"{order}H", raw, at)
+    sizes = {}
+    for entry in range(at + 2, at + 2 + 12 * count, 12):
+        tag, kind = struct.unpack_from(f"{order}HH", raw, entry)
+        if tag in (_TIFF_WIDTH, _TIFF_HEIGHT):
+            (sizes[tag],) = struct.unpack_from(f"{order}{'H' if kind == 3 else 'I'}", raw, entry + 8)
+    return (sizes[_TIFF_WIDTH], sizes[_TIFF_HEIGHT]) if len(sizes) == 2 else None

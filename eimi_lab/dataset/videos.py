@@ -1,0 +1,37 @@
+"""Frames out of a video file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+from numpy.typing import NDArray
+
+from eimi_lab.dataset.grey import grey
+from eimi_lab.errors import InputError
+
+ENDINGS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".m4v"})
+
+
+def read_video(path: Path, numbers: Sequence[int]) -> Iterator[NDArray[Any]]:
+    """The frames (H, W) of increasing numbers, counted from 0. Raises InputError.
+
+    The video is read from its beginning: to seek lands beside the wanted frame in many a format.
+    """
+    video = cv2.VideoCapture(str(path))
+    try:
+        if not video.isOpened():
+            raise InputError(f"{path}: is not a video that OpenCV can read, or is damaged")
+        at = 0
+        for number in numbers:
+            while at < number and video.grab():
+                at += 1
+            there, image = video.read() if at == number else (False, None)
+            if not there or image is None:
+                raise InputError(f"{path}: ends before frame {number} (counted from 0)")
+            at += 1
+            yield grey(image)
+    finally:
+        video.release()

@@ -1,0 +1,114 @@
+"""Scale and orientation without a board: from the beam itself, hanging at rest, whose width somebody measured."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.config.calibration import Calibration
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.dimensions import local_widths
+from eimi_lab.vision.edges import find_edges
+from eimi_lab.vision.intensity import full_scale, grey
+from eimi_lab.vision.quality import Limits
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 3
+_LENIENT = Limits(clamp_offset_mm=math.inf)  # the clamp's place is what is asked for
+# What makes the outline useless as a ruler; a wrong length or focus does not.
+_FATAL = ("SATURATED", "GAMMA", "TOUCHES_FRAME", "MULTI_CONTOUR", "CORNER_AMBIGUOUS", "CLAMP_NOT_FOUND")
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the beam at rest tells of the image; the deviations are those of the points alone."""
+
+    pixels_per_mm: float
+    pixels_per_mm_sigma: float
+    clamp_midpoint_px: tuple[float, float]
+    axis_angle_deg: float
+    axis_angle_sigma_deg: float
+
+
+def measure_beam(image: NDArray[Any], specimen: SpecimenFile, guess: Calibration) -> Seen:
+    """Scale, clamp and axis from one image of the beam at rest. Raises ValueError where it shows none, or badly.
+
+    guess: clamp_midpoint_px to a third of a beam's width and axis_angle_deg to a few degrees; its scale is not used.
+    """
+    pixels = grey(image)
+    scale = _rough_width_px(pixels, guess) / specimen.specimen.width_mm
+    calibration = guess.model_copy(update={"pixels_per_mm": scale})
+    for _ in range(_ROUNDS):
+        edges = find_edges(pixels, calibration, specimen, limits=_LENIENT)
+        wrong = [flag for flag in edges.flags if flag.name in _FATAL]
+        if wrong or not len(edges.left.points_mm):
+            told = (wrong or list(edges.flags))[0]
+            raise ValueError(f"the beam cannot be measured: {told.name}; {told.remedy}")
+        left, right = edges.left.points_mm, edges.right.points_mm
+        widths = local_widths(left, right)
+        frame = BeamFrame(calibration)
+        clamp = frame.to_px(frame.to_mm(edges.corners_px[:2]).mean(axis=0))[0]
+        tilt, tilt_sigma = _tilt(left, right)
+        stretch = float(np.median(widths)) / specimen.specimen.width_mm
+        calibration = calibration.model_copy(
+            update={
+                "pixels_per_mm": calibration.pixels_per_mm * stretch,
+                "clamp_midpoint_px": (float(clamp[0]), float(clamp[1])),
+                "axis_angle_deg": calibration.axis_angle_deg + frame.hand * math.degrees(tilt),
+            }
+        )
+    spread = float(widths.std(ddof=1) / widths.mean())
+    return Seen(
+        calibration.pixels_per_mm,
+        calibration.pixels_per_mm * spread / math.sqrt(len(widths)),
+        calibration.clamp_midpoint_px,
+        calibration.axis_angle_deg,
+        math.degrees(tilt_sigma),
+    )
+
+
+def _tilt(left: Array, right: Array) -> tuple[float, float]:
+    """Angle of the beam's first half against the x axis, rad from +x toward +y, and its standard deviation."""
+    angles, variances = [], []
+    for points in (left, right):
+        near = points[: max(4, len(points) // 2)]
+        (slope, _), covariance = np.polyfit(near[:, 0], near[:, 1], 1, cov=True)
+        angles.append(math.atan(slope))
+        variances.append(float(covariance[0, 0]))
+    return float(np.mean(angles)), 0.5 * math.sqrt(sum(variances))
+
+
+def _rough_width_px(pixels: NDArray[Any], guess: Calibration) -> float:
+    """Width of the body across the axis ahead of the clamp, to a pixel or two."""
+    shown = np.rint(pixels * (255.0 / max(full_scale(pixels), 1.0))).astype(np.uint8)
+    _, bright = cv2.threshold(shown, 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    angle = math.radians(guess.axis_angle_deg)
+    along, across = np.array([math.cos(angle), math.sin(angle)]), np.array([-math.sin(angle), math.cos(angle)])
+    height, width = shown.shape
+    runs = []
+    for ahead in np.arange(8.0, max(height, width), 4.0):
+        centre = np.array(guess.clamp_midpoint_px) + ahead * along
+        run = [_dark_steps(bright, centre, sign * across) for sign in (-1.0, 1.0)]
+        if None in run:
+            break
+        runs.append(float(sum(step for step in run if step is not None)))
+    if len(runs) < 5:
+        raise ValueError("no dark beam leaves clamp_midpoint_px along axis_angle_deg")
+    return float(np.median(runs))
+
+
+def _dark_steps(bright: NDArray[Any], begin: Array, direction: Array) -> int | None:
+    """Pixels from a place to the first bright one; None where the place itself is bright or the image ends first."""
+    steps = np.arange(max(bright.shape))
+    places = np.rint(begin + steps[:, None] * direction).astype(int)
+    inside = ((places >= 0) & (places < [bright.shape[1], bright.shape[0]])).all(axis=1)
+    places = places[inside]
+    lit = np.flatnonzero(bright[places[:, 1], places[:, 0]])
+    return int(lit[0]) if len(lit) and lit[0] > 0 else None

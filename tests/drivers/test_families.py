@@ -1,0 +1,133 @@
+"""What single families do that the others do not."""
+
+from __future__ import annotations
+
+import pytest
+
+from eimi_drivers.clock import SimulatedClock
+from eimi_drivers.emulators.faults import Fault
+from eimi_drivers.emulators.genesys import GenesysDialect
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import InstrumentError, InstrumentTimeout, Limits, ProtectionTripped, SwitchOffFailed
+from eimi_drivers.supplies import SUPPLIES, open_supply
+from eimi_drivers.supplies.transport import InProcessTransport
+
+LIMITS = Limits(current_A=1.0, voltage_V=12.0)
+
+
+def test_a_kepco_is_never_switched_off_by_command(bench_of):
+    bench = bench_of("kepco-bop in process")
+    bench.energise(-0.7)
+    bench.supply.safe_off()
+    bench.supply.set_output(True)
+    bench.supply.set_output(False)
+    assert not [message for message in bench.sent if message.startswith(b"OUTP 0") or b"OFF" in message]
+    assert bench.coil.state.output
+    assert bench.coil.state.set_current_A == 0.0
+
+
+def test_a_kepco_at_zero_stays_under_watch(bench_of):
+    bench = bench_of("kepco-bop in process")
+    bench.energise(0.0)
+    assert not bench.supply.output_on()
+    bench.supply.check()
+    bench.coil.trip()
+    with pytest.raises(ProtectionTripped):
+        bench.supply.check()
+
+
+@pytest.mark.parametrize("lost", ["zero", "current"])
+def test_a_kepco_whose_zero_is_lost_is_reported(bench_of, lost):
+    bench = bench_of("kepco-bop in process")
+    bench.energise()
+    if lost == "zero":
+        bench.line.inject(Fault.SILENCE, lambda message: message == b"CURR 0.00\n")
+    else:
+        bench.line.inject(Fault.SILENCE, lambda message: message == b"MEAS:CURR?\n")
+    with pytest.raises(SwitchOffFailed, match="verify: failed"):
+        bench.supply.safe_off()
+    bench.line.inject(None)
+    bench.supply.safe_off()
+
+
+def test_current_that_flows_on_at_a_kepcos_zero_is_reported(bench_of):
+    bench = bench_of("kepco-bop in process")
+    bench.energise()
+    answers = bench.line.receive
+    bench.line.receive = lambda data: b"0.3\n" if data == b"MEAS:CURR?\n" else answers(data)
+    with pytest.raises(SwitchOffFailed, match=r"verify: failed.*0\.3 A flows"):
+        bench.supply.safe_off()
+
+
+def test_genesys_is_addressed_again_after_it_was_silent():
+    clock = SimulatedClock()
+    coil = CoilSupply(clock)
+    dialects = [GenesysDialect(coil), GenesysDialect(coil)]
+
+    class Restarted:
+        def receive(self, data: bytes) -> bytes:
+            return dialects[0].receive(data)
+
+    supply = SUPPLIES["genesys"](InProcessTransport(Restarted(), clock), LIMITS, clock)
+    supply.set_current(0.5)
+    del dialects[0]  # switched off and on
+    with pytest.raises(InstrumentTimeout):
+        supply.measure()
+    supply.set_current(0.2)
+    assert coil.state.set_current_A == 0.2
+
+
+def test_genesys_is_switched_off_though_its_answers_are_lost(bench_of):
+    bench = bench_of("genesys in process")
+    bench.energise()
+    answers = bench.line.receive
+    bench.line.receive = lambda data: answers(data) and b""
+    with pytest.raises(SwitchOffFailed, match="off: failed"):
+        bench.supply.safe_off()
+    assert not bench.coil.state.output
+
+
+def test_genesys_faults_are_told_by_name(bench_of):
+    bench = bench_of("genesys in process")
+    bench.energise()
+    bench.coil.trip()
+    with pytest.raises(ProtectionTripped, match="over-voltage protection tripped"):
+        bench.supply.check()
+
+
+def test_genesys_errors_are_reported(bench_of):
+    bench = bench_of("genesys in process")
+    supply = bench.supply
+    answers = bench.line.receive
+    bench.line.receive = lambda data: b"C02\r" if data == b"MC?\r" else answers(data)
+    with pytest.raises(InstrumentError, match=r"answers MC\? with error C02"):
+        supply.measure()
+
+
+@pytest.mark.parametrize("driver", ["rigol-dp800", "rs-hmp", "genesys"])
+def test_over_voltage_protection_lies_above_the_limits_and_trips_beyond(bench_of, driver):
+    bench = bench_of(f"{driver} in process")
+    bench.energise()
+    assert bench.coil.state.trip_voltage_V == pytest.approx(13.2)
+    bench.coil.set_voltage(20.0)  # as at the front panel
+    bench.coil.set_current(4.0)
+    bench.clock.sleep(1.0)
+    with pytest.raises(ProtectionTripped):
+        bench.supply.check()
+
+
+@pytest.mark.parametrize(
+    ("driver", "address"), [("korad", "nowhere#2"), ("siglent-spd", "nowhere#3"), ("genesys", "nowhere#31")]
+)
+def test_a_channel_that_there_is_not_is_refused(driver, address):
+    clock = SimulatedClock()
+    with pytest.raises(InstrumentError, match=r"there is no channel .* has . to "):
+        SUPPLIES[driver](InProcessTransport(CoilSupply(clock), clock, address), LIMITS, clock)
+
+
+def test_a_refused_channel_leaves_the_port_free(bench_of):
+    port = bench_of("genesys on a pty")
+    port.supply.close()
+    with pytest.raises(InstrumentError, match="there is no channel 31"):
+        open_supply("genesys", f"{port.address}#31", LIMITS)
+    open_supply("genesys", f"{port.address}#6", LIMITS).close()

@@ -1,0 +1,188 @@
+"""Fuzzed replies through every driver: a driver error or what the reply says, in time, and never a wrong set-point.
+
+The emulated supply obeys every message, or none (a locked front panel); what comes back on the wire is spoilt. The
+long run prints its figures: `pytest -m slow -s tests/drivers/test_fuzzed_replies.py`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from decimal import Decimal
+from typing import TypeVar
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eimi_drivers.clock import SimulatedClock
+from eimi_drivers.emulators import DIALECTS, CoilSupply, emulate
+from eimi_drivers.interfaces import InstrumentError, Limits
+from eimi_drivers.supplies import SUPPLIES
+from eimi_drivers.supplies.base import LATE_ANSWER_S, READ_BACK_WITHIN_S, REPLY_TIMEOUT_S
+from eimi_drivers.supplies.transport import InProcessTransport, Responder
+
+LIMITS = Limits(current_A=1.0, voltage_V=12.0)
+LONG_RUN_REPLIES = 10_000
+SHORT_RUN_REPLIES = 600
+
+Spoil = Callable[[bytes], bytes]
+Found = TypeVar("Found")
+
+
+def flipped(bit: int) -> Spoil:
+    """One bit of the reply is wrong."""
+
+    def spoil(reply: bytes) -> bytes:
+        if not reply:
+            return reply
+        place = bit // 8 % len(reply)
+        return reply[:place] + bytes([reply[place] ^ 1 << bit % 8]) + reply[place + 1 :]
+
+    return spoil
+
+
+NONSENSE = (
+    b"nan",
+    b"inf",
+    b"-inf",
+    b"9.91E+37",
+    b"1e400",
+    b"1_0",
+    b"+",
+    b"0x",
+    b"OK",
+    b"E01",
+    b"",
+    b"\0",
+    b'-113,"Bad"',
+)
+SPOILS: st.SearchStrategy[Spoil] = st.one_of(
+    st.just(lambda reply: reply),
+    st.integers(0, 1023).map(flipped),
+    st.integers(0, 20).map(lambda length: lambda reply: reply[:length]),
+    st.integers(1, 20).map(lambda length: lambda reply: reply[length:]),
+    st.binary(max_size=12).map(lambda noise: lambda reply: noise),
+    st.binary(max_size=6).map(lambda noise: lambda reply: noise + reply),
+    st.binary(max_size=6).map(lambda noise: lambda reply: reply + noise),
+    st.sampled_from(NONSENSE).flatmap(
+        lambda text: st.sampled_from((b"", b"\n", b"\r")).map(lambda end: lambda reply: text + end)
+    ),
+    st.just(lambda reply: reply * 2),
+    st.just(lambda reply: b""),
+)
+
+
+@dataclass
+class FuzzedLine:
+    """Spoils the replies to everything that is a question, one way after the other, and keeps what it handed out."""
+
+    instrument: Responder
+    spoils: list[Spoil]
+    replies: int = 0
+    handed_out: list[bytes] = field(default_factory=list)
+
+    def receive(self, data: bytes) -> bytes:
+        reply = self.instrument.receive(data)
+        if not reply:
+            return reply
+        spoil = self.spoils[self.replies % len(self.spoils)]
+        self.replies += 1
+        self.handed_out.append(spoil(reply))
+        return self.handed_out[-1]
+
+
+def said(reply: bytes, driver: str) -> float:
+    """The number that a reply says, read as a person would: up to its end, nothing else in it."""
+    end = b"\r" if driver == "genesys" else b"\n"
+    text = reply[:5] if driver == "korad" else reply[: reply.index(end) + 1]
+    clean = text.decode("ascii").strip("\0 \t\r\n")
+    assert re.fullmatch(r"[-+0-9.eE]+", clean), clean
+    return float(clean)
+
+
+def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figures: Counter[str]) -> None:
+    """Put spoilt replies through every method of a driver."""
+    clock = SimulatedClock()
+    coil = CoilSupply(clock)
+    line = FuzzedLine(emulate(driver, coil), spoils)
+    link = InProcessTransport(line, clock, "somewhere")
+    supply = SUPPLIES[driver](link, LIMITS, clock)
+    coil.set_voltage(10.0)
+    coil.set_current(0.25)
+    coil.switch(True)
+    coil.locked = locked
+    step_A = Decimal(SUPPLIES[driver].current_step_A)
+    asked_A = float(Decimal(milliamperes) / 1000 // step_A * step_A)
+
+    def attempt(act: Callable[[], Found], questions: int = 1) -> Found | None:
+        """What `act` returns, None for a driver error. questions: how many of its stages may each time out."""
+        began_s, sent_before = clock.now(), len(link.sent)
+        line.handed_out.clear()
+        found = None
+        try:
+            found = act()
+            figures["answers taken"] += 1
+        except InstrumentError as error:
+            figures[type(error).__name__] += 1
+        patience_s = questions * (LATE_ANSWER_S + REPLY_TIMEOUT_S + 2 * READ_BACK_WITHIN_S)
+        assert clock.now() - began_s <= patience_s + 0.1 * (len(link.sent) - sent_before), "hung"
+        return found
+
+    def program(act: Callable[[], None], asked: float, step: float, in_force: Callable[[], float]) -> None:
+        before = in_force()
+        taken = attempt(lambda: act() or True)
+        assert in_force() in (before, asked), "a set-point that nobody asked for"
+        if taken and in_force() != asked:
+            # The instrument took nothing, and its spoilt answer happened to claim that it had.
+            assert abs(said(line.handed_out[-1], driver) - asked) <= 1.001 * step
+            figures["false confirmations on the wire"] += 1
+
+    if identity := attempt(supply.identify):
+        assert identity.text.isprintable()
+    if reading := attempt(supply.measure):
+        current, voltage = line.handed_out[-2:]
+        assert reading.current_A == pytest.approx(said(current, driver))
+        assert reading.voltage_V == pytest.approx(said(voltage, driver))
+    assert attempt(supply.output_on) in (True, False, None)
+    attempt(supply.check, 3)
+    program(lambda: supply.set_voltage(11.0), 11.0, 0.01, lambda: coil.state.set_voltage_V)
+    program(lambda: supply.set_current(milliamperes / 1000), asked_A, float(step_A), lambda: coil.state.set_current_A)
+    attempt(lambda: supply.set_output(True), 3)
+    attempt(supply.safe_off, 4)
+    assert locked or coil.state.set_current_A == 0.0 or not coil.state.output, "left on"
+    figures["replies"] += line.replies
+
+
+def run(driver: str, replies: int) -> Counter[str]:
+    """Fuzz until so many replies have been spoilt."""
+    figures: Counter[str] = Counter()
+
+    @given(
+        spoils=st.lists(SPOILS, min_size=1, max_size=12),
+        milliamperes=st.integers(300, 999),
+        locked=st.booleans(),
+    )
+    @settings(max_examples=max(replies // 20, 20), deadline=None, database=None)
+    def batch(spoils: list[Spoil], milliamperes: int, locked: bool) -> None:
+        fuzz(driver, spoils, milliamperes, locked, figures)
+
+    while figures["replies"] < replies:
+        batch()
+    return figures
+
+
+@pytest.mark.parametrize("driver", sorted(DIALECTS))
+def test_fuzzed_replies_are_errors_or_what_they_say(driver):
+    assert run(driver, SHORT_RUN_REPLIES)["answers taken"] > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("driver", sorted(DIALECTS))
+def test_ten_thousand_fuzzed_replies(driver):
+    figures = run(driver, LONG_RUN_REPLIES)
+    errors = {name: count for name, count in figures.items() if name not in ("replies", "answers taken")}
+    print(f"\n{driver}: {figures['replies']} replies, {figures['answers taken']} answers taken, errors {errors}")
+    assert figures["answers taken"] > 0

@@ -1,0 +1,238 @@
+"""The exact bytes on the wire of every driver, against replies written down here and not against an emulator."""
+
+from __future__ import annotations
+
+import pytest
+
+from eimi_drivers.clock import SimulatedClock
+from eimi_drivers.interfaces import Limits, Reading
+from eimi_drivers.supplies import SUPPLIES
+from eimi_drivers.supplies.transport import InProcessTransport
+
+NONE = '0,"No error"'
+"""The answer to SYST:ERR? when there is none."""
+
+
+class Transcript:
+    """Plays an instrument from a list of messages and their replies, and takes nothing else.
+
+    end: what ends every message. reply_end: what ends every reply.
+    """
+
+    def __init__(self, exchanges: list[tuple[str, str]], end: str, reply_end: str) -> None:
+        self._exchanges = [
+            (f"{message}{end}".encode("ascii"), f"{reply}{reply_end}".encode("latin-1") if reply else b"")
+            for message, reply in exchanges
+        ]
+        self._place = 0
+
+    def receive(self, data: bytes) -> bytes:
+        assert self._place < len(self._exchanges), f"{data!r} was sent after the end"
+        expected, reply = self._exchanges[self._place]
+        assert data == expected, f"message {self._place + 1} is {data!r}, not {expected!r}"
+        self._place += 1
+        return reply
+
+    def assert_complete(self) -> None:
+        unsent = [message for message, _ in self._exchanges[self._place :]]
+        assert not unsent, f"these messages were never sent: {unsent}"
+
+
+def scpi(select: str = "", **strings: str) -> list[tuple[str, str]]:
+    """The exchanges of a run with a one-channel SCPI supply, with the strings of its family."""
+    family = {
+        "volt": "VOLT 12.00",
+        "volt?": "VOLT?",
+        "curr": "CURR 0.700",
+        "zero": "CURR 0.000",
+        "curr?": "CURR?",
+        "on": "OUTP 1",
+        "off": "OUTP 0",
+        "out?": "OUTP?",
+        "is_on": "1",
+        "is_off": "0",
+        "protect": "",
+        "meas_curr?": "MEAS:CURR?",
+        "meas_volt?": "MEAS:VOLT?",
+        "err?": "SYST:ERR?",
+        "none": NONE,
+        "trip?": "",
+        "no_trip": "0",
+    } | strings
+
+    def channel(messages: str, reply: str = "") -> list[tuple[str, str]]:
+        return [*([(select, "")] if select else []), *((message, reply) for message in messages.split("|"))]
+
+    no_error = [(family["err?"], family["none"])]
+    return [
+        ("*IDN?", "MAKER,MODEL,0,1"),
+        *channel(family["volt"]),
+        *no_error,
+        *channel(family["volt?"], "12.00"),
+        *channel(family["curr"]),
+        *no_error,
+        *channel(family["curr?"], "0.700"),
+        *(channel(family["protect"]) if family["protect"] else []),
+        *channel(family["on"]),
+        *no_error,
+        *channel(family["out?"], family["is_on"]),
+        *channel(family["meas_curr?"], "0.6990"),
+        *channel(family["meas_volt?"], "2.80"),
+        *no_error,
+        *(channel(family["trip?"], family["no_trip"]) if family["trip?"] else []),
+        *channel(family["out?"], family["is_on"]),
+        *channel(family["zero"]),
+        *no_error,
+        *channel(family["curr?"], "0.000"),
+        *channel(family["off"]),
+        *channel(family["out?"], family["is_off"]),
+    ]
+
+
+SCPI_TRANSCRIPTS = {
+    "scpi": scpi(),
+    "keysight-e36312a": scpi(
+        **{
+            "volt": "VOLT 12.00, (@1)",
+            "volt?": "VOLT? (@1)",
+            "curr": "CURR 0.700, (@1)",
+            "zero": "CURR 0.000, (@1)",
+            "curr?": "CURR? (@1)",
+            "on": "OUTP 1, (@1)",
+            "off": "OUTP 0, (@1)",
+            "out?": "OUTP? (@1)",
+            "meas_curr?": "MEAS:CURR? (@1)",
+            "meas_volt?": "MEAS:VOLT? (@1)",
+            "none": '+0,"No error"',
+        }
+    ),
+    "keysight-e364x": scpi(
+        **{"protect": "CURR:PROT:CLE|CURR:PROT:STAT ON", "trip?": "CURR:PROT:TRIP?", "none": '+0,"No error"'}
+    ),
+    "rigol-dp800": scpi(
+        ":INST:NSEL 1",
+        **{
+            "volt": ":SOUR:VOLT 12.00",
+            "volt?": ":SOUR:VOLT?",
+            "curr": ":SOUR:CURR 0.700",
+            "zero": ":SOUR:CURR 0.000",
+            "curr?": ":SOUR:CURR?",
+            "protect": ":OUTP:OVP:VAL 13.20|:OUTP:OCP:VAL 1.100|:OUTP:OCP:STAT ON",
+            "on": ":OUTP ON",
+            "off": ":OUTP OFF",
+            "out?": ":OUTP?",
+            "is_on": "ON",
+            "is_off": "OFF",
+            "meas_curr?": ":MEAS:CURR?",
+            "meas_volt?": ":MEAS:VOLT?",
+            "err?": ":SYST:ERR?",
+            "trip?": ":OUTP:OCP:QUES?",
+            "no_trip": "NO",
+        },
+    ),
+    "siglent-spd": scpi(
+        **{
+            "volt": "CH1:VOLT 12.00",
+            "volt?": "CH1:VOLT?",
+            "curr": "CH1:CURR 0.700",
+            "zero": "CH1:CURR 0.000",
+            "curr?": "CH1:CURR?",
+            "on": "OUTP CH1,ON",
+            "off": "OUTP CH1,OFF",
+            "out?": "SYST:STAT?",
+            "is_on": "0x15",
+            "is_off": "0x4",
+            "meas_curr?": "MEAS:CURR? CH1",
+            "meas_volt?": "MEAS:VOLT? CH1",
+            "none": "0  No Error",
+        }
+    ),
+    "rs-hmp": scpi(
+        "INST:NSEL 1",
+        **{"protect": "VOLT:PROT:LEV 13.20", "on": "OUTP ON|OUTP:GEN 1", "off": "OUTP OFF", "trip?": "VOLT:PROT:TRIP?"},
+    ),
+    "kepco-bop": [
+        ("*IDN?", "KEPCO,BOP 1KW 36-28,0,1"),
+        *(("FUNC:MODE CURR", ""), ("VOLT:PROT:POS 12.00", ""), ("VOLT:PROT:NEG 12.00", "")),
+        *(("SYST:ERR?", NONE), ("VOLT:PROT:POS?", "1.20E1")),
+        *(("FUNC:MODE CURR", ""), ("CURR 0.70", ""), ("SYST:ERR?", NONE), ("CURR?", "7.0E-1")),
+        *(("CURR:LIM:POS 1.000", ""), ("CURR:LIM:NEG 1.000", "")),
+        *(("OUTP 1", ""), ("SYST:ERR?", NONE), ("OUTP?", "1")),
+        *(("MEAS:CURR?", "6.99E-1"), ("MEAS:VOLT?", "2.8E0")),
+        *(("SYST:ERR?", NONE), ("OUTP?", "1")),
+        *(("FUNC:MODE CURR", ""), ("CURR 0.00", ""), ("SYST:ERR?", NONE), ("CURR?", "0.0E0")),
+        *(("FUNC:MODE CURR", ""), ("CURR 0.00", ""), ("CURR?", "0.0E0"), ("MEAS:CURR?", "1.2E-3")),
+    ],
+}
+
+GENESYS = [
+    *(("ADR 6", "OK"), ("RMT REM", "OK"), ("IDN?", "LAMBDA,GEN40-38")),
+    *(("PV 12.00", "OK"), ("PV?", "12.000"), ("PC 0.70", "OK"), ("PC?", "00.700")),
+    *(("FLD OFF", "OK"), ("OVP 13.20", "OK"), ("OUT ON", "OK"), ("OUT?", "ON")),
+    *(("MC?", "00.699"), ("MV?", "02.800")),
+    ("STT?", "MV(02.800),PV(12.000),MC(00.699),PC(00.700),SR(02),FR(00)"),
+    *(("OUT?", "ON"), ("PC 0.00", "OK"), ("PC?", "00.000"), ("OUT OFF", "OK"), ("OUT?", "OFF")),
+]
+
+KORAD = [
+    ("*IDN?", "KORADKA3005PV2.0"),
+    *(("VSET1:12.00", ""), ("VSET1?", "12.00"), ("ISET1:0.700", ""), ("ISET1?", "0.700K")),
+    *(("OCP0", ""), ("OUT1", ""), ("STATUS?", "\x50"), ("STATUS?", "\x50")),
+    *(("IOUT1?", "0.699"), ("VOUT1?", "02.80"), ("STATUS?", "\x50")),
+    *(("ISET1:0.000", ""), ("ISET1?", "0.000K"), ("OUT0", ""), ("STATUS?", "\x10")),
+]
+
+TRANSCRIPTS = {
+    "korad": (KORAD, "", ""),
+    "genesys": (GENESYS, "\r", "\r"),
+    **{driver: (exchanges, "\n", "\n") for driver, exchanges in SCPI_TRANSCRIPTS.items()},
+}
+
+
+def open_on(transcript: Transcript, driver: str, address: str = "somewhere"):
+    clock = SimulatedClock()
+    return SUPPLIES[driver](InProcessTransport(transcript, clock, address), Limits(1.0, 12.0), clock)
+
+
+def test_every_driver_has_a_transcript():
+    assert set(TRANSCRIPTS) == set(SUPPLIES)
+
+
+@pytest.mark.parametrize("driver", TRANSCRIPTS)
+def test_a_run_sends_exactly_these_messages(driver):
+    transcript = Transcript(*TRANSCRIPTS[driver])
+    supply = open_on(transcript, driver)
+    supply.identify()
+    supply.set_voltage(12.0)
+    supply.set_current(0.7)
+    supply.set_output(True)
+    assert supply.measure() == Reading(0.699, 2.8)
+    supply.check()
+    supply.safe_off()
+    transcript.assert_complete()
+
+
+@pytest.mark.parametrize(
+    ("driver", "address", "exchanges", "end"),
+    [
+        ("keysight-e36312a", "somewhere#2", [("MEAS:CURR? (@2)", "0.5"), ("MEAS:VOLT? (@2)", "2.0")], "\n"),
+        (
+            "rigol-dp800",
+            "somewhere#3",
+            [(":INST:NSEL 3", ""), (":MEAS:CURR?", "0.5"), (":INST:NSEL 3", ""), (":MEAS:VOLT?", "2.0")],
+            "\n",
+        ),
+        ("siglent-spd", "somewhere#2", [("MEAS:CURR? CH2", "0.5"), ("MEAS:VOLT? CH2", "2.0")], "\n"),
+        ("genesys", "somewhere#0", [("ADR 0", "OK"), ("RMT REM", "OK"), ("MC?", "0.5"), ("MV?", "2.0")], "\r"),
+    ],
+)
+def test_the_channel_comes_from_the_address(driver, address, exchanges, end):
+    transcript = Transcript(exchanges, end, end)
+    assert open_on(transcript, driver, address).measure() == Reading(0.5, 2.0)
+    transcript.assert_complete()
+
+
+@pytest.mark.parametrize(("status", "on"), [("0x25", True), ("0x15", False), ("30", True), ("0x4", False)])
+def test_siglent_status_word_has_a_bit_for_each_channel(status, on):
+    transcript = Transcript([("SYST:STAT?", status)], "\n", "\n")
+    assert open_on(transcript, "siglent-spd", "somewhere#2").output_on() is on

@@ -1,0 +1,216 @@
+"""Calibration through the command line from rendered views of known boards, beams and rulers."""
+
+import os
+import re
+import zlib
+from datetime import UTC, date, datetime
+from functools import lru_cache
+
+import cv2
+import numpy as np
+import pytest
+
+from eimi_lab.config.calibration import Calibration, load_calibration
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.benchmark import CALIBRATION, NOMINAL, SPECIMEN, bend
+from eimi_lab.vision.board import Board, print_board
+from eimi_lab.vision.flag_cases import photograph
+from eimi_lab.vision.lens import calibrate_lens
+
+SIZE = (480, 384)
+FOCAL = 1100.0
+MATRIX = np.array([[FOCAL, 0.0, 247.0], [0.0, FOCAL, 188.0], [0.0, 0.0, 1.0]])
+DISTORTION = np.array([-0.15, 0.05, 0.001, -0.001, 0.0])
+STAND_OFF = 120.0
+CHARUCO = Board("charuco", 9, 7, 4.0)
+FINE = 3  # rays a pixel and direction
+TURNS = [(0, 0, 1.2), (25, 0, 2), (-25, 5, -3), (0, 30, 5), (5, -30, 0), (20, 20, 10)]
+
+
+def board_texture(board):
+    """Brightness on a fine grid and its cells per millimetre; one square of margin around."""
+    cells = 20
+    if board.kind == "circles":
+        x, y = np.meshgrid(*(np.arange(cells * n) % cells + 0.5 for n in (board.columns, board.rows)))
+        dark = np.hypot(x - cells / 2, y - cells / 2) < 0.3 * cells
+    else:
+        dark = np.kron(board.cells(), np.ones((2, 2), dtype=bool))
+    return np.pad(np.where(dark, 30.0, 210.0), cells, constant_values=210.0).astype(np.float32), cells / board.square_mm
+
+
+@lru_cache
+def camera_rays(dx, dy, bent):
+    """Directions (n, 3) through the pixels' centres shifted by dx, dy."""
+    place = np.indices(SIZE[::-1])[::-1].reshape(2, -1).T + np.array([dx, dy])
+    rays = cv2.undistortPoints(place.reshape(-1, 1, 2), MATRIX, DISTORTION if bent else np.zeros(5))[:, 0]
+    return np.column_stack([rays, np.ones(len(rays))])
+
+
+def view(board, turn_deg, stand_off=STAND_OFF, seed=0, bent=True):
+    """What the camera sees of the board, its middle on the axis, turned by so many degrees about x, y and z."""
+    turn = np.eye(3)
+    for axis, angle in zip(np.eye(3), np.radians(turn_deg), strict=True):
+        turn = cv2.Rodrigues(axis * angle)[0] @ turn
+    offsets = (np.arange(FINE) + 0.5) / FINE - 0.5
+    total = np.zeros(SIZE[0] * SIZE[1])
+    texture, per_mm = board_texture(board)
+    middle = 0.5 * board.square_mm * np.array([board.columns, board.rows])
+    for dx in offsets:
+        for dy in offsets:
+            rays = camera_rays(dx, dy, bent) @ turn  # in the board's own directions
+            camera = np.array([0.0, 0.0, -stand_off]) @ turn
+            hit = camera[:2] - camera[2] / rays[:, 2:] * rays[:, :2]
+            where = np.floor((hit + middle + board.square_mm) * per_mm).astype(int)
+            inside = ((where >= 0) & (where < texture.shape[::-1])).all(axis=1)
+            where = np.where(inside[:, None], where, 0)
+            total += np.where(inside, texture[where[:, 1], where[:, 0]], 210.0)
+    image = cv2.GaussianBlur((total / FINE**2).reshape(SIZE[::-1]), (0, 0), 0.7)
+    noise = np.random.default_rng(seed).normal(0.0, 1.0, image.shape)
+    return np.clip(image + noise, 0, 255).astype(np.uint8)
+
+
+@pytest.fixture(scope="session")
+def charuco_views(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("boards")
+    for number, turn in enumerate(TURNS):
+        assert cv2.imwrite(str(folder / f"view_{number}.png"), view(CHARUCO, turn, seed=number))
+    return folder
+
+
+COMMON = ("--coil-constant", "4.7", "--clamp-midpoint-px", "320", "40")
+BOARD = ("--board", "charuco", "--columns", "9", "--rows", "7", "--square-mm", "4")
+
+
+def test_lens_scale_and_orientation_from_charuco(run, charuco_views, tmp_path):
+    output = tmp_path / "calibration.toml"
+    views = sorted(charuco_views.glob("*.png"))
+    assert run("calibrate", *views, *BOARD, *COMMON, "-o", output) == (0, "")
+    found = load_calibration(output)
+    uncertain = found.uncertainty
+    focal, stated = found.camera_matrix[0][0], uncertain.focal_length_px
+    assert focal == pytest.approx(FOCAL, abs=min(4 * stated, 10.0))
+    truth = FOCAL / STAND_OFF
+    assert found.pixels_per_mm == pytest.approx(truth, rel=0.002)
+    assert abs(found.pixels_per_mm - truth) < 3 * uncertain.pixels_per_mm
+    assert uncertain.pixels_per_mm < 0.003 * truth
+    assert found.axis_angle_deg == pytest.approx(91.2, abs=0.03)
+    assert found.field_angle_deg == pytest.approx(1.2, abs=0.03)
+    assert found.stand_off_mm == pytest.approx(STAND_OFF, abs=4 * uncertain.stand_off_mm)
+    # Through the map that everything else uses: a length on the board, wherever it lies in the image.
+    on_board, image = CHARUCO.find(cv2.imread(str(views[0]), cv2.IMREAD_GRAYSCALE))
+    places = BeamFrame(found).to_mm(image)
+    gaps = np.linalg.norm(places[:, None] - places, axis=-1) - np.linalg.norm(on_board[:, None] - on_board, axis=-1)
+    assert np.abs(gaps).max() < 0.06
+
+
+@pytest.mark.parametrize("kind", ["charuco", "checkerboard", "circles"])
+def test_every_kind_of_board_gives_the_scale(run, tmp_path, kind):
+    board = Board(kind, 9, 7, 4.0)
+    cv2.imwrite(str(tmp_path / "flat.png"), view(board, (0, 0, -2.0), bent=False))
+    arguments = ("--board", kind, "--columns", "9", "--rows", "7", "--square-mm", "4")
+    output = tmp_path / "calibration.toml"
+    assert run("calibrate", tmp_path / "flat.png", *arguments, *COMMON, "-o", output) == (0, "")
+    found = load_calibration(output)
+    truth = FOCAL / STAND_OFF
+    assert found.pixels_per_mm == pytest.approx(truth, rel=0.0015)
+    assert abs(found.pixels_per_mm - truth) < 3 * found.uncertainty.pixels_per_mm
+    assert found.axis_angle_deg == pytest.approx(88.0, abs=0.05)
+    assert found.camera_matrix is None
+
+
+def test_flat_views_cannot_tell_the_focal_length():
+    flat = [CHARUCO.find(view(CHARUCO, (0, 0, angle), seed=angle)) for angle in (0, 1, 2, 3)]
+    with pytest.raises(ValueError, match="tilt the board"):
+        calibrate_lens(flat, SIZE)
+
+
+def test_the_beam_itself_as_a_ruler(run, tmp_path):
+    image = photograph(NOMINAL, bend(SPECIMEN, 0.0))
+    cv2.imwrite(str(tmp_path / "rest.png"), image)
+    specimen = SPECIMEN.specimen
+    lines = [f"{key} = {value!r}" for key, value in specimen.model_dump().items()]
+    (tmp_path / "specimen.toml").write_text("[specimen]\n" + "\n".join(lines).replace("'", '"'))
+    output = tmp_path / "calibration.toml"
+    guess = ("--coil-constant", "4.7", "--clamp-midpoint-px", "652", "106", "--axis-angle", "88.5")
+    status = run("calibrate", tmp_path / "rest.png", "--specimen", tmp_path / "specimen.toml", *guess, "-o", output)
+    assert status == (0, "")
+    found = load_calibration(output)
+    assert found.pixels_per_mm == pytest.approx(25.0, rel=5e-4)
+    assert found.clamp_midpoint_px == pytest.approx(CALIBRATION.clamp_midpoint_px, abs=0.2)
+    assert found.axis_angle_deg == pytest.approx(90.0, abs=0.02)
+    # The caliper's 0.05 mm of 3 mm is what the scale is worth, whatever the pixels say.
+    assert found.uncertainty.pixels_per_mm == pytest.approx(25.0 * 0.05 / 3.0, rel=0.01)
+    assert run("segment", tmp_path / "nowhere.h5")[0] == 2
+
+
+def test_a_ruler(run, tmp_path):
+    cv2.imwrite(str(tmp_path / "ruler.png"), np.zeros((100, 300), np.uint8))
+    os.utime(tmp_path / "ruler.png", (0, 86400 * 365.25 * 50))
+    ends = ("--ruler-px", "10", "50", "260", "50", "--ruler-mm", "20")
+    assert run("calibrate", tmp_path / "ruler.png", *ends, *COMMON, "-o", tmp_path / "c.toml") == (0, "")
+    found = load_calibration(tmp_path / "c.toml")
+    assert found.pixels_per_mm == pytest.approx(12.5)
+    assert found.uncertainty.pixels_per_mm == pytest.approx(np.sqrt(2) / 20, rel=0.01)
+    assert found.calibrated_on == date(2020, 1, 1)
+    assert found.age_days(datetime(2020, 1, 11, 12, tzinfo=UTC)) == pytest.approx(10.5)
+
+
+BAD = {
+    "no way": ((), "needs one of --board, --specimen and --ruler-px"),
+    "two ways": ((*BOARD, "--specimen", "type1"), "and not more than one"),
+    "kind": (("--board", "chess"), "board = 'chess' should be one of"),
+    "small": (("--board", "circles", "--rows", "2"), "should have 4 to 60"),
+    "not a board": (BOARD, "blank.png: shows no charuco board of 9 x 7"),
+    "not a beam": (("--specimen", "type1"), "blank.png: no dark beam leaves clamp_midpoint_px"),
+    "ruler outside": (("--ruler-px", "1", "1", "900", "1", "--ruler-mm", "9"), "are not both in it"),
+    "ruler of nothing": (("--ruler-px", "1", "1", "90", "1"), "gives no scale"),
+    "field": ((*("--ruler-px", "1", "1", "90", "1", "--ruler-mm", "9"), "--field-angle", "90"), "must lie across"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_mistake_gives_one_line_and_no_file(run, tmp_path, case):
+    cv2.imwrite(str(tmp_path / "blank.png"), np.full((100, 300), 200, np.uint8))
+    arguments, told = BAD[case]
+    status, said = run("calibrate", tmp_path / "blank.png", *arguments, *COMMON, "-o", tmp_path / "c.toml")
+    assert (status, said.count("\n")) == (2, 1)
+    assert told in said
+    assert not (tmp_path / "c.toml").exists()
+
+
+def test_a_tilted_mid_plane_is_refused(run, charuco_views, tmp_path):
+    tilted = charuco_views / "view_1.png"
+    status, said = run("calibrate", tilted, *BOARD, *COMMON, "-o", tmp_path / "c.toml")
+    assert (status, "the board is tilted by" in said) == (2, True)
+
+
+@pytest.mark.parametrize("kind", ["charuco", "checkerboard", "circles"])
+def test_a_board_is_printed_to_scale(run, tmp_path, kind):
+    output = tmp_path / "board.pdf"
+    arguments = ("--board", kind, "--columns", "9", "--rows", "7", "--square-mm", "4", "--print-board")
+    assert run("calibrate", *arguments, "-o", output) == (0, "")
+    raw = output.read_bytes()
+    points_per_mm = 72 / 25.4
+    box = [float(number) for number in re.search(rb"/MediaBox \[([^\]]+)\]", raw).group(1).split()]
+    assert box == pytest.approx([0, 0, (36 + 24) * points_per_mm, (28 + 24) * points_per_mm], abs=0.01)
+    drawn = b"".join(zlib.decompress(part) for part in re.findall(rb"stream\r?\n(.*?)\r?\nendstream", raw, re.S)[:1])
+    x = np.array([float(place) for place in re.findall(rb"(?m)^([-\d.]+) [-\d.]+ [ml]$", drawn)]) / points_per_mm
+    if kind == "circles":  # each path begins at its circle's lowest point, so below the centre
+        assert {14.0, 46.0} <= set(x.round(3))
+    else:
+        inside = x[(x > 1) & (x < 59)]
+        assert [inside.min(), inside.max()] == pytest.approx([12.0, 48.0], abs=0.01)
+
+
+def test_what_is_printed_is_what_is_looked_for(tmp_path):
+    print_board(CHARUCO, tmp_path / "board.pdf")
+    assert (tmp_path / "board.pdf").stat().st_size > 1000
+    shown = np.kron(np.pad(~CHARUCO.cells(), 10, constant_values=True), np.ones((6, 6))) * 255
+    on_board, image = CHARUCO.find(cv2.GaussianBlur(shown.astype(np.uint8), (0, 0), 1.0))
+    assert len(on_board) == 8 * 6
+    np.testing.assert_allclose(image, on_board / 4.0 * 60 + 60 - 0.5, atol=0.05)
+
+
+def test_the_digest_is_of_the_numbers_alone():
+    assert CALIBRATION.digest == Calibration.model_validate(CALIBRATION.model_dump()).digest
+    assert CALIBRATION.digest != CALIBRATION.model_copy(update={"pixels_per_mm": 25.1}).digest

@@ -1,0 +1,135 @@
+"""The guardian process: it switches off when a run dies, and does nothing else."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from eimi_drivers.clock import WallClock
+from eimi_drivers.emulators.faults import Fault, FaultyInstrument
+from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import InstrumentError
+from eimi_lab.acquisition.guardian import Guardian, Ward, guarding
+
+PATIENCE_S = 20.0
+
+
+class Bench:
+    """A coil on a Korad behind a pseudo-terminal, or on a supply behind TCP, with current in it."""
+
+    def __init__(self, driver: str) -> None:
+        self.coil = CoilSupply(WallClock())
+        self.line = FaultyInstrument(emulate(driver, self.coil))
+        self.heard: list[bytes] = []
+        self.driver = driver
+        self.current_A: list[float] = []
+
+    def receive(self, data: bytes) -> bytes:
+        self.heard.append(data)
+        answer = self.line.receive(data)
+        self.current_A.append(self.coil.state.set_current_A)
+        return answer
+
+    @contextmanager
+    def ward(self) -> Iterator[Ward]:
+        with serve_pty(self) if self.driver == "korad" else serve_tcp(self) as address:
+            self.coil.set_voltage(10.0)
+            self.coil.set_current(0.5)
+            self.coil.switch(True)
+            WallClock().sleep(0.3)
+            yield Ward(self.driver, address, 1.0, 10.0)
+
+    def is_off(self) -> bool:
+        return not self.coil.state.output and self.coil.state.set_current_A == 0.0
+
+
+def wait_for(guardian: Guardian) -> int:
+    return guardian._process.wait(PATIENCE_S)
+
+
+@pytest.mark.parametrize("driver", ["korad", pytest.param("scpi", marks=pytest.mark.slow)])
+def test_the_end_of_the_run_switches_off_in_a_ramp(driver: str) -> None:
+    bench = Bench(driver)
+    with bench.ward() as ward:
+        with guarding(ward) as guardian:
+            guardian.arm()
+            assert bench.heard == []  # while the run lives, the port is the run's alone
+        assert wait_for(guardian) == 0
+    assert bench.is_off()
+    assert sorted(set(bench.current_A), reverse=True) == pytest.approx([0.5, 0.3, 0.15, 0.0], abs=0.01)
+
+
+def test_a_run_that_switched_off_itself_is_left_alone() -> None:
+    bench = Bench("korad")
+    with bench.ward() as ward:
+        with guarding(ward) as guardian:
+            guardian.arm()
+            guardian.disarm()
+        assert wait_for(guardian) <= 0
+        assert bench.heard == []
+
+
+def test_signals_do_not_end_it() -> None:
+    bench = Bench("korad")
+    with bench.ward() as ward:
+        with guarding(ward) as guardian:
+            guardian.arm()
+            for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
+                os.kill(guardian._process.pid, number)
+            assert os.getsid(guardian._process.pid) != os.getsid(0)  # the terminal's signals go to its own session
+            WallClock().sleep(0.2)
+            guardian.check()
+        assert wait_for(guardian) == 0
+    assert bench.is_off()
+
+
+def test_a_busy_port_is_tried_again() -> None:
+    bench = Bench("korad")
+    with bench.ward() as ward:
+        busy = ward.open()
+        with guarding(ward) as guardian:
+            guardian.arm()
+        WallClock().sleep(0.5)
+        assert bench.coil.state.output
+        busy.close()
+        assert wait_for(guardian) == 0
+    assert bench.is_off()
+
+
+def test_a_supply_that_answers_again_is_switched_off() -> None:
+    bench = Bench("korad")
+    bench.line.inject(Fault.SILENCE)
+    with bench.ward() as ward:
+        with guarding(ward) as guardian:
+            guardian.arm()
+        WallClock().sleep(1.0)
+        assert bench.coil.state.output
+        bench.line.inject(None)
+        assert wait_for(guardian) == 0
+    assert bench.is_off()
+
+
+def test_no_ramp_is_no_reason_to_stay_on() -> None:
+    bench = Bench("korad")
+    bench.line.inject(Fault.SILENCE, lambda message: message == b"IOUT1?")
+    with bench.ward() as ward:
+        with guarding(ward) as guardian:
+            guardian.arm()
+        assert wait_for(guardian) == 0
+    assert bench.is_off()
+
+
+def test_a_run_without_its_guardian_is_told() -> None:
+    bench = Bench("korad")
+    with bench.ward() as ward, guarding(ward) as guardian:
+        guardian.arm()
+        guardian.check()
+        os.kill(guardian._process.pid, signal.SIGKILL)
+        wait_for(guardian)
+        with pytest.raises(InstrumentError, match="guardian process ended"):
+            guardian.check()

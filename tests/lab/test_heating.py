@@ -1,0 +1,53 @@
+"""The coil's thermal budget, against the solution of its differential equation."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eimi_lab.acquisition.coil import REACHED_WITHIN_S
+from eimi_lab.acquisition.heating import FRAME_WITHIN_S, hottest, refuse_overheating
+from eimi_lab.config.protocol import Currents, Protocol, Ramp, Settle, SupplyLimits
+from eimi_lab.config.rig import CoilRating
+from eimi_lab.errors import InputError
+
+
+def protocol(currents_A: list[float], timeout_s: float = 30.0) -> Protocol:
+    return Protocol(
+        name="p",
+        material="m",
+        frames_per_state=2,
+        current=Currents(values_A=tuple(currents_A)),
+        ramp=Ramp(rate_A_per_s=1000.0, step_A=0.1, tolerance_A=0.02),
+        limits=SupplyLimits(current_A=10.0, voltage_V=30.0),
+        settle=Settle(noise_ratio=1.2, pairs=2, drift_window_s=1.0, timeout_s=timeout_s),
+    )
+
+
+def test_one_current_warms_exponentially() -> None:
+    rating = CoilRating(continuous_current_A=1.0, thermal_time_constant_s=100.0)
+    held_s = 30.0 + REACHED_WITHIN_S + 2 * FRAME_WITHIN_S
+    found = hottest(protocol([0.0, 2.0]), rating)
+    assert found.state == 1
+    assert found.share == pytest.approx(4 * (1 - math.exp(-held_s / 100.0)), rel=1e-3)
+
+
+def test_a_coil_cools_after_the_peak_of_a_sweep() -> None:
+    rating = CoilRating(continuous_current_A=1.0, thermal_time_constant_s=10.0)
+    assert hottest(protocol([0.0, 0.5, 1.5, 0.5, 0.0]), rating).state == 2
+
+
+@given(st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=20), st.floats(1.0, 1e4))
+def test_smoothed_heat_never_exceeds_the_largest_current_squared(currents_A: list[float], tau_s: float) -> None:
+    rating = CoilRating(continuous_current_A=1.0, thermal_time_constant_s=tau_s)
+    share = hottest(protocol(currents_A), rating).share
+    assert 0.0 <= share <= max(current**2 for current in currents_A) * (1 + 1e-12)
+
+
+def test_what_the_coil_bears_for_ever_is_never_refused() -> None:
+    refuse_overheating(protocol([1.0] * 500), CoilRating(continuous_current_A=1.0000001, thermal_time_constant_s=60.0))
+    with pytest.raises(InputError, match=r"overheat the coil at state \d+ \(1 A\).*continuous_current_A = 0\.9"):
+        refuse_overheating(protocol([1.0] * 500), CoilRating(continuous_current_A=0.9, thermal_time_constant_s=60.0))

@@ -1,0 +1,204 @@
+"""Videos, averages, flags of imported frames, and images that are out to break the import: one line or honest flags."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eimi_lab.config.calibration import load_calibration
+from eimi_lab.dataset.image_sizes import claimed_size
+from eimi_lab.dataset.images import read_image
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.errors import InputError
+
+Run = Callable[..., tuple[int, str]]
+Draw = Callable[..., np.ndarray]
+
+
+def imported(run: Run, files: Path, source: str = "frames", *more: str) -> tuple[int, str]:
+    tables = [f"--{name}={files / name}.{'csv' if name == 'states' else 'toml'}" for name in ("states", "specimen")]
+    calibration = f"--calibration={files / 'calibration.toml'}"
+    return run("import", files / source, *tables, calibration, "-o", files / "out.h5", *more)
+
+
+def fill(files: Path, images: dict[str, np.ndarray], currents: list[float]) -> None:
+    (files / "frames").mkdir(exist_ok=True)
+    for name, image in images.items():
+        assert cv2.imwrite(str(files / "frames" / name), image)
+    rows = [f"{name},{current}" for name, current in zip(images, currents, strict=True)]
+    (files / "states.csv").write_text("\n".join(["frame,current_A", *rows]) + "\n")
+
+
+def test_a_video(run: Run, files: Path, frame: Draw) -> None:
+    writer = cv2.VideoWriter(str(files / "run.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (128, 96))
+    for number in range(6):
+        writer.write(cv2.cvtColor(frame(number, shift_px=2.0 * number), cv2.COLOR_GRAY2BGR))
+    writer.release()
+    (files / "states.csv").write_text("frame,current_A\n4,0.2\n1,0\n2,0\n")
+    assert imported(run, files, "run.avi") == (0, "")
+    with open_dataset(files / "out.h5") as dataset:
+        assert [len(dataset.images(state.index)) for state in dataset.states] == [2, 1]
+        dark = [float(np.flatnonzero(dataset.images(k)[-1][48] < 100).mean()) for k in (0, 1)]
+    assert dark == pytest.approx([63.5 + 4.0, 63.5 + 8.0], abs=1.0)
+    for rows, told in (
+        ("1,0\n9,1", "run.avi: ends before frame 9"),
+        ("1,0\n1,1", "listed once; row 2"),
+        ("a,0\n1,1", "whole number"),
+    ):
+        (files / "states.csv").write_text(f"frame,current_A\n{rows}\n")
+        status, said = imported(run, files, "run.avi", "--force")
+        assert (status, said.count("\n"), told in said) == (2, 1, True)
+    (files / "states.csv").write_text("frame,current_A\n1,0\n2,1\n")
+    (files / "run.avi").write_bytes(b"no video")
+    status, said = imported(run, files, "run.avi", "--force")
+    assert (status, "run.avi: is not a video" in said) == (2, True)
+
+
+def test_frames_of_a_state_are_averaged_on_request(run: Run, files: Path, frame: Draw) -> None:
+    fill(files, {f"f_{k}.png": frame(k) for k in range(6)}, [0, 0, 0, 0, 0, 1])
+    assert imported(run, files, "frames", "--average") == (0, "")
+    with open_dataset(files / "out.h5") as dataset:
+        [mean] = dataset.images(0)
+    assert mean.dtype == np.uint16
+    np.testing.assert_allclose(mean / 257.0, np.mean([frame(k) for k in range(5)], axis=0), atol=0.01)
+
+
+def test_flags_of_imported_frames(run: Run, files: Path, frame: Draw) -> None:
+    images = {f"f_{k}.png": frame(k) for k in (0, 5, 10, 20)}  # every fifth, and 15 is missing
+    images |= {f"f_{30 + k}.png": frame(min(k, 1)) for k in range(3)}  # the last one twice
+    images |= {f"f_{40 + k}.png": frame(40 + k, shift_px=0.5 * k) for k in range(3)}
+    images |= {f"f_{50 + k}.png": frame(50 + k) for k in range(3)}
+    images["f_60.png"] = frame(52)  # the one before, under another load
+    fill(files, images, [0, 0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4])
+    assert imported(run, files) == (0, "")
+    with open_dataset(files / "out.h5") as dataset:
+        found = [{flag.name for flag in state.flags} for state in dataset.states]
+    assert found == [{"DROPPED"}, {"DUPLICATE"}, {"NOT_SETTLED"}, set(), {"DUPLICATE"}]
+
+
+def test_progress_is_told_where_there_are_many(run: Run, files: Path, frame: Draw) -> None:
+    fill(files, {f"f_{k}.png": frame(k) for k in range(50)}, [k // 25 for k in range(50)])
+    status, said = imported(run, files)
+    assert status == 0
+    assert [line.split(":")[0] for line in said.splitlines()] == ["import 1/2", "import 2/2"]
+
+
+def test_edges_carry_age_and_digest_of_the_calibration(run: Run, files: Path, frame: Draw) -> None:
+    with (files / "calibration.toml").open("a") as file:
+        file.write("calibrated_on = 2020-01-01\n")
+    fill(files, {"f_0.png": frame(0), "f_1.png": frame(1)}, [0, 1])
+    assert imported(run, files) == (0, "")
+    assert run("segment", files / "out.h5", "--overlay", files / "seen", "--csv", files / "csv")[0] == 0
+    assert cv2.imread(str(files / "seen" / "contact_sheet.png")).shape[1] == 640
+    with open_dataset(files / "out.h5") as dataset:
+        for edges in dataset.edges() or ():
+            assert edges.calibration_digest == load_calibration(files / "calibration.toml").digest
+            assert edges.calibration_age_days is not None
+            assert edges.calibration_age_days > 2000
+            assert "CALIBRATION_STALE" in {flag.name for flag in edges.flags}
+
+
+def test_dark_frame_and_flat_field(run: Run, files: Path, frame: Draw) -> None:
+    fill(files, {"f_0.png": frame(0), "f_1.png": frame(1)}, [0, 1])
+    assert imported(run, files) == (0, "")
+    cv2.imwrite(str(files / "flat.png"), np.full((96, 128), 200, np.uint8))
+    cv2.imwrite(str(files / "black.png"), np.zeros((96, 128), np.uint8))
+    cv2.imwrite(str(files / "small.png"), np.full((9, 12), 200, np.uint8))
+    out = files / "out.h5"
+    assert run("segment", out, "--flat", files / "flat.png", "--dark", files / "black.png")[0] == 0
+    for arguments, told in (
+        (("--flat", files / "black.png"), "black.png: the flat field is dark in places"),
+        (("--flat", files / "small.png"), "out.h5: the image has the shape (96, 128)"),
+        (("--flat", files / "flat.png", "--dark", files / "small.png"), "flat.png: the flat field has the shape"),
+        (("--dark", files / "none.png"), "none.png: cannot be read"),
+    ):
+        status, said = run("segment", out, *arguments)
+        assert (status, told in said) == (2, True)
+
+
+def png_that_claims(width: int, height: int) -> bytes:
+    def chunk(name: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(b"\0")) + chunk(b"IEND", b"")
+
+
+@pytest.mark.parametrize("ending", [".png", ".jpg", ".bmp", ".tif", ".pgm"])
+def test_a_size_is_read_before_the_image(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"image{ending}"
+    cv2.imwrite(str(path), np.zeros((37, 53), np.uint8))
+    assert claimed_size(path.read_bytes()) == (53, 37)
+
+
+@given(
+    st.sampled_from([b"\x89PNG", b"\xff\xd8\xff\xc0", b"BM", b"II*\0", b"MM\0*", b"P5 ", b""]), st.binary(max_size=60)
+)
+def test_any_header_is_read_or_passed_over(start: bytes, rest: bytes) -> None:
+    size = claimed_size(start + rest)
+    assert size is None or all(isinstance(side, int) for side in size)
+
+
+def test_two_hundred_megapixels_are_claimed(tmp_path: Path) -> None:
+    path = tmp_path / "huge.png"
+    path.write_bytes(png_that_claims(20_000, 10_000))
+    with pytest.raises(InputError, match=r"huge\.png: says that it is 20000 x 10000 px"):
+        read_image(path)
+
+
+def test_not_a_number_in_a_float_tiff(tmp_path: Path) -> None:
+    path = tmp_path / "float.tif"
+    cv2.imwrite(str(path), np.full((40, 40), np.nan, np.float32))
+    with pytest.raises(InputError, match=r"float\.tif: has pixels of type float32; 8 or 16 bits"):
+        read_image(path)
+
+
+def test_one_pixel(run: Run, files: Path) -> None:
+    fill(files, {f"f_{k}.png": np.zeros((1, 1), np.uint8) for k in range(2)}, [0, 1])
+    status, said = imported(run, files)
+    assert (status, said.count("\n")) == (2, 1)
+    assert "leaves the image of 1 x 1 px" in said
+
+
+def two_beams(image: np.ndarray) -> np.ndarray:
+    return np.minimum(image, np.roll(image, 40, axis=1))
+
+
+def clutter(image: np.ndarray) -> np.ndarray:
+    spoilt = image.copy()
+    for x, y in np.random.default_rng(0).integers(0, 96, (30, 2)):
+        cv2.circle(spoilt, (int(x), int(y)), 5, 20, -1)
+    return spoilt
+
+
+HOSTILE: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "black": np.zeros_like,
+    "white": lambda image: np.full_like(image, 255),
+    "noise": lambda image: np.random.default_rng(0).integers(0, 256, image.shape, dtype=np.uint8),
+    "no beam": lambda image: np.full_like(image, 200),
+    "two beams": two_beams,
+    "leaving": lambda image: image,  # the beam drawn for these tests goes through to the frame's lower edge
+    "clutter": clutter,
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_hostile_picture_ends_in_flags(run: Run, files: Path, frame: Draw, name: str) -> None:
+    fill(files, {f"f_{k}.png": HOSTILE[name](frame(k)) for k in range(2)}, [0, 1])
+    assert imported(run, files)[0] == 0
+    assert run("segment", files / "out.h5", "--overlay", files / "seen")[0] == 0
+    with open_dataset(files / "out.h5") as dataset:
+        for edges in dataset.edges() or ():
+            assert edges.flags
+            if name in ("black", "white", "noise", "no beam", "leaving"):
+                assert len(edges.left.points_mm) == 0
+    status, said = run("fit", files / "out.h5", "--model", "neo-hookean", "-o", files / "fit.json")
+    assert (status, said.splitlines()[-1].startswith("eimi: ")) == (2, True)

@@ -1,0 +1,114 @@
+"""Going on with a run that ended early, in simulated seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from eimi_drivers.interfaces import Identity, InstrumentDisconnected
+from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.reading import parse
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.errors import InputError
+
+
+def interrupt(setup: Any, after_A: float) -> None:
+    """Run until the set-point `after_A` comes up, then fail."""
+
+    def fail(number: int) -> None:
+        if setup.coil.state.set_current_A == after_A:
+            raise InstrumentDisconnected("memory: unplugged")
+
+    setup.camera.event = fail
+    with pytest.raises(InstrumentDisconnected):
+        setup.run()
+    setup.camera.event = lambda number: None
+
+
+def test_a_run_that_ended_early_is_resumed_at_the_next_state(setup: Any) -> None:
+    interrupt(setup, after_A=0.2)
+    before = setup.stored()
+    assert before == [0.0, 0.1]
+    set_points: list[float] = []
+    setup.camera.event = lambda number: set_points.append(setup.coil.state.set_current_A)
+    said = setup.run(resume=True)
+    assert [line.endswith("stored before") for line in said] == [True, True, False, False]
+    assert sorted(set(set_points)) == [0.0, 0.2, 0.3]  # no frame is taken again of what was stored
+    assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
+    assert setup.is_off()
+    with open_dataset(setup.path) as dataset:
+        assert dataset.finished
+        assert [state.flags for state in dataset.states] == [()] * 4
+    with h5py.File(setup.path) as file:
+        assert file["entry/sessions/first_state"][()].tolist() == [0, 2]
+        assert np.all(np.diff(file["entry/data/time"][()]) > 0)
+    assert setup.run(resume=True)[-1] == "0.3 A, stored before"  # nothing is left to do
+    assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
+
+
+def test_a_resumed_run_goes_the_way_of_the_first(setup: Any) -> None:
+    up_and_down = setup.protocol.text.replace("step_A = 0.1\n\n", "step_A = 0.1\nup_and_down = true\n\n")
+    setup.protocol = parse(Protocol, up_and_down, "p")
+    been_up: list[int] = []
+
+    def fail(number: int) -> None:
+        if setup.coil.state.set_current_A == 0.3:
+            been_up.append(number)
+        elif been_up:
+            raise InstrumentDisconnected("memory: unplugged on the way down")
+
+    setup.camera.event = fail
+    with pytest.raises(InstrumentDisconnected):
+        setup.run()
+    setup.camera.event = lambda number: None
+    assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
+    asked: list[float] = []
+    take = setup.coil.set_current
+    setup.coil.set_current = lambda current_A: asked.append(current_A) or take(current_A)  # type: ignore[method-assign]
+    setup.run(resume=True)
+    assert setup.stored() == [0.0, 0.1, 0.2, 0.3, 0.2, 0.1, 0.0]
+    assert asked[asked.index(0.1) :][:4] == [0.1, 0.2, 0.3, 0.2]
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (
+            lambda setup: setattr(setup, "protocol", parse(Protocol, setup.protocol.text.replace("0.3", "0.4"), "p")),
+            "the protocol differs: current.stop_A was 0.3, and is 0.4 now",
+        ),
+        (
+            lambda setup: setattr(
+                setup, "specimen", parse(SpecimenFile, setup.specimen.text.replace("1070", "1080"), "s")
+            ),
+            "the specimen differs: specimen.density_kg_m3 was 1070.0, and is 1080.0 now",
+        ),
+        (
+            lambda setup: setattr(setup.camera, "identify", lambda: Identity("drawn", "another", "memory")),
+            "the instruments differ: korad: .* drawn: a drawn beam at memory before, .* drawn: another at memory now",
+        ),
+        (
+            lambda setup: setattr(setup.camera, "draw", lambda seed, shift: np.full((48, 64), seed % 250, np.uint8)),
+            r"the frames differ: \(96, 128\) uint8 before, \(48, 64\) uint8 now",
+        ),
+        (lambda setup: setup.path.unlink(), "no such file to resume"),
+    ],
+)
+def test_a_run_is_not_resumed_under_other_conditions(setup: Any, change: Callable[[Any], None], told: str) -> None:
+    interrupt(setup, after_A=0.2)
+    change(setup)
+    with pytest.raises(InputError, match=told):
+        setup.run(resume=True)
+    assert not setup.coil.state.output
+
+
+def test_comments_are_no_difference(setup: Any) -> None:
+    interrupt(setup, after_A=0.2)
+    setup.protocol = parse(Protocol, "# by day\n" + setup.protocol.text, "p")
+    setup.run(resume=True)
+    assert setup.stored() == [0.0, 0.1, 0.2, 0.3]

@@ -1,0 +1,199 @@
+"""Tensile tests as files: both formats, what is wrong in them told in one line, and the fits as cards."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eimi_fitting.export import SOLVERS
+from eimi_lab.errors import InputError
+from eimi_lab.identification.fits import TensileRecord, read_any_fits, read_fits
+from eimi_lab.identification.tensile import read_tensile
+
+Run = Callable[..., tuple[int, str]]
+MEASURED = Path(__file__).parents[2].parent / "shared" / "data" / "tensile"
+
+STRAIN = np.linspace(0.05, 1.2, 24)
+STRESS_KPA = 46 * (1 + STRAIN - (1 + STRAIN) ** -2)
+DATABASE = "PARAMETER;INFO;URL;;\nSpecimen Width (mm);6;;;\nMaterial;Silicone 10;;;\n;;;;\n"
+COLUMNS = "Time (s);True Strain;True Stress (MPa);Engineering Strain;Engineering Stress (MPa)\n"
+
+
+def plain(path: Path, header: str = "strain,stress_kPa", factor: float = 1.0, strain_factor: float = 1.0) -> Path:
+    rows = (f"{strain_factor * e},{factor * s}" for e, s in zip(STRAIN, STRESS_KPA, strict=True))
+    path.write_text("\n".join([header, *rows]) + "\n")
+    return path
+
+
+@pytest.fixture
+def curve(tmp_path: Path) -> Path:
+    return plain(tmp_path / "curve.csv")
+
+
+@pytest.mark.parametrize(
+    ("header", "factor", "strain_factor"),
+    [
+        ("strain,stress_kPa", 1.0, 1.0),
+        ("strain,stress_MPa", 1e-3, 1.0),
+        ("strain_percent,stress_Pa", 1e3, 100.0),
+    ],
+)
+def test_plain_columns_carry_their_units(tmp_path: Path, header: str, factor: float, strain_factor: float) -> None:
+    test = read_tensile(plain(tmp_path / "curve.csv", header, factor, strain_factor))
+    assert test.strain == pytest.approx(STRAIN)
+    assert test.stress_Pa == pytest.approx(1e3 * STRESS_KPA)
+    assert test.material is None
+
+
+def test_the_database_format(tmp_path: Path) -> None:
+    rows = "".join(f"0.1;9;9;{e};{1e-3 * s}\n" for e, s in zip(STRAIN, STRESS_KPA, strict=True))
+    (tmp_path / "test.csv").write_text(DATABASE + COLUMNS + rows)
+    test = read_tensile(tmp_path / "test.csv")
+    assert test.strain == pytest.approx(STRAIN)
+    assert test.stress_Pa == pytest.approx(1e3 * STRESS_KPA)
+    assert test.material == "Silicone 10"
+
+
+@pytest.mark.skipif(not MEASURED.is_dir(), reason="the tensile tests are not ours to ship; they lie in ../shared/data")
+def test_the_database_itself() -> None:
+    dragon, ecoflex = (read_tensile(MEASURED / f"{n}.csv") for n in ("dragon_skin_10_medium", "ecoflex_00-50"))
+    assert (dragon.material, len(dragon.strain)) == ("DragonSkin10", 457)
+    assert (ecoflex.material, len(ecoflex.strain), ecoflex.stress_Pa[0]) == ("EcoFlex50", 721, -940.0)
+    assert dragon.stress_Pa[-1] == pytest.approx(1843791.3, abs=1)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "curve.csv: row 1: '' should be one of strain, strain_percent and one of stress_Pa"),
+        ("strain,stress\n0.1,2\n", "row 1: 'strain,stress' should be one of strain, strain_percent and one of"),
+        ("strain,stress_kPa,stress_MPa\n0.1,2,3\n", "and one of stress_Pa, stress_kPa, stress_MPa"),
+        ("strain,stress_kPa,time\n0.1,2,3\n", "row 1: 'time' is not a known column"),
+        ("strain,stress_kPa\n0.1,2\n0.2,x\n", "row 3: stress_kPa = 'x' should be a number"),
+        ("strain,stress_kPa\n0.1,2\n0.2,nan\n", "row 3: stress_kPa = 'nan' should be a finite number"),
+        ("strain_percent,stress_kPa\n-100,2\n", "row 2: strain_percent = '-100' should be an engineering strain above"),
+        ("strain,stress_kPa\n0.1\n", "row 2: has 1 cells; the header has 2 columns"),
+        ("strain,stress_kPa\n0.1,2\n0.2,3\n", "the whole curve: 2 rows can be used; a mooney-rivlin fit needs"),
+        (DATABASE, "has no header with the columns Engineering Strain and Engineering Stress (MPa)"),
+        (DATABASE + COLUMNS, "has a header but no rows"),
+        (DATABASE + COLUMNS + "1;2;3;0.1\n", "row 6: has 4 cells; the header has 5 columns"),
+        (DATABASE + COLUMNS + "1;2;3;0,1;4\n", "row 6: Engineering Strain = '0,1' should be a number"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_in_a_file_is_one_line(run: Run, tmp_path: Path, text: str, told: str) -> None:
+    (tmp_path / "curve.csv").write_text(text)
+    status, said = run("tensile", tmp_path / "curve.csv", "--model", "mooney-rivlin", "--window", "full",
+                       "-o", tmp_path / "fits.json")  # fmt: skip
+    assert (status, said.count("\n")) == (2, 1)
+    assert told in said
+    assert not (tmp_path / "fits.json").exists()
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.text(alphabet="strain,_percentkPM;\n0123456789.-eE", max_size=80))
+def test_any_text_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
+    path = tmp_path_factory.getbasetemp() / "any.csv"
+    path.write_text(text)
+    try:
+        test = read_tensile(path)
+    except InputError:
+        return
+    assert len(test.strain) == len(test.stress_Pa) > 0
+    assert np.isfinite([test.strain, test.stress_Pa]).all()
+
+
+def test_fits_of_windows_are_written_and_read(run: Run, curve: Path) -> None:
+    output = curve.with_name("fits.json")
+    status, said = run("tensile", curve, "--model", "neo-hookean", "--model", "ogden", "--window", "50", "--window",
+                       "full", "--relative", "-o", output)  # fmt: skip
+    assert (status, said) == (0, "")
+    fits = read_any_fits(output)
+    assert [(f.model, f.window()) for f in fits if isinstance(f, TensileRecord)] == [
+        ("neo-hookean", "50 %"), ("ogden", "50 %"), ("neo-hookean", "full"), ("ogden", "full")
+    ]  # fmt: skip
+    for fit in fits:
+        assert isinstance(fit, TensileRecord)
+        assert fit.initial_shear_modulus.value == pytest.approx(46e3, rel=0.01)
+        assert fit.max_stretch == pytest.approx(1.5 if fit.window_percent else 2.2)
+        assert (fit.residuals, fit.source.path) == ("relative", str(curve))
+        for quantity in (*fit.parameters.values(), fit.initial_shear_modulus):
+            low, high = quantity.interval_95
+            assert low <= quantity.value <= high
+    with pytest.raises(InputError, match=r"fits\.0 is a tensile fit; expected a file that `eimi fit` wrote"):
+        read_fits(output)
+
+
+def test_parameters_of_another_law_are_refused(run: Run, curve: Path) -> None:
+    output = curve.with_name("fits.json")
+    assert run("tensile", curve, "--model", "yeoh", "--window", "full", "-o", output)[0] == 0
+    content = json.loads(output.read_text())
+    content["fits"][0]["model"] = "mooney-rivlin"
+    output.write_text(json.dumps(content))
+    with pytest.raises(InputError, match=r"fits\.0\.tensile: .*parameters of mooney-rivlin should be C10, C01"):
+        read_any_fits(output)
+
+
+@pytest.mark.parametrize("window", ["0", "-5", "inf", "nan", "wide"])
+def test_a_window_that_is_none_is_refused(run: Run, curve: Path, window: str) -> None:
+    status, said = run("tensile", curve, "--model", "yeoh", f"--window={window}", "-o", curve.with_name("f.json"))
+    assert (status, said.count("\n")) == (2, 1)
+    assert f"--window {window}: should be a strain in percent above 0, or full" in said
+
+
+@pytest.fixture
+def fits(run: Run, curve: Path) -> Path:
+    """Neo-Hookean once, Yeoh twice."""
+    output = curve.with_name("fits.json")
+    assert run("tensile", curve, "--model", "yeoh", "--window", "50", "--window", "full", "-o", output)[0] == 0
+    nh = curve.with_name("nh.json")
+    assert run("tensile", curve, "--model", "neo-hookean", "--window", "full", "-o", nh)[0] == 0
+    both = [fit for file in (output, nh) for fit in json.loads(file.read_text())["fits"]]
+    output.write_text(json.dumps({"fits": both}))
+    return output
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_card_says_where_it_is_from(run: Run, fits: Path, solver: str) -> None:
+    card = fits.with_name("card.txt")
+    status, said = run("export", fits, "--model", "neo-hookean", "--to", solver, "--bulk-ratio", "2000", "-o", card)
+    assert (status, said) == (0, "")
+    text = card.read_text()
+    for words in (
+        "curve.csv",
+        "sha256",
+        "window full",
+        "engineering strain of 1.2",
+        "fits.json",
+        "chosen for this card",
+    ):
+        assert words in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ("yeoh abaqus --bulk-ratio 9", "holds 2 fits of yeoh; give one of --index 0 (yeoh, window 50 %)"),
+        ("yeoh abaqus --index 2 --bulk-ratio 9", "--index 2: should be the index of a yeoh fit"),
+        ("ogden abaqus --bulk-ratio 9", "--model ogden: should be one of the file's fits"),
+        ("hooke abaqus --bulk-ratio 9", "--model hooke: should be one of neo-hookean"),
+        ("neo-hookean nastran --bulk-ratio 9", "--to nastran: should be one of abaqus"),
+        ("neo-hookean ansys", "give --bulk-modulus-kPa, or --bulk-ratio"),
+        ("neo-hookean ansys --bulk-ratio 9 --bulk-modulus-kPa 9", "and not both"),
+        ("neo-hookean ansys --bulk-ratio 0", "--bulk-ratio 0.0: should be a finite number"),
+        ("neo-hookean ansys --bulk-modulus-kPa 9", "should be above two thirds"),
+        ("yeoh sofa --index 1 --bulk-ratio 9", "sofa has no yeoh law"),
+    ],
+)
+def test_an_export_that_cannot_be_is_one_line(run: Run, fits: Path, arguments: str, told: str) -> None:
+    card = fits.with_name("card.txt")
+    model, solver, *others = arguments.split()
+    status, said = run("export", fits, "--model", model, "--to", solver, *others, "-o", card)
+    assert (status, said.count("\n")) == (2, 1)
+    assert told in said
+    assert not card.exists()

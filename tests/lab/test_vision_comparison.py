@@ -1,0 +1,27 @@
+"""The benchmark's other methods do what they are known for, so that the comparison is a fair one."""
+
+import numpy as np
+import pytest
+
+from eimi_lab.vision.benchmark import NOMINAL, measure, measure_other, overall
+from eimi_lab.vision.comparison import METHODS
+
+# Bias and RMS in px known from the same frames and other implementations.
+KNOWN = {"Otsu + contours": (-0.64, 0.71), "marching squares": (-0.175, 0.18), "Devernay": (0.0, 0.010)}
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_error_of_another_method(name):
+    row = measure_other(METHODS[name], NOMINAL, (-40.0, 20.0), seed=1)
+    bias, spread = KNOWN[name]
+    for side in ("left", "right"):
+        assert row[f"{side}_bias"] == pytest.approx(bias, abs=0.12)
+        assert row[f"{side}_rms"] == pytest.approx(spread, abs=0.12)
+
+
+def test_the_search_meets_its_goals():
+    row = overall(measure(NOMINAL, (-40.0, 20.0), frames=2, seed=1))
+    assert max(abs(row["left_bias"]), abs(row["right_bias"])) < 0.01
+    assert max(row["left_rms"], row["right_rms"]) < 0.03
+    assert 0.8 < row["pull"] < 1.25
+    assert np.isfinite(row["ms"])

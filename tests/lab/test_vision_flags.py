@@ -1,0 +1,127 @@
+"""Every flag has a picture that raises it, and a run of ordinary frames raises none."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from eimi_drivers.interfaces import Frame
+from eimi_lab.dataset.state_checks import state_flags
+from eimi_lab.virtual.optics import expose
+from eimi_lab.vision.benchmark import CALIBRATION, NOMINAL, SPECIMEN, bend, make_bent_scene
+from eimi_lab.vision.dimensions import stiffening_by_twist
+from eimi_lab.vision.edges import find_edges
+from eimi_lab.vision.flag_cases import BEAM, CASES, Case, photograph, twisted
+
+OF_A_RUN = {"NOT_SETTLED", "DROPPED", "DUPLICATE"}
+LISTED = {
+    *("SATURATED", "LOW_CONTRAST", "DEFOCUS", "EDGE_RESIDUAL", "TOUCHES_FRAME", "MULTI_CONTOUR"),
+    *("HOLE_OR_REFLECTION", "CLAMP_NOT_FOUND", "CORNER_AMBIGUOUS", "WIDTH_ANOMALY", "LENGTH_ANOMALY"),
+    *("CALIBRATION_STALE", "GAMMA", "TWIST"),
+}
+ALONE = LISTED - {"LOW_CONTRAST", "EDGE_RESIDUAL", "TOUCHES_FRAME", "CORNER_AMBIGUOUS"}
+
+
+def test_no_flag_is_without_its_picture():
+    assert set(CASES) == LISTED
+
+
+@pytest.mark.parametrize("name", sorted(CASES))
+def test_the_picture_raises_its_flag(name):
+    found = {flag.name: flag for flag in CASES[name]().edges().flags}
+    assert name in found
+    assert name not in ALONE or set(found) == {name}
+    flag = found[name]
+    assert np.isfinite(flag.value)
+    assert flag.value != flag.limit
+    assert flag.remedy[0].isupper()
+    assert flag.remedy.count(". ") == 0
+    assert flag.remedy.endswith(".")
+
+
+def test_gamma_and_twist_are_measured():
+    values = {flag.name: flag.value for name in ("GAMMA", "TWIST") for flag in CASES[name]().edges().flags}
+    assert values["GAMMA"] == pytest.approx(2.2, abs=0.4)
+    assert values["TWIST"] == pytest.approx(2.0, abs=0.15)
+
+
+def test_twist_below_the_limit_is_not_flagged_and_its_effect_is_told():
+    assert Case(photograph(beam=twisted(1.0))).edges().flags == ()
+    [flag] = CASES["TWIST"]().edges().flags
+    assert "modulus +0.0" in flag.remedy
+    # A uniform twist of a degree, three wide and five deep: 1/(cos² + 0.36 sin²) - 1, a third of it where it grows.
+    exact = 1 / (np.cos(0.1) ** 2 + 0.36 * np.sin(0.1) ** 2) - 1
+    assert stiffening_by_twist(np.degrees(0.1), 3.0, 5.0) == pytest.approx(exact / 3, rel=0.02)
+    assert stiffening_by_twist(5.0, 3.0, 3.0) == 0.0
+
+
+def test_clamp_that_moved_since_the_calibration():
+    moved = CALIBRATION.model_copy(update={"clamp_midpoint_px": (640.3 + 5.0, 99.6)})  # 0.2 mm
+    [flag] = find_edges(photograph(), moved, SPECIMEN).flags
+    assert (flag.name, flag.value) == ("CALIBRATION_STALE", pytest.approx(0.2, abs=0.01))
+    along = CALIBRATION.model_copy(update={"clamp_midpoint_px": (640.3, 99.6 + 5.0)})
+    [flag] = find_edges(photograph(), along, SPECIMEN).flags
+    assert (flag.name, flag.value) == ("CALIBRATION_STALE", pytest.approx(0.2, abs=0.01))
+
+
+def test_flags_of_a_run():
+    scene = make_bent_scene(NOMINAL, CALIBRATION, SPECIMEN, BEAM)
+    rng = np.random.default_rng(0)
+    frames = [Frame(expose(scene, rng), 3 * number, 0.0) for number in range(4)]
+    assert state_flags(frames, lossless=True) == ()
+    assert state_flags(frames[:1], lossless=True) == ()
+
+    def names(changed):
+        return {flag.name for flag in state_flags(changed, lossless=True)}
+
+    assert names([frames[0], replace(frames[0], number=3), frames[2]]) == {"DUPLICATE"}
+    assert names([frames[0], frames[1], frames[3]]) == {"DROPPED"}
+    shifted = np.roll(frames[3].image, 1, axis=1)
+    assert names([*frames[:3], replace(frames[3], image=shifted)]) == {"NOT_SETTLED"}
+    creeping = [replace(frame, image=_shifted(frame.image, 0.15 * k)) for k, frame in enumerate(frames)]
+    assert names(creeping) == {"NOT_SETTLED"}
+    assert state_flags(creeping, lossless=False) == ()
+
+
+def _shifted(image, by_px):
+    return cv2.warpAffine(image, np.array([[1.0, 0.0, by_px], [0.0, 1.0, 0.0]]), image.shape[::-1])
+
+
+def ordinary_frames(count, seed):
+    rng = np.random.default_rng(seed)
+    done = 0
+    while done < count:
+        calibration = CALIBRATION.model_copy(
+            update={"clamp_midpoint_px": (640.0 + rng.uniform(-20, 20), 99.0 + rng.uniform(-20, 20))}
+        )
+        optics = replace(
+            NOMINAL,
+            blur_px=rng.uniform(0.6, 1.8),
+            background=rng.uniform(0.6, 0.88),
+            gradient=rng.uniform(0.0, 0.2),
+            silicone_transmission=rng.uniform(0.0, 0.15),
+            full_well_e=rng.uniform(5e3, 2e4),
+        )
+        beam = bend(SPECIMEN, rng.uniform(-100.0, 100.0))
+        scene = make_bent_scene(optics, calibration, SPECIMEN, beam)
+        for _ in range(min(10, count - done)):
+            yield expose(scene, rng), calibration
+            done += 1
+
+
+def flagged(count, seed):
+    return [
+        [flag.name for flag in edges.flags]
+        for image, calibration in ordinary_frames(count, seed)
+        if (edges := find_edges(image, calibration, SPECIMEN)).flags
+    ]
+
+
+def test_ordinary_frames_raise_no_flag():
+    assert flagged(20, seed=1) == []
+
+
+@pytest.mark.slow
+def test_a_thousand_ordinary_frames_raise_no_flag():
+    assert flagged(1000, seed=2) == []

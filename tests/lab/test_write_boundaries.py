@@ -1,0 +1,97 @@
+"""The file at every write boundary of a run: what a power cut or a kill could leave behind, write by write.
+
+The writes are traced below HDF5, by a library preloaded into the writer, and the file is built again from them.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import struct
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eimi_lab.dataset import reading
+from eimi_lab.dataset.probing import read_all_but_frames
+from eimi_lab.dataset.reading import open_dataset
+
+COMPILER = shutil.which("cc")
+SHAPE = (24, 32)
+
+WRITE = f"""
+import os, sys
+from pathlib import Path
+import numpy as np
+from eimi_drivers.interfaces import Frame
+from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.specimen import load_specimen
+from eimi_lab.dataset.layout import Header
+from eimi_lab.dataset.writing import DatasetWriter
+
+folder, states, frames = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+header = Header(load_specimen(folder / "specimen.toml"), load_calibration(folder / "calibration.toml"))
+image = lambda k: np.random.default_rng(k).integers(0, 255, {SHAPE}).astype(np.uint8)
+with DatasetWriter(folder / "run.h5", header, Frame(image(0), 0, 0.0)) as writer:
+    trace = os.open(os.environ["TRACE"], os.O_WRONLY | os.O_APPEND)
+    for k in range(states):
+        writer.append_state([Frame(image(k), n, 0.0) for n in range(frames)], current_A=k / 10, field_mT=k * 0.47)
+        os.write(trace, b"A" + bytes(16))
+"""
+
+
+def records(trace: bytes) -> Iterator[tuple[str, int, bytes]]:
+    """Letter, offset and bytes of each record; A stands where a state was acknowledged."""
+    at = 0
+    while at < len(trace):
+        offset, length = struct.unpack_from("<qq", trace, at + 1)
+        yield chr(trace[at]), offset, trace[at + 17 : at + 17 + length]
+        at += 17 + length
+
+
+@pytest.mark.skipif(COMPILER is None or sys.platform != "linux", reason="needs a C compiler, on Linux")
+@pytest.mark.parametrize(
+    ("states", "frames"),
+    [(1, 1), (3, 2), pytest.param(40, 3, marks=pytest.mark.slow)],
+)
+def test_at_every_write_boundary_each_acknowledged_state_can_be_read(
+    files: Path, monkeypatch: pytest.MonkeyPatch, states: int, frames: int
+) -> None:
+    # The probe of a file that was never closed, without its process: there are thousands of files.
+    monkeypatch.setattr(reading, "why_unreadable", lambda path: read_all_but_frames(path) or "")
+    library, source = files / "traced_writes.so", Path(__file__).with_name("traced_writes.c")
+    subprocess.run([str(COMPILER), "-shared", "-fPIC", "-O1", "-o", library, source, "-ldl"], check=True, timeout=60)
+    traced = {"LD_PRELOAD": str(library), "TRACED": str(files / "run.h5"), "TRACE": str(files / "trace")}
+    command = [sys.executable, "-c", WRITE, str(files), str(states), str(frames)]
+    subprocess.run(command, env=os.environ | traced, check=True, timeout=120)
+
+    built, rebuilt = bytearray(), files / "rebuilt.h5"
+    acknowledged = boundaries = 0
+    for letter, offset, data in records((files / "trace").read_bytes()):
+        match letter:
+            case "A":
+                acknowledged += 1
+                continue
+            case "B":
+                built[:] = data
+            case "T":
+                built[offset:] = bytes(max(0, offset - len(built)))
+            case "W":
+                built.extend(bytes(max(0, offset - len(built))))
+                built[offset : offset + len(data)] = data
+        rebuilt.write_bytes(built)
+        boundaries += 1
+        with open_dataset(rebuilt) as dataset:
+            assert len(dataset.states) >= acknowledged, f"boundary {boundaries}"
+            assert [state.current_A for state in dataset.states] == [k / 10 for k in range(len(dataset.states))]
+            for k in range(len(dataset.states)) if states < 10 else range(max(0, acknowledged - 1), acknowledged):
+                expected = np.random.default_rng(k).integers(0, 255, SHAPE).astype(np.uint8)
+                assert np.array_equal(dataset.images(k), np.stack([expected] * frames))
+    assert acknowledged == states
+    assert boundaries > 20 * states
+    assert bytes(built) == (files / "run.h5").read_bytes()
+    print(f"{boundaries} write boundaries, {states} states")
