@@ -1,6 +1,8 @@
-"""The one error that a person's input can cause: printed as one line, exit status 2, no traceback."""
+"""The one error that a person's input can cause, printed as one line, exit status 2, no traceback; and the printing."""
 
 from __future__ import annotations
+
+import sys
 
 
 class InputError(Exception):
@@ -9,3 +11,8 @@ class InputError(Exception):
     The message names what is wrong, where (file, key or row), the value found and what would be right, in one
     line: ``protocol.toml: current.step_A = -0.1 must be greater than 0``.
     """
+
+
+def tell(message: str) -> None:
+    """Say something to the person in one line on stderr."""
+    print("eimi: " + " ".join(message.split()), file=sys.stderr)

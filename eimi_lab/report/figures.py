@@ -57,7 +57,7 @@ def frames_with_edges(dataset: Dataset, evidence: Evidence, simulated: Simulated
         axes = figure.add_subplot(rows, columns, place + 1)
         axes.imshow(image[..., ::-1] if image.ndim == 3 else image, cmap="gray")
         for side in sides:
-            axes.plot(*side.T, color="#D55E00", linewidth=1.1)
+            axes.plot(*side.T, color="#FF8C1A", linewidth=1.6)
         axes.set_xlim(left, right)
         axes.set_ylim(bottom, top)
         axes.axis("off")

@@ -29,8 +29,8 @@ Array = NDArray[np.float64]
 
 # Worse than any simulation can be, and finite: the optimiser would replace a NaN by the generation's median.
 DISCARDED_MM = 1e6
-# Of the change in the modulus from the coarse mesh to the fine one, the share that finer meshes still add (measured:
-# 13 x 1 is off by 0.20 and 0.41 %, 26 x 3 by 0.02 and 0.07 %).
+# Of the change in the edges from the coarse mesh to the fine one, the share that finer meshes still add (measured in
+# the modulus: 13 x 1 is off by 0.20 and 0.41 %, 26 x 3 by 0.02 and 0.07 %).
 _LEFT_BY_REFINING = 1 / 6
 _TOLERANCE_MM = 1e-2  # of the last Newton step: what is left is below 1e-4, and edges are good to 1e-3
 
@@ -196,7 +196,7 @@ def identify(
     def refined(units: Array) -> Comparison:
         return compare(law, space.parameters(units), experiments)
 
-    polished, searched = polish(refined, best_unit), best_unit
+    polished = polish(refined, best_unit)
     best_unit = polished.unit
     parameters = space.parameters(best_unit[None])
     final = compare(law, parameters, experiments)
@@ -207,7 +207,10 @@ def identify(
         lambda units: [(m.residuals, m.weights) for m in refined(units).misfits],
         [e.observed for e in experiments],
         seed,
-        float(best_unit[0] - searched[0]) * _LEFT_BY_REFINING,
+        [
+            _LEFT_BY_REFINING * (rough.residuals[0] - fine.residuals[0])
+            for rough, fine in zip(compare(law, parameters, coarse).misfits, final.misfits, strict=True)
+        ],
     )
     return Fit(
         law,

@@ -7,8 +7,8 @@ its first negative value (initial positive sequence; Geyer 1992, Statist. Sci. 7
 stated uncertainty, which is taken as common to the points of one state.
 
 A direction that the data do not fix is held by the bounds of the search, entered as a normal prior with the bounds'
-variance; it is named as not fixed. What the mesh leaves is added to the modulus. Errors common to the whole
-experiment (scale, coil constant, moment) are not in these intervals.
+variance; it is named as not fixed. What the mesh leaves in the residuals is carried through to every parameter.
+Errors common to the whole experiment (scale, coil constant, moment) are not in these intervals.
 """
 
 from __future__ import annotations
@@ -77,23 +77,27 @@ def estimate_uncertainty(
     residuals: Residuals,
     observed: Sequence[Observation],
     seed: int,
-    mesh_error: float = 0.0,
+    mesh_error_mm: Sequence[Array] | None = None,
 ) -> Uncertainty:
     """Intervals about the optimum ``unit`` (n,) of the search coordinates; one extra batch of 2 n + 1 candidates.
 
-    mesh_error: standard deviation of the first coordinate, the modulus, that the mesh adds.
+    mesh_error_mm: what the mesh is thought to add to the residuals, (K, G, n) an experiment.
     """
     n = len(unit)
     batch, distance = difference_batch(unit)
     information = np.eye(n) / _BOUNDS_VARIANCE
+    pull = np.zeros(n)
     noise2, count, effective, taus = 0.0, 0.0, 0.0, []
-    for (all_residuals, weights), seen in zip(residuals(batch), observed, strict=True):
+    for k, ((all_residuals, weights), seen) in enumerate(zip(residuals(batch), observed, strict=True)):
         r = all_residuals[0]
         slope = (all_residuals[1 : n + 1] - all_residuals[n + 1 :]) / distance[:, None, None, None]
         if isinstance(seen, EdgeObservation):
             tau = correlation_length(r, weights)
             variance = float((r**2).sum() / weights.sum())
-            information += np.einsum("ikgn,jkgn->ij", slope, slope) / (tau * max(variance, 1e-12))
+            precision = 1 / (tau * max(variance, 1e-12))
+            information += precision * np.einsum("ikgn,jkgn->ij", slope, slope)
+            if mesh_error_mm is not None:
+                pull += precision * np.einsum("ikgn,kgn->i", slope, mesh_error_mm[k])
             effective += weights.sum() / tau
             taus.append(tau)
         else:
@@ -106,7 +110,9 @@ def estimate_uncertainty(
         noise2 += float((r**2).sum())
         count += float(weights.sum())
     covariance = np.linalg.inv(information)
-    covariance[0, 0] += mesh_error**2
+    # A systematic error of the residuals moves the optimum along one direction, by no more than this.
+    drift = covariance @ pull
+    covariance += np.outer(drift, drift)
     spread = np.sqrt(np.diag(covariance))
     # Student's t where the noise level was estimated from the residuals themselves.
     widen = stats.t.ppf(0.975, max(effective - n, 1.0)) / stats.norm.ppf(0.975) if taus else 1.0

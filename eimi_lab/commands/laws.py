@@ -1,0 +1,159 @@
+"""Commands about laws: identified, fitted to tensile tests, validated, exported, simulated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from eimi_lab.commands.options import Force, Output, Specimen
+
+
+def fit(
+    datasets: Annotated[list[Path], typer.Argument(help="one dataset or several, fitted together")],
+    model: Annotated[list[str], typer.Option(help="neo-hookean, mooney-rivlin, yeoh or ogden; may be repeated")],
+    output: Output,
+    seed: Annotated[int, typer.Option(help="of the search; stored in the result", min=1)] = 1,
+    section: Annotated[
+        str | None, typer.Option(help="plane-strain or plane-stress, in place of the specimen's")
+    ] = None,
+    include_flagged: Annotated[bool, typer.Option("--include-flagged", help="fit flagged states too")] = False,
+    force: Force = False,
+) -> None:
+    """Identify the parameters of one law or several; datasets without edges are segmented first."""
+    from eimi_lab.identification.experiments import load_evidence
+    from eimi_lab.identification.fits import write_fits
+    from eimi_lab.identification.fitting import check_models, check_section, fit_evidence
+    from eimi_lab.outputs import refuse_existing
+    from eimi_lab.progress import progress
+
+    models, chosen = check_models(model), check_section(section)
+    refuse_existing(output, force)
+    evidence = [load_evidence(path, section=chosen, flagged=include_flagged) for path in datasets]
+    fits = []
+    with progress("fit", len(models)) as report:
+        for name in models:
+            fits.append(fit_evidence(evidence, name, seed))
+            report(f"{name}, mean error {1e3 * fits[-1].mean_error_mm:.2f} µm")
+    write_fits(output, fits, force)
+    for found in fits:
+        print(found.summary())
+
+
+def validate(
+    datasets: Annotated[list[Path], typer.Argument(help="datasets that the fits have not seen, or any others")],
+    fit: Annotated[list[Path], typer.Option(help="fits.json, of datasets or tensile tests; may be repeated")],
+    output: Output,
+    section: Annotated[
+        str | None, typer.Option(help="plane-strain or plane-stress, in place of the specimen's")
+    ] = None,
+    include_flagged: Annotated[bool, typer.Option("--include-flagged", help="use flagged states too")] = False,
+    force: Force = False,
+) -> None:
+    """Every fit on every dataset: error and deviation by state, and a table with the best fit first."""
+    from eimi_lab.identification.experiments import load_evidence
+    from eimi_lab.identification.fits import read_any_fits
+    from eimi_lab.identification.fitting import check_section
+    from eimi_lab.identification.validation import table, write_validation
+    from eimi_lab.identification.validation import validate as simulate
+    from eimi_lab.outputs import refuse_existing
+    from eimi_lab.progress import progress
+
+    chosen = check_section(section)
+    refuse_existing(output, force)
+    fits = [(path, index, found) for path in fit for index, found in enumerate(read_any_fits(path))]
+    evidence = [load_evidence(path, section=chosen, flagged=include_flagged) for path in datasets]
+    validations = []
+    with progress("validate", len(evidence)) as report:
+        for seen in evidence:
+            validations += [simulate(seen, found, path, index) for path, index, found in fits]
+            report(f"{seen.path}, {len(fits)} fits")
+    write_validation(output, validations, force)
+    print("\n".join(table(validations)))
+
+
+def tensile(
+    curve: Annotated[Path, typer.Argument(help="strain and stress: the materials database's CSV, or two columns")],
+    model: Annotated[list[str], typer.Option(help="neo-hookean, mooney-rivlin, yeoh or ogden; may be repeated")],
+    output: Output,
+    window: Annotated[
+        list[str] | None, typer.Option(help="largest strain in percent, or full; may be repeated [20 50 100 full]")
+    ] = None,
+    relative: Annotated[
+        bool, typer.Option("--relative", help="least squares on the relative error of the stress")
+    ] = False,
+    force: Force = False,
+) -> None:
+    """Fit laws to a tensile test, the conventional route."""
+    from eimi_lab.identification.fits import write_fits
+    from eimi_lab.identification.fitting import check_models
+    from eimi_lab.identification.tensile import WINDOWS, check_windows, fit_window, read_tensile
+    from eimi_lab.outputs import refuse_existing
+
+    models, windows = check_models(model), check_windows(window or list(WINDOWS))
+    refuse_existing(output, force)
+    test = read_tensile(curve)
+    fits = [fit_window(test, name, percent, relative) for percent in windows for name in models]
+    write_fits(output, fits, force)
+    for found in fits:
+        print(found.summary())
+
+
+def export(
+    fits: Annotated[Path, typer.Argument(help="fits.json, of datasets or of a tensile test")],
+    model: Annotated[str, typer.Option(help="neo-hookean, mooney-rivlin, yeoh or ogden")],
+    to: Annotated[str, typer.Option(help="abaqus, calculix, ansys, comsol, febio or sofa")],
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="the file to write; else it is printed")] = None,
+    index: Annotated[int | None, typer.Option(help="which fit of the file, from 0, where several have the law")] = None,
+    bulk_modulus_kPa: Annotated[
+        float | None, typer.Option("--bulk-modulus-kPa", help="no fit identifies it, so state it")
+    ] = None,
+    bulk_ratio: Annotated[
+        float | None, typer.Option("--bulk-ratio", help="in its place: bulk over initial shear modulus")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Write a fit as a material card of another finite-element program."""
+    from eimi_lab.identification.cards import bulk_modulus_Pa, card, check_solver, choose_fit
+    from eimi_lab.identification.fits import read_any_fits
+    from eimi_lab.identification.fitting import check_models
+    from eimi_lab.outputs import whole_file
+
+    solver = check_solver(to)
+    (law,) = check_models([model])
+    chosen = choose_fit(fits, read_any_fits(fits), law, index)
+    text = card(fits, chosen, solver, bulk_modulus_Pa(chosen, bulk_modulus_kPa, bulk_ratio))
+    if output is None:
+        print(text, end="")
+        return
+    with whole_file(output, force) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    print(output)
+
+
+def simulate(
+    protocol: Annotated[str, typer.Argument(help="protocol.toml, or a shipped one such as dragon_skin_10")],
+    specimen: Specimen,
+    model: Annotated[str, typer.Option(help="neo-hookean, mooney-rivlin, yeoh or ogden")],
+    parameter: Annotated[list[str], typer.Option(help="KEY=NUMBER such as mu_Pa=46390; once for each of the law's")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="the folder to fill")],
+    coil_constant: Annotated[float, typer.Option(help="mT for each ampere")] = 4.7,
+    gravity_angle: Annotated[float, typer.Option(help="in the beam frame, degrees from +x toward +y; 0 hangs")] = 0.0,
+    force: Force = False,
+) -> None:
+    """Simulate a specimen of a known law: shapes, tip curve and stretch as CSV, figure and VTU for ParaView."""
+    import numpy as np
+
+    from eimi_lab.config.protocol import load_protocol
+    from eimi_lab.config.specimen import load_specimen
+    from eimi_lab.outputs import new_folder
+    from eimi_lab.simulation import parse_parameters, write_simulation
+    from eimi_lab.simulation import simulate as run
+
+    law, values = parse_parameters(model, parameter)
+    beam, field_mT = load_specimen(specimen), coil_constant * np.array(load_protocol(protocol).currents_A)
+    result = run(beam, law, values, field_mT, gravity_angle)
+    new_folder(output, force)
+    write_simulation(output, result)
+    print(f"{output}: {len(field_mT)} states, tip at {result.model.tip_angle_deg(result.shapes)[0, -1]:.2f} degrees")
