@@ -67,8 +67,9 @@ def demonstrate(
     force: bool,
     progress: Progress,
 ) -> Demonstration:
-    """Run the chain into a folder. ``material`` names the shipped protocol. Raises InputError."""
-    protocol = load_protocol(f"{material}_quick" if quick else material)
+    """Run the chain into a folder. ``material`` is a silicone's name or its protocol's. Raises InputError."""
+    named = re.sub(r"\W+", "_", material.strip().lower())
+    protocol = load_protocol(f"{named}_quick" if quick else named)
     beam = _cast(load_specimen(specimen), protocol.material)
     bench_rig = load_rig(rig)
     if bench_rig.virtual is None:

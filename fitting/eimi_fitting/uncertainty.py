@@ -113,6 +113,9 @@ def estimate_uncertainty(
     # A systematic error of the residuals moves the optimum along one direction, by no more than this.
     drift = covariance @ pull
     covariance += np.outer(drift, drift)
+    # Higher coefficients can take that error upon themselves; the modulus is trusted no more than with them held.
+    alone = pull[0] / information[0, 0]
+    covariance[0, 0] += max(alone**2 - drift[0] ** 2, 0.0)
     spread = np.sqrt(np.diag(covariance))
     # Student's t where the noise level was estimated from the residuals themselves.
     widen = stats.t.ppf(0.975, max(effective - n, 1.0)) / stats.norm.ppf(0.975) if taus else 1.0
