@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from eimi_fitting.observation import PointObservation
+from eimi_fitting.observation import EdgeObservation, PointObservation
 from eimi_lab.dataset.reading import Dataset
 from eimi_lab.identification.experiments import Evidence
 from eimi_lab.identification.fits import FitRecord
@@ -38,13 +38,18 @@ def _tidy(axes: Axes, x: str, y: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def frames_with_edges(dataset: Dataset, evidence: Evidence, simulated: Simulated) -> bytes:
-    """Frames of up to six states with the simulated edges over them; one crop for all."""
-    if dataset.calibration is None:
+def frames_with_edges(dataset: Dataset, evidence: Evidence, simulated: Simulated | None) -> bytes:
+    """Frames of up to six states with the simulated edges over them, or with the measured ones; one crop for all."""
+    observed = evidence.experiment.observed
+    if dataset.calibration is None or not isinstance(observed, EdgeObservation):
         raise ValueError("tracked points have no frames")
     frame = BeamFrame(dataset.calibration)
     shown = np.unique(np.linspace(0, len(evidence.states) - 1, _MOST_FRAMES).round().astype(int))
-    lines = [[frame.to_px(side) for side in simulated.edges_mm[k]] for k in shown]
+    if simulated:
+        lines = [[frame.to_px(side) for side in simulated.edges_mm[k]] for k in shown]
+    else:
+        seen = np.isfinite(observed.sigma_mm)
+        lines = [[frame.to_px(observed.points_mm[k, i][seen[k, i]]) for i in range(2)] for k in shown]
     everywhere = np.concatenate([side for sides in lines for side in sides])
     images = [dataset.images(evidence.states[k].index)[0] for k in shown]
     height, width = images[0].shape[:2]
@@ -62,7 +67,8 @@ def frames_with_edges(dataset: Dataset, evidence: Evidence, simulated: Simulated
         axes.set_ylim(bottom, top)
         axes.axis("off")
         state = evidence.states[k]
-        axes.set_title(f"{state.field_mT:.2f} mT, error {1e3 * simulated.error_mm[k]:.1f} µm", fontsize=9)
+        error = f", error {1e3 * simulated.error_mm[k]:.1f} µm" if simulated else ""
+        axes.set_title(f"{state.field_mT:.2f} mT{error}", fontsize=9)
     return _png(figure)
 
 

@@ -85,4 +85,6 @@ def _dataset_section(dataset: Dataset, evidence: Evidence, fits: Sequence[FitRec
             section["picture"] = _embed(figures.points_with_shape(evidence, best))
         section["best"] = best.fit.model
         section["errors"] = _embed(figures.error_by_state(evidence, simulated))
+    elif dataset.kind == "frames":
+        section["picture"] = _embed(figures.frames_with_edges(dataset, evidence, None))
     return section

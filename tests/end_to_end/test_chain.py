@@ -83,6 +83,9 @@ def test_fitting_the_dataset_again_gives_the_same_and_needs_no_truth(demonstrati
     report = eimi("report", "blind.h5", "--fit", "fits.json", "-o", "report.html", folder=tmp_path)
     assert report.returncode == 0, report.stderr
     assert (tmp_path / "report.html").stat().st_size > 100_000
+    bare = eimi("report", "blind.h5", "-o", "bare.html", folder=tmp_path)
+    assert bare.returncode == 0, bare.stderr
+    assert (tmp_path / "bare.html").read_text(encoding="utf-8").count("data:image/png;base64,") == 1
 
 
 @pytest.mark.skipif(not MEASURED.is_dir(), reason="the measured beam is not ours to ship; it lies in ../shared/data")
