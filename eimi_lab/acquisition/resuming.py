@@ -46,13 +46,7 @@ def take_up(path: Path, header: Header, image: NDArray[Any]) -> Begun:
 
 
 def _difference(dataset: Dataset, header: Header) -> str:
-    now = {
-        "protocol": header.protocol,
-        "specimen": header.specimen,
-        "rig": header.rig,
-        "calibration": header.calibration,
-    }
-    for name, document in now.items():
+    for name, document in header.documents.items():
         before, after = _keys(dataset.text(name) or ""), _keys(document.text if document else "")
         for key in sorted(before.keys() | after.keys()):
             if before.get(key) != after.get(key):

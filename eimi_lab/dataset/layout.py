@@ -29,6 +29,7 @@ import numpy as np
 from eimi_drivers.interfaces import Identity
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.reading import Document
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.vision.edge_set import Flag
@@ -78,6 +79,16 @@ class Header:
     note: str = ""
     taken: str | None = None
 
+    @property
+    def documents(self) -> dict[str, Document | None]:
+        """The TOML documents by the names under which a dataset keeps their texts."""
+        return {
+            "specimen": self.specimen,
+            "calibration": self.calibration,
+            "protocol": self.protocol,
+            "rig": self.rig,
+        }
+
 
 def write_header(file: h5py.File, header: Header) -> h5py.Group:
     """Create everything that is known before the first state; returns the entry."""
@@ -99,13 +110,7 @@ def write_header(file: h5py.File, header: Header) -> h5py.Group:
     for number, identity in enumerate(header.instruments):
         note(instrument, f"identity_{number}", identity_text(identity), "text/plain")
 
-    documents = {
-        "specimen": header.specimen,
-        "calibration": header.calibration,
-        "protocol": header.protocol,
-        "rig": header.rig,
-    }
-    for name, document in documents.items():
+    for name, document in header.documents.items():
         if document is not None:
             note(entry, name, document.text, "application/toml")
     if header.truth is not None:

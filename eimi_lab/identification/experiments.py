@@ -76,9 +76,11 @@ def load_evidence(
         left_out = tuple(s for s in dataset.states if s not in states)
     model = BeamModel(specimen).refined()
     if isinstance(observed, PointObservation):
-        seen = np.isfinite(observed.sigma_mm)
+        rest = observed.rest_mm[np.isfinite(observed.sigma_mm)]
+        if specimen.magnet:  # what lies beyond the flexible part is carried by the magnet
+            rest = rest[rest[:, 0] <= specimen.flexible_length_mm]
         try:
-            model.place(observed.rest_mm[seen]) if not specimen.magnet else None
+            model.place(rest)
         except ValueError as error:
             raise InputError(f"{path}: {error}") from error
     with path.open("rb") as file:
