@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from eimi_fitting.actuation import Loads
+from eimi_fitting.experiment import Experiment
 from eimi_fitting.forward import BeamModel
-from eimi_fitting.identification import Experiment
 from eimi_fitting.observation import EdgeObservation, Observation, Perspective, PointObservation
 from eimi_fitting.specimen import Section
 from eimi_lab.dataset.reading import Dataset, State, open_dataset

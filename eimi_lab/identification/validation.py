@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from eimi_fitting.identification import compare
+from eimi_fitting.experiment import compare
 from eimi_fitting.materials import LAWS
 from eimi_lab.errors import InputError
 from eimi_lab.identification.experiments import Evidence

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.identification import compare
+from eimi_fitting.experiment import compare
 from eimi_fitting.materials import LAWS
 from eimi_fitting.observation import edge_curves, points_on
 from eimi_lab.errors import InputError

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from eimi_fitting.actuation import Loads
+from eimi_fitting.experiment import DISCARDED_MM, Experiment, compare
 from eimi_fitting.forward import BeamModel
-from eimi_fitting.identification import DISCARDED_MM, Experiment, NothingConverged, compare, identify
+from eimi_fitting.identification import NothingConverged, identify
 from eimi_fitting.materials import LAWS
 from eimi_fitting.observation import EdgeObservation, PointObservation, edge_curves, points_on
 from eimi_fitting.search_space import SEARCH_SPACES

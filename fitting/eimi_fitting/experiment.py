@@ -1,0 +1,75 @@
+"""What was done and seen with a specimen, and how far candidates are from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.actuation import Loads
+from eimi_fitting.forward import BeamModel
+from eimi_fitting.materials import Law
+from eimi_fitting.observation import Misfit, Observation
+from eimi_fitting.solid import Status
+
+Array = NDArray[np.float64]
+
+# Worse than any simulation can be, and finite: the optimiser would replace a NaN by the generation's median.
+DISCARDED_MM = 1e6
+_TOLERANCE_MM = 1e-2  # of the last Newton step: what is left is below 1e-4, and edges are good to 1e-3
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One specimen in K states: its model, its loads and what was seen of it."""
+
+    model: BeamModel
+    loads: Loads
+    observed: Observation
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """P candidates against every experiment.
+
+    error_mm, deviation_mm: (P, K of all experiments); valid: (P,) converged in all states and stable;
+    max_stretch: (P,); misfits: one an experiment.
+    """
+
+    error_mm: Array
+    deviation_mm: Array
+    unconverged: NDArray[np.bool_]
+    unstable: NDArray[np.bool_]
+    max_stretch: Array
+    misfits: tuple[Misfit, ...]
+
+    @property
+    def objective_mm(self) -> Array:
+        """(P,): mean over the states of the error; DISCARDED_MM where a candidate is not valid."""
+        return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
+
+
+def compare(law: Law, parameters: Array, experiments: Sequence[Experiment]) -> Comparison:
+    """Simulate P candidates (P, n) in every experiment and measure their distance to what was seen."""
+    errors, deviations, misfits = [], [], []
+    unconverged, unstable = np.zeros((2, len(parameters)), bool)
+    stretch = np.ones(len(parameters))
+    for experiment in experiments:
+        shapes = experiment.model.solve(law, parameters, experiment.loads, tolerance_mm=_TOLERANCE_MM)
+        misfit = experiment.observed.misfit(experiment.model, shapes)
+        unconverged |= ((shapes.status == Status.DIVERGED) | (shapes.status == Status.OUT_OF_ITERATIONS)).any(axis=1)
+        unstable |= (shapes.status == Status.UNSTABLE).any(axis=1)
+        stretch = np.maximum(stretch, shapes.max_stretch.max(axis=1))
+        errors.append(misfit.error_mm)
+        deviations.append(misfit.deviation_mm)
+        misfits.append(misfit)
+    return Comparison(
+        np.concatenate(errors, axis=1),
+        np.concatenate(deviations, axis=1),
+        unconverged,
+        unstable & ~unconverged,
+        stretch,
+        tuple(misfits),
+    )
