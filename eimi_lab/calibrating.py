@@ -1,4 +1,7 @@
-"""Making a calibration.toml: from images of a board, of the beam at rest, or from two ends of a ruler."""
+"""Making a calibration.toml: from images of a board, of the beam at rest, or from two ends of a ruler.
+
+The clamp's place and the direction of gravity may come from pictures of their own.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +18,9 @@ from eimi_lab.dataset.images import read_image
 from eimi_lab.errors import InputError
 from eimi_lab.outputs import whole_file
 from eimi_lab.vision.board import Board
-from eimi_lab.vision.known_width import measure_beam
+from eimi_lab.vision.known_width import measure_beam, measure_clamp
 from eimi_lab.vision.lens import FEWEST_VIEWS, View, calibrate_lens, place_in_plane
+from eimi_lab.vision.plumb_line import measure_plumb_line
 
 MOST_TILT_DEG = 5.0
 READING_PX = 1.0  # standard deviation of a point that a person reads off an image
@@ -146,6 +150,32 @@ def from_ruler(
     uncertainty = Uncertainty(pixels_per_mm=math.sqrt(2.0) * READING_PX / length_mm, axis_angle_deg=1.0)
     calibration = setting.calibration(long_px / length_mm, 0.0, uncertainty, _day_of([image]))
     return calibration, [_how_well(calibration, f"{length_mm:g} mm read off by eye")]
+
+
+def with_clamp_of(calibration: Calibration, image: Path, specimen: SpecimenFile) -> Calibration:
+    """The calibration with the clamp's place from an image of the beam. Raises InputError."""
+    try:
+        midpoint = measure_clamp(read_image(image), specimen, calibration)
+    except ValueError as error:
+        raise InputError(f"{image}: {error}") from error
+    return calibration.model_copy(update={"clamp_midpoint_px": midpoint})
+
+
+def with_gravity_of(calibration: Calibration, image: Path, roughly_deg: float) -> tuple[Calibration, list[str]]:
+    """The calibration with gravity along a plumb line in an image, and a line to say how well. Raises InputError."""
+    try:
+        plumb = measure_plumb_line(read_image(image), calibration, roughly_deg)
+    except ValueError as error:
+        raise InputError(f"{image}: {error}") from error
+    changed: dict[str, object] = {"gravity_angle_deg": plumb.gravity_angle_deg}
+    if calibration.uncertainty is not None:
+        told = {"gravity_angle_deg": plumb.gravity_angle_sigma_deg}
+        changed["uncertainty"] = calibration.uncertainty.model_copy(update=told)
+    line = (
+        f"gravity at {plumb.gravity_angle_deg:.3f} ± {plumb.gravity_angle_sigma_deg:.2g} degrees; "
+        f"thread straight to {plumb.residual_px:.3f} px RMS"
+    )
+    return calibration.model_copy(update=changed), [line]
 
 
 def write_calibration(calibration: Calibration, path: Path, force: bool) -> None:

@@ -86,7 +86,7 @@ def demonstrate(
             fits.append(fit_evidence([evidence], model, seed))
             told(f"{model}, mean error {1e3 * fits[-1].mean_error_mm:.2f} µm")
     write_fits(fits_file, fits, force)
-    write_report(report, [dataset], fits, force=force)
+    write_report(report, [dataset], [fits_file], force=force)
     with open_dataset(dataset) as opened:
         truth = opened.truth()
     if truth is None:

@@ -12,33 +12,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.dataset.edges import write_edges
-from eimi_lab.dataset.images import read_image
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.errors import InputError
 from eimi_lab.vision.edge_set import EdgeSet
 from eimi_lab.vision.edges import find_edges
-from eimi_lab.vision.intensity import FieldCorrection, state_mean
+from eimi_lab.vision.intensity import state_mean
 from eimi_lab.vision.overlay import contact_sheet, draw_overlay
 
 
-def segment(
-    path: Path, report: Callable[[str], None], correction: FieldCorrection | None = None
-) -> tuple[EdgeSet, ...]:
+def segment(path: Path, report: Callable[[str], None]) -> tuple[EdgeSet, ...]:
     """Find the edges of every state, store them in the dataset, return them; `report` gets a line a state.
 
-    The frames of a state are averaged, and corrected for dark frame and flat field where those are given. Its flags
-    are those of the run (NOT_SETTLED, …) and those of the image.
-    Raises InputError.
+    The frames of a state are averaged, and corrected by the dark frame and flat field that the dataset keeps. Its
+    flags are those of the run (NOT_SETTLED, …) and those of the image. Raises InputError.
     """
     edge_sets = []
     with open_dataset(path) as dataset:
         if dataset.calibration is None:
             raise InputError(f"{path}: holds tracked points, which need no segmentation")
         age = dataset.calibration.age_days(dataset.start_time())
+        correction = dataset.correction()
         for state in dataset.states:
             image = state_mean(dataset.images(state.index))
             if correction is not None:
-                image = _corrected(path, correction, image)
+                image = correction.apply(image)
             found = find_edges(image, dataset.calibration, dataset.specimen, calibration_age_days=age)
             edge_set = replace(found, flags=state.flags + found.flags)
             edge_sets.append(edge_set)
@@ -46,24 +43,6 @@ def segment(
             report(f"{len(edge_set.left.sigma_mm)} + {len(edge_set.right.sigma_mm)} points, {flags}")
     write_edges(path, edge_sets)
     return tuple(edge_sets)
-
-
-def _corrected(path: Path, correction: FieldCorrection, image: NDArray[np.float32]) -> NDArray[np.float32]:
-    try:
-        return correction.apply(image)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from error
-
-
-def read_correction(dark: Path | None, flat: Path | None) -> FieldCorrection | None:
-    """The correction by a dark frame and a flat field, image files both; None without either. Raises InputError."""
-    if dark is None and flat is None:
-        return None
-    dark_image, flat_image = (None if path is None else read_image(path) for path in (dark, flat))
-    try:
-        return FieldCorrection(dark_image, flat_image)
-    except ValueError as error:
-        raise InputError(f"{flat or dark}: {error}") from error
 
 
 def write_csv(folder: Path, edge_sets: Sequence[EdgeSet]) -> None:

@@ -53,11 +53,29 @@ def parse_parameters(model: str, texts: Sequence[str]) -> tuple[Law, Array]:
 
 
 def simulate(
-    specimen: SpecimenFile, law: Law, parameters: Array, field_mT: Array, gravity_angle_deg: float
+    specimen: SpecimenFile,
+    law: Law,
+    parameters: Array,
+    field_mT: Array,
+    gravity_angle_deg: float,
+    field_angle_deg: float = 90.0,
+    bulk_modulus_kPa: float | None = None,
 ) -> Simulation:
-    """Take a specimen through the fields (K,). Raises InputError naming the first state without an equilibrium."""
+    """Take a specimen through the fields (K,), angles in the beam frame; incompressible without a bulk modulus.
+
+    Raises InputError for a bulk modulus in plane stress, and naming the first state without an equilibrium.
+    """
+    if bulk_modulus_kPa is not None and specimen.specimen.section == "plane-stress":
+        raise InputError(
+            f"--bulk-modulus-kPa {bulk_modulus_kPa:g}: plane stress is incompressible here; "
+            f"specimen {specimen.specimen.name} would have to be plane-strain"
+        )
+    if bulk_modulus_kPa is not None and not 0 < bulk_modulus_kPa < np.inf:
+        raise InputError(f"--bulk-modulus-kPa {bulk_modulus_kPa:g}: should be greater than 0")
     model = BeamModel(specimen.mechanics(), along=26)
-    shapes = model.solve(law, parameters[None], Loads.along(field_mT, gravity_angle_deg=gravity_angle_deg))
+    bulk = None if bulk_modulus_kPa is None else np.array([1e3 * bulk_modulus_kPa])
+    loads = Loads.along(field_mT, field_angle_deg, gravity_angle_deg)
+    shapes = model.solve(law, parameters[None], loads, bulk_modulus_Pa=bulk)
     failed = np.flatnonzero(shapes.status[0] != Status.CONVERGED)
     if len(failed):
         k = int(failed[0])

@@ -33,9 +33,9 @@ from eimi_lab.dataset.recovery import recover
 
 CURRENTS_A = [0.0, 0.1, 0.2, 0.3]
 FRAMES, HEIGHT, WIDTH = 2, 48, 64
-PICTURES, NAMES = 16, 400
+PICTURES, NAMES = 16, 4000  # a recording is played as fast as it is asked for, on a quick machine 100 images a state
 SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGKILL)
-DRIVERS = ("korad", "scpi")
+DRIVERS = ("scpi", "korad")  # the quick one first, for short campaigns
 WATCH_EVERY_S = 0.002
 GIVE_UP_AFTER_S = 60.0
 BEFORE_ANY = "stopped before a file was begun"
@@ -196,9 +196,10 @@ def campaign(runs: int, resumed: float, seed: int, off_within_s: float) -> int:
             heard = Heard(emulate(driver, coil))
             with serve_pty(heard) as address:
                 if index < 0:
-                    lasting_s[driver] = run(folder, address, heard, coil, driver, None).lasted_s
-                    if stored(folder / "run.h5") != CURRENTS_A:
-                        raise RuntimeError("not even a run that nobody kills is complete")
+                    unharmed = run(folder, address, heard, coil, driver, None)
+                    lasting_s[driver] = unharmed.lasted_s
+                    if unharmed.status != 0 or stored(folder / "run.h5") != CURRENTS_A:
+                        raise RuntimeError(f"not even a run that nobody kills is complete: {unharmed.lines[-1:]}")
                     continue
                 number = SIGNALS[int(random.integers(len(SIGNALS)))]
                 after_s = float(random.uniform(0, lasting_s[driver]))

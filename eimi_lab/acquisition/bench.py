@@ -7,6 +7,7 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings
 from eimi_drivers.interfaces import Camera, Clock, PowerSupply
 from eimi_lab.acquisition.guardian import Guardian, Ward, guarding
 from eimi_lab.config.protocol import SupplyLimits
@@ -19,6 +20,7 @@ class Bench:
     """A supply, a camera and their time. truth is what a virtual rig is made of, None on a real bench.
 
     guardian: switches the supply off if the run dies; a virtual one dies with the run.
+    camera_settings: what the camera read back after it was set up.
     """
 
     supply: PowerSupply
@@ -26,6 +28,7 @@ class Bench:
     clock: Clock
     truth: dict[str, Any] | None = None
     guardian: Guardian | None = None
+    camera_settings: CameraSettings = NO_SETTINGS
 
 
 @contextmanager
@@ -56,10 +59,10 @@ def open_bench(rig: Rig, specimen: SpecimenFile, limits: SupplyLimits) -> Iterat
             supply = opened.enter_context(
                 closing(open_supply(ward.driver, ward.address, Limits(ward.current_A, ward.voltage_V), wall))
             )
-            eye = opened.enter_context(closing(open_camera(rig.camera.driver, rig.camera.source)))
+            eye = opened.enter_context(closing(open_camera(rig.camera.driver, rig.camera.source, rig.camera.settings)))
         except InstrumentDisconnected as error:
             raise InstrumentDisconnected(f"{error}; {_attached()}") from error
-        yield Bench(supply, eye, wall, guardian=guardian)
+        yield Bench(supply, eye, wall, guardian=guardian, camera_settings=eye.settings)
 
 
 def _attached() -> str:

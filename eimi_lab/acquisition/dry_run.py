@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from eimi_drivers.clock import SimulatedClock
-from eimi_drivers.emulators.serve import emulate
+from eimi_drivers.emulators.serve import DIALECTS, emulate
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import Clock, Frame, Identity, Limits
 from eimi_drivers.supplies.opening import supply_driver
@@ -21,7 +21,7 @@ from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
 
-STAND_IN = "korad"  # speaks for a virtual supply, which has no wire
+STAND_IN, BIPOLAR_STAND_IN = "korad", "kepco-bop"  # for a supply that has no wire or no emulator
 FRAME_S = 1 / 30
 RESISTANCE_OHM = 0.01  # the coil's is not known; so small a one is never in the way of the voltage limit
 
@@ -29,8 +29,8 @@ RESISTANCE_OHM = 0.01  # the coil's is not known; so small a one is never in the
 class _Wire(InProcessTransport):
     """A transport that tells every message as it is sent."""
 
-    def __init__(self, responder: Responder, clock: Clock, say: Callable[[str], None]) -> None:
-        super().__init__(responder, clock, "dry run")
+    def __init__(self, responder: Responder, clock: Clock, address: str, say: Callable[[str], None]) -> None:
+        super().__init__(responder, clock, address)
         self._say = say
 
     def write(self, message: bytes) -> None:
@@ -70,15 +70,26 @@ class _BeamAtRest:
 def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[[str], None]) -> None:
     """Tell every step of a run and every message to the supply, with the time at which it would come.
 
-    The beam settles at once, so that the duration is the shortest possible; the longest is told beside it.
+    The beam settles at once, so that the duration is the shortest possible; the longest is told beside it. A driver of
+    another package has no emulator here: its messages are not told, and the times are those of a stand-in.
+
+    Raises InputError as the run would, InstrumentError for a channel that the supply does not have.
     """
     clock = SimulatedClock()
     limits = rig.supply.limits.stricter(protocol.limits)
-    language = STAND_IN if rig.virtual else rig.supply.driver
+    driver, address = rig.supply.driver, rig.supply.address
+    told = driver in DIALECTS or rig.virtual is not None
+    stand_in = BIPOLAR_STAND_IN if min(protocol.currents_A) < 0 else STAND_IN
+    language, place = (driver, address) if driver in DIALECTS else (stand_in, "dry run")
     coil = CoilSupply(
         clock, resistance_ohm=RESISTANCE_OHM, max_current_A=limits.current_A, max_voltage_V=limits.voltage_V
     )
-    wire = _Wire(emulate(language, coil), clock, lambda message: say(f"{clock.now():9.2f} s  > {message}"))
+
+    def say_message(message: str) -> None:
+        if told:
+            say(f"{clock.now():9.2f} s  > {message}")
+
+    wire = _Wire(emulate(language, coil, place), clock, place, say_message)
     supply = supply_driver(language)(wire, Limits(limits.current_A, limits.voltage_V), clock)
 
     currents = protocol.currents_A
@@ -90,8 +101,14 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
         say(f"coil: at most {100 * worst.share:.0f} % of the heat that it bears, at the end of state {worst.state}")
     for index, current in enumerate(currents):
         say(f"state {index}: {current:g} A, {current * constant:.4g} mT, {protocol.frames_per_state} frames")
-    stand_in = ", as the virtual supply has no wire" if rig.virtual else ""
-    say(f"messages to the supply, in the language of {language}{stand_in}:")
+    if told:
+        because = ", as the virtual supply has no wire" if rig.virtual else ""
+        say(f"messages to the supply, in the language of {language}{because}:")
+    else:
+        say(
+            f"messages to the supply: not shown, since the driver {driver} comes from another package and has no "
+            f"emulator here; the times are those of {language}"
+        )
     with TemporaryDirectory() as folder:
         bench = Bench(supply, _BeamAtRest(clock), clock)
         stored = iter(range(len(currents)))

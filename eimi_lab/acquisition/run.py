@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from eimi_drivers.interfaces import InstrumentError
+from eimi_drivers.supplies.opening import supply_driver
 from eimi_lab.acquisition.bench import Bench
 from eimi_lab.acquisition.capture import capture
 from eimi_lab.acquisition.coil import Coil
@@ -27,7 +28,10 @@ NOISE_FRAMES = 8
 
 
 def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
-    """Whether protocol, specimen and rig go together; asks no instrument. Raises InputError."""
+    """Whether protocol, specimen and rig go together; asks no instrument.
+
+    Raises InputError, and InstrumentError for a supply driver of another package that cannot be imported.
+    """
     if protocol.material != specimen.specimen.material:
         raise InputError(
             f"protocol {protocol.name}: material = {protocol.material!r}, but the specimen {specimen.specimen.name} "
@@ -39,6 +43,13 @@ def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
         raise InputError(
             f"protocol {protocol.name}: goes to {largest:g} A; "
             f"rig {rig.name} allows supply.limits.current_A = {limit:g}"
+        )
+    lowest = min(protocol.currents_A)
+    if lowest < 0 and (rig.virtual or not supply_driver(rig.supply.driver).bipolar):
+        raise InputError(
+            f"protocol {protocol.name}: current.{protocol.current.key_of(lowest)} goes to {lowest:g} A at state "
+            f"{protocol.currents_A.index(lowest)}, but supply.driver = {rig.supply.driver!r} of rig {rig.name} cannot "
+            "reverse its current; take currents from 0 up, or a bipolar supply such as kepco-bop"
         )
     if rig.coil:
         refuse_overheating(protocol, rig.coil)
@@ -71,7 +82,9 @@ def acquire(
         refuse_existing(path, force)
     supply, camera, clock = bench.supply, WatchedCamera(bench.camera, show), bench.clock
     identities = (supply.identify(), camera.identify())
-    header = Header(specimen, rig.calibration, protocol, rig, identities, bench.truth, note)
+    header = Header(
+        specimen, rig.calibration, protocol, rig, identities, bench.truth, note, camera_settings=bench.camera_settings
+    )
     _begin_with_output_off(bench, protocol, take_over)
     supply.check()
     supply.set_current(0.0)

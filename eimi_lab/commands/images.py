@@ -10,6 +10,13 @@ import typer
 from eimi_lab.commands.options import Force, Output, Specimen
 from eimi_lab.errors import InputError
 
+Dark = Annotated[
+    Path | None, typer.Option(help="image taken without light, to take off every frame; the dataset keeps it")
+]
+Flat = Annotated[
+    Path | None, typer.Option(help="image of the bare back-light, to even out the light; the dataset keeps it")
+]
+
 
 def import_(
     source: Annotated[Path, typer.Argument(help="folder of images, video, or points.csv with tracked points")],
@@ -22,11 +29,14 @@ def import_(
         typer.Option(help="for tracked points: gravity in the beam frame, degrees from +x toward +y; 0 hangs down"),
     ] = None,
     average: Annotated[bool, typer.Option("--average", help="keep the mean of a state's frames, not each")] = False,
+    dark: Dark = None,
+    flat: Flat = None,
     force: Force = False,
 ) -> None:
     """Make a dataset of images, a video or tracked points that a lab already has."""
     from eimi_lab.config.calibration import load_calibration
     from eimi_lab.config.specimen import load_specimen
+    from eimi_lab.dataset.corrections import read_correction_images
     from eimi_lab.dataset.importing import VIDEOS, import_frames, import_points
     from eimi_lab.progress import progress
 
@@ -36,10 +46,12 @@ def import_(
     if source.is_dir() or source.suffix.lower() in VIDEOS:
         if calibration is None or gravity_angle is not None:
             raise InputError(f"{source}: images need --calibration, which holds the direction of gravity as well")
-        count = import_frames(source, states, beam, load_calibration(calibration), output, force, average, progress)
+        seen = load_calibration(calibration)
+        correction = read_correction_images(dark, flat)
+        count = import_frames(source, states, beam, seen, output, force, average, progress, correction)
     else:
-        if gravity_angle is None or calibration is not None:
-            raise InputError(f"{source}: tracked points need --gravity-angle and no --calibration")
+        if gravity_angle is None or calibration is not None or dark is not None or flat is not None:
+            raise InputError(f"{source}: tracked points need --gravity-angle and no --calibration, --dark or --flat")
         count = import_points(source, states, beam, gravity_angle, output, force)
     print(f"{output}: {count} states")
 
@@ -59,7 +71,8 @@ def calibrate(
         Path | None, typer.Option(help="image of the board in the beam's middle plane; else the first")
     ] = None,
     specimen: Annotated[
-        str | None, typer.Option(help="without a board: specimen.toml of the beam that hangs at rest in the image")
+        str | None,
+        typer.Option(help="specimen.toml of the beam at rest in the image, when there is no board; or in --beam"),
     ] = None,
     width_tolerance_mm: Annotated[float, typer.Option(help="by how much its width may be wrong", min=0)] = 0.05,
     ruler_px: Annotated[
@@ -70,8 +83,16 @@ def calibrate(
     clamp_midpoint_px: Annotated[
         tuple[float, float] | None, typer.Option(help="x y of the middle of the clamp line, where the beam comes out")
     ] = None,
+    beam: Annotated[
+        Path | None, typer.Option(help="image of the beam at rest, to measure --clamp-midpoint-px, which is then rough")
+    ] = None,
+    plumb_line: Annotated[
+        Path | None, typer.Option(help="image of a dark thread with a weight, to measure the direction of gravity")
+    ] = None,
     axis_angle: Annotated[float, typer.Option(help="undeformed beam, degrees clockwise from the image's +x")] = 90.0,
-    gravity_angle: Annotated[float | None, typer.Option(help="gravity; else along the beam")] = None,
+    gravity_angle: Annotated[
+        float | None, typer.Option(help="gravity; else along the beam. Beside --plumb-line: roughly, else down")
+    ] = None,
     field_angle: Annotated[float | None, typer.Option(help="positive coil field; else 90 degrees less")] = None,
     telecentric: Annotated[bool, typer.Option("--telecentric", help="the lens is telecentric")] = False,
     force: Force = False,
@@ -84,7 +105,9 @@ def calibrate(
     from eimi_lab.vision.board import print_board as write_board
 
     refuse_existing(output, force)
-    if sum(way is not None for way in (board, specimen, ruler_px)) != 1:
+    if beam is not None and (specimen is None or (board is None and ruler_px is None)):
+        raise InputError("--beam goes with --specimen and one of --board and --ruler-px, which give the scale")
+    if sum(way is not None for way in (board, None if beam else specimen, ruler_px)) != 1:
         raise InputError("calibrate needs one of --board, --specimen and --ruler-px, and not more than one")
     try:
         pattern = Board(board, columns, rows, square_mm) if board else None  # type: ignore[arg-type]
@@ -108,10 +131,17 @@ def calibrate(
         found, told = calibrating.from_board(
             images, mid_plane or images[0], pattern, setting, board_error_percent / 100.0
         )
-    elif specimen:
+    elif specimen and not beam:
         found, told = calibrating.from_beam(images[0], load_specimen(specimen), setting, width_tolerance_mm)
     else:
         found, told = calibrating.from_ruler(images[0], ruler_px or (0.0, 0.0, 0.0, 0.0), ruler_mm, setting)
+    if beam and specimen:
+        found = calibrating.with_clamp_of(found, beam, load_specimen(specimen))
+        told.append(f"clamp at {found.clamp_midpoint_px[0]:.2f}, {found.clamp_midpoint_px[1]:.2f} px")
+    if plumb_line:
+        roughly = 90.0 if gravity_angle is None else gravity_angle  # cameras are seldom upside down
+        found, more = calibrating.with_gravity_of(found, plumb_line, roughly)
+        told += more
     calibrating.write_calibration(found, output, force)
     uncertain = found.uncertainty
     for line in told:
@@ -126,25 +156,35 @@ def segment(
     dataset: Annotated[Path, typer.Argument(help="a dataset of frames")],
     csv: Annotated[Path | None, typer.Option(help="folder for the edges as CSV and quality.json")] = None,
     overlay: Annotated[Path | None, typer.Option(help="folder for pictures of the edges on the frames")] = None,
-    dark: Annotated[Path | None, typer.Option(help="image taken without light, to take off every frame")] = None,
-    flat: Annotated[Path | None, typer.Option(help="image of the bare back-light, to even out the light")] = None,
+    dark: Dark = None,
+    flat: Flat = None,
+    uncorrected: Annotated[
+        bool, typer.Option("--uncorrected", help="forget the dark frame and the flat field that the dataset keeps")
+    ] = False,
     force: Force = False,
 ) -> None:
-    """Find the beam's edges in every state and store them in the dataset."""
+    """Find the beam's edges in every state and store them in the dataset, as a dark frame and a flat field are."""
+    from eimi_lab.dataset.corrections import forget_correction, read_correction_images, store_correction
     from eimi_lab.dataset.reading import open_dataset
     from eimi_lab.outputs import new_folder
     from eimi_lab.progress import progress
-    from eimi_lab.segmentation import read_correction, write_csv, write_overlays
     from eimi_lab.segmentation import segment as find
+    from eimi_lab.segmentation import write_csv, write_overlays
 
     with open_dataset(dataset) as opened:
         total = len(opened.states)
-    correction = read_correction(dark, flat)
+    correction = read_correction_images(dark, flat)
+    if uncorrected and correction:
+        raise InputError("--uncorrected: goes neither with --dark nor with --flat")
     for folder in (csv, overlay):
         if folder:
             new_folder(folder, force)
+    if correction:
+        store_correction(dataset, correction)
+    if uncorrected:
+        forget_correction(dataset)
     with progress("segment", total) as report:
-        edge_sets = find(dataset, report, correction)
+        edge_sets = find(dataset, report)
     if csv:
         write_csv(csv, edge_sets)
     if overlay:

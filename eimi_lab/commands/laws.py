@@ -14,31 +14,79 @@ def fit(
     datasets: Annotated[list[Path], typer.Argument(help="one dataset or several, fitted together")],
     model: Annotated[list[str], typer.Option(help="neo-hookean, mooney-rivlin, yeoh or ogden; may be repeated")],
     output: Output,
-    seed: Annotated[int, typer.Option(help="of the search; stored in the result", min=1)] = 1,
+    seed: Annotated[
+        list[int] | None, typer.Option(help="of the search; stored in the result; may be repeated [1]", min=1)
+    ] = None,
     section: Annotated[
         str | None, typer.Option(help="plane-strain or plane-stress, in place of the specimen's")
     ] = None,
     include_flagged: Annotated[bool, typer.Option("--include-flagged", help="fit flagged states too")] = False,
+    free: Annotated[
+        list[str] | None,
+        typer.Option(help="known to a standard deviation only: moment=0.02, coil=0.01, roll=0.1, clamp=0.05; or bulk"),
+    ] = None,
+    tensile: Annotated[
+        list[Path] | None, typer.Option(help="a tensile curve that the law has to follow as well; may be repeated")
+    ] = None,
+    tensile_window: Annotated[str, typer.Option(help="its largest strain in percent, or full")] = "50",
+    tensile_weight: Annotated[float, typer.Option(help="multiplies what its own noise makes it count")] = 1.0,
+    each: Annotated[bool, typer.Option("--each", help="fit every dataset apart")] = False,
+    bootstrap: Annotated[int, typer.Option(help="repeat each fit on so many replicates of its states", min=0)] = 0,
+    restarts: Annotated[int, typer.Option(help="of the search, each with twice the population", min=0, max=9)] = 0,
+    bipop: Annotated[bool, typer.Option("--bipop", help="between restarts, also runs of a small population")] = False,
+    workers: Annotated[int, typer.Option(help="processes that share the fits", min=1)] = 1,
+    scheduler: Annotated[str | None, typer.Option(help="of a dask cluster, such as tcp://host:8786")] = None,
+    checkpoint: Annotated[
+        Path | None, typer.Option(help="the log of all generations, to go on from if this is killed")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="go on with the checkpoint, if there is one")] = False,
     force: Force = False,
 ) -> None:
     """Identify the parameters of one law or several; datasets without edges are segmented first."""
+    from eimi_lab.identification.workers import executor_for, one_thread_each
+
+    one_thread_each()
+    from eimi_lab.identification.checkpoint import Checkpoint, Head
     from eimi_lab.identification.experiments import load_evidence
-    from eimi_lab.identification.fits import write_fits
-    from eimi_lab.identification.fitting import check_models, check_section, fit_evidence
+    from eimi_lab.identification.fits import package_versions, write_fits
+    from eimi_lab.identification.fitting import check_models, check_section
+    from eimi_lab.identification.further import read_further
+    from eimi_lab.identification.grid import fit_grid, grid
+    from eimi_lab.identification.remarks import comparison_table, remarks
     from eimi_lab.outputs import refuse_existing
     from eimi_lab.progress import progress
 
     models, chosen = check_models(model), check_section(section)
+    further = read_further(free or [], tensile or [], tensile_window, tensile_weight)
+    executor = executor_for(workers, scheduler)
     refuse_existing(output, force)
     evidence = [load_evidence(path, section=chosen, flagged=include_flagged) for path in datasets]
-    fits = []
-    with progress("fit", len(models)) as report:
-        for name in models:
-            fits.append(fit_evidence(evidence, name, seed))
-            report(f"{name}, mean error {1e3 * fits[-1].mean_error_mm:.2f} µm")
+    further.check(evidence)
+    tasks = grid(models, evidence, seed or [1], each=each, bootstrap=bootstrap)
+    options = {"restarts": restarts, "bipop": bipop}
+    log = None
+    if checkpoint or resume:
+        head = Head(
+            fits=tuple(map(str, tasks)),
+            datasets=tuple(e.sha256 for e in evidence),
+            options={**options, **further.head(), "section": section, "include_flagged": include_flagged},
+            versions=package_versions(),
+        )
+        log = Checkpoint.of(checkpoint, head, resume=resume, force=force)
+    with progress("fit", len(tasks)) as report:
+        fits = fit_grid(
+            tasks,
+            {**options, **further.options()},
+            executor=executor,
+            checkpoint=log,
+            share_checkpoint=scheduler is None,
+            report=report,
+        )
     write_fits(output, fits, force)
     for found in fits:
         print(found.summary())
+        print("\n".join(f"  {line}" for line in remarks(found)))
+    print("\n".join(comparison_table(fits)), end="\n" if len(fits) > 1 else "")
 
 
 def validate(
@@ -49,14 +97,17 @@ def validate(
         str | None, typer.Option(help="plane-strain or plane-stress, in place of the specimen's")
     ] = None,
     include_flagged: Annotated[bool, typer.Option("--include-flagged", help="use flagged states too")] = False,
+    by_state: Annotated[bool, typer.Option("--by-state", help="print error and deviation of every state")] = False,
     force: Force = False,
 ) -> None:
-    """Every fit on every dataset: error and deviation by state, and a table with the best fit first."""
+    """Every fit on every dataset: error and deviation by state, best fit first, then fits against specimens."""
     from eimi_lab.identification.experiments import load_evidence
     from eimi_lab.identification.fits import read_any_fits
     from eimi_lab.identification.fitting import check_section
-    from eimi_lab.identification.validation import table, write_validation
     from eimi_lab.identification.validation import validate as simulate
+    from eimi_lab.identification.validation import write_validation
+    from eimi_lab.identification.validation_tables import by_dataset, matrix
+    from eimi_lab.identification.validation_tables import by_state as state_tables
     from eimi_lab.outputs import refuse_existing
     from eimi_lab.progress import progress
 
@@ -70,7 +121,10 @@ def validate(
             validations += [simulate(seen, found, path, index) for path, index, found in fits]
             report(f"{seen.path}, {len(fits)} fits")
     write_validation(output, validations, force)
-    print("\n".join(table(validations)))
+    tables = by_dataset(validations) + (state_tables(validations) if by_state else [])
+    if len(evidence) > 1:
+        tables += matrix(validations)
+    print("\n".join(tables))
 
 
 def tensile(
@@ -140,6 +194,10 @@ def simulate(
     output: Annotated[Path, typer.Option("-o", "--output", help="the folder to fill")],
     coil_constant: Annotated[float, typer.Option(help="mT for each ampere")] = 4.7,
     gravity_angle: Annotated[float, typer.Option(help="in the beam frame, degrees from +x toward +y; 0 hangs")] = 0.0,
+    field_angle: Annotated[float, typer.Option(help="in the beam frame, as gravity's; 90 is across the beam")] = 90.0,
+    bulk_modulus_kPa: Annotated[
+        float | None, typer.Option("--bulk-modulus-kPa", help="of plane strain; incompressible without it")
+    ] = None,
     force: Force = False,
 ) -> None:
     """Simulate a specimen of a known law: shapes, tip curve and stretch as CSV, figure and VTU for ParaView."""
@@ -153,7 +211,7 @@ def simulate(
 
     law, values = parse_parameters(model, parameter)
     beam, field_mT = load_specimen(specimen), coil_constant * np.array(load_protocol(protocol).currents_A)
-    result = run(beam, law, values, field_mT, gravity_angle)
+    result = run(beam, law, values, field_mT, gravity_angle, field_angle, bulk_modulus_kPa)
     new_folder(output, force)
     write_simulation(output, result)
     print(f"{output}: {len(field_mT)} states, tip at {result.model.tip_angle_deg(result.shapes)[0, -1]:.2f} degrees")

@@ -13,16 +13,18 @@ from eimi_lab.commands.options import Force, Output, Specimen
 def report(
     datasets: Annotated[list[Path], typer.Argument(help="the datasets to show")],
     output: Output,
-    fit: Annotated[list[Path] | None, typer.Option(help="fits.json to lay over them; may be repeated")] = None,
+    fit: Annotated[
+        list[Path] | None,
+        typer.Option(help="fits.json, of datasets or tensile tests, to lay over them; may be repeated"),
+    ] = None,
     force: Force = False,
 ) -> None:
-    """Write one self-contained HTML file: frames, simulated edges, errors, parameters, convergence."""
-    from eimi_lab.identification.fits import read_fits
+    """Write one self-contained HTML file: laws, stress-strain curves, errors, frames, simulated edges, convergence."""
     from eimi_lab.outputs import refuse_existing
     from eimi_lab.report.page import write_report
 
     refuse_existing(output, force)
-    write_report(output, datasets, [record for path in fit or [] for record in read_fits(path)], force=force)
+    write_report(output, datasets, fit or [], force=force)
     print(output)
 
 

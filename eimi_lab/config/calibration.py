@@ -31,6 +31,7 @@ class Uncertainty(Table):
     axis_angle_deg: float = Field(ge=0)
     focal_length_px: float | None = Field(default=None, ge=0)
     stand_off_mm: float | None = Field(default=None, ge=0)
+    gravity_angle_deg: float | None = Field(default=None, ge=0)
 
 
 class Calibration(Document):

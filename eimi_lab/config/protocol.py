@@ -47,6 +47,12 @@ class Currents(Table):
         there = self._one_way_exact()
         return there + there[-2::-1] if self.up_and_down else there
 
+    def key_of(self, current_A: float) -> str:
+        """The key that brought a set-point at an end of the range about."""
+        if self.values_A is not None:
+            return "values_A"
+        return "start_A" if current_A == self.start_A else "stop_A"
+
     def _one_way_exact(self) -> tuple[float, ...]:
         if self.values_A is not None:
             return self.values_A

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from eimi_drivers.cameras.opening import CAMERAS
+from eimi_drivers.cameras.settings import CameraSettings
 from eimi_drivers.supplies.opening import SUPPLIES
 from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.config.materials import TrueMaterials, load_materials
@@ -50,15 +51,42 @@ class CoilRating(Table):
 
 
 class Camera(Table):
-    """The side camera; source is the number of a device, or a path, as the driver takes it."""
+    """The side camera; source is the number of a device, or a path, as the driver takes it.
+
+    The settings are `CameraSettings`, by the same names and in the same units; one that is left out stays as the
+    camera has it. With a region, pixels of the calibration count from its upper left corner.
+    """
 
     driver: str
     source: int | str
+    exposure_s: float | None = Field(default=None, gt=0)
+    gain: float | None = None
+    gamma: float | None = Field(default=None, gt=0)
+    region: Annotated[tuple[int, int, int, int], Field(strict=False)] | None = None
+    bit_depth: int | None = Field(default=None, ge=8, le=16)
 
     @field_validator("driver")
     @classmethod
     def _exists(cls, driver: str) -> str:
         return _one_of(driver, [*CAMERAS, VIRTUAL])
+
+    @field_validator("region")
+    @classmethod
+    def _inside(cls, region: tuple[int, int, int, int] | None) -> tuple[int, int, int, int] | None:
+        if region is not None and (min(region[:2]) < 0 or min(region[2:]) < 1):
+            raise ValueError("should be left, top, width and height in pixels")
+        return region
+
+    @model_validator(mode="after")
+    def _virtual_as_it_is(self) -> Camera:
+        if self.driver == VIRTUAL and (names := ", ".join(self.settings.chosen())):
+            raise ValueError(f"has no {names} to set with driver = 'virtual'; [virtual] says what that camera sees")
+        return self
+
+    @property
+    def settings(self) -> CameraSettings:
+        """What to set on the camera before the first frame."""
+        return CameraSettings(self.exposure_s, self.gain, self.gamma, self.region, self.bit_depth)
 
 
 class Virtual(Table):

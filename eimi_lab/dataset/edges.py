@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -12,8 +11,7 @@ import h5py
 import numpy as np
 
 from eimi_lab.dataset.layout import PROGRAM, flags_from_text, flags_to_text, group, now, put_text
-from eimi_lab.errors import InputError
-from eimi_lab.outputs import whole_file
+from eimi_lab.dataset.rewriting import rewritten
 from eimi_lab.vision.edge_set import EdgePoints, EdgeSet
 
 GROUP = "segmentation"
@@ -22,24 +20,17 @@ GROUP = "segmentation"
 def write_edges(path: str | Path, edge_sets: Sequence[EdgeSet]) -> None:
     """Store one edge set a state, in place of earlier ones.
 
-    Works on a copy that then takes the file's place, so that no crash can harm the frames. Raises InputError for a
-    file that is still being written or whose writer crashed, ValueError for a wrong number of edge sets.
+    Raises InputError for a file that is still being written or whose writer crashed, ValueError for a wrong number of
+    edge sets.
     """
     path = Path(path)
-    with whole_file(path, force=True) as copy:
-        shutil.copyfile(path, copy)
-        try:
-            file = h5py.File(copy, "r+", libver="latest")
-        except OSError as error:
-            raise InputError(f"{path}: is still being written, or its writer crashed; `eimi recover` helps") from error
-        with file:
-            entry = file["entry"]
-            states = len(entry["states/index"])
-            if states != len(edge_sets):
-                raise ValueError(f"{path}: {len(edge_sets)} edge sets for {states} states")
-            if GROUP in entry:
-                del entry[GROUP]
-            _write(group(entry, GROUP, "NXprocess"), edge_sets)
+    with rewritten(path) as entry:
+        states = len(entry["states/index"])
+        if states != len(edge_sets):
+            raise ValueError(f"{path}: {len(edge_sets)} edge sets for {states} states")
+        if GROUP in entry:
+            del entry[GROUP]
+        _write(group(entry, GROUP, "NXprocess"), edge_sets)
 
 
 def _write(process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:

@@ -62,6 +62,11 @@ def read_image(path: Path) -> NDArray[Any]:
     return grey(image)
 
 
+def described(image: NDArray[Any]) -> str:
+    """Size and depth of an image (H, W), or of a stack of them, in words."""
+    return f"{image.shape[-1]} x {image.shape[-2]} px of {8 * image.dtype.itemsize} bits"
+
+
 def _png_is_whole(raw: bytes) -> bool:
     """Every chunk up to IEND is there and has its checksum (PNG specification, W3C, section 5.3)."""
     at = len(PNG_SIGNATURE)

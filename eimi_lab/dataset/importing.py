@@ -17,7 +17,8 @@ from eimi_drivers.cameras.image_series import natural_key
 from eimi_drivers.interfaces import Frame
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.dataset.images import find_images, read_image
+from eimi_lab.dataset.corrections import Images, check_like, store_correction
+from eimi_lab.dataset.images import described, find_images, read_image
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.points import NAME_BYTES, Load, TrackedPoints, write_points
 from eimi_lab.dataset.state_checks import state_flags
@@ -49,12 +50,14 @@ def import_frames(
     force: bool = False,
     average: bool = False,
     progress: Progress | None = None,
+    correction: Images | None = None,
 ) -> int:
     """Make a dataset of a folder of images or of a video; returns the number of states. Raises InputError.
 
     Images are taken in natural order, and all have to be listed; of a video the listed frames are taken, counted from
     0. Neighbours under the same load are frames of one state: kept, or averaged into one. What the frames of a state
     say against one another becomes its flags. progress: is shown where there are many frames.
+    correction: dark frame and flat field to keep with them.
     """
     with whole_file(path, force) as temporary:
         rows = read_table(states, ["frame"], LOAD_COLUMNS)
@@ -73,6 +76,9 @@ def import_frames(
         taken = datetime.fromtimestamp(oldest, UTC).isoformat(timespec="seconds")
         header = Header(specimen=specimen, calibration=calibration, taken=taken)
         like = _mean([first]) if average else first
+        # A mean of 8 bits is stored as 16: so are the images that correct it.
+        correcting = {name: _mean([image]) if average else image for name, image in (correction or {}).items()}
+        check_like(correcting, like)
         shown = progress("import", len(by_state)) if progress and len(frames) >= MANY_FRAMES else None
         with (
             shown or nullcontext(_silent) as report,
@@ -83,7 +89,7 @@ def import_frames(
                 taken_here = list(islice(images, len(names)))
                 for image, name in zip(taken_here, names, strict=True):
                     if image.shape != first.shape or image.dtype != first.dtype:
-                        raise InputError(f"{name}: is {_described(image)}; {listed[0].name} is {_described(first)}")
+                        raise InputError(f"{name}: is {described(image)}; {listed[0].name} is {described(first)}")
                 flags = _flags(names, taken_here, last)
                 last = taken_here[-1]
                 kept = [_mean(taken_here)] if average else taken_here
@@ -96,6 +102,8 @@ def import_frames(
                 )
                 number += len(kept)
                 report(f"{len(names)} frames at {load.field_mT:g} mT")
+        if correcting:
+            store_correction(temporary, correcting)
         return len(by_state)
 
 
@@ -125,22 +133,37 @@ def import_points(
 def _match(images: list[Path], rows: list[Row]) -> list[tuple[Path, Row]]:
     """Every image with its row. A row names its image in full, without the ending, or by the number at its end."""
     matched: dict[Path, Row] = {}
+    missing: list[Row] = []
     for row in rows:
-        name = row.text("frame")
-        found = [image for image in images if name in (image.name, image.stem)]
-        if not found and name.isascii() and name.isdigit():
-            found = [image for image in images if _last_number(image.stem) == int(name)]
+        found = _named(row.text("frame"), images)
         if not found:
-            raise row.fault("frame", f"an image in {images[0].parent}; there is none of that name")
+            missing.append(row)
+            continue
         if len(found) > 1:
             raise row.fault("frame", f"one image; {', '.join(image.name for image in found)} all fit")
         if found[0] in matched:
             raise row.fault("frame", f"listed once; row {matched[found[0]].line} is the same image")
         matched[found[0]] = row
-    for image in images:
-        if image not in matched:
-            raise InputError(f"{image}: is not listed in {rows[0].path}")
+    if missing:
+        more = f"; nor of that in rows {_some([str(row.line) for row in missing[1:]])}" if missing[1:] else ""
+        raise missing[0].fault("frame", f"an image in {images[0].parent}; there is none of that name{more}")
+    extra = [image for image in images if image not in matched]
+    if extra:
+        more = f"; nor {_some([image.name for image in extra[1:]])}" if extra[1:] else ""
+        raise InputError(f"{extra[0]}: is not listed in {rows[0].path}{more}")
     return sorted(matched.items(), key=lambda pair: (natural_key(pair[0].name), pair[0].name))
+
+
+def _named(name: str, images: list[Path]) -> list[Path]:
+    found = [image for image in images if name in (image.name, image.stem)]
+    if not found and name.isascii() and name.isdigit():
+        found = [image for image in images if _last_number(image.stem) == int(name)]
+    return found
+
+
+def _some(words: list[str]) -> str:
+    """A list that stays one line, however long it is."""
+    return ", ".join(words[:5]) + (f" and {len(words) - 5} more" if len(words) > 5 else "")
 
 
 def _match_video(video: Path, rows: list[Row]) -> list[tuple[Path, Row]]:
@@ -253,7 +276,3 @@ def _check_in_view(specimen: SpecimenFile, calibration: Calibration, width: int,
             f"{length * calibration.pixels_per_mm:.0f} px and leaves the image of {width} x {height} px from "
             f"clamp_midpoint_px = {list(calibration.clamp_midpoint_px)}; check length, scale, clamp and axis"
         )
-
-
-def _described(image: np.ndarray) -> str:
-    return f"{image.shape[1]} x {image.shape[0]} px of {8 * image.dtype.itemsize} bits"

@@ -4,12 +4,14 @@
   title, start_time, end_time, program_name
   sample                    NXsample
   instrument                NXinstrument: detector (NXdetector), supply (NXcollection of two NXlog)
+  instrument/detector/settings    NXcollection: exposure, gain and what else the camera read back
   specimen, calibration, protocol, rig    NXnote: the TOML texts as they were
   host                      NXnote: time zone and versions of what wrote the file
   user_note                 NXnote: what the user had to say
   data                      NXdata: frames, or tracked points, with their columns
   states                    NXcollection: one row a state; its attributes tell the format and the kind
   sessions                  NXcollection: one row for every time that the run was begun or resumed
+  correction                NXcollection: dark frame and flat field, where somebody gave them
   segmentation              NXprocess: edges, once they were found
   truth                     NXnote: what a virtual rig was made of; for scoring alone
 """
@@ -26,6 +28,7 @@ from typing import Any, Literal
 import h5py
 import numpy as np
 
+from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings
 from eimi_drivers.interfaces import Identity
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.protocol import Protocol
@@ -67,7 +70,7 @@ FRAME_COLUMNS: dict[str, tuple[str, str | None]] = {
 class Header:
     """What a dataset says of itself. A quantity that an imported dataset does not know is None.
 
-    taken: when the first frame was taken, ISO 8601; None where that is now.
+    taken: when the first frame was taken, ISO 8601; None where that is now. camera_settings: as read back.
     """
 
     specimen: SpecimenFile
@@ -78,6 +81,7 @@ class Header:
     truth: dict[str, Any] | None = None
     note: str = ""
     taken: str | None = None
+    camera_settings: CameraSettings = NO_SETTINGS
 
     @property
     def documents(self) -> dict[str, Document | None]:

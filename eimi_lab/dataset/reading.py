@@ -18,13 +18,16 @@ from numpy.typing import NDArray
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.reading import parse
 from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.dataset.corrections import correction_by, stored_correction
 from eimi_lab.dataset.edges import read_edges
+from eimi_lab.dataset.labelled import labelled
 from eimi_lab.dataset.layout import FORMAT, FORMAT_ATTRIBUTE, KIND_ATTRIBUTE, Kind, flags_from_text, get_text
 from eimi_lab.dataset.points import TrackedPoints, read_points
 from eimi_lab.dataset.probing import why_unreadable
 from eimi_lab.errors import InputError
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edge_set import EdgeSet, Flag
+from eimi_lab.vision.intensity import FieldCorrection
 
 
 @dataclass(frozen=True)
@@ -145,11 +148,19 @@ class Dataset:
         """What segmentation stored, one element a state; None before segmentation."""
         return read_edges(self._entry) if "segmentation" in self._entry else None
 
+    def correction(self) -> FieldCorrection | None:
+        """What dark frame and flat field take out of the frames; None where the dataset keeps neither."""
+        return correction_by(stored_correction(self._entry))
+
     def points(self) -> tuple[TrackedPoints, ...]:
         """The tracked points, one element a state. Raises ValueError for a dataset of frames."""
         if self.kind != "points":
             raise ValueError(f"{self.path} holds frames, not tracked points")
         return read_points(self._entry, len(self.states))
+
+    def to_xarray(self) -> Any:
+        """Edges or tracked points as xarray.Dataset. Raises ImportError, InputError for frames without edges."""
+        return labelled(self)
 
     def truth(self) -> dict[str, Any] | None:
         """What a virtual rig was made of, for scoring alone: nothing that fits may ask for it."""

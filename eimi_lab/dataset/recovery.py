@@ -8,6 +8,7 @@ import h5py
 
 from eimi_lab.dataset.layout import FRAME_COLUMNS, STATE_COLUMNS
 from eimi_lab.dataset.reading import Dataset, open_dataset, open_file
+from eimi_lab.errors import InputError
 from eimi_lab.outputs import whole_file
 
 
@@ -24,11 +25,18 @@ def recover(crashed: str | Path, path: str | Path, force: bool = False) -> int:
             source.copy("entry", copy)
             if dataset.kind == "frames":
                 _drop_unacknowledged(copy["entry"], len(dataset.states))
-        with open_dataset(temporary) as recovered:
-            if recovered.kind == "frames":
-                for state in recovered.states:
-                    recovered.images(state.index)
-            return len(recovered.states)
+        try:
+            return _read_back(temporary)
+        except InputError as error:  # the copy is bit for bit the crashed file's, its damage too
+            raise InputError(str(error).replace(str(temporary), str(crashed))) from error
+
+
+def _read_back(path: Path) -> int:
+    with open_dataset(path) as recovered:
+        if recovered.kind == "frames":
+            for state in recovered.states:
+                recovered.images(state.index)
+        return len(recovered.states)
 
 
 def _drop_unacknowledged(entry: h5py.Group, states: int) -> None:

@@ -211,6 +211,10 @@ def _empty_file(header: Header, image: NDArray[Any]) -> bytes:
         )
         frames.attrs["units"] = "counts"
         put_text(detector, "description", "side camera")
+        if settings := header.camera_settings.chosen():
+            read_back = group(detector, "settings", "NXcollection")
+            for name, value in settings.items():
+                read_back[name] = value
 
         data = group(entry, "data", "NXdata")
         data.attrs["signal"] = "frames"

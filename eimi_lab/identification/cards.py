@@ -47,7 +47,7 @@ def bulk_modulus_Pa(fit: AnyFit, bulk_modulus_kPa: float | None, bulk_ratio: flo
     if (bulk_modulus_kPa is None) == (bulk_ratio is None):
         raise InputError(
             "give --bulk-modulus-kPa, or --bulk-ratio (bulk over initial shear modulus, such as 2000), and not both: "
-            "no fit identifies it"
+            "a card takes no bulk modulus from a fit"
         )
     name, stated = (
         ("--bulk-ratio", bulk_ratio) if bulk_modulus_kPa is None else ("--bulk-modulus-kPa", bulk_modulus_kPa)
@@ -82,6 +82,7 @@ def _origin(path: Path, fit: AnyFit) -> list[str]:
     else:
         lines.append(f"fitted to bending up to a largest principal stretch of {fit.max_stretch:.4g}")
         lines += [f"from {d.path} (sha256 {d.sha256}), {d.section}" for d in fit.datasets]
+        lines += [f"and from the tensile test {c.path} (sha256 {c.sha256})" for c in fit.tensile]
     limit = fit.stability.stable_up_to_stretch
     checked = fit.stability.checked_up_to_stretch
     lines.append(

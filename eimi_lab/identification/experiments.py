@@ -17,7 +17,6 @@ from eimi_fitting.observation import EdgeObservation, Observation, Perspective, 
 from eimi_fitting.specimen import Section
 from eimi_lab.dataset.reading import Dataset, State, open_dataset
 from eimi_lab.errors import InputError
-from eimi_lab.segmentation import segment
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edge_set import EdgeSet
 
@@ -55,6 +54,8 @@ def load_evidence(
     with open_dataset(path) as dataset:
         needs_edges = dataset.kind == "frames" and dataset.edges() is None
     if needs_edges:
+        from eimi_lab.segmentation import segment  # a slow import that a fit of stored edges does without
+
         segment(path, report)
     with open_dataset(path) as dataset:
         specimen = dataset.specimen.mechanics()
@@ -77,10 +78,8 @@ def load_evidence(
     model = BeamModel(specimen).refined()
     if isinstance(observed, PointObservation):
         rest = observed.rest_mm[np.isfinite(observed.sigma_mm)]
-        if specimen.magnet:  # what lies beyond the flexible part is carried by the magnet
-            rest = rest[rest[:, 0] <= specimen.flexible_length_mm]
         try:
-            model.place(rest)
+            model.place(rest[~model.grid.on_magnet(rest)])
         except ValueError as error:
             raise InputError(f"{path}: {error}") from error
     with path.open("rb") as file:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import platform
 from collections.abc import Sequence
@@ -10,27 +11,35 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Discriminator, Tag, ValidationError, model_validator
+from pydantic import Discriminator, Tag, ValidationError, model_validator
 
 from eimi_fitting.identification import Fit
 from eimi_fitting.materials import LAWS
+from eimi_fitting.model_choice import Candidate, choose
+from eimi_fitting.search import Generation
 from eimi_lab.errors import InputError
 from eimi_lab.identification.experiments import Evidence
+from eimi_lab.identification.fit_tables import fit_html, parameters_frame
+from eimi_lab.identification.records import (
+    ChoiceRecord,
+    CurveRecord,
+    DatasetReference,
+    Discarded,
+    DoubtRecord,
+    FreedRecord,
+    Identifiability,
+    MeshRecord,
+    PolishRecord,
+    Quantity,
+    Record,
+    bulk_modulus,
+    curves,
+    freed,
+    identifiability,
+    mesh,
+)
+from eimi_lab.identification.workers import PACKAGES
 from eimi_lab.outputs import whole_file
-
-
-class Record(BaseModel):
-    """A part of a result file: not changed after it is made, no unknown keys."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Quantity(Record):
-    """A value with its unit and its 95 % interval."""
-
-    value: float
-    unit: str
-    interval_95: tuple[float, float]
 
 
 class StateError(Record):
@@ -44,25 +53,6 @@ class StateError(Record):
     deviation_mm: float
 
 
-class DatasetReference(Record):
-    """Which file was fitted, by its content, and which of its states were left out for their flags."""
-
-    path: str
-    sha256: str
-    section: str
-    states_left_out: tuple[int, ...]
-
-
-class Identifiability(Record):
-    """What the data fix: one sentence, the coordinates that only the bounds hold, and those that ended on a bound."""
-
-    statement: str
-    not_fixed: tuple[str, ...]
-    at_bound: tuple[str, ...]
-    residual_mm: float
-    correlation_points: float
-
-
 class Stability(Record):
     """Drucker's criterion: met over the stretches reached, and up to which stretch (null: no limit met)."""
 
@@ -71,28 +61,54 @@ class Stability(Record):
     checked_up_to_stretch: float
 
 
-class Discarded(Record):
-    """Candidates that counted as worst: no convergence, or not stable over the stretches reached."""
-
-    unconverged: int
-    unstable: int
-
-
-class PolishRecord(Record):
-    """Gauss-Newton after the search, on the finer mesh: the mean error where it began and where it ended."""
-
-    mean_error_before_mm: float
-    mean_error_after_mm: float
-    steps: int
-
-
 class GenerationRecord(Record):
-    """One generation of the search."""
+    """One generation of the search: the best of all so far, the mean of its own valid candidates."""
 
+    run: int
     best_mm: float
-    median_mm: float
+    mean_mm: float
     step_size: float
+    axis_ratio: float
     discarded: int
+
+    @staticmethod
+    def of(generation: Generation) -> GenerationRecord:
+        """As the search has it."""
+        return GenerationRecord(**dataclasses.asdict(generation))
+
+
+class RunRecord(Record):
+    """One run of CMA-ES, and why it stopped."""
+
+    population: int
+    step_size: float
+    generations: int
+    best_mm: float
+    stop: str
+
+
+class ReplicateRecord(Record):
+    """A law fitted to one bootstrap replicate of the data; parameters in the units of the fit."""
+
+    replicate: int
+    parameters: dict[str, float]
+    initial_shear_modulus_Pa: float
+    mean_error_mm: float
+    evaluations: int
+    stop: str
+    wall_s: float
+
+
+class BootstrapRecord(Record):
+    """The fit repeated on replicates of the data: states drawn again, with replacement.
+
+    interval_95: percentiles of the initial shear modulus (Efron and Tibshirani 1993, An Introduction to the Bootstrap,
+    section 13.3), null where there are too few replicates to have any.
+    """
+
+    drawn: Literal["states"] = "states"
+    initial_shear_modulus_interval_95_Pa: tuple[float, float] | None
+    replicates: tuple[ReplicateRecord, ...]
 
 
 class LawRecord(Record):
@@ -124,9 +140,24 @@ class LawRecord(Record):
         low, high = modulus.interval_95
         return f"{modulus.value:.0f} Pa [{low:.0f}, {high:.0f}]"
 
+    def notes(self) -> list[str]:
+        """What the fit is worth, in sentences."""
+        return []
+
+    def to_pandas(self) -> Any:
+        """pandas.DataFrame of parameters and initial shear modulus with intervals. Raises ImportError."""
+        return parameters_frame(self)
+
+    def _repr_html_(self) -> str:
+        return fit_html(self, self.notes())
+
 
 class FitRecord(LawRecord):
-    """A law identified from datasets of a bending beam."""
+    """A law identified from datasets of a bending beam.
+
+    mean_error_mm is that of the parameters given; fitted_error_mm of those where the fit on its own mesh ended, before
+    what a finer mesh changes was taken out; held_out_error_mm of states left out of the fit.
+    """
 
     kind: Literal["bending"] = "bending"
     mean_error_mm: float
@@ -139,9 +170,18 @@ class FitRecord(LawRecord):
     stop: str
     wall_s: float
     identifiability: Identifiability
+    bulk_modulus: Quantity | None
+    freed: tuple[FreedRecord, ...]
+    tensile: tuple[CurveRecord, ...]
+    mesh: MeshRecord
+    fitted_error_mm: float
+    held_out_error_mm: float
+    doubts: tuple[DoubtRecord, ...]
     datasets: tuple[DatasetReference, ...]
     seed: int
+    runs: tuple[RunRecord, ...]
     history: tuple[GenerationRecord, ...]
+    bootstrap: BootstrapRecord | None = None
 
     def summary(self) -> str:
         """One line: law, initial shear modulus with its interval, mean error."""
@@ -149,6 +189,11 @@ class FitRecord(LawRecord):
             f"{self.model}: initial shear modulus {self.modulus_in_words()}, "
             f"mean error {1e3 * self.mean_error_mm:.2f} µm"
         )
+
+    def notes(self) -> list[str]:
+        """Error and deviation, and what the data fix."""
+        error, deviation = 1e3 * self.mean_error_mm, 1e3 * self.mean_deviation_mm
+        return [f"Mean error {error:.3g} µm, mean deviation {deviation:.3g} µm.", self.identifiability.statement]
 
 
 class TensileSource(Record):
@@ -163,7 +208,8 @@ class TensileRecord(LawRecord):
     """A law fitted to a window of a tensile test.
 
     window_percent: largest engineering strain asked for (null: the whole curve); max_stretch: largest one there was;
-    not_fixed: parameters whose interval holds zero or is the range of the search.
+    correlation: of the parameters' errors, a row each; not_fixed: parameters whose interval holds zero or is the range
+    of the search.
     """
 
     kind: Literal["tensile"] = "tensile"
@@ -173,6 +219,7 @@ class TensileRecord(LawRecord):
     rows: int
     rows_left_out: int
     correlation_rows: float
+    correlation: tuple[tuple[float, ...], ...]
     not_fixed: tuple[str, ...]
     source: TensileSource
 
@@ -191,6 +238,12 @@ class TensileRecord(LawRecord):
             f"RMSE {1e-3 * self.rmse_Pa:.3g} kPa over {self.rows} rows{stable}"
         )
 
+    def notes(self) -> list[str]:
+        """Window and misfit, and what the curve does not fix."""
+        loose = f"The curve does not fix {', '.join(self.not_fixed)}." if self.not_fixed else ""
+        misfit = f"Window {self.window()}: RMSE {1e-3 * self.rmse_Pa:.3g} kPa over {self.rows} rows."
+        return [misfit, loose] if loose else [misfit]
+
 
 def _kind(fit: Any) -> str:
     return str(fit.get("kind", "bending")) if isinstance(fit, dict) else getattr(fit, "kind", "bending")
@@ -202,15 +255,84 @@ AnyFit = Annotated[
 
 
 class FitsFile(Record):
-    """A whole fits.json."""
+    """A whole fits.json; comparison: of its laws, where all were fitted to the same data."""
 
     fits: tuple[AnyFit, ...]
+    comparison: tuple[ChoiceRecord, ...] = ()
+
+
+def comparison(fits: Sequence[FitRecord | TensileRecord]) -> tuple[ChoiceRecord, ...]:
+    """The laws compared; nothing where there is one alone, one twice, or where they have not the same data."""
+    bending = [fit for fit in fits if isinstance(fit, FitRecord)]
+    data = {
+        (
+            tuple((d.sha256, d.section, d.states_left_out) for d in fit.datasets),
+            tuple((c.sha256, c.window_percent, c.weight) for c in fit.tensile),
+            fit.identifiability.points,
+        )
+        for fit in bending
+    }
+    once = len({fit.model for fit in bending}) == len(fits)
+    if len(bending) < 2 or not once or len(data) > 1:
+        return ()
+    chosen = choose(
+        [
+            Candidate(
+                fit.model,
+                len(fit.identifiability.names),
+                (
+                    (fit.identifiability.independent_points, fit.fitted_error_mm),
+                    *((c.weight * c.rows / c.correlation_rows, c.rmse_Pa) for c in fit.tensile),
+                ),
+            )
+            for fit in bending
+        ]
+    )
+    return tuple(
+        ChoiceRecord(
+            model=choice.model,
+            unknowns=choice.unknowns,
+            independent_points=choice.independent_points,
+            aicc=choice.aicc if np.isfinite(choice.aicc) else None,
+            bic=choice.bic,
+            weight=choice.weight,
+            held_out_error_mm=fit.held_out_error_mm,
+        )
+        for choice, fit in zip(chosen, bending, strict=True)
+    )
 
 
 def package_versions() -> dict[str, str]:
     """Python and the packages that a number depends on."""
-    packages = {package: version(package) for package in ("eimi-lab", "numpy", "scipy", "cma")}
+    packages = {package: version(package) for package in PACKAGES}
     return {"python": platform.python_version(), **packages}
+
+
+FEWEST_FOR_INTERVAL = 40  # replicates: one beyond each end of a 95 % interval
+
+
+def replicate_record(fit: Fit, replicate: int) -> ReplicateRecord:
+    """What is written down of a fit to one replicate of the data."""
+    return ReplicateRecord(
+        replicate=replicate,
+        parameters=dict(zip(fit.law.parameter_names, fit.parameters.tolist(), strict=True)),
+        initial_shear_modulus_Pa=fit.initial_shear_modulus_Pa,
+        mean_error_mm=float(np.mean(fit.error_mm)),
+        evaluations=fit.evaluations,
+        stop=fit.stop,
+        wall_s=fit.wall_s,
+    )
+
+
+def bootstrap_record(replicates: Sequence[ReplicateRecord]) -> BootstrapRecord:
+    """All replicates of one fit, and what they say together."""
+    moduli = [replicate.initial_shear_modulus_Pa for replicate in replicates]
+    enough = len(moduli) >= FEWEST_FOR_INTERVAL
+    low, high = np.quantile(moduli, [0.025, 0.975]) if enough else (0.0, 0.0)
+    return BootstrapRecord(
+        initial_shear_modulus_interval_95_Pa=(float(low), float(high)) if enough else None,
+        replicates=tuple(replicates),
+    )
 
 
 def record(fit: Fit, evidence: Sequence[Evidence]) -> FitRecord:
@@ -254,12 +376,16 @@ def record(fit: Fit, evidence: Sequence[Evidence]) -> FitRecord:
         ),
         stop=fit.stop,
         wall_s=fit.wall_s,
-        identifiability=Identifiability(
-            statement=worth.statement,
-            not_fixed=worth.not_fixed,
-            at_bound=fit.at_bound,
-            residual_mm=worth.noise_mm,
-            correlation_points=worth.correlation_points,
+        identifiability=identifiability(fit),
+        bulk_modulus=bulk_modulus(fit),
+        freed=freed(fit),
+        tensile=curves(fit),
+        mesh=mesh(fit),
+        fitted_error_mm=worth.fitted_error_mm,
+        held_out_error_mm=worth.held_out_error_mm,
+        doubts=tuple(
+            DoubtRecord(dataset=d, state=None if k is None else evidence[d].states[k].index, words=words)
+            for d, k, words in fit.doubts
         ),
         stability=Stability(
             criterion="Drucker",
@@ -277,17 +403,17 @@ def record(fit: Fit, evidence: Sequence[Evidence]) -> FitRecord:
         ),
         seed=fit.seed,
         versions=package_versions(),
-        history=tuple(
-            GenerationRecord(best_mm=g.best_mm, median_mm=g.median_mm, step_size=g.step_size, discarded=g.discarded)
-            for g in fit.history
-        ),
+        runs=tuple(RunRecord(**dataclasses.asdict(run)) for run in fit.runs),
+        history=tuple(GenerationRecord.of(generation) for generation in fit.history),
     )
 
 
 def write_fits(path: Path, fits: Sequence[FitRecord | TensileRecord], force: bool = False) -> None:
     """Write fits.json. Raises InputError when the file exists and ``force`` is not given."""
     with whole_file(path, force) as temporary:
-        temporary.write_text(FitsFile(fits=tuple(fits)).model_dump_json(indent=1) + "\n", encoding="utf-8")
+        temporary.write_text(
+            FitsFile(fits=tuple(fits), comparison=comparison(fits)).model_dump_json(indent=1) + "\n", encoding="utf-8"
+        )
 
 
 def read_fits(path: str | Path) -> tuple[FitRecord, ...]:

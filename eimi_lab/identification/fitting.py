@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import get_args
+from collections.abc import Sequence
+from typing import Any, get_args
 
+from eimi_fitting.credibility import NotExplained
 from eimi_fitting.identification import NothingConverged, identify
 from eimi_fitting.materials import LAWS
 from eimi_fitting.specimen import Section
+from eimi_fitting.tensile import CannotFit
 from eimi_lab.errors import InputError
 from eimi_lab.identification.experiments import Evidence
 from eimi_lab.identification.fits import FitRecord, record
@@ -31,22 +33,24 @@ def check_section(section: str | None) -> Section | None:
     raise InputError(f"--section {section}: should be one of {', '.join(get_args(Section))}")
 
 
-Report = Callable[[str, int, float, float], None]
+REFUSALS = (NothingConverged, NotExplained, CannotFit)  # by `identify`, for what the evidence is
 
 
-def fit_evidence(evidence: Sequence[Evidence], model: str, seed: int = 1, report: Report | None = None) -> FitRecord:
-    """Identify one law from all the evidence together.
+def refused(error: Exception, evidence: Sequence[Evidence]) -> InputError:
+    """What a person is told of one of the REFUSALS."""
+    if isinstance(error, NotExplained):
+        own = evidence[error.experiment]
+        return InputError(f"{own.path}: state {own.states[error.state].index}: {error}")
+    return InputError(f"{', '.join(str(e.path) for e in evidence)}: {error}")
 
-    ``report(model, generation, best_mm, step_size)`` is called once a generation. Raises InputError when nothing
-    could be simulated.
+
+def fit_evidence(evidence: Sequence[Evidence], model: str, seed: int = 1, **options: Any) -> FitRecord:
+    """Identify one law from all the evidence together; options are those of `identify`.
+
+    Raises InputError when nothing could be simulated or explained.
     """
-
-    def progress(generation: int, best_mm: float, step_size: float) -> None:
-        if report:
-            report(model, generation, best_mm, step_size)
-
     try:
-        fit = identify(model, [e.experiment for e in evidence], seed=seed, progress=progress)
-    except NothingConverged as error:
-        raise InputError(f"{', '.join(str(e.path) for e in evidence)}: {error}") from error
+        fit = identify(model, [e.experiment for e in evidence], seed=seed, **options)
+    except REFUSALS as error:
+        raise refused(error, evidence) from error
     return record(fit, evidence)

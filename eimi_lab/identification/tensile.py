@@ -89,13 +89,16 @@ def _database_rows(path: Path, text: str) -> tuple[list[Row], str | None]:
                 raise InputError(f"{path}: row {line}: has {len(cells)} cells; the header has {len(columns)} columns")
             rows.append(Row(path, line, dict(zip(columns, cells, strict=True))))
     if columns is None:
-        raise InputError(f"{path}: has no header with the columns {_DATABASE_STRAIN} and {_DATABASE_STRESS}")
+        raise InputError(
+            f"{path}: has no header with the columns {_DATABASE_STRAIN} and {_DATABASE_STRESS}; a file of two columns "
+            "has commas between them and a first row such as strain,stress_MPa"
+        )
     if not rows:
         raise InputError(f"{path}: has a header but no rows")
     return rows, material
 
 
-def check_windows(windows: list[str]) -> list[float | None]:
+def check_windows(windows: list[str], option: str = "--window") -> list[float | None]:
     """Percentages, None for the whole curve, each once. Raises InputError."""
     checked: list[float | None] = []
     for window in windows:
@@ -104,7 +107,7 @@ def check_windows(windows: list[str]) -> list[float | None]:
         except ValueError:
             percent = -1.0
         if percent is not None and not 0 < percent < np.inf:
-            raise InputError(f"--window {window}: should be a strain in percent above 0, or full")
+            raise InputError(f"{option} {window}: should be a strain in percent above 0, or full")
         if percent not in checked:
             checked.append(percent)
     return checked
@@ -141,6 +144,7 @@ def fit_window(test: TensileTest, model: str, window_percent: float | None, rela
         rows=fit.rows,
         rows_left_out=fit.rows_left_out,
         correlation_rows=fit.correlation_rows,
+        correlation=tuple(tuple(map(float, row)) for row in fit.correlation),
         not_fixed=fit.not_fixed,
         source=TensileSource(path=str(test.path), sha256=test.sha256, material=test.material),
     )

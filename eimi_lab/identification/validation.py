@@ -2,24 +2,36 @@
 
 A law that finds no equilibrium in one of the states is a result, not an accident: its errors are then null and its
 status says so. A law that is not Drucker-stable over the stretches it reaches is simulated all the same, and flagged.
+
+On a dataset that it has seen, a fit keeps the nuisances that it freed (magnetic moment, roll and so on); on any other
+they are as stated.
+
+The interval of the mean error is its range while the initial shear modulus goes through its 95 % interval with the
+law's other ratios held: all moduli are scaled together, exponents stay.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from eimi_fitting.experiment import compare
+from eimi_fitting.experiment import Comparison, compare
 from eimi_fitting.materials import LAWS
 from eimi_lab.errors import InputError
+from eimi_lab.identification.assumed import assumed
 from eimi_lab.identification.experiments import Evidence
 from eimi_lab.identification.fits import FitRecord, Quantity, Record, StateError, TensileRecord
 from eimi_lab.outputs import whole_file
+from eimi_lab.tables import data_frame, html_table
+
+Array = NDArray[np.float64]
 
 _SAME_STRETCH = 1e-3  # two simulations of one beam may differ by this much
+_MODULI = 5  # across the interval of the initial shear modulus
 
 
 class FitReference(Record):
@@ -30,12 +42,19 @@ class FitReference(Record):
     kind: Literal["bending", "tensile"]
     window_percent: float | None
 
+    def kind_in_words(self) -> str:
+        """`bending`, `tensile 50 %` or `tensile full`."""
+        if self.kind == "bending":
+            return self.kind
+        return "tensile full" if self.window_percent is None else f"tensile {self.window_percent:g} %"
+
 
 class Validation(Record):
     """One fit on one dataset.
 
     seen: the fit was made from this dataset; stable: Drucker-stable over the stretches reached here (null where no
-    equilibrium was found); within_fitted_stretch: the fit's data reached the largest stretch of this dataset.
+    equilibrium was found); within_fitted_stretch: the fit's data reached the largest stretch of this dataset;
+    mean_error_interval_mm: see above, its upper end null where a modulus of the interval finds no equilibrium.
     """
 
     dataset: str
@@ -47,11 +66,28 @@ class Validation(Record):
     seen: bool
     status: Literal["ok", "no equilibrium"]
     mean_error_mm: float | None
+    mean_error_interval_mm: tuple[float, float | None] | None
     mean_deviation_mm: float | None
     max_stretch: float | None
     stable: bool | None
     within_fitted_stretch: bool | None
     by_state: tuple[StateError, ...]
+
+    def to_pandas(self) -> Any:
+        """pandas.DataFrame with a row a state. Raises ImportError."""
+        return data_frame([state.model_dump(exclude={"dataset"}) for state in self.by_state], "state")
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (str(s.state), f"{s.field_mT:.3f}", f"{1e3 * s.error_mm:.3g}", f"{1e3 * s.deviation_mm:.3g}")
+            for s in self.by_state
+        ]
+        mean = "" if self.mean_error_mm is None else f", mean error {1e3 * self.mean_error_mm:.3g} µm"
+        seen = "seen" if self.seen else "not seen"
+        caption = (
+            f"{self.model}, {self.fit.kind_in_words()}, on {self.dataset} ({seen} by the fit): {self.status}{mean}"
+        )
+        return html_table(caption, ("state", "field, mT", "error, µm", "deviation, µm"), rows)
 
 
 class ValidationFile(Record):
@@ -72,7 +108,15 @@ def validate(evidence: Evidence, fit: FitRecord | TensileRecord, path: Path, ind
         raise InputError(
             f"{path}: fits.{index} took {evidence.path} as {seen.section}, not {section}; give --section {seen.section}"
         )
-    compared = compare(LAWS[fit.model], np.array([fit.values()]), [evidence.experiment])
+    candidates = _across_interval(fit)
+    beside = assumed(fit, evidence, len(candidates))
+    compared = compare(
+        LAWS[fit.model],
+        candidates,
+        [evidence.experiment],
+        bulk_modulus_Pa=beside.bulk_modulus_Pa,
+        settings=[beside.setting] if beside.setting else None,
+    )
     ok = not compared.unconverged[0]
     errors = zip(evidence.states, compared.error_mm[0], compared.deviation_mm[0], strict=True)
     return Validation(
@@ -90,6 +134,7 @@ def validate(evidence: Evidence, fit: FitRecord | TensileRecord, path: Path, ind
         seen=seen is not None,
         status="ok" if ok else "no equilibrium",
         mean_error_mm=float(compared.error_mm[0].mean()) if ok else None,
+        mean_error_interval_mm=_error_interval(compared) if ok else None,
         mean_deviation_mm=float(compared.deviation_mm[0].mean()) if ok else None,
         max_stretch=float(compared.max_stretch[0]) if ok else None,
         stable=not compared.unstable[0] if ok else None,
@@ -108,47 +153,22 @@ def validate(evidence: Evidence, fit: FitRecord | TensileRecord, path: Path, ind
     )
 
 
+def _across_interval(fit: FitRecord | TensileRecord) -> Array:
+    """(1 + 5, n): the fit's parameters, and those of moduli across the interval of its initial shear modulus."""
+    modulus = fit.initial_shear_modulus
+    factors = np.append(1.0, np.linspace(*modulus.interval_95, _MODULI) / modulus.value)
+    scaled = np.array([unit == "Pa" for unit in LAWS[fit.model].units])
+    return np.where(scaled, factors[:, None], 1.0) * np.array(fit.values())
+
+
+def _error_interval(compared: Comparison) -> tuple[float, float | None]:
+    """The range of the mean error over the candidates; no upper end where one of them has no equilibrium."""
+    found = compared.error_mm[~compared.unconverged].mean(axis=1)
+    return float(found.min()), None if compared.unconverged.any() else float(found.max())
+
+
 def write_validation(path: Path, validations: Sequence[Validation], force: bool = False) -> None:
     """Write validation.json. Raises InputError when the file exists and ``force`` is not given."""
     with whole_file(path, force) as temporary:
         text = ValidationFile(validations=tuple(validations)).model_dump_json(indent=1)
         temporary.write_text(text + "\n", encoding="utf-8")
-
-
-_HEAD = ("fit", "", "law", "shear modulus, kPa [95 %]", "error, µm", "± µm", "stretch", "notes")
-
-
-def table(validations: Sequence[Validation]) -> list[str]:
-    """Lines to print: for each dataset every fit, the smallest mean error first, those without a result last."""
-    rows = [(v, _cells(v)) for v in validations]
-    widths = [max(len(cells[i]) for cells in (_HEAD, *(c for _, c in rows))) for i in range(len(_HEAD))]
-    lines = []
-    for dataset in dict.fromkeys(v.dataset for v in validations):
-        own = [(v, cells) for v, cells in rows if v.dataset == dataset]
-        own.sort(key=lambda row: np.inf if row[0].mean_error_mm is None else row[0].mean_error_mm)
-        lines.append(f"{dataset} ({own[0][0].section}, {max(len(v.by_state) for v, _ in own)} states)")
-        for cells in (_HEAD, *(c for _, c in own)):
-            aligned = [
-                c.rjust(w) if 4 <= i <= 6 else c.ljust(w) for i, (c, w) in enumerate(zip(cells, widths, strict=True))
-            ]
-            lines.append(f"  {'  '.join(aligned)}".rstrip())
-    return lines
-
-
-def _cells(v: Validation) -> tuple[str, ...]:
-    kind: str = v.fit.kind
-    if kind == "tensile":
-        kind += " full" if v.fit.window_percent is None else f" {v.fit.window_percent:g} %"
-    modulus = v.initial_shear_modulus
-    low, high = modulus.interval_95
-    moduli = f"{1e-3 * modulus.value:.2f} [{1e-3 * low:.2f}, {1e-3 * high:.2f}]"
-    start = (f"{v.fit.path}:{v.fit.index}", kind, v.model, moduli)
-    if v.mean_error_mm is None or v.mean_deviation_mm is None or v.max_stretch is None:
-        return (*start, "-", "-", "-", v.status)
-    notes = ["seen" if v.seen else "unseen"]
-    if not v.stable:
-        notes.append("not stable over these stretches")
-    if not v.within_fitted_stretch:
-        notes.append("stretched beyond its data")
-    figures = f"{1e3 * v.mean_error_mm:.2f}", f"{1e3 * v.mean_deviation_mm:.2f}", f"{v.max_stretch:.3f}"
-    return (*start, *figures, ", ".join(notes))

@@ -14,24 +14,25 @@ from eimi_fitting.observation import EdgeObservation, PointObservation
 from eimi_lab.dataset.reading import Dataset
 from eimi_lab.identification.experiments import Evidence
 from eimi_lab.identification.fits import FitRecord
+from eimi_lab.report.shown import ShownFit
 from eimi_lab.report.simulation import Simulated
 from eimi_lab.vision.beam_frame import BeamFrame
 
 Array = NDArray[np.float64]
 
-# Okabe and Ito's palette, told apart by readers with any colour vision (jfly.uni-koeln.de/color, 2008).
-COLOURS = {"neo-hookean": "#0072B2", "mooney-rivlin": "#E69F00", "yeoh": "#009E73", "ogden": "#CC79A7"}
 _MOST_FRAMES = 6
 _MARGIN_PX = 40
 
 
-def _png(figure: Figure) -> bytes:
+def png(figure: Figure) -> bytes:
+    """A figure as the bytes of a PNG file."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110)
     return buffer.getvalue()
 
 
-def _tidy(axes: Axes, x: str, y: str) -> None:
+def tidy(axes: Axes, x: str, y: str) -> None:
+    """Names on the axes, a faint grid, no frame."""
     axes.set_xlabel(x)
     axes.set_ylabel(y)
     axes.grid(alpha=0.25)
@@ -69,7 +70,7 @@ def frames_with_edges(dataset: Dataset, evidence: Evidence, simulated: Simulated
         state = evidence.states[k]
         error = f", error {1e3 * simulated.error_mm[k]:.1f} µm" if simulated else ""
         axes.set_title(f"{state.field_mT:.2f} mT{error}", fontsize=9)
-    return _png(figure)
+    return png(figure)
 
 
 def points_with_shape(evidence: Evidence, simulated: Simulated) -> bytes:
@@ -97,24 +98,8 @@ def points_with_shape(evidence: Evidence, simulated: Simulated) -> bytes:
         )
     axes.set_aspect("equal")
     axes.legend(frameon=False, fontsize=8)
-    _tidy(axes, "x along the beam, mm", "y across, mm")
-    return _png(figure)
-
-
-def error_by_state(evidence: Evidence, all_simulated: Sequence[Simulated]) -> bytes:
-    """Error of each law against the field, or against the number of the state where the field does not change."""
-    fields = np.array([state.field_mT for state in evidence.states])
-    by_field = np.ptp(fields) > 0
-    x = fields if by_field else np.array([state.index for state in evidence.states])
-    figure = Figure(figsize=(6, 3.4), layout="constrained")
-    axes = figure.add_subplot()
-    for simulated in all_simulated:
-        model = simulated.fit.model
-        axes.plot(x, 1e3 * simulated.error_mm, "o-", color=COLOURS[model], markersize=4, label=model)
-    axes.set_ylim(bottom=0)
-    axes.legend(frameon=False, fontsize=8)
-    _tidy(axes, "field, mT" if by_field else "state", "error, µm")
-    return _png(figure)
+    tidy(axes, "x along the beam, mm", "y across, mm")
+    return png(figure)
 
 
 def residuals_along_edge(simulated: Simulated) -> bytes:
@@ -126,17 +111,18 @@ def residuals_along_edge(simulated: Simulated) -> bytes:
         for k, row in enumerate(simulated.residuals_mm[:, side]):
             axes.plot(1e3 * row, color="#0072B2", alpha=0.2 + 0.7 * k / max(states - 1, 1), linewidth=0.8)
         axes.set_title(name, fontsize=9)
-        _tidy(axes, "edge point, clamp to tip", "measured − simulated, µm")
-    return _png(figure)
+        tidy(axes, "edge point, clamp to tip", "measured − simulated, µm")
+    return png(figure)
 
 
-def convergence(fits: Sequence[FitRecord]) -> bytes:
+def convergence(every: Sequence[ShownFit]) -> bytes:
     """Best error of each generation of each search."""
     figure = Figure(figsize=(6, 3.4), layout="constrained")
     axes = figure.add_subplot()
-    for fit in fits:
-        best = [1e3 * generation.best_mm for generation in fit.history]
-        axes.semilogy(range(1, len(best) + 1), best, color=COLOURS[fit.model], label=fit.model)
+    for shown in every:
+        if isinstance(shown.fit, FitRecord):
+            best = [1e3 * generation.best_mm for generation in shown.fit.history]
+            axes.semilogy(range(1, len(best) + 1), best, label=shown.label)
     axes.legend(frameon=False, fontsize=8)
-    _tidy(axes, "generation", "best mean error, µm")
-    return _png(figure)
+    tidy(axes, "generation", "best mean error, µm")
+    return png(figure)

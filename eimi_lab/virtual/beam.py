@@ -51,6 +51,7 @@ class VirtualBeam:
         spec = self._model.specimen
         if spec.magnet is None:
             return np.concatenate([left, right[::-1]]), None
-        near, far, half = spec.flexible_length_mm, spec.length_mm, 0.5 * spec.magnet.width_mm
+        near, half = spec.flexible_length_mm, 0.5 * spec.magnet.width_mm
+        far = near + spec.magnet.length_mm
         corners = np.array([[near, -half], [far, -half], [far, half], [near, half]])
         return np.concatenate([left, right[::-1]]), self._model.carried(shape, corners)[0, 0]

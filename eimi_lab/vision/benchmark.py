@@ -68,6 +68,13 @@ SWEEP = {
     "clipped back-light": replace(NOMINAL, background=1.2),
     "gamma 2.2": replace(NOMINAL, gamma=2.2),
 }
+# Silicone beside a magnet that is narrower than the beam, and its width in pixels.
+BESIDE = {
+    "1 px beside the magnet": (NOMINAL, 1.0),
+    "3 px beside the magnet": (NOMINAL, 3.0),
+    "3 px, silicone 30 %": (replace(NOMINAL, silicone_transmission=0.3), 3.0),
+    "3 px, blur 3 px": (replace(NOMINAL, blur_px=3.0), 3.0),
+}
 ANGLES_DEG = (-110.0, -75.0, -40.0, -10.0, 0.0, 3.0, 20.0, 55.0, 90.0, 110.0)
 FEW_ANGLES_DEG = (-75.0, 0.0, 3.0, 40.0)
 POINTS_PER_MM = 50.0
@@ -146,13 +153,22 @@ def errors_px(edges: EdgeSet, beam: BentBeam, calibration: Calibration) -> tuple
     return left * calibration.pixels_per_mm, right * calibration.pixels_per_mm
 
 
-def measure(optics: Optics, angles_deg: tuple[float, ...], frames: int, seed: int) -> list[dict[str, Any]]:
+def with_silicone_beside(magnet_px: float) -> SpecimenFile:
+    """The benchmark's specimen with a magnet narrower than the beam by so many pixels on each side."""
+    assert SPECIMEN.magnet is not None
+    width_mm = SPECIMEN.specimen.width_mm - 2.0 * magnet_px / CALIBRATION.pixels_per_mm
+    return SpecimenFile(specimen=SPECIMEN.specimen, magnet=SPECIMEN.magnet.model_copy(update={"width_mm": width_mm}))
+
+
+def measure(
+    optics: Optics, angles_deg: tuple[float, ...], frames: int, seed: int, specimen: SpecimenFile = SPECIMEN
+) -> list[dict[str, Any]]:
     """Bias, RMS and time for each angle, over several frames of it."""
     rng = np.random.default_rng(seed)
     rows = []
     for angle in angles_deg:
-        beam = bend(SPECIMEN, angle)
-        scene = make_bent_scene(optics, CALIBRATION, SPECIMEN, beam)
+        beam = bend(specimen, angle)
+        scene = make_bent_scene(optics, CALIBRATION, specimen, beam)
         left: list[Array] = []
         right: list[Array] = []
         pulls: list[Array] = []
@@ -161,7 +177,7 @@ def measure(optics: Optics, angles_deg: tuple[float, ...], frames: int, seed: in
         for _ in range(frames):
             image = expose(scene, rng)
             begin = time.process_time()
-            edges = find_edges(image, CALIBRATION, SPECIMEN)
+            edges = find_edges(image, CALIBRATION, specimen)
             seconds.append(time.process_time() - begin)
             errors = errors_px(edges, beam, CALIBRATION)
             left.append(errors[0])
@@ -188,11 +204,18 @@ def measure(optics: Optics, angles_deg: tuple[float, ...], frames: int, seed: in
 
 
 def overall(rows: list[dict[str, Any]]) -> dict[str, float]:
-    """Bias and RMS of each side, largest error, pull and time over the rows of `measure`."""
+    """Bias and RMS of each side, largest error, pull (also the least and largest of a row) and time over the rows
+    of `measure`.
+    """
     summary = {name: float(np.mean([row[name] for row in rows])) for name in ("left_bias", "right_bias", "ms")}
     for name in ("left_rms", "right_rms", "pull"):
         summary[name] = float(np.sqrt(np.mean([row[name] ** 2 for row in rows])))
-    return summary | {"worst": max(float(row["worst"]) for row in rows)}
+    pulls = [float(row["pull"]) for row in rows]
+    return summary | {
+        "worst": max(float(row["worst"]) for row in rows),
+        "least_pull": min(pulls),
+        "largest_pull": max(pulls),
+    }
 
 
 def measure_other(
@@ -228,14 +251,17 @@ def measure_other(
 def main() -> None:
     cv2.setNumThreads(1)
     print("error along the normal, outward positive, px; pull: RMS of error over stated standard deviation")
-    print("\n| condition | bias left | right | RMS left | right | largest | pull | ms |")
-    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
-    for name, optics in (CONDITIONS | SWEEP).items():
-        row = overall(measure(optics, ANGLES_DEG if name in CONDITIONS else FEW_ANGLES_DEG, frames=2, seed=1))
-        print(f"| {name} | {_four(row)} | {row['worst']:.3f} | {row['pull']:.2f} | {row['ms']:.0f} |", flush=True)
+    print("\n| condition | bias left | right | RMS left | right | largest | pull | of one angle | ms |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    cases = {name: (optics, SPECIMEN) for name, optics in (CONDITIONS | SWEEP).items()}
+    cases |= {name: (optics, with_silicone_beside(wide)) for name, (optics, wide) in BESIDE.items()}
+    for name, (optics, specimen) in cases.items():
+        row = overall(measure(optics, ANGLES_DEG, frames=4, seed=1, specimen=specimen))
+        pulls = f"{row['pull']:.2f} | {row['least_pull']:.2f} to {row['largest_pull']:.2f}"
+        print(f"| {name} | {_four(row)} | {row['worst']:.3f} | {pulls} | {row['ms']:.0f} |", flush=True)
     print("\n| nominal, tip angle | bias left | right | RMS left | right | largest | pull | ms |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
-    for row in measure(NOMINAL, ANGLES_DEG, frames=2, seed=1):
+    for row in measure(NOMINAL, ANGLES_DEG, frames=4, seed=1):
         print(f"| {row['angle']:.0f}° | {_four(row)} | {row['worst']:.3f} | {row['pull']:.2f} | {row['ms']:.0f} |")
     print("\n| method | condition | bias left | right | RMS left | right | ms |")
     print("| --- | --- | --- | --- | --- | --- | --- |")

@@ -45,19 +45,29 @@ def twist_deg(widths: Array, width: float, depth: float) -> float:
     excess = (float(np.median(tip)) - reference) * width / reference
     if excess <= 0.0:
         return 0.0
+    # The two stretches' middles are at 1/16 and 7/8 of the beam, over whose whole length a steady twist is asked for.
+    return _turn_deg(width + excess, width, depth) / (7.0 / 8.0 - 1.0 / 16.0)
+
+
+def even_turn_deg(widths: Array, width: float, depth: float) -> float:
+    """By how much the whole beam would have to be turned about its axis to look as wide as it does; 0 if narrower."""
+    seen = float(np.median(widths))
+    return _turn_deg(seen, width, depth) if seen > width else 0.0
+
+
+def _turn_deg(seen: float, width: float, depth: float) -> float:
     # w cos(phi) + d sin(phi) = R sin(phi + beta), tan(beta) = w / d
     beta, radius = math.atan2(width, depth), math.hypot(width, depth)
-    turned = math.asin(min(1.0, (width + excess) / radius)) - beta
-    # The two stretches' middles are at 1/16 and 7/8 of the beam, over whose whole length a steady twist is asked for.
-    return math.degrees(turned) / (7.0 / 8.0 - 1.0 / 16.0)
+    return math.degrees(math.asin(min(1.0, seen / radius)) - beta)
 
 
-def stiffening_by_twist(tip_twist_deg: float, width: float, depth: float) -> float:
+def stiffening_by_twist(root_deg: float, tip_deg: float, width: float, depth: float) -> float:
     """By which share a twisted box resists bending in the image's plane more than a straight one.
 
     The bending moment splits over the section's two axes: the curvature in the plane is M/E (cos²/I1 + sin²/I2) with
-    I1/I2 = (width/depth)², averaged over a twist that grows evenly along the beam. A fit that knows of no twist finds
-    the modulus too high by this share (too low for a beam that is less deep than wide).
+    I1/I2 = (width/depth)², averaged over a turn that grows evenly from the root to the tip. A fit that knows of no
+    twist finds the modulus too high by this share (too low for a beam that is less deep than wide).
     """
-    mean_square = math.radians(tip_twist_deg) ** 2 / 3.0
+    root, tip = math.radians(root_deg), math.radians(tip_deg)
+    mean_square = (root * root + root * tip + tip * tip) / 3.0
     return 1.0 / (1.0 - mean_square * (1.0 - (width / depth) ** 2)) - 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -12,10 +13,10 @@ from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.clamp import ClampLine, find_clamp_line
-from eimi_lab.vision.dimensions import length_deviation, local_widths, twist_deg, width_deviation
+from eimi_lab.vision.dimensions import even_turn_deg, length_deviation, local_widths, twist_deg, width_deviation
 from eimi_lab.vision.edge_set import EdgePoints, EdgeSet
 from eimi_lab.vision.intensity import full_scale, grey
-from eimi_lab.vision.passes import Located, Side, first_pass, scatter_scale, second_pass
+from eimi_lab.vision.passes import Beside, Located, Side, first_pass, scatter_scale, second_pass
 from eimi_lab.vision.profiles import AVERAGED_PX, sample
 from eimi_lab.vision.quality import SATURATION_LEVEL, Findings, Limits, judge
 from eimi_lab.vision.response import estimate_gamma
@@ -24,6 +25,10 @@ from eimi_lab.vision.silhouette import find_silhouette, measure_back_light
 Array = NDArray[np.float64]
 
 _SMALLEST_FRAME_PX = 16
+_ABSURD_WIDTH = 0.5  # departure from the specimen's; such a body is not the beam, or not the beam alone
+# By which a cast magnet may be off the beam's middle; one in little silicone may be anywhere within it, and has the
+# standard deviation of an even distribution.
+_MAGNET_PLACE_MM = 0.2
 
 
 def find_edges(
@@ -93,22 +98,29 @@ def find_edges(
 
     spacing_px = max(spacing_mm * calibration.pixels_per_mm, AVERAGED_PX)
     width_px = specimen.width_mm * calibration.pixels_per_mm
-    magnet_mm = specimen_file.magnet.width_mm if specimen_file.magnet else specimen.width_mm
-    cover_px = 0.5 * (specimen.width_mm - magnet_mm) * calibration.pixels_per_mm
-    first = first_pass(pixels, silhouette, frame.hand, spacing_px, width_px, cover_px)
+    magnet = specimen_file.magnet
+    silicone_mm = 0.5 * (specimen.width_mm - magnet.width_mm) if magnet else 0.0
+    from_tip_mm = magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0
+    beside = Beside(
+        silicone_mm * calibration.pixels_per_mm,
+        min(_MAGNET_PLACE_MM, silicone_mm / math.sqrt(3.0)) * calibration.pixels_per_mm,
+        from_tip_mm * calibration.pixels_per_mm,
+    )
+    first = first_pass(pixels, silhouette, frame.hand, spacing_px, width_px, beside)
     if first is None:
         return no_edges(replace(findings, residual=1.0))
     left, tip, right = first.sides
     corners_px = _corners(clamp, left, tip, right, width_px)
-    second = second_pass(
-        pixels, (left, right), corners_px, frame.hand, first.steps.blur_px, spacing_px, width_px, cover_px
-    )
+    second = second_pass(pixels, first, corners_px, frame.hand, spacing_px, width_px, beside)
     if second is None:
         return no_edges(replace(findings, residual=1.0))
     left, right = second.sides
     steps = second.steps
     found_left, found_right = left.points_px[left.sound], right.points_px[right.sound]
     widths = local_widths(found_left, found_right)
+    deviation = width_deviation(widths, width_px)
+    if deviation > _ABSURD_WIDTH:
+        return no_edges(replace(findings, width_deviation=deviation))
     clipped = second.plateau(-1.0) < (1.0 - SATURATION_LEVEL) * largest if lit_beam else None
     if clipped is None:
         clipped = second.plateau(1.0) > SATURATION_LEVEL * largest
@@ -118,10 +130,11 @@ def find_edges(
         saturated_share=float(clipped.mean()),
         blur_px=steps.blur_px,
         residual=float(np.percentile(second.residual, 95)),
-        width_deviation=width_deviation(widths, width_px),
+        width_deviation=deviation,
         length_deviation=length_deviation(
             found_left, found_right, corners_px, specimen.length_mm * calibration.pixels_per_mm
         ),
+        even_turn_deg=even_turn_deg(widths, width_px, specimen.depth_mm * calibration.pixels_per_mm),
         twist_deg=twist_deg(widths, width_px, specimen.depth_mm * calibration.pixels_per_mm),
         clamp_offset_mm=float(np.linalg.norm(frame.to_mm(corners_px[:2]).mean(axis=0))),
     )
@@ -160,7 +173,8 @@ def _gamma(located: Located, inverted_from: float | None) -> float | None:
 
 def _edge_points(side: Side, scatter: float, frame: BeamFrame, pixels_per_mm: float) -> EdgePoints:
     points_mm = frame.to_mm(side.points_px[side.sound])
-    return EdgePoints(points_mm, scatter * side.sigma_px[side.sound] / pixels_per_mm)
+    sigma_px = scatter * np.hypot(side.sigma_px, side.common_px)[side.sound]
+    return EdgePoints(points_mm, sigma_px / pixels_per_mm)
 
 
 def _corners(clamp: ClampLine, left: Side, tip: Side, right: Side, width_px: float) -> Array:

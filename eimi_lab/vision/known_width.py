@@ -14,6 +14,7 @@ from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.dimensions import local_widths
+from eimi_lab.vision.edge_set import EdgeSet
 from eimi_lab.vision.edges import find_edges
 from eimi_lab.vision.intensity import full_scale, grey
 from eimi_lab.vision.quality import Limits
@@ -46,21 +47,16 @@ def measure_beam(image: NDArray[Any], specimen: SpecimenFile, guess: Calibration
     scale = _rough_width_px(pixels, guess) / specimen.specimen.width_mm
     calibration = guess.model_copy(update={"pixels_per_mm": scale})
     for _ in range(_ROUNDS):
-        edges = find_edges(pixels, calibration, specimen, limits=_LENIENT)
-        wrong = [flag for flag in edges.flags if flag.name in _FATAL]
-        if wrong or not len(edges.left.points_mm):
-            told = (wrong or list(edges.flags))[0]
-            raise ValueError(f"the beam cannot be measured: {told.name}; {told.remedy}")
+        edges = _edges_of(pixels, specimen, calibration)
         left, right = edges.left.points_mm, edges.right.points_mm
         widths = local_widths(left, right)
         frame = BeamFrame(calibration)
-        clamp = frame.to_px(frame.to_mm(edges.corners_px[:2]).mean(axis=0))[0]
         tilt, tilt_sigma = _tilt(left, right)
         stretch = float(np.median(widths)) / specimen.specimen.width_mm
         calibration = calibration.model_copy(
             update={
                 "pixels_per_mm": calibration.pixels_per_mm * stretch,
-                "clamp_midpoint_px": (float(clamp[0]), float(clamp[1])),
+                "clamp_midpoint_px": _clamp_midpoint(edges, frame),
                 "axis_angle_deg": calibration.axis_angle_deg + frame.hand * math.degrees(tilt),
             }
         )
@@ -72,6 +68,32 @@ def measure_beam(image: NDArray[Any], specimen: SpecimenFile, guess: Calibration
         calibration.axis_angle_deg,
         math.degrees(tilt_sigma),
     )
+
+
+def measure_clamp(image: NDArray[Any], specimen: SpecimenFile, calibration: Calibration) -> tuple[float, float]:
+    """The middle of the clamp line, px, from one image of the beam. Raises ValueError where it shows none, or badly.
+
+    calibration: its scale and axis hold; clamp_midpoint_px need be right to a third of a beam's width only.
+    """
+    for _ in range(_ROUNDS):
+        midpoint = _clamp_midpoint(_edges_of(grey(image), specimen, calibration), BeamFrame(calibration))
+        calibration = calibration.model_copy(update={"clamp_midpoint_px": midpoint})
+    return calibration.clamp_midpoint_px
+
+
+def _edges_of(pixels: NDArray[Any], specimen: SpecimenFile, calibration: Calibration) -> EdgeSet:
+    """Edges that will do as a ruler. Raises ValueError where there are none."""
+    edges = find_edges(pixels, calibration, specimen, limits=_LENIENT)
+    wrong = [flag for flag in edges.flags if flag.name in _FATAL]
+    if wrong or not len(edges.left.points_mm):
+        told = (wrong or list(edges.flags))[0]
+        raise ValueError(f"the beam cannot be measured: {told.name}; {told.remedy}")
+    return edges
+
+
+def _clamp_midpoint(edges: EdgeSet, frame: BeamFrame) -> tuple[float, float]:
+    x, y = frame.to_px(frame.to_mm(edges.corners_px[:2]).mean(axis=0))[0]
+    return float(x), float(y)
 
 
 def _tilt(left: Array, right: Array) -> tuple[float, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.vision.beam_frame import BeamFrame
-from eimi_lab.vision.edge_set import EdgeSet
+from eimi_lab.vision.edge_set import EdgeSet, Flag
 from eimi_lab.vision.intensity import full_scale, grey
 
 LEFT_COLOUR, RIGHT_COLOUR, CORNER_COLOUR = (255, 128, 0), (0, 128, 255), (0, 200, 0)  # blue, green, red
@@ -22,14 +23,17 @@ _NORMAL_EVERY = 10  # points
 _NORMAL_PX = 8.0  # to both sides
 _SHEET_PX = (320, 280)  # width and height of a picture on the sheet, its caption included
 _CAPTION_PX = 20
+_LETTERS = 0.9 / 1280  # size of a flag's letters for each pixel of the picture's width
+_REMEDY_SIZE = 0.75  # of the flag's own letters
+_REMEDY_WIDTH = 0.4  # of the picture
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 def draw_overlay(image: ArrayLike, edges: EdgeSet, calibration: Calibration) -> NDArray[np.uint8]:
-    """(height, width, 3) uint8 picture: left edge blue, right edge orange, corners green, a red line for each flag.
+    """(height, width, 3) uint8 picture: left edge blue, right edge orange, corners green, flags in red.
 
-    Every tenth point of an edge shows the normal along which it was sought. image: as for `find_edges`. Raises
-    ValueError for an array that is no image.
+    Every tenth point of an edge shows the normal along which it was sought; each flag its value, its limit and what to
+    do about it. image: as for `find_edges`. Raises ValueError for an array that is no image.
     """
     pixels = grey(image)
     shown = np.rint(pixels * (255.0 / full_scale(pixels))).astype(np.uint8)
@@ -43,17 +47,34 @@ def draw_overlay(image: ArrayLike, edges: EdgeSet, calibration: Calibration) -> 
     radius = 4 << _SUB_PIXEL_BITS
     for corner in _fixed_point(edges.corners_px[np.isfinite(edges.corners_px).all(axis=1)]):
         cv2.circle(picture, tuple(map(int, corner)), radius, CORNER_COLOUR, 1, cv2.LINE_AA, _SUB_PIXEL_BITS)
-    for row, flag in enumerate(edges.flags):
-        text, base = f"{flag.name} {flag.value:.3g} (limit {flag.limit:.3g})", 24 * (row + 1)
-        (wide, high), below = cv2.getTextSize(text, _FONT, 0.6, 1)
-        cv2.rectangle(picture, (8, base - high), (12 + wide, base + below), (255, 255, 255), cv2.FILLED)
-        cv2.putText(picture, text, (10, base), _FONT, 0.6, FLAG_COLOUR, 1, cv2.LINE_AA)
+    _write_flags(picture, edges.flags)
     return np.asarray(picture, dtype=np.uint8)
 
 
-def contact_sheet(pictures: Sequence[NDArray[np.uint8]], captions: Sequence[str]) -> NDArray[np.uint8]:
-    """One picture of many (height, width, 3), each made small with its caption above, in rows, about square in all."""
-    wide, high = _SHEET_PX
+def _write_flags(picture: NDArray[Any], flags: Sequence[Flag]) -> None:
+    """Name, value and limit of each flag in the upper left corner, and its remedy below in smaller letters."""
+    size = max(0.4, _LETTERS * picture.shape[1])
+    letters = int(_REMEDY_WIDTH * picture.shape[1] / cv2.getTextSize("n", _FONT, _REMEDY_SIZE * size, 1)[0][0])
+    base = 0
+    for flag in flags:
+        headline = f"{flag.name} {flag.value:.3g} (limit {flag.limit:.3g})"
+        remedy = textwrap.wrap(flag.remedy, max(20, letters))
+        for text, scale in [(headline, size), *((line, _REMEDY_SIZE * size) for line in remedy)]:
+            (wide, high), below = cv2.getTextSize(text, _FONT, scale, 1)
+            base += high + below + 2
+            cv2.rectangle(picture, (8, base - high - 1), (12 + wide, base + below), (255, 255, 255), cv2.FILLED)
+            cv2.putText(picture, text, (10, base), _FONT, scale, FLAG_COLOUR, 1, cv2.LINE_AA)
+        base += below
+
+
+def contact_sheet(
+    pictures: Sequence[NDArray[np.uint8]], captions: Sequence[str], size_px: tuple[int, int] = _SHEET_PX
+) -> NDArray[np.uint8]:
+    """One picture of many (height, width, 3), each made small with its caption above, in rows, about square in all.
+
+    size_px: width and height that each gets, its caption included.
+    """
+    wide, high = size_px
     columns = max(1, math.ceil(math.sqrt(len(pictures))))
     rows = max(1, math.ceil(len(pictures) / columns))
     sheet = np.full((rows * high, columns * wide, 3), 255, dtype=np.uint8)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.vision.curve import SmoothCurve
-from eimi_lab.vision.profiles import AVERAGED_PX, Steps, fit_steps, normals_of, read_profiles, stations
+from eimi_lab.vision.profiles import AVERAGED_PX, Cover, Steps, fit_steps, normals_of, read_profiles, stations
 from eimi_lab.vision.silhouette import Silhouette
 
 Array = NDArray[np.float64]
@@ -25,7 +25,21 @@ _COARSE_MARGIN_PX = 8.0  # left out at the ends of an edge meanwhile
 _REACH_IN_BLURS = 4.0  # half length of a profile; also how far clamp and corners reach along an edge
 _CLEAN_RESIDUAL = 0.03  # of the step; what is left over of a profile below this is never called dirt
 _PIECE_IN_WIDTHS = 0.7  # length of a spline interval
+_THIRD_DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])
+_NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over the median of its absolute values
 _LINES_PX = np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Silicone beside a magnet near the tip: its width on each side, and how far from the tip the magnet begins, px.
+
+    tolerance_px: standard deviation of that width; a magnet is seldom cast right amid the beam.
+    """
+
+    width_px: float
+    tolerance_px: float
+    begins_px: float
 
 
 @dataclass(frozen=True)
@@ -33,13 +47,15 @@ class Side:
     """A stretch of the outline and the n points of it that were looked for, from the clamp to the tip.
 
     points_px: (n, 2). offset_px: (n,) distance from ``curve``. sigma_px: (n,) standard deviation of the
-    offset, up to a factor common to the frame (`scatter_scale`). sound: (n,) where a step was found.
+    offset, up to a factor common to the frame (`scatter_scale`). common_px: (n,) the part of the deviation that
+    neighbours share, beside it and up to the same factor. sound: (n,) where a step was found.
     """
 
     curve: SmoothCurve
     points_px: Array
     offset_px: Array
     sigma_px: Array
+    common_px: Array
     sound: NDArray[np.bool_]
 
 
@@ -73,20 +89,19 @@ def first_pass(
     hand: float,
     spacing_px: float,
     width_px: float,
-    cover_px: float,
+    beside: Beside,
 ) -> Located | None:
     """Left edge, tip and right edge from a silhouette with corners; None where an edge is too short.
 
-    cover_px: silicone beside the magnet, which is a second, fainter step that profiles must not reach. Where
-    it is too thin for a profile to end between the two, the edge beside the magnet comes out inward by up to
-    0.1 px (0.3 in a poor image).
+    The silicone beside the magnet gives a second, fainter step, which profiles do not reach here if it is wide. Where
+    it is thin, the edge comes out inward by some tenths of a pixel, which the second pass mends.
     """
     if silhouette.corners is None:
         return None
     first, second = silhouette.corners
     outline = silhouette.outline_px
     half = min(_COARSE_HALF_PX, 0.4 * width_px)
-    inner = _inner(half, cover_px, _FIRST_BLUR_PX)
+    inner = _inner(half, beside.width_px, _FIRST_BLUR_PX)
     curves, places = [], []
     # The right edge is turned round, so that both run from the clamp to the tip.
     for points in (outline[: first + 1], outline[first : second + 1], outline[second:][::-1]):
@@ -102,48 +117,67 @@ def first_pass(
 
 def second_pass(
     image: NDArray[Any],
-    sides: tuple[Side, Side],
+    first: Located,
     corners_px: Array,
     hand: float,
-    blur_px: float,
     spacing_px: float,
     width_px: float,
-    cover_px: float,
+    beside: Beside,
 ) -> Located | None:
     """Left and right edge again, from corner to corner less what the blur of the corners reaches.
 
-    corners_px: (4, 2) clamp-left, clamp-right, tip-left, tip-right. cover_px: as in `first_pass`. None where
-    an edge is too short.
+    first: of `first_pass`. corners_px: (4, 2) clamp-left, clamp-right, tip-left, tip-right. None where an edge is too
+    short. The width of the silicone beside the magnet is found along with the edges, one on each side.
     """
+    sides = (first.sides[0], first.sides[-1])
     if not np.isfinite(corners_px).all() or min(side.sound.sum() for side in sides) < _FEWEST_POINTS:
         return None
+    blur_px = first.steps.blur_px
     reach = _REACH_IN_BLURS * blur_px
     margin = reach + 0.5 * AVERAGED_PX
     half = min(reach + 1.0, 0.4 * width_px)
-    inner = _inner(half, cover_px, blur_px)
-    curves, places = [], []
-    for side, start, end in zip(sides, corners_px[:2], corners_px[2:], strict=True):
+    covered = 0.0 < beside.width_px < half + 2.0 * blur_px  # a wider one no profile sees
+    curves, places, group = [], [], []
+    for number, (side, start, end) in enumerate(zip(sides, corners_px[:2], corners_px[2:], strict=True)):
         curve = _smooth(side.points_px[side.sound], width_px)
         dense = np.arange(-width_px, curve.length + width_px, 0.5)
         points = curve.at(dense)[0]
         begin, finish = (float(dense[np.argmin(((points - corner) ** 2).sum(axis=1))]) for corner in (start, end))
+        place = _places(begin + margin, finish - margin, spacing_px)
         curves.append(curve)
-        places.append(_places(begin + margin, finish - margin, spacing_px))
-    return _locate(image, curves, places, (-hand, hand), stations(inner, half), blur_px, _FEWEST_POINTS)
+        places.append(place)
+        # Where there is no magnet yet, the fainter step is found to have no height.
+        group.append(np.where(covered & (place > finish - beside.begins_px - reach), number, -1))
+    cover = None
+    if covered:
+        two = np.ones(2)
+        cover = Cover(np.concatenate(group), beside.width_px * two, beside.tolerance_px * two, _transmission(first))
+    return _locate(image, curves, places, (-hand, hand), stations(half, half), blur_px, _FEWEST_POINTS, cover)
+
+
+def _transmission(located: Located) -> float:
+    """Silicone's share of the light, from the half of each edge that is nearer to the clamp: no magnet is there."""
+    near = np.concatenate([np.arange(len(side.sound)) < len(side.sound) // 2 for side in located.sides])
+    near &= located.sound
+    steps = located.steps
+    share = steps.dark[near] / np.maximum(steps.bright[near], 1e-9)
+    return float(np.clip(np.median(share), 0.0, 1.0)) if near.any() else 0.0
 
 
 def scatter_scale(left: Side, right: Side) -> float:
     """The factor that makes the points' standard deviations those of their scatter.
 
-    The scatter is read from second differences along the edges, which a smooth shape does not enter: for
-    independent offsets of standard deviations a, b, c theirs is the root of a² + 4b² + c².
+    The scatter is read from third differences along the edges: for independent offsets of standard deviations a, b,
+    c, d theirs is the root of a² + 9b² + 9c² + d², and a smooth shape does not enter. Where a bent beam meets its stiff
+    magnet, or a curve goes on straight beyond its end, the curve from which offsets count has another curvature than
+    the edge; the median passes over those few places, where a root mean square would not.
     """
-    squares = []
+    ratios = []
     for side in (left, right):
         offset, variance = side.offset_px[side.sound], side.sigma_px[side.sound] ** 2
-        expected = variance[:-2] + 4.0 * variance[1:-1] + variance[2:]
-        squares.append((offset[:-2] - 2.0 * offset[1:-1] + offset[2:]) ** 2 / expected)
-    return float(np.sqrt(np.mean(np.concatenate(squares))))
+        expected = np.convolve(variance, _THIRD_DIFFERENCE**2, mode="valid")
+        ratios.append(np.abs(np.convolve(offset, _THIRD_DIFFERENCE, mode="valid")) / np.sqrt(expected))
+    return _NORMAL_MEDIAN * float(np.median(np.concatenate(ratios)))
 
 
 def _locate(
@@ -154,6 +188,7 @@ def _locate(
     stations_px: Array,
     blur_px: float,
     fewest: int,
+    cover: Cover | None = None,
 ) -> Located | None:
     """Edge points at arc lengths ``places`` of each curve; outward: +1 where clockwise of the tangent is light."""
     points, normals = [], []
@@ -162,7 +197,7 @@ def _locate(
         points.append(line)
         normals.append(sign * normals_of(tangent))
     profiles, inside = read_profiles(image, np.concatenate(points), np.concatenate(normals), stations_px)
-    steps = fit_steps(stations_px, profiles, blur_px, usable=inside)
+    steps = fit_steps(stations_px, profiles, blur_px, inside, cover)
     sound = inside & steps.sound
     if not sound.any():
         return None
@@ -182,7 +217,7 @@ def _locate(
         found = centre + steps.offset_px[rows, None] * sign * normals_of(tangent)
         # The half level of a blurred curved edge lies inward by half the blur squared times the curvature.
         found -= 0.5 * steps.blur_px**2 * curve.curvature(place)
-        sides.append(Side(curve, found, steps.offset_px[rows], sigma[rows], sound[rows]))
+        sides.append(Side(curve, found, steps.offset_px[rows], sigma[rows], steps.common_px[rows], sound[rows]))
     return Located(tuple(sides), steps, stations_px, profiles, np.where(inside & steps.sound, steps.residual, 1.0))
 
 

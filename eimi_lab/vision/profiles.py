@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 AVERAGED_PX = 4  # along the edge: fewer is noisier, more hurts where the edge is curved
 _STEP_PX = 0.5
 _ROUNDS = 8
+_ROUNDS_WITH_COVER = 24  # two steps close together part slowly
 _SETTLED_PX = 1e-3  # the last correction; what is left is its square in order
 _BLUR_LIMITS_PX = (0.3, 8.0)
 
@@ -61,13 +62,28 @@ def read_profiles(
 
 
 @dataclass(frozen=True)
+class Cover:
+    """Silicone outside a narrower magnet: a second, fainter step inside the edge.
+
+    group: (n,) which of the k covers a profile has, -1 for none. width_px, tolerance_px: (k,) what is believed of
+    each, and its standard deviation. transmission: share of the light that comes through silicone alone.
+    """
+
+    group: NDArray[np.int64]
+    width_px: Array
+    tolerance_px: Array
+    transmission: float
+
+
+@dataclass(frozen=True)
 class Steps:
     """Blurred steps fitted to n profiles.
 
     offset_px: (n,) place of the edge along the normal. dark, bright: (n,) the plateaus on both sides.
     blur_px: the standard deviation of the blur, one for all. residual: (n,) root mean square of what is left,
     as a share of the step. sensitivity: (n,) by how many pixels the offset moves for noise as large as the
-    step, were it independent from station to station. sound: (n,) where a step was found.
+    step, were it independent from station to station. common_px: (n,) standard deviation of the offset that comes of
+    the uncertain width of a cover, the same way for all that share it. sound: (n,) where a step was found.
     """
 
     offset_px: Array
@@ -76,17 +92,24 @@ class Steps:
     blur_px: float
     residual: Array
     sensitivity: Array
+    common_px: Array
     sound: NDArray[np.bool_]
 
 
 def fit_steps(
-    stations_px: Array, profiles: Array, blur_px: float = 1.2, usable: NDArray[np.bool_] | None = None
+    stations_px: Array,
+    profiles: Array,
+    blur_px: float = 1.2,
+    usable: NDArray[np.bool_] | None = None,
+    cover: Cover | None = None,
 ) -> Steps:
     """Fit dark + (bright - dark) (1 + erf((u - offset) / (sqrt(2) blur))) / 2 to rising profiles (n, m).
 
     Offset and plateaus belong to each profile and the blur to all: Gauss-Newton in which the three are
     eliminated profile by profile from the normal equations of the blur. blur_px: where to start. usable: (n,)
-    profiles that may speak for the blur.
+    profiles that may speak for the blur. A profile with a cover has two steps: from dark to the silicone's share of
+    the bright plateau, as far inside the edge as the cover is wide, and from there to the bright plateau. The widths
+    of the covers are shared as the blur is, and held to what is believed of them by their tolerances.
     """
     u = stations_px
     span = float(u[-1] - u[0])
@@ -97,36 +120,72 @@ def fit_steps(
     # The area under a step from 0 to 1 is the distance from the step to the far end.
     offset = np.clip(u[-1] - _STEP_PX * (share.sum(axis=1) - 0.5 * (share[:, 0] + share[:, -1])), u[0], u[-1])
     speaks = rises if usable is None else rises & usable
-    blur = blur_px
+    cover = cover or Cover(np.full(len(profiles), -1), np.zeros(0), np.zeros(0), 0.0)
+    covered = np.flatnonzero(cover.group >= 0)
+    groups = cover.group[covered]
+    passes = cover.transmission
+    fainter = np.clip((passes * bright - dark) / np.where(rises, bright - dark, 1.0), 0.0, 1.0)[covered]
+    offset[covered] = np.minimum(offset[covered] + fainter * cover.width_px[groups], u[-1])
+    # The blur, then the widths of the covers: begun at half of what is believed, for from too wide a cover the search
+    # may end at none.
+    shared, believed = np.concatenate([[blur_px], 0.5 * cover.width_px]), np.concatenate([[0.0], cover.width_px])
+    firmness = np.concatenate([[0.0], cover.tolerance_px**-2.0])
+    largest = np.concatenate([[min(_BLUR_LIMITS_PX[1], 0.4 * span)], np.full(len(cover.width_px), span)])
+    smallest = np.concatenate([[_BLUR_LIMITS_PX[0]], np.zeros(len(cover.width_px))])
 
-    for _ in range(_ROUNDS):
-        z = (u - offset[:, None]) / blur
-        rise = 0.5 * (1.0 + erf(z / np.sqrt(2.0)))
-        bell = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+    for _ in range(_ROUNDS_WITH_COVER if len(covered) else _ROUNDS):
+        blur = float(shared[0])
+        rise, bell, z = _blurred_step(u - offset[:, None], blur)
         step = (bright - dark)[:, None]
-        left_over = profiles - dark[:, None] - step * rise
-        columns = np.stack([1.0 - rise, rise, -step * bell / blur], axis=-1)
-        blur_column = -step * bell * z / blur
+        columns = np.stack([1.0 - rise, rise, -step * bell], axis=-1)
+        common = np.zeros((*profiles.shape, len(shared)))
+        common[..., 0] = -step * bell * z
+        if len(covered):
+            inner = u - offset[covered, None] + shared[1:][groups, None]
+            rise_in, bell_in, z_in = _blurred_step(inner, blur)
+            rise, bell, z = rise[covered], bell[covered], z[covered]
+            columns[covered, :, 0] = 1.0 - rise_in
+            columns[covered, :, 1] = passes * rise_in + (1.0 - passes) * rise
+            lower = (passes * bright - dark)[covered, None] * bell_in
+            upper = (1.0 - passes) * bright[covered, None] * bell
+            columns[covered, :, 2] = -lower - upper
+            common[covered, :, 0] = -lower * z_in - upper * z
+            common[covered, :, 1 + groups] = lower
+        left_over = profiles - dark[:, None] * columns[..., 0] - bright[:, None] * columns[..., 1]
         inverse = _inverse(np.swapaxes(columns, 1, 2) @ columns)
-        reduced = blur_column - _project(columns, inverse, blur_column)
+        follow = inverse @ (np.swapaxes(columns, 1, 2) @ common)
+        reduced = common - columns @ follow
         good = speaks & _typical(left_over, step[:, 0])
-        weight = float((reduced[good] ** 2).sum())
-        change = float((reduced[good] * left_over[good]).sum()) / weight if weight > 0.0 else 0.0
-        change = float(np.clip(change, -0.5 * blur, 0.5 * blur))
-        update = _solve(columns, inverse, left_over - change * blur_column)
+        noise = float((left_over[good] ** 2).mean()) if good.any() else 0.0
+        known = reduced[good].reshape(-1, len(shared))
+        normal = known.T @ known + noise * np.diag(firmness)
+        target = known.T @ left_over[good].ravel() - noise * firmness * (shared - believed)
+        normal += np.diag(1e-12 * np.maximum(np.diag(normal), 1e-12) + 1e-12)
+        change = np.clip(np.linalg.solve(normal, target), -0.5 * blur, 0.5 * blur)
+        update = _solve(columns, inverse, left_over - common @ change)
         dark, bright = dark + update[:, 0], bright + update[:, 1]
         offset = np.clip(offset + np.clip(update[:, 2], -1.0, 1.0), u[0], u[-1])
-        blur = float(np.clip(blur + change, _BLUR_LIMITS_PX[0], min(_BLUR_LIMITS_PX[1], 0.4 * span)))
-        if abs(change) < _SETTLED_PX and (not good.any() or float(np.abs(update[good, 2]).max()) < _SETTLED_PX):
+        shared = np.clip(shared + change, smallest, largest)
+        still = np.abs(change).max() < _SETTLED_PX
+        if still and (not good.any() or float(np.abs(update[good, 2]).max()) < _SETTLED_PX):
             break
 
+    blur = float(shared[0])
     height = bright - dark
     sound = rises & (height > 1e-9) & (offset > u[0] + blur) & (offset < u[-1] - blur)
     height = np.where(sound, height, 1.0)
     residual = np.sqrt((left_over**2).mean(axis=1)) / height
     sensitivity = height * np.sqrt(np.maximum(inverse[:, 2, 2], 0.0))
-    sound &= np.isfinite(offset + residual + sensitivity)
-    return Steps(offset, dark, bright, blur, residual, sensitivity, sound)
+    uncertain = noise * np.diag(np.linalg.inv(normal))
+    common_px = np.sqrt(follow[:, 2, 1:] ** 2 @ uncertain[1:])
+    sound &= np.isfinite(offset + residual + sensitivity + common_px)
+    return Steps(offset, dark, bright, blur, residual, sensitivity, common_px, sound)
+
+
+def _blurred_step(places: Array, blur: float) -> tuple[Array, Array, Array]:
+    """A step from 0 to 1 at 0, its slope, and the places in units of the blur, all of the shape of ``places``."""
+    z = places / blur
+    return 0.5 * (1.0 + erf(z / np.sqrt(2.0))), np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * blur), z
 
 
 def _inverse(normal: Array) -> Array:
@@ -137,10 +196,6 @@ def _inverse(normal: Array) -> Array:
 
 def _solve(columns: Array, inverse: Array, target: Array) -> Array:
     return (inverse @ (np.swapaxes(columns, 1, 2) @ target[..., None]))[..., 0]
-
-
-def _project(columns: Array, inverse: Array, target: Array) -> Array:
-    return (columns @ _solve(columns, inverse, target)[..., None])[..., 0]
 
 
 def _typical(left_over: Array, step: Array) -> NDArray[np.bool_]:

@@ -38,6 +38,7 @@ class Findings:
     corner_turn_deg: turn of the outline at the less clear corner of the tip. width_deviation,
     length_deviation: from the specimen's, as a share of it. hole_share: the largest bright patch inside the beam, as a
     share of its width squared. gamma: of the camera (`response`). twist_deg: of the tip about the beam's axis.
+    even_turn_deg: of the whole beam about its axis, were that why it looks wide.
     clamp_offset_mm: from the calibration's clamp midpoint to where the beam leaves its clamp.
     """
 
@@ -54,16 +55,23 @@ class Findings:
     hole_share: float | None = None
     gamma: float | None = None
     twist_deg: float | None = None
+    even_turn_deg: float | None = None
     clamp_offset_mm: float | None = None
     calibration_age_days: float | None = None
 
 
+_MOST_TURN_DEG = 15.0  # beyond, nobody would take it for a twist
 SATURATION_LEVEL = 0.985  # of full scale: noise reaches the limit before the mean does
 
 
 def judge(findings: Findings, limits: Limits, width_mm: float, depth_mm: float) -> tuple[Flag, ...]:
     """The flags of a frame, in the order in which one would look into them; width and depth are the specimen's."""
-    stiffer = 100.0 * stiffening_by_twist(findings.twist_deg or 0.0, width_mm, depth_mm)
+    twist, even = findings.twist_deg or 0.0, findings.even_turn_deg or 0.0
+    stiffer = 100.0 * stiffening_by_twist(0.0, twist, width_mm, depth_mm)
+    too_wide = (
+        f": a turn of {even:.1f} degrees about its axis all along would look so wide, and make a fitted modulus "
+        f"{100.0 * stiffening_by_twist(even, even, width_mm, depth_mm):+.2g} % wrong"
+    )
     checks: list[tuple[str, float | None, float, bool, str]] = [
         (
             "LOW_CONTRAST",
@@ -155,7 +163,8 @@ def judge(findings: Findings, limits: Limits, width_mm: float, depth_mm: float) 
             findings.width_deviation,
             limits.width_deviation,
             False,
-            "Check width_mm and pixels_per_mm, look for dirt on the beam, and see that it does not twist.",
+            "Check width_mm and pixels_per_mm, look for dirt or another body at it, and see that it does not twist"
+            f"{too_wide if 0.0 < even < _MOST_TURN_DEG else ''}.",
         ),
         (
             "TWIST",

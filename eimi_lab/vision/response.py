@@ -17,7 +17,8 @@ _BIN_PX = 0.25
 _REACH_IN_BLURS = 4.0
 _FEWEST_BINS = 12
 _FEWEST_IN_BIN = 4
-_CERTAIN = 0.1  # standard deviation of gamma above which the picture is too sharp or too noisy to tell
+_CERTAIN = 0.1  # standard deviation of gamma above which the picture is too sharp or too noisy to tell,
+_CLEARLY_BENT = 4.0  # unless gamma is above 1 by so many of them
 _CLEARLY_STRAIGHT = 0.1  # of gamma from 1; a first guess so close needs no second
 _BOUNDS = ([0.5, 0.0, -3.0, 0.2, 0.3], [1.5, 0.95, 3.0, 10.0, 5.0])
 
@@ -53,7 +54,9 @@ def estimate_gamma(
         )
     except RuntimeError:  # no minimum in so many steps: nothing that a judgement could rest on
         return None
-    return float(found[4]) if covariance[4, 4] < _CERTAIN**2 and lowest < 0 else None
+    gamma, uncertain = float(found[4]), float(np.sqrt(covariance[4, 4]))
+    tells = uncertain < _CERTAIN or gamma - 1.0 > _CLEARLY_BENT * uncertain
+    return gamma if tells and lowest < 0 else None
 
 
 def _near_one(place: Array, mean: Array, weight: Array, dark: float, blur: float) -> float:

@@ -1,1 +1,1 @@
-"""Speed and accuracy of the forward model, printed: `python -m benchmarks.speed`, `python -m benchmarks.mesh`."""
+"""Speed, accuracy and what they are against FElupe, printed: `python -m benchmarks.speed`, `.mesh`, `.peer`."""

@@ -15,7 +15,21 @@ from eimi_fitting.materials import LAWS
 from eimi_fitting.specimen import Magnet, Specimen
 
 SPECIMEN = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 1.0, 1.2, 7500.0))
-MESHES = ((4, 1), (6, 1), (8, 1), (10, 1), (13, 1), (16, 1), (13, 2), (20, 2), (26, 3), (39, 4), (52, 6))
+MESHES = (
+    (4, 1),
+    (6, 1),
+    (8, 1),
+    (10, 1),
+    (13, 1),
+    (20, 1),
+    (13, 2),
+    (20, 2),
+    (39, 2),
+    (26, 3),
+    (39, 3),
+    (39, 4),
+    (52, 6),
+)
 FINEST = (80, 10)
 
 
@@ -36,18 +50,32 @@ def main() -> None:
         errors.append(float(np.linalg.norm(tip(mesh) - reference)))
         print(f"{mesh[0]:3d} x {mesh[1]}: off by {1e3 * errors[-1]:7.2f} µm, {100 * errors[-1] / deflection:.4f} %")
     if len(sys.argv) > 1:
-        from matplotlib.figure import Figure
+        draw(100 * np.array(errors) / deflection, sys.argv[1])
 
-        figure = Figure(figsize=(6, 3.6), layout="constrained")
-        axes = figure.add_subplot()
-        for across in sorted({a for _, a in MESHES}):
-            chosen = [(n * a, e) for (n, a), e in zip(MESHES, errors, strict=True) if a == across]
-            axes.loglog(*zip(*chosen, strict=True), "o-", label=f"{across} across")
-        axes.set_xlabel("elements")
-        axes.set_ylabel("tip off by, mm")
-        axes.legend(frameon=False)
-        axes.grid(alpha=0.25, which="both")
-        figure.savefig(sys.argv[1], dpi=110)
+
+def draw(percent: np.ndarray, path: str) -> None:
+    """Error (n,) of MESHES against their number of elements."""
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    figure = Figure(figsize=(7, 3.6), layout="constrained")
+    axes = figure.add_subplot()
+    for across in sorted({a for _, a in MESHES}):
+        chosen = [(n * a, e) for (n, a), e in zip(MESHES, percent, strict=True) if a == across]
+        axes.loglog(*zip(*chosen, strict=True), "o-", label=f"{across} across")
+    for (n, a), e in zip(MESHES, percent, strict=True):
+        axes.annotate(f"{n} × {a}", (n * a, e), (5, -12 if a == 2 else 5), textcoords="offset points", fontsize=8)
+    axes.set_xlabel("elements")
+    axes.set_ylabel("tip off by, % of the deflection")
+    axes.set_xlim(right=500)
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_major_formatter("{x:g}")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_minor_formatter(NullFormatter())
+    axes.legend(frameon=False, fontsize=8)
+    axes.grid(alpha=0.25)
+    figure.savefig(path, dpi=100)
 
 
 if __name__ == "__main__":

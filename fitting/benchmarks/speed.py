@@ -1,14 +1,15 @@
 """What one simulated curve costs: a batch of candidates, one candidate, and how cost grows.
 
-    cd fitting && python -m benchmarks.speed
+    cd fitting && python -m benchmarks.speed [FIGURE.png]
 
-One thread. A 30 x 3 mm beam with a 4 mm magnet through 16 field states.
+One thread, processor time. A 30 x 3 mm beam with a 4 mm magnet through 16 field states.
 """
 
 from __future__ import annotations
 
 import os
 import platform
+import sys
 import time
 from collections.abc import Callable
 
@@ -30,6 +31,7 @@ EXAMPLES = {
     "yeoh": [23e3, 5e3, -600.0],
     "ogden": [2e4, 1.7, 100.0, 8.0, -5e3, -2.5],
 }
+MESHES = ((8, 1), (13, 1), (26, 1), (52, 1), (104, 1), (208, 1))
 TOLERANCE_MM = 1e-2  # as the identification uses it
 
 
@@ -41,13 +43,13 @@ def population(name: str, size: int) -> np.ndarray:
 
 
 def fastest(run: Callable[[], object], repeats: int = 7) -> float:
-    """Seconds of the fastest of several runs: what the machine can do when nothing else is on it."""
+    """Processor seconds of the fastest of several runs: what the machine can do when nothing else is on it."""
     run()
     times = []
     for _ in range(repeats):
-        begun = time.perf_counter()
+        begun = time.process_time()
         run()
-        times.append(time.perf_counter() - begun)
+        times.append(time.process_time() - begun)
     return min(times)
 
 
@@ -68,13 +70,37 @@ def main() -> None:
             f"{name:14s} {1e3 * batch / 16:6.2f} ms a candidate in a batch of 16, {1e3 * single:6.1f} ms alone; "
             f"tip {100 * off:.3f} % of its deflection from 39 x 3"
         )
-    print("growth, ms in all (Neo-Hookean):")
-    for size in (4, 8, 16, 32, 64):
-        print(f"  {size:3d} candidates {cost(model, size, 16):8.1f}")
-    for states in (8, 16, 32, 64):
-        print(f"  {states:3d} states     {cost(model, 16, states):8.1f}")
-    for along in (8, 13, 26, 52):
-        print(f"  {along:3d} elements   {cost(BeamModel(SPECIMEN, along, 1), 16, 16):8.1f}")
+    print("growth, ms in all (Neo-Hookean); slope of the logarithms over the last three points:")
+    curves = {
+        "candidates": [(n, cost(model, n, 16)) for n in (4, 8, 16, 32, 64, 128)],
+        "states": [(n, cost(model, 16, n)) for n in (4, 8, 16, 32, 64, 128)],
+        "elements": [(n * w, cost(BeamModel(SPECIMEN, n, w), 16, 16)) for n, w in MESHES],
+    }
+    for name, points in curves.items():
+        print(f"  {name:10s} slope {slope(points):.2f}: " + ", ".join(f"{n}: {ms:.1f}" for n, ms in points))
+    if len(sys.argv) > 1:
+        draw(curves, sys.argv[1])
+
+
+def slope(points: list[tuple[int, float]]) -> float:
+    """Of the logarithm of the cost against the logarithm of the number, over the last three points."""
+    return float(np.polyfit(*np.log(np.array(points[-3:])).T, 1)[0])
+
+
+def draw(curves: dict[str, list[tuple[int, float]]], path: str) -> None:
+    """The three curves of growth side by side, each with a line of slope 1."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 3.1), layout="constrained")
+    for axes, (name, points) in zip(figure.subplots(1, 3, sharey=True), curves.items(), strict=True):
+        number, ms = np.array(points).T
+        axes.loglog(number, ms[-1] * number / number[-1], "--", color="0.6", label="in proportion")
+        axes.loglog(number, ms, "o-", label=f"measured, slope {slope(points):.2f}")
+        axes.set_xlabel(name)
+        axes.grid(alpha=0.25, which="both")
+        axes.legend(frameon=False, fontsize=8)
+    figure.axes[0].set_ylabel("ms in all")
+    figure.savefig(path, dpi=100)
 
 
 def cost(model: BeamModel, size: int, states: int) -> float:

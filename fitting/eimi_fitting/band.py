@@ -1,4 +1,4 @@
-"""Symmetric band matrices of a whole batch: assembly by gathering, one LAPACK call for all candidates.
+"""Band matrices of a whole batch: assembly by gathering, one LAPACK call for all candidates.
 
 The candidates are blocks of one long band matrix. They do not couple, so the factorisation of one never reads
 another's entries, and no loop over candidates is needed.
@@ -86,36 +86,47 @@ class BandFactor:
     bandwidth: int
 
     def solve(self, right: Array) -> Array:
-        """Right-hand sides (B, n) -> solutions (B, n), zero where the matrix was not sound."""
+        """Right-hand sides (B, n), or several (m, B, n), -> solutions, zero where the matrix was not sound."""
         right = np.where(self.sound[:, None], right, 0.0)
+        columns = right.reshape(-1, right.shape[-2] * right.shape[-1]).T
         if self.cholesky is not None:
-            x, _ = lapack.dpbtrs(self.cholesky, right.reshape(-1), lower=1)
+            x, _ = lapack.dpbtrs(self.cholesky, columns, lower=1)
         else:
             assert self.lu is not None
-            x, _ = lapack.dgbtrs(self.lu[0], self.bandwidth, self.bandwidth, right.reshape(-1), self.lu[1])
-        return np.asarray(x.reshape(right.shape))
+            x, _ = lapack.dgbtrs(self.lu[0], self.bandwidth, self.bandwidth, columns, self.lu[1])
+        return np.asarray(x.T.reshape(right.shape))
 
 
-def factorise(band: Array, sound: NDArray[np.bool_]) -> BandFactor:
+def factorise(band: Array, sound: NDArray[np.bool_], upper: Array | None = None) -> BandFactor:
     """Factorise the lower bands (B, n, w) of the candidates that are sound (finite).
 
     Cholesky first; where a block is not positive definite (far from equilibrium), LU with pivoting serves the whole
-    batch. Blocks that are not sound are replaced by the identity, so that they spoil no neighbour.
+    batch. ``upper`` holds the lower bands of the transposed matrices where these are not symmetric: LU alone serves
+    then. Blocks that are not sound are replaced by the identity, so that they spoil no neighbour.
     """
     batch, n, width = band.shape
-    if not np.isfinite(band.sum()):
-        sound = sound & np.isfinite(band).all(axis=(1, 2))
+    sound = sound & bounded(band)
     band = _with_identity(band, sound)
-    cholesky, info = lapack.dpbtrf(band.reshape(batch * n, width).T, lower=1)
-    if info == 0:
-        return BandFactor(sound, cholesky, None, width - 1)
+    if upper is None:
+        cholesky, info = lapack.dpbtrf(band.reshape(batch * n, width).T, lower=1)
+        if info == 0:
+            return BandFactor(sound, cholesky, None, width - 1)
     while True:
-        lu, pivots, info = lapack.dgbtrf(_general(band), width - 1, width - 1, overwrite_ab=1)
+        full = _general(band, band if upper is None else _with_identity(upper, sound))
+        lu, pivots, info = lapack.dgbtrf(full, width - 1, width - 1, overwrite_ab=1)
         if info == 0:
             return BandFactor(sound, None, (lu, pivots), width - 1)
         # An exactly zero pivot: find which candidate it belongs to and go on without it.
         sound = sound & (np.arange(batch) != (info - 1) // n)
         band = _with_identity(band, sound)
+
+
+def bounded(values: Array) -> NDArray[np.bool_]:
+    """(B, ...) -> (B,): every value is finite, and so are the products that a factorisation makes of them."""
+    if np.isfinite(np.vdot(values, values)):
+        return np.ones(len(values), bool)
+    flat = values.reshape(len(values), -1)
+    return np.isfinite(np.einsum("bn,bn->b", flat, flat))
 
 
 def _with_identity(band: Array, sound: NDArray[np.bool_]) -> Array:
@@ -126,14 +137,14 @@ def _with_identity(band: Array, sound: NDArray[np.bool_]) -> Array:
     return np.where(sound[:, None, None], band, identity)
 
 
-def _general(band: Array) -> Array:
-    """Lower bands (B, n, w) -> LAPACK's general band storage of the whole batch, with room for pivoting."""
-    batch, n, width = band.shape
+def _general(lower: Array, upper: Array) -> Array:
+    """Lower bands (B, n, w) of matrices and of their transposes -> LAPACK's general storage, with room for pivoting."""
+    batch, n, width = lower.shape
     k = width - 1
-    lower = band.reshape(batch * n, width)
+    below, above = lower.reshape(batch * n, width), upper.reshape(batch * n, width)
     full = np.zeros((3 * k + 1, batch * n), order="F")
     for r in range(width):  # rows of the band, a fixed small number
-        full[2 * k + r] = lower[:, r]
+        full[2 * k + r] = below[:, r]
         if r:
-            full[2 * k - r, r:] = lower[:-r, r]
+            full[2 * k - r, r:] = above[:-r, r]
     return full

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.actuation import Loads
-from eimi_fitting.forward import BeamModel
+from eimi_fitting.forward import BeamModel, Shapes
 from eimi_fitting.materials import Law
+from eimi_fitting.nuisance import Setting
 from eimi_fitting.observation import Misfit, Observation
 from eimi_fitting.solid import Status
 
@@ -28,6 +29,15 @@ class Experiment:
     model: BeamModel
     loads: Loads
     observed: Observation
+
+    def of_states(self, states: NDArray[np.intp]) -> Experiment:
+        """The same specimen in some of its states, or in some of them more than once."""
+        loads = self.loads
+        return replace(
+            self,
+            loads=Loads(loads.field_T[states], loads.gravity[states], loads.tip_force_N[states]),
+            observed=self.observed.of_states(states),
+        )
 
 
 @dataclass(frozen=True)
@@ -51,14 +61,25 @@ class Comparison:
         return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
 
 
-def compare(law: Law, parameters: Array, experiments: Sequence[Experiment]) -> Comparison:
-    """Simulate P candidates (P, n) in every experiment and measure their distance to what was seen."""
+def compare(
+    law: Law,
+    parameters: Array,
+    experiments: Sequence[Experiment],
+    *,
+    bulk_modulus_Pa: Array | None = None,
+    settings: Sequence[Setting] | None = None,
+) -> Comparison:
+    """Simulate P candidates (P, n) in every experiment and measure their distance to what was seen.
+
+    bulk_modulus_Pa: (P,), incompressible without it; settings: one an experiment, what is stated without them.
+    """
     errors, deviations, misfits = [], [], []
     unconverged, unstable = np.zeros((2, len(parameters)), bool)
     stretch = np.ones(len(parameters))
-    for experiment in experiments:
-        shapes = experiment.model.solve(law, parameters, experiment.loads, tolerance_mm=_TOLERANCE_MM)
-        misfit = experiment.observed.misfit(experiment.model, shapes)
+    for index, experiment in enumerate(experiments):
+        setting = settings[index] if settings else None
+        shapes = _solved(law, parameters, experiment, bulk_modulus_Pa, setting)
+        misfit = experiment.observed.misfit(experiment.model, shapes, setting)
         unconverged |= ((shapes.status == Status.DIVERGED) | (shapes.status == Status.OUT_OF_ITERATIONS)).any(axis=1)
         unstable |= (shapes.status == Status.UNSTABLE).any(axis=1)
         stretch = np.maximum(stretch, shapes.max_stretch.max(axis=1))
@@ -72,4 +93,35 @@ def compare(law: Law, parameters: Array, experiments: Sequence[Experiment]) -> C
         unstable & ~unconverged,
         stretch,
         tuple(misfits),
+    )
+
+
+def _solved(
+    law: Law, parameters: Array, experiment: Experiment, bulk_modulus_Pa: Array | None, setting: Setting | None
+) -> Shapes:
+    """Shapes of all candidates. Those that differ in roll or clamp alone bend alike, and are solved once."""
+    if setting is None:
+        return experiment.model.solve(
+            law, parameters, experiment.loads, tolerance_mm=_TOLERANCE_MM, bulk_modulus_Pa=bulk_modulus_Pa
+        )
+    bulk = np.zeros(len(parameters)) if bulk_modulus_Pa is None else bulk_modulus_Pa
+    every = np.column_stack([parameters, bulk, setting.field_factor])
+    _, first, own = np.unique(every, axis=0, return_index=True, return_inverse=True)
+    own = own.reshape(-1)
+    shapes = experiment.model.solve(
+        law,
+        parameters[first],
+        experiment.loads,
+        tolerance_mm=_TOLERANCE_MM,
+        bulk_modulus_Pa=None if bulk_modulus_Pa is None else bulk_modulus_Pa[first],
+        field_factor=setting.field_factor[first],
+    )
+    return replace(
+        shapes,
+        displacement=shapes.displacement[own],
+        rigid=shapes.rigid[own],
+        status=shapes.status[own],
+        iterations=shapes.iterations[own],
+        max_stretch=shapes.max_stretch[own],
+        last=shapes.last.take(own),
     )

@@ -9,19 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting import element
-from eimi_fitting.actuation import Loads
+from eimi_fitting.actuation import Actuation, Loads
 from eimi_fitting.element import Batch
+from eimi_fitting.grid import Grid
 from eimi_fitting.materials import Law
-from eimi_fitting.mesh import Indices, beam_mesh, shape_functions
-from eimi_fitting.solid import Configuration, DeadLoads, Solid, Status, combine
+from eimi_fitting.mesh import Indices
+from eimi_fitting.solid import Configuration, Solid, Status, combine
 from eimi_fitting.specimen import Specimen
 from eimi_fitting.stability import stable_stretch
 
 Array = NDArray[np.float64]
 
 BULK_RATIO = 1e4  # bulk over shear modulus of an incompressible material: changes the tip by less than 1e-4
-# With these the tip of a slender beam on 13 x 1 elements is seven times nearer to the limit than with equal elements.
-_FINER_AT_CLAMP, _FINER_AT_MAGNET = 10.0, 5.0
 _MEGA = 1e-6  # Pa -> MPa = N/mm²
 
 
@@ -50,9 +49,9 @@ class Shapes:
 class BeamModel:
     """A specimen's finite-element model: made once, solved for any number of candidates.
 
-    along, across: elements of the flexible part, finer toward its two ends; across follows from the proportions
-    unless given. The magnet is rigid, silicone beside it is carried along; the model works per unit depth of the
-    specimen. Raises ValueError when the magnet leaves no flexible part.
+    along: elements of the flexible part; across: over the width, following from the proportions unless given; see
+    `Grid`. The magnet is rigid; the model works per unit depth of the specimen, and silicone before and behind a
+    shallower magnet is carried along. Raises ValueError when the magnet leaves no flexible part.
     """
 
     def __init__(self, specimen: Specimen, along: int = 13, across: int | None = None) -> None:
@@ -64,18 +63,13 @@ class BeamModel:
             )
         if across is None:
             across = max(1, round(0.5 * along * width / flexible))
-        finer_at_end = _FINER_AT_MAGNET if specimen.magnet else 0.0
-        mesh = beam_mesh(flexible, width, along, across, _FINER_AT_CLAMP, finer_at_end)
-        fixed = np.zeros((len(mesh.nodes), 2), bool)
-        fixed[mesh.column(0)] = True
-        rigid = mesh.column(-1) if specimen.magnet else None
-        self.mesh = mesh
         self.along, self.across = along, across
-        self.solid = Solid(mesh, fixed, rigid, (flexible, 0.0))
-        self._lumped = np.zeros(len(mesh.nodes))
-        np.add.at(self._lumped, mesh.elements, self.solid.ops.load)
-        self._slopes = np.zeros((len(mesh.nodes), 2))  # integrals of dN/dX
-        np.add.at(self._slopes, mesh.elements, self.solid.ops.slope)
+        self.grid = Grid(specimen, along, across)
+        self.mesh = self.grid.mesh
+        fixed = np.zeros((len(self.mesh.nodes), 2), bool)
+        fixed[self.mesh.column(0)] = True
+        self.solid = Solid(self.mesh, fixed, self.grid.magnet_nodes, (flexible, 0.0), self.grid.pressure_face())
+        self._actuation = Actuation(self.grid, self.solid)
 
     def refined(self) -> BeamModel:
         """The same specimen on a mesh twice as fine along and three times across.
@@ -85,36 +79,15 @@ class BeamModel:
         return BeamModel(self.specimen, 2 * self.along, 3 * self.across)
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Nodes (n, 9) and weights (n, 9) that give the displacement of material points (n, 2) of the flexible part.
-
-        Raises ValueError for a point more than 1 µm outside it.
-        """
-        points = np.atleast_2d(np.asarray(points_mm, float))
-        flexible, width = self.specimen.flexible_length_mm, self.specimen.width_mm
-        ends = self.mesh.nodes[self.mesh.row(0)[::2], 0]
-        s = np.interp(points[:, 0], ends, np.arange(self.along + 1))
-        t = (points[:, 1] / width + 0.5) * self.across
-        outside = (np.abs(points[:, 0] - 0.5 * flexible) > 0.5 * flexible + 1e-3) | (
-            np.abs(points[:, 1]) > 0.5 * width + 1e-3
-        )
-        if outside.any():
-            x, y = points[np.argmax(outside)]
-            raise ValueError(
-                f"point ({x:g}, {y:g}) mm is not in the flexible part (0..{flexible:g}, ±{width / 2:g} mm)"
-            )
-        i = np.clip(s.astype(int), 0, self.along - 1)
-        j = np.clip(t.astype(int), 0, self.across - 1)
-        values, _ = shape_functions(2 * (s - i) - 1, 2 * (t - j) - 1)
-        return self.mesh.elements[i * self.across + j], values
+        """`Grid.place`: nodes and weights that give the displacement of material points. Raises ValueError."""
+        return self.grid.place(points_mm)
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
         """(P, K, n, 2): where the material points (n, 2), given at rest, are in each state. Raises ValueError."""
         points = np.atleast_2d(np.asarray(points_mm, float))
         p, k = shapes.status.shape
         moved = np.empty((p, k, len(points), 2))
-        on_magnet = points[:, 0] > self.specimen.flexible_length_mm + 1e-9
-        if self.specimen.magnet is None:
-            on_magnet[:] = False
+        on_magnet = self.grid.on_magnet(points)
         nodes, weights = self.place(points[~on_magnet])
         moved[:, :, ~on_magnet] = points[~on_magnet] + np.einsum(
             "pknai,na->pkni", shapes.displacement[:, :, nodes], weights
@@ -123,7 +96,7 @@ class BeamModel:
         return moved
 
     def carried(self, shapes: Shapes, points_mm: Array) -> Array:
-        """(P, K, n, 2): where points (n, 2) of the rigid end are in each state."""
+        """(P, K, n, 2): where points (n, 2) of the magnet are in each state."""
         arm = points_mm - np.array([self.specimen.flexible_length_mm, 0.0])
         c, s = np.cos(shapes.rigid[..., 2, None]), np.sin(shapes.rigid[..., 2, None])
         x = self.specimen.flexible_length_mm + shapes.rigid[..., 0, None] + c * arm[:, 0] - s * arm[:, 1]
@@ -138,36 +111,6 @@ class BeamModel:
         across = ends[:, :, 1] - ends[:, :, 0] + np.array([0.0, self.specimen.width_mm])
         return np.degrees(np.arctan2(-across[..., 0], across[..., 1]))
 
-    def _dead_loads(self, load: Array) -> DeadLoads:
-        """One state's loads (6,), see Loads.state, per mm of depth."""
-        spec, magnet = self.specimen, self.specimen.magnet
-        field, gravity, tip_force = load[0:2], load[2:4], load[4:6]
-        kg_per_mm3 = 1e-9 * spec.density_kg_m3
-        nodal = self._lumped[:, None] * (kg_per_mm3 * gravity)
-        # Hard-magnetic silicone: the energy -B . F M is linear in the displacement, so its forces are dead
-        # (Zhao, Kim, Cianchetti, Zhao 2019, J. Mech. Phys. Solids 124:244). A/m T = J/m³ = 1e-6 N/mm².
-        nodal = nodal + 1e-6 * (self._slopes @ np.array(spec.magnetisation_A_per_m))[:, None] * field
-        force, tensor = np.zeros(2), np.zeros((2, 2))
-        point = np.array(spec.tip_load_mm if spec.tip_load_mm is not None else (spec.length_mm, 0.0))
-        per_depth = tip_force / spec.depth_mm
-        if magnet:
-            centre = np.array([0.5 * magnet.length_mm, 0.0])  # of the rigid block, from its inner face
-            block = magnet.length_mm * spec.width_mm * spec.depth_mm
-            body = magnet.length_mm * magnet.width_mm * magnet.depth_mm
-            mass = 1e-9 * (body * magnet.density_kg_m3 + (block - body) * spec.density_kg_m3) / spec.depth_mm
-            force = mass * gravity
-            tensor = np.outer(force, centre)
-            moment = 1e3 * magnet.moment_A_m2 / spec.depth_mm  # A m² = N m / T -> N mm / T, per mm
-            tensor = tensor + np.outer(field, [moment, 0.0])
-        if np.any(tip_force):
-            if magnet and point[0] >= spec.flexible_length_mm:
-                force = force + per_depth
-                tensor = tensor + np.outer(per_depth, point - [spec.flexible_length_mm, 0.0])
-            else:
-                nodes, weights = self.place(point)
-                np.add.at(nodal, nodes[0], weights[0][:, None] * per_depth)
-        return DeadLoads(nodal[None], force[None], tensor[None])
-
     def solve(
         self,
         law: Law,
@@ -177,14 +120,19 @@ class BeamModel:
         tolerance_mm: float = 1e-6,
         start: Configuration | None = None,
         bulk_modulus_Pa: Array | None = None,
+        field_factor: Array | None = None,
     ) -> Shapes:
         """Take P candidates, parameters (P, n) in the law's units (Pa), through the K states in order.
 
         The first state is reached from rest (or from ``start``, the ``last`` of an earlier result), each further one
         by extrapolation from those before. A step that fails is cut into smaller ones; a candidate that fails for
         good is marked in this and in all later states, and no longer computed. The material is incompressible unless
-        bulk moduli (P,) are given, which plane stress does not know: ValueError.
+        bulk moduli (P,) are given, which plane stress does not know: ValueError. field_factor (P,) multiplies each
+        candidate's magnetic loads: an uncertain magnetic moment or coil constant. Raises ValueError for a pressure on a
+        specimen that has no pressure face.
         """
+        if np.any(loads.pressure_Pa) and self.solid.face is None:
+            raise ValueError("a pressure is given, but the specimen names no face for it")
         parameters = np.atleast_2d(np.asarray(parameters, float))
         scale = np.array([_MEGA if unit == "Pa" else 1.0 for unit in law.units])
         sound = np.asarray(np.isfinite(parameters).all(axis=1))
@@ -200,6 +148,10 @@ class BeamModel:
             given = np.broadcast_to(np.asarray(bulk_modulus_Pa, float) * _MEGA, bulk.shape)
             sound = sound & np.isfinite(given) & (given > 0)
             bulk = np.where(sound, given, bulk)
+        factor = None
+        if field_factor is not None:
+            factor = np.broadcast_to(np.asarray(field_factor, float), sound.shape)
+            sound = sound & np.isfinite(factor)
         batch = Batch(law, scaled, section, bulk)
         p, k_states = len(parameters), len(loads)
         now = self.solid.rest(p) if start is None else start.copy()
@@ -213,12 +165,12 @@ class BeamModel:
         )
         rows = np.flatnonzero(sound)
         path: list[tuple[Array, Configuration]] = []
-        previous = np.zeros(6)
+        previous = np.zeros(7)
         for k in range(k_states):
             load = loads.state(k)
             with np.errstate(all="ignore"):
                 guess = _extrapolate(path, load) or now.copy()
-                status, iterations = self._advance(batch, rows, previous, load, guess, now, tolerance_mm)
+                status, iterations = self._advance(batch, factor, rows, previous, load, guess, now, tolerance_mm)
             shapes.displacement[:, k] = now.displacement
             shapes.rigid[:, k] = now.rigid
             shapes.status[rows, k] = status
@@ -235,6 +187,7 @@ class BeamModel:
     def _advance(
         self,
         batch: Batch,
+        factor: Array | None,
         rows: Indices,
         previous: Array,
         load: Array,
@@ -250,7 +203,8 @@ class BeamModel:
             part = (guess if cuts == 1 else now).take(rows[left])
             going = left.copy()
             for c in range(1, cuts + 1):
-                dead = self._dead_loads(previous + (load - previous) * c / cuts)
+                own_factor = np.ones(1) if factor is None else factor[rows[going]]
+                dead = self._actuation.at(previous + (load - previous) * c / cuts, own_factor)
                 sub = Batch(batch.law, batch.parameters[rows[going]], batch.section, batch.bulk[rows[going]])
                 part, outcome, spent = self.solid.equilibrium(sub, dead, part, tolerance_mm)
                 iterations[going] += spent

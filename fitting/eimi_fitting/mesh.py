@@ -50,26 +50,23 @@ def mapped_mesh(along: int, across: int, mapping: Callable[[Array, Array], tuple
     return Mesh(np.column_stack([x, y]), (corner[:, None] + local).astype(np.intp), columns, rows)
 
 
-def beam_mesh(
-    length_mm: float,
-    width_mm: float,
-    along: int,
-    across: int,
-    finer_at_clamp: float = 0.0,
-    finer_at_end: float = 0.0,
-) -> Mesh:
-    """A rectangle 0..length by -width/2..width/2.
+def graded(length_mm: float, count: int, fade_mm: float, finer_at_start: float, finer_at_end: float) -> Array:
+    """(count + 1,) ends of elements on 0..length.
 
-    At the clamp the elements are ``1 + finer_at_clamp`` times shorter than far from it, at the other end
-    ``1 + finer_at_end`` times; the grading fades over half a width, as the disturbance of a clamped end does.
+    At the start they are ``1 + finer_at_start`` times shorter than far from it, at the end ``1 + finer_at_end`` times;
+    the grading fades over ``fade_mm``.
     """
     x = np.linspace(0.0, length_mm, 2001)
-    fade = 0.5 * width_mm
-    density = 1 + finer_at_clamp * np.exp(-x / fade) + finer_at_end * np.exp((x - length_mm) / fade)
-    count = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
-    ends = np.interp(np.linspace(0, count[-1], along + 1), count, x)
+    density = 1 + finer_at_start * np.exp(-x / fade_mm) + finer_at_end * np.exp((x - length_mm) / fade_mm)
+    place = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
+    return np.interp(np.linspace(0, place[-1], count + 1), place, x)
+
+
+def grid_mesh(x_mm: Array, y_mm: Array) -> Mesh:
+    """The rectangles between the lines x_mm (m + 1,) along and y_mm (n + 1,) across, both rising."""
+    m, n = len(x_mm) - 1, len(y_mm) - 1
     return mapped_mesh(
-        along, across, lambda s, t: (np.interp(s, np.linspace(0, 1, along + 1), ends), (t - 0.5) * width_mm)
+        m, n, lambda s, t: (np.interp(s * m, np.arange(m + 1), x_mm), np.interp(t * n, np.arange(n + 1), y_mm))
     )
 
 

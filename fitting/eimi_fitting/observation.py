@@ -8,12 +8,13 @@ deviation_k its standard deviation; the objective is the mean of error_k over th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.forward import BeamModel, Shapes
+from eimi_fitting.nuisance import Setting
 
 Array = NDArray[np.float64]
 
@@ -21,19 +22,11 @@ Array = NDArray[np.float64]
 def edge_curves(model: BeamModel, shapes: Shapes) -> Array:
     """(P, K, 2, S, 3, 2): left (y < 0 at rest) and right edge as S quadratic segments of three points, clamp to tip.
 
-    Each element side is one segment, the magnet's side the last, which is straight.
+    Each element side is one segment, a full-width magnet's side too, which stays straight.
     """
     place = model.mesh.nodes + shapes.displacement
     sides = np.stack([place[:, :, model.mesh.row(0)], place[:, :, model.mesh.row(-1)]], axis=2)
-    segments = np.stack([sides[..., 0:-1:2, :], sides[..., 1::2, :], sides[..., 2::2, :]], axis=-2)
-    spec = model.specimen
-    if spec.magnet is None:
-        return segments
-    half = 0.5 * spec.width_mm
-    x = np.linspace(spec.flexible_length_mm, spec.length_mm, 3)
-    rest = np.stack([np.column_stack([x, np.full(3, y)]) for y in (-half, half)])
-    carried = model.carried(shapes, rest.reshape(6, 2)).reshape(*shapes.status.shape, 2, 1, 3, 2)
-    return np.concatenate([segments, carried], axis=3)
+    return np.stack([sides[..., 0:-1:2, :], sides[..., 1::2, :], sides[..., 2::2, :]], axis=-2)
 
 
 def points_on(curves: Array, per_segment: int) -> Array:
@@ -79,7 +72,8 @@ class Misfit:
     """P candidates against K states.
 
     residuals: (P, K, G, n) mm, in G groups within which neighbours may be correlated (left and right edge, or x and y);
-    weights: (K, G, n) 1 where something was observed, else 0; error_mm, deviation_mm: (P, K).
+    weights: (K, G, n) zero where nothing was observed; their sum over a state is its number of observed points, so
+    that sum(residuals^2) / sum(weights) is error_mm^2; error_mm, deviation_mm: (P, K).
     """
 
     residuals: Array
@@ -147,10 +141,17 @@ class EdgeObservation:
                 sigma[k, side, : len(p)] = s
         return EdgeObservation(points, sigma, perspective)
 
-    def misfit(self, model: BeamModel, shapes: Shapes) -> Misfit:
+    def of_states(self, states: NDArray[np.intp]) -> EdgeObservation:
+        """What was seen in some of the states."""
+        return replace(self, points_mm=self.points_mm[states], sigma_mm=self.sigma_mm[states])
+
+    def misfit(self, model: BeamModel, shapes: Shapes, setting: Setting | None = None) -> Misfit:
         """Signed distances to the simulated edges, their RMS and standard deviation by state."""
         curves = edge_curves(model, shapes)
-        points = np.broadcast_to(self.points_mm, (len(curves), *self.points_mm.shape))
+        if setting is None:
+            points = np.broadcast_to(self.points_mm, (len(curves), *self.points_mm.shape))
+        else:
+            points = setting.corrected(self.points_mm)
         weights = np.isfinite(self.sigma_mm).astype(float)
         distance_to = self.perspective.distance_to_union if self.perspective else signed_distance
         residuals = distance_to(curves, points) * weights
@@ -169,19 +170,24 @@ class PointObservation:
     moved_mm: Array
     sigma_mm: Array
 
-    def misfit(self, model: BeamModel, shapes: Shapes) -> Misfit:
+    def of_states(self, states: NDArray[np.intp]) -> PointObservation:
+        """What was seen in some of the states."""
+        return PointObservation(self.rest_mm[states], self.moved_mm[states], self.sigma_mm[states])
+
+    def misfit(self, model: BeamModel, shapes: Shapes, setting: Setting | None = None) -> Misfit:
         """Component differences to the simulated places; the distance of the metric is that of the point."""
         k_states, n, _ = self.rest_mm.shape
         everywhere = model.positions(shapes, self.rest_mm.reshape(-1, 2))
         own = everywhere.reshape(len(everywhere), k_states, k_states, n, 2)
         simulated = own[:, np.arange(k_states), np.arange(k_states)]
         seen = np.isfinite(self.sigma_mm).astype(float)
-        residuals = (self.moved_mm - simulated).transpose(0, 1, 3, 2) * seen[:, None]
+        moved = self.moved_mm if setting is None else setting.corrected(self.moved_mm)
+        residuals = (moved - simulated).transpose(0, 1, 3, 2) * seen[:, None]
         distance = np.sqrt((residuals**2).sum(axis=2))
         total = np.maximum(seen.sum(axis=1), 1.0)
         mean = distance.sum(axis=2) / total
         square = (distance**2).sum(axis=2) / total
-        weights = np.repeat(seen[:, None], 2, axis=1)
+        weights = np.repeat(0.5 * seen[:, None], 2, axis=1)  # a point has two components
         return Misfit(residuals, weights, np.sqrt(square), np.sqrt(np.maximum(square - mean**2, 0.0)))
 
 

@@ -14,13 +14,15 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import optimize
 
 from eimi_fitting.observation import Misfit
 
 Array = NDArray[np.float64]
 
 MOST_STEPS = 6
-_DAMPING = 1e-6  # of the largest curvature
+_SHORTER = np.array([0.3, 0.1])
+_DAMPING = 1e-8  # of the largest curvature
 _ENOUGH = 1e-3  # of the objective: a step that gains less is the last
 
 
@@ -49,7 +51,7 @@ class Polish:
 def difference_batch(unit: Array) -> tuple[Array, Array]:
     """(2 n + 1, n) candidates at and about ``unit`` and the (n,) distances between the two of each coordinate."""
     n = len(unit)
-    step = np.full(n, 1e-3)
+    step = np.full(n, 1e-2)
     step[0] = 2e-4  # the modulus: a range of three decades
     ahead, behind = np.minimum(unit + step, 1.0), np.maximum(unit - step, 0.0)
     batch = np.tile(unit, (2 * n + 1, 1))
@@ -59,26 +61,38 @@ def difference_batch(unit: Array) -> tuple[Array, Array]:
 
 
 def polish(compare: Callable[[Array], Compared], unit: Array) -> Polish:
-    """Improve ``unit`` (n,); ``compare`` takes (P, n) unit coordinates."""
-    n = len(unit)
+    """Improve ``unit`` (n,); ``compare`` takes (P, n) unit coordinates.
+
+    Each step is tried at full length together with the differences about its end, which the next step needs: most
+    steps are good, and a batch costs little more than one candidate. Only one that does not help is shortened.
+    """
     batch, distance = difference_batch(unit)
     here = compare(batch)
     before = best = float(here.objective_mm[0])
     for steps in range(MOST_STEPS):
-        gradient, curvature = _normal_equations(here.misfits, distance)
-        curvature += _DAMPING * np.trace(curvature) * np.eye(n)
-        step = -np.linalg.solve(curvature, gradient)
-        trials = np.clip(unit + step * np.array([1.0, 0.3, 0.1])[:, None], 0.0, 1.0)
-        values = compare(trials).objective_mm
-        if values.min() >= best:
-            return Polish(before, best, steps, unit)
-        gained, best = best - float(values.min()), float(values.min())
-        unit = trials[np.argmin(values)]
+        step = _step(*_normal_equations(here.misfits, distance), unit)
+        reached = np.clip(unit + step, 0.0, 1.0)
+        batch, distance = difference_batch(reached)
+        here = compare(batch)
+        if here.objective_mm[0] >= best:
+            shorter = unit + step * _SHORTER[:, None]
+            values = compare(shorter).objective_mm
+            if values.min() >= best:
+                return Polish(before, best, steps, unit)
+            reached = shorter[np.argmin(values)]
+            batch, distance = difference_batch(reached)
+            here = compare(batch)
+        unit, gained, best = reached, best - float(here.objective_mm[0]), float(here.objective_mm[0])
         if gained < _ENOUGH * best:
             return Polish(before, best, steps + 1, unit)
-        batch, distance = difference_batch(unit)
-        here = compare(batch)
     return Polish(before, best, MOST_STEPS, unit)
+
+
+def _step(gradient: Array, curvature: Array, unit: Array) -> Array:
+    """The step (n,) from ``unit`` to the quadratic's least value within the unit cube (Stark and Parker 1995, BVLS)."""
+    factor = np.linalg.cholesky(curvature + _DAMPING * np.trace(curvature) * np.eye(len(unit)))
+    found = optimize.lsq_linear(factor.T, -np.linalg.solve(factor, gradient), (-unit, 1.0 - unit), method="bvls")
+    return np.asarray(found.x)
 
 
 def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array, Array]:

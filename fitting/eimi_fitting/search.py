@@ -1,23 +1,44 @@
 """CMA-ES over the unit cube: asks for candidates, is told how good they are, says when and why it stopped.
 
-Hansen's CMA-ES (arXiv:1604.00772) as implemented in the package cma; population, bounds and stop rules are this
-project's own.
+Hansen's CMA-ES (arXiv:1604.00772) as implemented in the package cma. A search may be several runs: with a population
+that doubles from run to run (IPOP; Auger and Hansen 2005, IEEE CEC, p. 1769) and, between those, runs with a small
+population and a small first step that together may cost as much (BIPOP; Hansen 2009, "Benchmarking a BI-population
+CMA-ES on the BBOB-2009 function testbed", GECCO, section 2). Population, bounds and stop rules are this project's own.
+
+The search draws its random numbers from a generator of its own, and nothing else decides what it asks: told the same
+values it asks the same candidates, bit for bit. That is what `replay` rests on.
 """
 
 from __future__ import annotations
 
+import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-import cma
 import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.experiment import DISCARDED_MM
 
+# cma imports these where it finds them, to draw and to judge surrogates; both take longer than many a search.
+_UNUSED_BY_SEARCH = [name for name in ("matplotlib", "scipy.stats") if name not in sys.modules]
+sys.modules.update(dict.fromkeys(_UNUSED_BY_SEARCH))  # type: ignore[arg-type]  # None fails an import (Python reference, 5.3.1)
+try:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import cma
+finally:
+    for name in _UNUSED_BY_SEARCH:
+        del sys.modules[name]
+
 Array = NDArray[np.float64]
+
+# The objectives of a whole population lie this near each other where the polish takes over: as a length, and as a share
+# of their range in the first generation, which is small where the beam hardly moved.
+_ENOUGH_MM, _ENOUGH_SHARE = 0.05, 0.05
+_FIRST_STEP = 0.25  # in unit coordinates
 
 
 class Scored(Protocol):
@@ -37,29 +58,65 @@ class Scored(Protocol):
 
 
 @dataclass(frozen=True)
-class Generation:
-    """One generation of the search; errors in mm, step size in the unit coordinates."""
+class Told:
+    """What the strategy was told of one generation: objectives (P,) in mm, and how many were discarded for what."""
 
+    objective_mm: tuple[float, ...]
+    unconverged: int
+    unstable: int
+
+
+@dataclass(frozen=True)
+class Generation:
+    """One generation of the search, after it was told.
+
+    run: counted from 1; best_mm: best objective of all so far; mean_mm: of this generation's valid candidates;
+    step_size: in the unit coordinates; axis_ratio: longest over shortest axis of the distribution; discarded:
+    candidates that did not count.
+    """
+
+    run: int
     best_mm: float
-    median_mm: float
+    mean_mm: float
     step_size: float
+    axis_ratio: float
     discarded: int
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of CMA-ES: its population, first step and length, the best objective it found and why it stopped."""
+
+    population: int
+    step_size: float
+    generations: int
+    best_mm: float
+    stop: str
 
 
 @dataclass(frozen=True)
 class SearchResult:
     """The best candidate (n,) in unit coordinates with its objective, and how it was come by.
 
-    unconverged, unstable: how many candidates were discarded for this; stop: why the search ended.
+    unconverged, unstable: how many candidates were discarded for this.
     """
 
     unit: Array
     objective_mm: float
     history: tuple[Generation, ...]
+    runs: tuple[Run, ...]
     evaluations: int
     unconverged: int
     unstable: int
-    stop: str
+
+    @property
+    def stop(self) -> str:
+        """Why each run stopped, in order."""
+        return "; ".join(run.stop for run in self.runs)
+
+
+class OtherSearch(Exception):
+    """What is to be replayed is not of this search."""
 
 
 def search(
@@ -69,47 +126,112 @@ def search(
     seed: int = 1,
     population: int | None = None,
     most_generations: int = 400,
-    progress: Callable[[int, float, float], None] | None = None,
+    restarts: int = 0,
+    bipop: bool = False,
+    replay: Sequence[Told] = (),
+    progress: Callable[[Generation, Told], None] | None = None,
 ) -> SearchResult:
     """Minimise over n unit coordinates; ``objective`` takes a population (P, n) at once.
 
-    ``progress(generation, best_mm, step_size)`` is called once a generation.
+    restarts: further runs with a doubled population each, from a random place; bipop: with runs of small populations
+    between them; most_generations: of one run; replay: what was told in the first generations of an earlier search
+    with the same arguments, which are not evaluated again. ``progress`` is called after each generation, replayed
+    ones included. Raises OtherSearch when ``replay`` does not fit.
     """
+    rng = np.random.default_rng(seed)
+    history: list[Generation] = []
+    runs: list[Run] = []
+    best, best_unit = np.inf, np.full(n, 0.5)
+    evaluations = unconverged = unstable = 0
+    for first_step, size, most in _runs(rng, population or (8 if n == 1 else 8 + 2 * n), restarts, bipop, runs):
+        start = rng.uniform(size=n) if runs else np.full(n, 0.5)
+        strategy = _strategy(rng, start, first_step, size, min(most, most_generations))
+        begun, best_of_run = len(history), np.inf
+        reasons: list[str] = []
+        while not reasons:
+            candidates = np.clip(np.array(strategy.ask()), 0.0, 1.0)
+            if len(history) < len(replay):
+                told = replay[len(history)]
+                if len(told.objective_mm) != len(candidates):
+                    raise OtherSearch(
+                        f"generation {len(history) + 1} has {len(candidates)} candidates, "
+                        f"that to be replayed {len(told.objective_mm)}"
+                    )
+            else:
+                scored = objective(candidates[:, :n])
+                told = Told(
+                    tuple(scored.objective_mm.tolist()), int(scored.unconverged.sum()), int(scored.unstable.sum())
+                )
+            values = np.array(told.objective_mm)
+            strategy.tell(list(candidates), values.tolist())
+            evaluations += len(values)
+            unconverged += told.unconverged
+            unstable += told.unstable
+            best_of_run = min(best_of_run, float(values.min()))
+            if values.min() < best:
+                best, best_unit = float(values.min()), candidates[np.argmin(values), :n]
+            valid = values[values < DISCARDED_MM]
+            history.append(
+                Generation(
+                    len(runs) + 1,
+                    best,
+                    float(valid.mean()) if len(valid) else DISCARDED_MM,
+                    float(strategy.sigma),
+                    float(strategy.D.max() / strategy.D.min()) if n > 1 else 1.0,
+                    len(values) - len(valid),
+                )
+            )
+            if progress:
+                progress(history[-1], told)
+            reasons = [str(reason) for reason in strategy.stop()]
+            if len(history) == 1:
+                enough = min(_ENOUGH_MM, _ENOUGH_SHARE * float(np.ptp(valid))) if len(valid) else 0.0
+            if len(valid) == len(values) and np.ptp(values) < enough:
+                reasons.append("population")
+        runs.append(Run(size, first_step, len(history) - begun, best_of_run, ", ".join(reasons)))
+    return SearchResult(best_unit, best, tuple(history), tuple(runs), evaluations, unconverged, unstable)
+
+
+def _strategy(
+    rng: np.random.Generator, start: Array, step: float, population: int, most_generations: int
+) -> cma.CMAEvolutionStrategy:
     # The library's strategy needs two dimensions at least: a law with one parameter is given an idle coordinate.
-    dimensions = max(n, 2)
+    idle = max(2 - len(start), 0)
     options = {
         "bounds": [0, 1],
-        "seed": seed if seed > 0 else 1,
-        "popsize": population or (8 if n == 1 else 8 + 2 * n),
-        # The search need only come near enough for the polish: to 20 nm in the objective.
+        "seed": np.nan,
+        "randn": lambda *shape: rng.standard_normal(shape),
+        "popsize": population,
+        # For a search whose population cannot come together, such as one with candidates that fail to the end.
         "tolx": 1e-4,
         "tolfun": 2e-5,
         "tolfunhist": 2e-5,
         "tolflatfitness": 10,
         "maxiter": most_generations,
         "verbose": -9,
-        "CMA_stds": [1.0] * n + [0.1] * (dimensions - n),
+        "CMA_stds": [1.0] * len(start) + [0.1] * idle,
     }
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        strategy = cma.CMAEvolutionStrategy([0.5] * dimensions, 0.25, options)
-    history: list[Generation] = []
-    best, best_unit = np.inf, np.full(n, 0.5)
-    evaluations = unconverged = unstable = 0
-    while not strategy.stop():
-        candidates = np.clip(np.array(strategy.ask()), 0.0, 1.0)
-        scored = objective(candidates[:, :n])
-        values = scored.objective_mm
-        strategy.tell(list(candidates), values.tolist())
-        evaluations += len(values)
-        unconverged += int(scored.unconverged.sum())
-        unstable += int(scored.unstable.sum())
-        if values.min() < best:
-            best, best_unit = float(values.min()), candidates[np.argmin(values), :n]
-        valid = values[values < DISCARDED_MM]
-        median = float(np.median(valid)) if len(valid) else DISCARDED_MM
-        history.append(Generation(best, median, float(strategy.sigma), len(values) - len(valid)))
-        if progress:
-            progress(len(history), best, float(strategy.sigma))
-    reasons = ", ".join(str(reason) for reason in strategy.stop())
-    return SearchResult(best_unit, best, tuple(history), evaluations, unconverged, unstable, reasons)
+        return cma.CMAEvolutionStrategy([*start, *[0.5] * idle], step, options)
+
+
+def _runs(
+    rng: np.random.Generator, population: int, restarts: int, bipop: bool, done: Sequence[Run]
+) -> Iterator[tuple[float, int, int]]:
+    """First step, population and most generations of each run; ``done`` grows while the runs are made."""
+    unlimited = sys.maxsize
+    yield _FIRST_STEP, population, unlimited
+    large = 0  # evaluations; the first run counts as one with a small population
+    for k in range(1, restarts + 1):
+        before = _evaluations(done)
+        yield _FIRST_STEP, population * 2**k, unlimited
+        last_large = _evaluations(done) - before
+        large += last_large
+        while bipop and _evaluations(done) - large < large:
+            few = int(population * (0.5 * 2**k) ** (rng.uniform() ** 2))
+            yield _FIRST_STEP * 10 ** (-2 * rng.uniform()), few, max(last_large // 2 // few, 1)
+
+
+def _evaluations(runs: Sequence[Run]) -> int:
+    return sum(run.population * run.generations for run in runs)

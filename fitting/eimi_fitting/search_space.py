@@ -3,11 +3,16 @@
 Every law is described by its initial shear modulus and by ratios: what a bending test fixes well is then one
 coordinate, and what it fixes badly is the others. The bounds are this project's own choice; the modulus spans every
 published value of the usual casting silicones with room to spare.
+
+The bulk modulus is a search coordinate where asked for, as log10 of its ratio to the initial shear modulus. Bending in
+plane strain sees E / (1 - nu^2) = 4 mu (3 K + mu) / (3 K + 4 mu) above all: a quarter of that, which is mu for an
+incompressible material, is then the first coordinate. Above a ratio of a hundred hardly anything else depends on K: the
+interval reaches the upper bound.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +20,46 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 SHEAR_MODULUS_PA = (1e3, 1e6)
+BULK_NAME, BULK_DECADES = "log10 K/mu", (0.5, 4.0)  # of bulk over shear modulus: 4 is what incompressible means here
+STIFFNESS_NAME = "a quarter of E/(1-nu^2)"
 
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """Bounds of the physical search coordinates of one law; the first is always the initial shear modulus (Pa)."""
+    """Bounds of the physical search coordinates of one law; the first is always the initial shear modulus (Pa).
+
+    Where ``with_bulk`` has put the bulk modulus last, the first is a quarter of the plane-strain modulus.
+    """
 
     law: str
     names: tuple[str, ...]
     lower: tuple[float, ...]
     upper: tuple[float, ...]
+
+    @property
+    def has_bulk(self) -> bool:
+        """Whether the bulk modulus is one of the coordinates."""
+        return self.names[-1] == BULK_NAME
+
+    def with_bulk(self) -> SearchSpace:
+        """The same space with the bulk modulus as its last coordinate."""
+        low, high = BULK_DECADES
+        names = (STIFFNESS_NAME, *self.names[1:], BULK_NAME)
+        return replace(self, names=names, lower=(*self.lower, low), upper=(*self.upper, high))
+
+    def bulk_modulus_Pa(self, unit: Array) -> Array | None:
+        """(P, n) in 0..1 -> (P,); None where it is not a coordinate."""
+        if not self.has_bulk:
+            return None
+        x = self.physical(unit)
+        return np.asarray(self._shear_modulus(x) * 10.0 ** x[:, -1])
+
+    def _shear_modulus(self, x: Array) -> Array:
+        """(P,) of physical coordinates (P, n)."""
+        if not self.has_bulk:
+            return x[:, 0]
+        three = 3 * 10.0 ** x[:, -1]  # 3 K / mu
+        return np.asarray(x[:, 0] * (three + 4) / (three + 1))
 
     def physical(self, unit: Array) -> Array:
         """(P, n) in 0..1 -> (P, n) physical coordinates."""
@@ -37,9 +72,9 @@ class SearchSpace:
     def parameters(self, unit: Array) -> Array:
         """(P, n) in 0..1 -> the law's own parameters (P, n_parameters)."""
         x = self.physical(unit)
-        mu0 = x[:, 0]
+        mu0 = self._shear_modulus(x)
         if self.law == "neo-hookean":
-            return x
+            return mu0[:, None]
         if self.law == "mooney-rivlin":
             return np.column_stack([0.5 * mu0 * (1 - x[:, 1]), 0.5 * mu0 * x[:, 1]])
         if self.law == "yeoh":

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,22 +15,35 @@ from eimi_fitting.observation import edge_curves, points_on
 Array = NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class Sensitivity:
+    """P candidates with n parameters in K states.
+
+    edges: (P, K, 2, m, 2) mm, left and right; slope: (P, n, K, 2, m, 2) mm per unit of the parameter; converged: (P,)
+    the candidate and all its neighbours; the rows of the others mean nothing.
+    """
+
+    edges: Array
+    slope: Array
+    converged: NDArray[np.bool_]
+
+
 def edge_sensitivity(
     model: BeamModel, law: Law, parameters: Array, loads: Loads, relative_step: float = 1e-4, per_segment: int = 2
-) -> tuple[Array, Array]:
-    """Edges of one candidate (n,) and their derivatives with respect to its parameters, by central differences.
+) -> Sensitivity:
+    """Edges of candidates (P, n) and their derivatives with respect to the parameters, by central differences.
 
-    Returns edges (K, 2, m, 2) in mm, left and right, and d(edges)/d(parameters) (n, K, 2, m, 2) in mm per unit of the
-    parameter. The step is ``relative_step`` of the parameter, or of the initial shear modulus (one, for an exponent)
-    where the parameter is zero. Raises ArithmeticError where a candidate finds no equilibrium.
+    The step is ``relative_step`` of the parameter, or of the initial shear modulus (one, for an exponent) where the
+    parameter is zero.
     """
-    parameters = np.asarray(parameters, float)
-    n = len(parameters)
-    size = np.array([1.0 if unit == "1" else float(law.initial_shear_modulus(parameters)) for unit in law.units])
+    parameters = np.atleast_2d(np.asarray(parameters, float))
+    p, n = parameters.shape
+    modulus = np.abs(law.initial_shear_modulus(parameters))[:, None]
+    size = np.where(np.array([unit == "1" for unit in law.units]), 1.0, modulus)
     step = relative_step * np.where(parameters != 0, np.abs(parameters), size)
-    batch = np.concatenate([parameters[None], parameters + np.diag(step), parameters - np.diag(step)])
-    shapes = model.solve(law, batch, loads, tolerance_mm=1e-8)
-    if not shapes.converged.all():
-        raise ArithmeticError(f"{law.name}: no equilibrium at {parameters.tolist()} or beside it")
+    offsets = step[:, None, :] * np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
+    shapes = model.solve(law, (parameters[:, None, :] + offsets).reshape(-1, n), loads, tolerance_mm=1e-8)
     edges = points_on(edge_curves(model, shapes), per_segment)
-    return edges[0], (edges[1 : n + 1] - edges[n + 1 :]) / (2 * step)[:, None, None, None, None]
+    edges = edges.reshape(p, 2 * n + 1, *edges.shape[1:])
+    slope = (edges[:, 1 : n + 1] - edges[:, n + 1 :]) / (2 * step)[..., None, None, None, None]
+    return Sensitivity(edges[:, 0], slope, np.asarray(shapes.converged.reshape(p, -1).all(axis=1)))

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting import element
-from eimi_fitting.band import BandAssembly, factorise
 from eimi_fitting.element import Batch
 from eimi_fitting.mesh import Indices, Mesh
-from eimi_fitting.rigid import RigidEnd, dead_moment
+from eimi_fitting.pressure import FollowerPressure
+from eimi_fitting.rigid import RigidBody, dead_moment
+from eimi_fitting.system import System
 
 Array = NDArray[np.float64]
 
@@ -28,23 +29,24 @@ class Status(IntEnum):
 
 
 @dataclass(frozen=True)
-class DeadLoads:
-    """Forces that keep their direction, per mm of depth, one row a candidate (or one row for all).
+class SolidLoads:
+    """Loads per mm of depth, one row a candidate or one for all: forces that keep their direction, and a pressure.
 
-    nodal: (B, N, 2) N/mm on the nodes; force: (B, 2) N/mm and tensor: (B, 2, 2) N on the rigid end, whose potential
-    is -force . U - tensor : R.
+    nodal: (B, N, 2) N/mm on the nodes; force: (B, 2) N/mm and tensor: (B, 2, 2) N on the rigid body, whose potential
+    is -force . U - tensor : R; pressure: (B,) N/mm² on the solid's face.
     """
 
     nodal: Array
     force: Array
     tensor: Array
+    pressure: Array
 
 
 @dataclass(frozen=True)
 class Configuration:
     """Where a batch of candidates stands; every array is linear in what Newton solves for, so states extrapolate.
 
-    displacement: (B, N, 2) mm; rigid: (B, 3) translation in mm and rotation in rad of the rigid end;
+    displacement: (B, N, 2) mm; rigid: (B, 3) translation in mm and rotation in rad of the rigid body;
     pressure: (E, B, 3); stress: (3, E, B, q), the stress that the next tangent uses.
     """
 
@@ -83,7 +85,7 @@ def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -
 
 @dataclass(frozen=True)
 class _Step:
-    """One linear step: of the nodes (B, N, 2), of the rigid end (B, 3) and of the pressures; the predicted stress;
+    """One linear step: of the nodes (B, N, 2), of the rigid body (B, 3) and of the pressures; the predicted stress;
     which candidates could be solved.
     """
 
@@ -95,7 +97,7 @@ class _Step:
 
 
 class Solid:
-    """A mesh, its section and its supports: some displacements fixed at zero, perhaps a rigid end.
+    """A mesh and its supports: some displacements fixed at zero; perhaps a rigid body and a face under pressure.
 
     fixed: (N, 2) bool; rigid_nodes: nodes that move with a rigid body, whose reference point is ``rigid_centre`` (mm).
     """
@@ -106,21 +108,20 @@ class Solid:
         fixed: NDArray[np.bool_],
         rigid_nodes: Indices | None = None,
         rigid_centre: tuple[float, float] = (0.0, 0.0),
+        face: FollowerPressure | None = None,
     ) -> None:
         self.mesh = mesh
         self.ops = element.operators(mesh)
-        self.end = None if rigid_nodes is None else RigidEnd(mesh, rigid_nodes, rigid_centre)
+        self.body = None if rigid_nodes is None else RigidBody(mesh, rigid_nodes, rigid_centre)
+        self.face = face
         free = ~fixed
         if rigid_nodes is not None:
             free[rigid_nodes] = False
         self._free = np.flatnonzero(free.ravel())  # into (N, 2)
-        self.unknowns = len(self._free) + (3 if self.end else 0)
         number = np.full(free.size, -1, np.intp)
         number[self._free] = np.arange(len(self._free))
-        dofs = number.reshape(-1, 2)[mesh.elements].transpose(0, 2, 1).copy()  # (E, 2, 9)
-        if self.end:
-            self.end.number(dofs, len(self._free))
-        self.assembly = BandAssembly(dofs.reshape(-1, 18), self.unknowns)
+        dofs = number.reshape(-1, 2)[mesh.elements].transpose(0, 2, 1).reshape(-1, 18)
+        self.system = System(dofs, len(self._free), None if self.body is None else self.body.elements)
         # Where the element arrays (E, ., 2, 9) find their values in (., N * 2).
         self._gather = (mesh.elements[:, None, :] * 2 + np.arange(2)[:, None]).reshape(-1)
 
@@ -140,62 +141,58 @@ class Solid:
         gathered = nodal.reshape(b, 2 * len(self.mesh.nodes))[:, self._gather].reshape(b, e, 2, 9)
         return np.ascontiguousarray(gathered.transpose(1, 0, 2, 3))
 
-    def _step(self, batch: Batch, loads: DeadLoads, now: Configuration) -> _Step:
-        """Linearise at ``now`` and solve."""
-        ops, end = self.ops, self.end
-        n, b = len(self.mesh.elements), len(now.rigid)
-        ev = element.evaluate(ops, batch, self.by_element(now.displacement), now.pressure)
+    def _step(self, batch: Batch, loads: SolidLoads, now: Configuration) -> _Step:
+        ops, body = self.ops, self.body
+        b, n = len(now.displacement), len(self.mesh.elements)
+        nodal = self.by_element(now.displacement)
+        ev = element.evaluate(ops, batch, nodal, now.pressure)
         K = element.stiffness(ops, ev, now.stress)
         force = ev.force.reshape(n, b, 18)
-        effective = force.copy()
+        symmetric = True
+        if self.face is not None and np.any(loads.pressure):
+            force, symmetric = force.copy(), False
+            self.face.press(loads.pressure, nodal.reshape(n, b, 18), force, K)
+        effective = force
         incompressible = batch.section == "plane-strain"
         if incompressible:
             coupling, gap = element.volume_coupling(ops, ev), element.volume_gap(ops, batch, ev, now.pressure)
             modulus = batch.bulk[:, None] / ops.mass[:, None, :]  # (E, B, 3)
             scaled = coupling * modulus[:, :, None, :]
             K += np.matmul(scaled, coupling.swapaxes(-1, -2))
-            effective += np.matmul(scaled, gap[..., None])[..., 0]
-        right = np.zeros((b, self.unknowns))
-        right[:, : len(self._free)] = loads.nodal.reshape(len(loads.nodal), -1)[:, self._free]
-        if end:
-            tie = end.matrix(now.rigid)
-            turned = tie.swapaxes(-1, -2)
-            K[end.elements] = np.matmul(turned, np.matmul(K[end.elements], tie))
-            effective[end.elements] = np.matmul(turned, effective[end.elements][..., None])[..., 0]
-            right[:, -3:-1] = loads.force
+            effective = force + np.matmul(scaled, gap[..., None])[..., 0]
+        right = loads.nodal.reshape(len(loads.nodal), -1)[:, self._free]
+        tied = None
+        if body:
+            tie = body.matrix(now.rigid)
             moment, turning = dead_moment(loads.tensor, now.rigid)
-            right[:, -1] = moment
-        band = self.assembly.matrix(K)
-        if end:
-            band[:, -1, 0] += turning + end.stiffness_of_turning(force, now.rigid)
-        factor = factorise(band, ev.valid)
-        x = factor.solve(right - self.assembly.vector(effective))
+            pull = np.empty((b, 3))
+            pull[:, :2], pull[:, 2] = loads.force, moment
+            tied = tie, turning + body.stiffness_of_turning(force, now.rigid), pull
+        x, rigid, sound = self.system.solve(K, effective, right, tied, ev.valid, symmetric)
         flat = np.zeros((b, 2 * len(self.mesh.nodes)))
-        flat[:, self._free] = x[:, : len(self._free)]
-        nodal = flat.reshape(now.displacement.shape)
-        element_step = self.by_element(nodal).reshape(n, b, 18)
-        rigid = np.zeros((b, 3))
-        if end:
-            rigid = x[:, -3:]
-            end.spread(element_step, rigid, tie)
+        flat[:, self._free] = x
+        step = flat.reshape(now.displacement.shape)
+        element_step = self.by_element(step).reshape(n, b, 18)
+        if body:
+            element_step[body.elements] += np.matmul(tie, rigid[..., None])[..., 0]
         pressure = np.zeros_like(now.pressure)
         if incompressible:
             pressure = modulus * (gap + np.matmul(coupling.swapaxes(-1, -2), element_step[..., None])[..., 0])
         stress = element.predict_stress(ops, ev, element_step.reshape(ev.force.shape), pressure)
-        return _Step(nodal, rigid, pressure, stress, factor.sound)
+        return _Step(step, rigid, pressure, stress, sound)
 
     def _moved(self, now: Configuration, step: _Step) -> tuple[Configuration, Array]:
         """The configuration after a step, and the largest displacement of any node (B,)."""
         displacement, rigid = now.displacement + step.nodal, now.rigid + step.rigid
-        if self.end:
-            self.end.carry(displacement, rigid)
+        if self.body:
+            self.body.carry(displacement, rigid)
         largest = np.abs(displacement - now.displacement).max(axis=(1, 2))
         return Configuration(displacement, rigid, now.pressure + step.pressure, step.stress), largest
 
     def equilibrium(
         self,
         batch: Batch,
-        loads: DeadLoads,
+        loads: SolidLoads,
         start: Configuration,
         tolerance_mm: float,
         most_iterations: int = 25,
@@ -207,13 +204,15 @@ class Solid:
         """
         size = float(np.ptp(self.mesh.nodes, axis=0).max())
         now = start.copy()
-        if self.end:
-            self.end.carry(now.displacement, now.rigid)
+        if self.body:
+            self.body.carry(now.displacement, now.rigid)
         b = len(now.rigid)
         status = np.full(b, Status.OUT_OF_ITERATIONS, np.int8)
         iterations = np.zeros(b, np.intp)
         rows = np.arange(b)
         for _ in range(most_iterations):
+            if not len(rows):
+                break
             everyone = len(rows) == b
             part = now if everyone else now.take(rows)
             own = batch if everyone else _rows_of_batch(batch, rows)
@@ -230,8 +229,6 @@ class Solid:
             status[rows[~ok]] = Status.DIVERGED
             status[rows[done]] = Status.CONVERGED
             rows = rows[ok & ~done]
-            if not len(rows):
-                break
         return now, status, iterations
 
 
@@ -239,7 +236,7 @@ def _rows_of_batch(batch: Batch, rows: Indices) -> Batch:
     return Batch(batch.law, batch.parameters[rows], batch.section, batch.bulk[rows])
 
 
-def _rows_of_loads(loads: DeadLoads, rows: Indices) -> DeadLoads:
+def _rows_of_loads(loads: SolidLoads, rows: Indices) -> SolidLoads:
     if len(loads.force) == 1:
         return loads
-    return DeadLoads(loads.nodal[rows], loads.force[rows], loads.tensor[rows])
+    return SolidLoads(loads.nodal[rows], loads.force[rows], loads.tensor[rows], loads.pressure[rows])

@@ -15,19 +15,33 @@ Section = Literal["plane-strain", "plane-stress"]
 
 @dataclass(frozen=True)
 class Magnet:
-    """A block magnet at the distal end, magnetised along the beam toward the tip."""
+    """A block magnet in the middle of the beam's width, magnetised along the beam toward the tip.
+
+    It lies at the distal end, or ``tip_offset_mm`` before it. Silicone surrounds it where the specimen is wider, longer
+    or deeper; the deeper part is carried rigidly by a planar model.
+    """
 
     length_mm: float
     width_mm: float
     depth_mm: float
     remanence_T: float
     density_kg_m3: float
+    tip_offset_mm: float = 0.0
 
     @property
     def moment_A_m2(self) -> float:
         """Dipole moment: remanence / mu0 times volume."""
         volume_m3 = self.length_mm * self.width_mm * self.depth_mm * 1e-9
         return self.remanence_T / VACUUM_PERMEABILITY * volume_m3
+
+
+@dataclass(frozen=True)
+class PressureFace:
+    """Where a pressure acts: the left (y < 0) or the right face, from ``from_mm`` to ``to_mm`` (None: the tip)."""
+
+    side: Literal["left", "right"]
+    from_mm: float = 0.0
+    to_mm: float | None = None
 
 
 @dataclass(frozen=True)
@@ -47,8 +61,10 @@ class Specimen:
     magnet: Magnet | None = None
     tip_load_mm: tuple[float, float] | None = None
     magnetisation_A_per_m: tuple[float, float] = (0.0, 0.0)
+    pressure_face: PressureFace | None = None
 
     @property
     def flexible_length_mm(self) -> float:
         """Length between the clamp and the magnet."""
-        return self.length_mm - (self.magnet.length_mm if self.magnet else 0.0)
+        magnet = self.magnet
+        return self.length_mm - (magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0)

@@ -11,7 +11,7 @@ identification searches: without both, three terms fitted to one curve are not u
 Comput. Mech. 34:484).
 
 Intervals come from the linearised covariance. Residuals of a tensile curve are mostly the law's misfit and so
-correlated along the curve: n rows count as n / tau, as in `eimi_fitting.uncertainty`.
+correlated along the curve: n rows count as n / tau, as in `eimi_fitting.correlation`.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize, stats
+from scipy import optimize, special
 
+from eimi_fitting.correlation import correlation_length
 from eimi_fitting.materials import LAWS, Law
 from eimi_fitting.search_space import SEARCH_SPACES
 from eimi_fitting.stability import stable_up_to
-from eimi_fitting.uncertainty import correlation_length
 
 Array = NDArray[np.float64]
 
@@ -39,9 +39,9 @@ class TensileFit:
     """A law fitted to one window of a tensile curve, stresses and moduli in Pa.
 
     parameters: (n,) and intervals: (n, 2) in the law's own order; rmse_Pa: of the engineering stress over the rows
-    used; max_strain: largest engineering strain among them; correlation_rows: tau; not_fixed: parameters whose
-    interval holds zero or is that of the search; stable_to: largest stretch up to which the law is stable (None: no
-    limit met).
+    used; max_strain: largest engineering strain among them; correlation_rows: tau; correlation: (n, n) of the
+    parameters' errors; not_fixed: parameters whose interval holds zero or is that of the search; stable_to: largest
+    stretch up to which the law is stable (None: no limit met).
     """
 
     law: Law
@@ -54,6 +54,7 @@ class TensileFit:
     rows_left_out: int
     max_strain: float
     correlation_rows: float
+    correlation: Array
     not_fixed: tuple[str, ...]
     stable_to: float | None
 
@@ -111,6 +112,7 @@ def fit_tensile(
         int(window.sum() - used.sum()),
         float(e.max()),
         solved.tau,
+        solved.correlation,
         not_fixed,
         stable_up_to(law, solved.parameters),
     )
@@ -118,13 +120,17 @@ def fit_tensile(
 
 @dataclass(frozen=True)
 class _Solved:
-    """Parameters (n,), intervals (n, 2), which of them only the search's range holds, and what all of that rests on."""
+    """Parameters (n,), intervals (n, 2), which of them only the search's range holds, and what all of that rests on.
+
+    correlation: (n, n) of the parameters' errors.
+    """
 
     parameters: Array
     intervals: Array
     held_by_bounds: Sequence[bool]
     modulus_half_width: float
     tau: float
+    correlation: Array
 
 
 def _columns(law: Law, strain: Array, weight: Array) -> Array:
@@ -148,7 +154,16 @@ def _spread(jacobian: Array, residual: Array, information: Array | None = None) 
     if information is not None:
         normal = normal + information / np.outer(size, size)
     covariance = np.linalg.pinv(normal, hermitian=True) / np.outer(size, size)
-    return covariance, float(stats.t.ppf(0.975, freedom)), tau
+    return covariance, float(special.stdtrit(freedom, 0.975)), tau
+
+
+def _correlation(covariance: Array) -> Array:
+    """(n, n) of a covariance (n, n); a parameter without a variance is correlated with itself alone."""
+    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    known = np.where(spread > 0, spread, 1.0)
+    correlation = covariance / np.outer(known, known)
+    np.fill_diagonal(correlation, 1.0)
+    return np.asarray(correlation)
 
 
 def _linear(law: Law, strain: Array, stress: Array, weight: Array) -> _Solved:
@@ -165,6 +180,7 @@ def _linear(law: Law, strain: Array, stress: Array, weight: Array) -> _Solved:
         [False] * len(parameters),
         float(t * np.sqrt(slope @ covariance @ slope)),
         tau,
+        _correlation(covariance),
     )
 
 
@@ -247,4 +263,10 @@ def _ogden_worth(law: Law, parameters: Array, strain: Array, residual: Array, we
         unnoticed = t * np.sqrt(tau * variance_of_row / (terms[:, p] @ terms[:, p]))
         intervals[2 * p] = np.sort([0.0, 2 * unnoticed / exponents[p]])
     total = np.concatenate([np.ones(k), np.zeros(k)])
-    return _Solved(parameters, intervals, held, float(t * np.sqrt(total @ covariance @ total)), tau)
+    # From shares and exponents to moduli and exponents.
+    turn = np.zeros((6, 2 * k))
+    for place, p in enumerate(there):
+        turn[2 * p, place], turn[2 * p, k + place] = 2 / exponents[p], -2 * shares[p] / exponents[p] ** 2
+        turn[2 * p + 1, k + place] = 1.0
+    correlation = _correlation(turn @ covariance @ turn.T)
+    return _Solved(parameters, intervals, held, float(t * np.sqrt(total @ covariance @ total)), tau, correlation)

@@ -1,149 +1,224 @@
 """What an identified parameter is worth: intervals, and which combinations the data fix.
 
-Linearised about the optimum: the residuals' Jacobian in the search coordinates, the noise level from the residuals
-themselves. Residuals of one edge are correlated along the edge (one frame's blur, light and clamp are common to
-neighbours), so the n points of an edge count as n / tau, with tau the integrated autocorrelation length summed up to
-its first negative value (initial positive sequence; Geyer 1992, Statist. Sci. 7:473). Tracked points carry their own
-stated uncertainty, which is taken as common to the points of one state.
+Linearised about the optimum (`eimi_fitting.linearised`): the noise level from the residuals themselves, the n points of
+an edge counting as n / tau; tracked points carry their own stated uncertainty, taken as common to the points of one
+state. Where the objective is not the quadratic that this takes it for, the profile likelihood gives the ends
+(`eimi_fitting.profile`). What the mesh leaves in the parameters is in the intervals (`eimi_fitting.mesh_error`).
 
 A direction that the data do not fix is held by the bounds of the search, entered as a normal prior with the bounds'
-variance; it is named as not fixed. What the mesh leaves in the residuals is carried through to every parameter.
-Errors common to the whole experiment (scale, coil constant, moment) are not in these intervals.
+variance; it is named as not fixed. Errors common to the whole experiment (coil constant, moment, roll, clamp) are in
+the intervals where they are freed, and not otherwise; those of the scale never.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
-from eimi_fitting.materials import Law
-from eimi_fitting.observation import EdgeObservation, Observation
-from eimi_fitting.polish import difference_batch
-from eimi_fitting.search_space import SearchSpace
+from eimi_fitting.directions import NOT_FIXED, Direction, directions, statement
+from eimi_fitting.experiment import DISCARDED_MM
+from eimi_fitting.linearised import Linearised, held_out_error_mm, linearise
+from eimi_fitting.mesh_error import LEFT, mesh_pull
+from eimi_fitting.observation import EdgeObservation
+from eimi_fitting.problem import Problem
+from eimi_fitting.profile import Ends, interval_ends, moved_to
 
 Array = NDArray[np.float64]
 
-_BOUNDS_VARIANCE = 1.0 / 12.0  # of a uniform distribution over the unit interval
-_NOT_FIXED = 0.5  # posterior over prior standard deviation above which the data say little
 _DRAWS = 4000
+# A material is called compressible only where the objective has risen this many times as far as an interval's end asks,
+# when it is taken as incompressible: an error of the mesh as large as the noise looks like some compressibility.
+_PRETENDED = 10.0
+_NORMAL = float(special.ndtri(0.975))
+
+
+@dataclass(frozen=True)
+class FreedValue:
+    """A nuisance that was freed: its deviation from what was stated, with interval and prior standard deviation."""
+
+    name: str
+    dataset: int | None
+    unit: str
+    value: float
+    interval: tuple[float, float]
+    prior_spread: float
 
 
 @dataclass(frozen=True)
 class Uncertainty:
     """95 % intervals and what the data fix.
 
-    intervals: (n, 2) of the law's parameters; initial_shear_modulus_Pa: (2,); noise_mm: residual standard deviation;
-    correlation_points: mean tau; not_fixed: search coordinates that only the bounds hold; statement: one sentence.
+    unit: (n,) unit coordinates, the mesh's error taken out as far as it is known; intervals: (n_p, 2) of the law's
+    parameters; initial_shear_modulus_Pa, bulk_modulus_Pa: (2,) or None; fitted_error_mm: mean error where the polish
+    ended; noise_mm: residual standard deviation;
+    points, independent_points: how many there are and how many they count as; correlation_points: their mean ratio;
+    names and correlation: of all unknowns; directions: best known first; not_fixed: coordinates of the law that only
+    the bounds hold; profiled: those whose ends come from the profile likelihood; mesh_change, mesh_left: relative
+    change of the initial shear modulus by the finer mesh, and the half-width left for it (None: the finer mesh found no
+    solution); held_out_error_mm: mean error of states left out of the fit; statement: what is fixed, in words.
     """
 
+    unit: Array
     intervals: Array
     initial_shear_modulus_Pa: Array
+    bulk_modulus_Pa: Array | None
+    freed: tuple[FreedValue, ...]
+    fitted_error_mm: float
     noise_mm: float
+    points: int
+    independent_points: float
     correlation_points: float
+    names: tuple[str, ...]
+    correlation: Array
+    directions: tuple[Direction, ...]
     not_fixed: tuple[str, ...]
+    profiled: tuple[str, ...]
+    mesh_change: float | None
+    mesh_left: float | None
+    held_out_error_mm: float
     statement: str
 
 
-Residuals = Callable[[Array], list[tuple[Array, Array]]]
+def estimate_uncertainty(problem: Problem, unit: Array, seed: int) -> Uncertainty:
+    """Intervals about the optimum ``unit`` (n,), of which the draws behind the intervals need a seed.
 
-
-def correlation_length(residuals: Array, weights: Array) -> float:
-    """Integrated autocorrelation length tau >= 1 (in points) of groups (..., n) of residuals, zero where unused."""
-    r = residuals.reshape(-1, residuals.shape[-1])
-    w = weights.reshape(r.shape)
-    variance = (r**2).sum() / max(w.sum(), 1.0)
-    if variance == 0.0:
-        return 1.0
-    tau = 1.0
-    for lag in range(1, r.shape[-1]):
-        pairs = (w[:, lag:] * w[:, :-lag]).sum()
-        if pairs == 0:
-            break
-        rho = (r[:, lag:] * r[:, :-lag]).sum() / pairs / variance
-        if rho <= 0:
-            break
-        tau += 2 * rho
-    return float(tau)
-
-
-def estimate_uncertainty(
-    space: SearchSpace,
-    law: Law,
-    unit: Array,
-    residuals: Residuals,
-    observed: Sequence[Observation],
-    seed: int,
-    mesh_error_mm: Sequence[Array] | None = None,
-) -> Uncertainty:
-    """Intervals about the optimum ``unit`` (n,) of the search coordinates; one extra batch of 2 n + 1 candidates.
-
-    mesh_error_mm: what the mesh is thought to add to the residuals, (K, G, n) an experiment.
+    Costs a batch of 2 n + 1 candidates, the intervals' ends, and one candidate in five states on a finer mesh.
     """
-    n = len(unit)
-    batch, distance = difference_batch(unit)
-    information = np.eye(n) / _BOUNDS_VARIANCE
-    pull = np.zeros(n)
-    noise2, count, effective, taus = 0.0, 0.0, 0.0, []
-    for k, ((all_residuals, weights), seen) in enumerate(zip(residuals(batch), observed, strict=True)):
-        r = all_residuals[0]
-        slope = (all_residuals[1 : n + 1] - all_residuals[n + 1 :]) / distance[:, None, None, None]
-        if isinstance(seen, EdgeObservation):
-            tau = correlation_length(r, weights)
-            variance = float((r**2).sum() / weights.sum())
-            precision = 1 / (tau * max(variance, 1e-12))
-            information += precision * np.einsum("ikgn,jkgn->ij", slope, slope)
-            if mesh_error_mm is not None:
-                pull += precision * np.einsum("ikgn,kgn->i", slope, mesh_error_mm[k])
-            effective += weights.sum() / tau
-            taus.append(tau)
-        else:
-            # The error is common to the points of a state: their mean counts once.
-            share = weights / np.maximum(weights.sum(axis=-1, keepdims=True), 1.0)
-            mean = np.einsum("ikgn,kgn->ikg", slope, share)
-            sigma = np.where(np.isfinite(seen.sigma_mm), seen.sigma_mm, 0.0)
-            common = np.sqrt((share * sigma[:, None] ** 2).sum(axis=-1))
-            information += np.einsum("ikg,jkg,kg->ij", mean, mean, 1 / np.maximum(common, 1e-9) ** 2)
-        noise2 += float((r**2).sum())
-        count += float(weights.sum())
-    covariance = np.linalg.inv(information)
-    # A systematic error of the residuals moves the optimum along one direction, by no more than this.
-    drift = covariance @ pull
-    covariance += np.outer(drift, drift)
-    # Higher coefficients can take that error upon themselves; the modulus is trusted no more than with them held.
-    alone = pull[0] / information[0, 0]
-    covariance[0, 0] += max(alone**2 - drift[0] ** 2, 0.0)
-    spread = np.sqrt(np.diag(covariance))
-    # Student's t where the noise level was estimated from the residuals themselves.
-    widen = stats.t.ppf(0.975, max(effective - n, 1.0)) / stats.norm.ppf(0.975) if taus else 1.0
+    n, searched = len(unit), problem.searched
+    about = linearise(problem, unit)
+    inverse = np.linalg.inv(about.curvature)
+    covariance = about.covariance(_widened(problem, about))
+    correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+    pull = mesh_pull(problem, about)
+    shift, left = np.zeros(n), np.zeros(n)
+    alone = 0.0
+    if pull is not None:
+        shift = -inverse @ pull
+        alone = LEFT * pull[0] / about.curvature[0, 0]
+        left = LEFT * shift
+        moved = np.clip(unit + shift, 0.0, 1.0)
+        if problem.judge(moved[None], about.independent_points).objective_mm[0] >= DISCARDED_MM:
+            shift, left = np.zeros(n), shift  # a law that is not stable there: the change is stated, not made
+    noise = np.sqrt(np.diag(covariance))
+    # An error of the mesh moves the optimum along one direction, by no more than this. Higher coefficients can take it
+    # upon themselves; the modulus is trusted no more than with them held.
+    alone = np.sqrt(max(alone**2 - left[0] ** 2, 0.0))
+    remaining = noise * np.sqrt(np.diag(about.prior))
+    eigen = directions(problem.names, about.information, about.prior)
+    looked_at = remaining[:searched] <= NOT_FIXED
+    if problem.space.has_bulk:  # without an end above, and far from linear toward its lower one
+        looked_at[-1] = True
+    ends = _ends(problem, about, _NORMAL * noise, tuple(int(i) for i in np.flatnonzero(looked_at)))
+    if problem.space.has_bulk and ends.high[searched - 1] >= 1.0:
+        remaining[searched - 1] = 1.0
     rng = np.random.default_rng(seed)
-    draws = unit + widen * rng.multivariate_normal(np.zeros(n), covariance, size=_DRAWS, method="eigh")
-    parameters = space.parameters(np.clip(draws, 0.0, 1.0))
-    intervals = np.quantile(parameters, [0.025, 0.975], axis=0).T
-    modulus = np.quantile(law.initial_shear_modulus(parameters), [0.025, 0.975])
-    not_fixed = tuple(
-        name for name, s in zip(space.names, spread / np.sqrt(_BOUNDS_VARIANCE), strict=True) if s > _NOT_FIXED
-    )
+    draws = rng.multivariate_normal(np.zeros(n), covariance, size=_DRAWS, method="eigh")
+    for i in ends.profiled:  # a normal distribution of two halves, each as wide as its end asks
+        below, above = (unit[i] - ends.low[i]) / (_NORMAL * noise[i]), (ends.high[i] - unit[i]) / (_NORMAL * noise[i])
+        draws[:, i] *= np.where(draws[:, i] < 0, below, above)
+    draws += np.outer(rng.normal(size=_DRAWS), left) / _NORMAL
+    draws[:, 0] += rng.normal(size=_DRAWS) * alone / _NORMAL
+    centre = np.clip(unit + shift, 0.0, 1.0)
+    drawn = np.clip(centre + draws, 0.0, 1.0)[:, :searched]
+    parameters = problem.space.parameters(drawn)
+    bulk = problem.space.bulk_modulus_Pa(drawn)
+    best = problem.space.physical(np.array([unit[:searched], centre[:searched]]))[:, 0]
+    not_fixed = tuple(name for name, r in zip(problem.space.names, remaining, strict=False) if r > NOT_FIXED)
+    # ln of the ratio of the bounds of the modulus, whose logarithm the coordinate is
+    decades = float(np.log(problem.space.upper[0] / problem.space.lower[0]))
     return Uncertainty(
-        intervals,
-        modulus,
-        float(np.sqrt(noise2 / max(count, 1.0))),
-        float(np.mean(taus)) if taus else 1.0,
+        centre,
+        np.quantile(parameters, [0.025, 0.975], axis=0).T,
+        np.quantile(problem.law.initial_shear_modulus(parameters), [0.025, 0.975]),
+        None if bulk is None else np.quantile(bulk, [0.025, 0.975]),
+        _freed(problem, centre, np.hypot(_NORMAL * noise, left)),
+        about.mean_error_mm,
+        about.noise_mm,
+        about.points,
+        about.independent_points,
+        about.points / about.independent_points,
+        problem.names,
+        correlation,
+        eigen,
         not_fixed,
-        _statement(space, not_fixed),
+        tuple(problem.names[i] for i in ends.profiled),
+        None if pull is None else float(best[1] / best[0] - 1),
+        None if pull is None else float(np.hypot(left[0], alone) * decades),
+        held_out_error_mm(about),
+        statement(problem.names, searched, remaining, correlation, eigen),
     )
 
 
-def _statement(space: SearchSpace, not_fixed: tuple[str, ...]) -> str:
-    if not not_fixed:
-        return "These data fix every parameter of this law."
-    if space.names[0] in not_fixed:
-        return "These data fix no parameter of this law, not even its initial shear modulus."
-    fixed = [name for name in space.names if name not in not_fixed]
-    return (
-        f"These data fix {' and '.join(fixed)}; they do not fix {', '.join(not_fixed)}, "
-        "whose intervals are set by the bounds of the search."
-    )
+def _widened(problem: Problem, about: Linearised) -> float:
+    """Student's t over the normal quantile, where level and correlation of the noise are the residuals' own.
+
+    As many residuals tell them as there are edges: one degree of freedom less than these (Bester, Conley and Hansen
+    2011, J. Econometrics 165:137). Tracked points state theirs.
+    """
+    if not all(isinstance(e.observed, EdgeObservation) for e in problem.experiments):
+        return 1.0
+    edges = sum(residuals.shape[0] * residuals.shape[1] for residuals in about.residuals)
+    freedom = max(min(about.independent_points - len(about.unit), edges - 1), 1.0)
+    return float(special.stdtrit(freedom, 0.975)) / _NORMAL
+
+
+def _ends(problem: Problem, about: Linearised, half_width: Array, looked_at: tuple[int, ...]) -> Ends:
+    """Interval ends by the objective itself, where it is not the quadratic that the covariance takes it for."""
+    searched = problem.searched
+    m = len(about.curves)
+    bounds_prior = np.where(np.arange(len(about.unit)) < searched, np.diag(about.prior), 0.0)
+
+    def rise(unit: Array) -> tuple[Array, Array]:
+        judged = problem.judge(unit, about.independent_points)
+        objective = judged.objective_mm
+        valid = objective < DISCARDED_MM
+        moved = unit - about.unit
+        # The sum of squares above its least in units of its variance: with a noise level that is unknown too, this is
+        # what Student's t looks at (Seber and Wild 1989, section 5.3).
+        ratio = np.where(valid, objective, np.inf) / about.objective_mm
+        value = about.independent_points * (ratio**2 - 1) + (bounds_prior * moved**2).sum(axis=1)
+        # Slopes frozen, weights of the candidate's own errors.
+        gradient = judged.standardised[:, :m] @ about.curve_slopes.T
+        gradient[:, searched:] += judged.standardised[:, m:] * np.sqrt(np.diag(about.prior)[searched:])
+        for d, misfit in enumerate(judged.comparison.misfits):
+            here = np.sqrt((about.residuals[d] ** 2).sum(axis=(1, 2)) / np.maximum(about.counts[d], 1e-12))
+            weight = about.weights[d] * here / np.maximum(misfit.error_mm, 1e-12)
+            gradient += np.einsum("pk,ikgn,pkgn->pi", weight, about.slopes[d], misfit.residuals)
+        gradient = gradient * np.where(valid, ratio, 1.0)[:, None] + bounds_prior * moved
+        return np.where(valid, value, np.inf), gradient
+
+    ends = interval_ends(rise, about.unit, about.gradient, about.curvature, half_width, looked_at)
+    bulk = searched - 1
+    if problem.space.has_bulk and ends.high[bulk] < 1.0:
+        point, gradient = about.unit, about.gradient
+        least = np.inf
+        for _ in range(2):
+            point = moved_to(point, gradient, about.curvature, bulk, 1.0)
+            values, gradients = rise(point[None])
+            gradient, least = gradients[0], min(least, float(values[0]))
+        target = half_width[bulk] ** 2 / np.linalg.inv(about.curvature)[bulk, bulk]
+        if least < _PRETENDED * target:
+            high = ends.high.copy()
+            high[bulk] = 1.0
+            return Ends(ends.low, high, tuple(sorted({*ends.profiled, bulk})))
+    return ends
+
+
+def _freed(problem: Problem, centre: Array, half_width: Array) -> tuple[FreedValue, ...]:
+    found = []
+    for i, nuisance in enumerate(problem.freed, problem.searched):
+        value, low, high = nuisance.value(centre[i] + half_width[i] * np.array([0.0, -1.0, 1.0]))
+        found.append(
+            FreedValue(
+                nuisance.name,
+                nuisance.dataset,
+                nuisance.unit,
+                float(value),
+                (float(low), float(high)),
+                nuisance.spread,
+            )
+        )
+    return tuple(found)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eimi_drivers.clock import SimulatedClock
+from eimi_drivers.emulators import DIALECTS, emulate
 from eimi_drivers.emulators.faults import Fault
 from eimi_drivers.emulators.genesys import GenesysDialect
 from eimi_drivers.emulators.supply import CoilSupply
@@ -123,6 +124,36 @@ def test_a_channel_that_there_is_not_is_refused(driver, address):
     clock = SimulatedClock()
     with pytest.raises(InstrumentError, match=r"there is no channel .* has . to "):
         SUPPLIES[driver](InProcessTransport(CoilSupply(clock), clock, address), LIMITS, clock)
+
+
+@pytest.mark.parametrize("driver", [driver for driver in DIALECTS if len(set(SUPPLIES[driver].channels)) > 1])
+def test_the_coil_may_be_on_any_channel(driver):
+    for channel in SUPPLIES[driver].channels:
+        address = f"in-process#{channel}"
+        clock = SimulatedClock()
+        coil = CoilSupply(clock)
+        link = InProcessTransport(emulate(driver, coil, address), clock, address)
+        supply = SUPPLIES[driver](link, LIMITS, clock)
+        supply.set_voltage(12.0)
+        supply.set_current(0.5)
+        supply.set_output(True)
+        clock.sleep(1.0)
+        assert supply.output_on()
+        assert supply.measure().current_A == pytest.approx(0.5, abs=1e-3)
+        supply.check()
+        supply.safe_off()
+        assert not coil.state.output
+
+
+@pytest.mark.parametrize("driver", [driver for driver in DIALECTS if len(set(SUPPLIES[driver].channels)) > 1])
+def test_what_is_sent_to_another_channel_does_not_reach_the_coil(driver):
+    first, last = SUPPLIES[driver].channels
+    clock = SimulatedClock()
+    coil = CoilSupply(clock)
+    link = InProcessTransport(emulate(driver, coil, f"#{first}"), clock, f"in-process#{last}")
+    with pytest.raises(InstrumentError):
+        SUPPLIES[driver](link, LIMITS, clock).set_current(0.5)
+    assert coil.state.set_current_A == 0.0
 
 
 def test_a_refused_channel_leaves_the_port_free(bench_of):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import termios
 from contextlib import suppress
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ from eimi_drivers.emulators import DIALECTS, CoilSupply, open_in_process
 from eimi_drivers.emulators.faults import Fault
 from eimi_drivers.emulators.korad import KoradDialect
 from eimi_drivers.interfaces import (
+    InstrumentDisconnected,
     InstrumentError,
     InstrumentTimeout,
     Limits,
@@ -234,11 +236,48 @@ def test_korad_stray_sixth_byte_does_not_shift_later_answers(korad):
         korad.supply.set_voltage(10 * current_A)
 
 
+@pytest.mark.parametrize("reply", [b"00.25", b"0.25\n", b" .700", b"7e-01", b"0,700", b"+0.70", b"12.00"])
+def test_korad_amperes_in_another_form_are_not_believed(korad, reply):
+    answers = korad.line.receive
+    korad.line.receive = lambda data: reply if data == b"ISET1?" else answers(data)
+    with pytest.raises((ReplyNotUnderstood, SetPointNotTaken)):
+        korad.supply.set_current(float(reply.replace(b",", b".")) if reply != b"12.00" else 0.7)
+
+
+def test_one_spoilt_read_back_does_not_confirm_a_set_point_that_was_not_taken(korad):
+    korad.energise(0.2)
+    korad.coil.locked = True
+    answers, spoilt = korad.line.receive, [b"0.600K"]  # 0.200 with a bit flipped
+    korad.line.receive = lambda data: spoilt.pop() if data == b"ISET1?" and spoilt else answers(data)
+    with pytest.raises(SetPointNotTaken, match=r"set to 0\.600 A but reads back 0\.2 A"):
+        korad.supply.set_current(0.6)
+
+
+@pytest.mark.parametrize("reply", [b"\x0b0.7\n", b"0.7\x0c\n", b"0.7\x0b\n", b"0.7 A\n", b"\xa00.7\n", b"0.\x007\n"])
+def test_a_number_with_anything_else_beside_it_is_not_understood(reply):
+    clock = SimulatedClock()
+    link = InProcessTransport(Babbler([reply]), clock, "somewhere")
+    with pytest.raises(ReplyNotUnderstood, match=r"the answer to MEAS:CURR\? must be a number"):
+        SUPPLIES["scpi"](link, LIMITS, clock).measure()
+
+
 def test_scpi_output_that_is_neither_on_nor_off_is_not_understood():
     clock = SimulatedClock()
     link = InProcessTransport(Babbler([b"2\n"]), clock, "somewhere")
     with pytest.raises(ReplyNotUnderstood, match=r"somewhere: the answer to OUTP\? must be 0 or 1"):
         SUPPLIES["scpi"](link, LIMITS, clock).output_on()
+
+
+def test_a_port_that_dies_while_it_is_opened_is_disconnected(bench_of, monkeypatch):
+    port = bench_of("korad on a pty")
+    port.supply.close()
+
+    def hang_up(descriptor, *arguments):
+        raise termios.error(5, "Input/output error")
+
+    monkeypatch.setattr(termios, "tcflush", hang_up)  # pyserial lets it through as it is
+    with pytest.raises(InstrumentDisconnected, match=f"{port.address}: .*Input/output error"):
+        open_supply("korad", port.address, LIMITS)
 
 
 def test_unknown_names_are_answered_with_those_that_exist():

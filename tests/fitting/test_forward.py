@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -172,7 +174,7 @@ def test_the_tip_never_passes_the_field():
 
 def test_points_outside_the_beam_are_refused():
     model = BeamModel(Specimen(100.0, 30.0, 30.0, 1070.0, "plane-stress"))
-    with pytest.raises(ValueError, match=r"point \(101, 9\) mm is not in the flexible part"):
+    with pytest.raises(ValueError, match=r"point \(101, 9\) mm is not on the specimen"):
         model.place(np.array([[50.0, 0.0], [101.0, 9.0]]))
 
 
@@ -209,3 +211,28 @@ def test_plane_stress_takes_no_bulk_modulus():
     model = BeamModel(Specimen(50.0, 2.0, 4.0, 1.0, "plane-stress"))
     with pytest.raises(ValueError, match="plane stress"):
         model.solve(NEO, MU, Loads.along(0.0), bulk_modulus_Pa=np.array([1e6]))
+
+
+@pytest.mark.parametrize("magnetisation", [(0.0, 0.0), (6e4, -2e4)])
+def test_a_field_factor_is_a_field_of_that_strength(magnetisation):
+    specimen, field = magnet_tipped(0.2)
+    model = BeamModel(replace(specimen, magnetisation_A_per_m=magnetisation))
+    factors = np.array([1.0, 0.7, 1.2, -1.0, 0.0])
+    together = model.solve(
+        NEO, np.tile(MU, (5, 1)), Loads.along(np.linspace(0, field, 4)), tolerance_mm=1e-8, field_factor=factors
+    )
+    for k, factor in enumerate(factors):
+        alone = model.solve(NEO, MU, Loads.along(np.linspace(0, factor * field, 4)), tolerance_mm=1e-8)
+        assert alone.converged.all()
+        assert together.displacement[k] == pytest.approx(alone.displacement[0], abs=1e-7)
+        assert together.rigid[k] == pytest.approx(alone.rigid[0], abs=1e-8)
+
+
+def test_a_field_factor_that_is_no_number_is_a_status():
+    specimen, field = magnet_tipped()
+    model, loads = BeamModel(specimen), Loads.along(np.linspace(0, field, 4))
+    shapes = model.solve(NEO, np.tile(MU, (4, 1)), loads, field_factor=np.array([np.nan, 1.0, np.inf, -np.inf]))
+    assert shapes.converged.tolist() == [False, True, False, False]
+    assert np.all(shapes.status[[0, 2, 3]] == Status.DIVERGED)
+    assert shapes.displacement[1] == pytest.approx(model.solve(NEO, MU, loads).displacement[0], abs=1e-7)
+    assert np.isfinite(shapes.displacement).all()

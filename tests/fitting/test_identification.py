@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from eimi_fitting.actuation import Loads
+from eimi_fitting.correlation import correlation_length
 from eimi_fitting.experiment import DISCARDED_MM, Experiment, compare
 from eimi_fitting.forward import BeamModel
 from eimi_fitting.identification import NothingConverged, identify
@@ -13,7 +14,6 @@ from eimi_fitting.materials import LAWS
 from eimi_fitting.observation import EdgeObservation, PointObservation, edge_curves, points_on
 from eimi_fitting.search_space import SEARCH_SPACES
 from eimi_fitting.specimen import Magnet, Specimen
-from eimi_fitting.uncertainty import correlation_length
 
 SPECIMEN = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
 FIELD_MT = np.linspace(0, 7.05, 4)

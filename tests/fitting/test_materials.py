@@ -21,12 +21,18 @@ EXAMPLES = {
 SECTIONS = get_args(Section)
 
 
+def random_parameters(name: str, seed: int) -> np.ndarray:
+    """An example with every parameter moved by up to a half."""
+    example = np.array(EXAMPLES[name])
+    return example * np.random.default_rng(seed).uniform(0.5, 1.5, example.shape)
+
+
 @pytest.mark.parametrize("section", SECTIONS)
 @pytest.mark.parametrize("name", LAWS)
 @settings(max_examples=40, deadline=None)
-@given(stretch=st.floats(0.6, 2.0), J=st.floats(0.8, 1.25))
-def test_derivatives_match_central_differences(name, section, stretch, J):
-    law, parameters = LAWS[name], np.array(EXAMPLES[name])
+@given(stretch=st.floats(0.6, 2.0), J=st.floats(0.8, 1.25), seed=st.integers(0, 10**6))
+def test_derivatives_match_central_differences(name, section, stretch, J, seed):
+    law, parameters = LAWS[name], random_parameters(name, seed)
     a = np.array(stretch**2 + (J / stretch) ** 2)
     J = np.array(J)
     a = np.maximum(a, 2 * J * (1 + 1e-3))  # a >= 2 J for real stretches; leave room for the differences
@@ -100,16 +106,33 @@ def test_ogden_is_smooth_through_equal_stretches(excess):
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_principal_form_agrees_with_the_planar_one(name):
-    law, parameters = LAWS[name], np.array(EXAMPLES[name])
-    l1 = 1.3
-    energy, gradient, hessian = law.principal(parameters, np.array([l1, 1 / l1, 1.0]))
-    planar = law.planar(parameters, np.array(l1**2 + l1**-2), np.array(1.0), "plane-strain")
-    assert energy == pytest.approx(planar.value, rel=1e-12)
+@settings(max_examples=30, deadline=None)
+@given(log_stretch=st.floats(-0.6, 0.6), seed=st.integers(0, 10**6))
+def test_principal_form_agrees_with_the_planar_one(name, log_stretch, seed):
+    law, parameters = LAWS[name], random_parameters(name, seed)
+    logs = log_stretch * np.array([1.0, -1.0, 0.0])
+    energy, _, _ = law.principal(parameters, np.exp(logs))
+    planar = law.planar(parameters, np.array(2 * np.cosh(2 * log_stretch)), np.array(1.0), "plane-strain")
+    assert energy == pytest.approx(planar.value, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", LAWS)
+@settings(max_examples=30, deadline=None)
+@given(logs=st.tuples(st.floats(-0.6, 0.6), st.floats(-0.6, 0.6)), seed=st.integers(0, 10**6))
+def test_principal_derivatives_match_central_differences_and_no_stretch_is_special(name, logs, seed):
+    law, parameters = LAWS[name], random_parameters(name, seed)
+    logs = np.array([*logs, -sum(logs)])
+    energy, gradient, hessian = law.principal(parameters, np.exp(logs))
     h = 1e-5
+    size = np.abs(hessian).max()
     for i in range(3):
         step = np.eye(3)[i] * h
-        logs = np.log([l1, 1 / l1, 1.0])
         up, down = (law.principal(parameters, np.exp(logs + s * step)) for s in (1, -1))
-        assert gradient[i] == pytest.approx((up[0] - down[0]) / (2 * h), rel=1e-6)
-        assert hessian[i] == pytest.approx((up[1] - down[1]) / (2 * h), rel=1e-6, abs=1e-9)
+        assert gradient[i] == pytest.approx((up[0] - down[0]) / (2 * h), rel=1e-6, abs=1e-6 * size)
+        assert hessian[i] == pytest.approx((up[1] - down[1]) / (2 * h), rel=1e-6, abs=1e-6 * size)
+    assert hessian == pytest.approx(hessian.T, abs=1e-12 * size)
+    order = [2, 0, 1]
+    turned = law.principal(parameters, np.exp(logs[order]))
+    assert turned[0] == pytest.approx(energy, rel=1e-12, abs=1e-14)
+    assert turned[1] == pytest.approx(gradient[order], rel=1e-12, abs=1e-12 * size)
+    assert turned[2] == pytest.approx(hessian[np.ix_(order, order)], rel=1e-12, abs=1e-12 * size)

@@ -73,6 +73,25 @@ def test_intervals_hold_the_truth(model: str, rows_alike: int) -> None:
     assert 0.88 <= inside / 200 <= 0.99
 
 
+@pytest.mark.parametrize("model", ["mooney-rivlin", "yeoh"])
+def test_the_correlation_of_parameters_is_that_of_repeated_fits(model: str) -> None:
+    law, truth = LAWS[model], np.array(EXAMPLES[model])
+    clean = engineering_stress(law, truth, STRAIN)
+    rng = np.random.default_rng(1)
+    fits = [fit_tensile(model, STRAIN, clean + rng.normal(0, 1e3, len(STRAIN))) for _ in range(200)]
+    repeated = np.corrcoef([fit.parameters for fit in fits], rowvar=False)
+    assert fits[0].correlation == pytest.approx(repeated, abs=0.05)
+
+
+def test_the_correlation_of_an_ogden_fit_is_one() -> None:
+    found = fit_tensile(
+        "ogden", STRAIN, engineering_stress(LAWS["ogden"], np.array(EXAMPLES["ogden"]), STRAIN)
+    ).correlation
+    assert found == pytest.approx(found.T)
+    assert np.diag(found) == pytest.approx(1.0)
+    assert np.linalg.eigvalsh(found).min() > -1e-9
+
+
 def test_a_window_and_relative_error_choose_the_rows() -> None:
     stress = 46e3 * ((1 + STRAIN) - (1 + STRAIN) ** -2)
     stress[0] = -10.0

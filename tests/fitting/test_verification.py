@@ -4,25 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from eimi_fitting import element
 from eimi_fitting.actuation import Loads
 from eimi_fitting.element import Batch
 from eimi_fitting.forward import BeamModel
 from eimi_fitting.materials import LAWS
-from eimi_fitting.mesh import Mesh, beam_mesh, mapped_mesh, shape_functions
-from eimi_fitting.solid import Configuration, DeadLoads, Solid, Status
+from eimi_fitting.mesh import Mesh, mapped_mesh, shape_functions
+from eimi_fitting.solid import Configuration, Solid, SolidLoads, Status
 from eimi_fitting.specimen import Magnet, Specimen
 
 NEO = LAWS["neo-hookean"]
-EXAMPLES = {
-    "neo-hookean": [1.0],
-    "mooney-rivlin": [0.4, 0.1],
-    "yeoh": [0.5, 0.1, -0.01],
-    "ogden": [0.6, 1.7, 0.02, 8.0, -0.2, -2.5],
-}
 
 
 def edge_forces(mesh: Mesh, nodes: np.ndarray, traction) -> np.ndarray:
@@ -42,7 +33,7 @@ def solve(solid: Solid, force: np.ndarray, mu: float, bulk: float, steps: int = 
     batch = Batch(NEO, np.array([[mu]]), "plane-strain", np.array([bulk]))
     now = solid.rest(1)
     for k in range(1, steps + 1):
-        loads = DeadLoads(force[None] * k / steps, np.zeros((1, 2)), np.zeros((1, 2, 2)))
+        loads = SolidLoads(force[None] * k / steps, np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1))
         now, status, _ = solid.equilibrium(batch, loads, now, 1e-9)
         assert status[0] == Status.CONVERGED
     return now
@@ -197,67 +188,3 @@ def test_patch_of_distorted_elements_stretches_evenly():
     found = solve(solid, edge_forces(mesh, mesh.column(-1), lambda x: np.array([nominal, 0.0])), 1.0, 1e6, steps=2)
     expected = mesh.nodes * [stretch - 1, 1 / stretch - 1]
     assert found.displacement[0] == pytest.approx(expected, abs=2e-6)
-
-
-@pytest.mark.parametrize("name", LAWS)
-@pytest.mark.parametrize("section", ["plane-strain", "plane-stress"])
-@settings(max_examples=8, deadline=None)
-@given(seed=st.integers(0, 10**6))
-def test_element_tangent_is_the_derivative_of_its_forces(name, section, seed):
-    rng = np.random.default_rng(seed)
-    mesh = beam_mesh(2.0, 1.0, 1, 1)
-    ops = element.operators(mesh)
-    batch = Batch(LAWS[name], np.array([EXAMPLES[name]]), section, np.array([50.0]))
-    nodal = rng.normal(0, 0.05, (1, 1, 2, 9))
-    pressure = rng.normal(0, 0.1, (1, 1, 3))
-    ev = element.evaluate(ops, batch, nodal, pressure)
-    K = element.stiffness(ops, ev, ev.S)[0, 0]
-    h = 1e-6
-    columns = []
-    for i in range(18):
-        step = (np.eye(18)[i] * h).reshape(1, 1, 2, 9)
-        up, down = (element.evaluate(ops, batch, nodal + s * step, pressure).force.ravel() for s in (1, -1))
-        columns.append((up - down) / (2 * h))
-    assert pytest.approx(np.array(columns).T, rel=1e-6, abs=1e-6 * np.abs(K).max()) == K
-    assert pytest.approx(K.T, abs=1e-12 * np.abs(K).max()) == K
-    if section == "plane-strain":
-        coupling = element.volume_coupling(ops, ev)[0, 0]
-        for i in range(18):
-            step = (np.eye(18)[i] * h).reshape(1, 1, 2, 9)
-            up, down = (
-                element.volume_gap(ops, batch, element.evaluate(ops, batch, nodal + s * step, pressure), pressure)
-                for s in (1, -1)
-            )
-            assert coupling[i] == pytest.approx((up - down)[0, 0] / (2 * h), abs=1e-6)
-
-
-@pytest.mark.parametrize("name", LAWS)
-@settings(max_examples=10, deadline=None)
-@given(angle=st.floats(-np.pi, np.pi), seed=st.integers(0, 10**6))
-def test_forces_turn_with_the_body(name, angle, seed):
-    rng = np.random.default_rng(seed)
-    mesh = beam_mesh(2.0, 1.0, 1, 1)
-    ops = element.operators(mesh)
-    batch = Batch(LAWS[name], np.array([EXAMPLES[name]]), "plane-strain", np.array([50.0]))
-    rest = mesh.nodes[mesh.elements[0]].T
-    place = rest + rng.normal(0, 0.05, rest.shape)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    pressure = rng.normal(0, 0.1, (1, 1, 3))
-    straight, turned = (
-        element.evaluate(ops, batch, (p - rest)[None, None], pressure).force[0, 0] for p in (place, turn @ place)
-    )
-    assert turned == pytest.approx(turn @ straight, abs=1e-9)
-
-
-@pytest.mark.parametrize("name", LAWS)
-def test_predicted_stress_is_the_stress_to_first_order(name):
-    rng = np.random.default_rng(1)
-    ops = element.operators(beam_mesh(2.0, 1.0, 1, 1))
-    batch = Batch(LAWS[name], np.array([EXAMPLES[name]]), "plane-strain", np.array([50.0]))
-    nodal, pressure = rng.normal(0, 0.05, (1, 1, 2, 9)), rng.normal(0, 0.1, (1, 1, 3))
-    step, pressure_step = rng.normal(0, 1, nodal.shape), rng.normal(0, 1, pressure.shape)
-    ev = element.evaluate(ops, batch, nodal, pressure)
-    h = 1e-5
-    rate = (element.predict_stress(ops, ev, h * step, h * pressure_step) - ev.S) / h
-    up, down = (element.evaluate(ops, batch, nodal + s * h * step, pressure + s * h * pressure_step).S for s in (1, -1))
-    assert rate == pytest.approx((up - down) / (2 * h), rel=1e-4, abs=1e-4)

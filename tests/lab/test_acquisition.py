@@ -23,9 +23,10 @@ from eimi_drivers.interfaces import (
 )
 from eimi_lab.acquisition.dry_run import dry_run
 from eimi_lab.acquisition.live_view import Live
+from eimi_lab.acquisition.run import check_request
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.reading import parse
-from eimi_lab.config.rig import CoilRating
+from eimi_lab.config.rig import CoilRating, load_rig
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.errors import InputError
@@ -137,6 +138,21 @@ def test_a_current_that_is_not_reached_stops_the_run(setup: Any) -> None:
     assert setup.stored() == [0.0, 0.1, 0.2]
 
 
+def test_a_set_point_that_was_only_said_to_be_taken_stops_the_run_before_a_frame_is_kept(setup: Any) -> None:
+    class Lying(KoradDialect):
+        def receive(self, data: bytes) -> bytes:
+            if data.startswith(b"ISET1:"):
+                self.asked = data.removeprefix(b"ISET1:") + b"K"
+                setup.coil.locked = self.asked == b"0.200K"
+            return self.asked if data == b"ISET1?" else super().receive(data)
+
+    setup.line._instrument = Lying(setup.coil)
+    with pytest.raises(InstrumentError, match=r"0\.[01]\d\d A measured at a set-point of 0\.2 A"):
+        setup.run()
+    assert setup.is_off()
+    assert setup.stored() == [0.0, 0.1]
+
+
 def test_a_protection_that_trips_stops_the_run(setup: Any) -> None:
     setup.camera.event = lambda number: setup.coil.trip() if setup.coil.state.set_current_A == 0.2 else None
     with pytest.raises(InstrumentError, match="protection tripped"):
@@ -242,25 +258,28 @@ def test_what_does_not_go_together_is_refused_before_anything_is_touched(setup: 
     assert setup.camera.number == 0
 
 
+@pytest.mark.parametrize(
+    ("currents", "told"),
+    [
+        ("values_A = [0.0, 0.2, -0.2, -0.3]", r"current\.values_A goes to -0\.3 A at state 3"),
+        ("start_A = -0.3\nstop_A = 0.3\nstep_A = 0.1", r"current\.start_A goes to -0\.3 A at state 0"),
+        ("start_A = 0.0\nstop_A = -0.2\nstep_A = 0.1", r"current\.stop_A goes to -0\.2 A at state 2"),
+    ],
+)
+def test_negative_currents_need_a_supply_that_reverses_them(setup: Any, currents: str, told: str) -> None:
+    text = setup.protocol.text.replace("start_A = 0.0\nstop_A = 0.3\nstep_A = 0.1", currents)
+    setup.protocol = parse(Protocol, text, "p")
+    with pytest.raises(InputError, match=rf"protocol short: {told}, but supply\.driver = 'korad' of rig bench"):
+        setup.run()
+    with pytest.raises(InputError, match="'virtual' of rig virtual cannot reverse"):
+        check_request(setup.protocol, setup.specimen, load_rig("virtual"))
+    bipolar = setup.rig.supply.model_copy(update={"driver": "kepco-bop"})
+    check_request(setup.protocol, setup.specimen, setup.rig.model_copy(update={"supply": bipolar}))
+    assert (setup.camera.number, setup.bench.supply._link.sent) == (0, [])
+
+
 def test_a_rig_that_allows_less_refuses_the_protocol(setup: Any) -> None:
     tight = setup.protocol.text.replace("stop_A = 0.3", "stop_A = 1.8").replace("current_A = 1.0", "current_A = 2.0")
     setup.protocol = parse(Protocol, tight, "p")
     with pytest.raises(InputError, match=r"goes to 1\.8 A; rig bench allows supply\.limits\.current_A = 1\.6"):
         setup.run()
-
-
-def test_a_dry_run_tells_the_very_messages_of_a_run(setup: Any) -> None:
-    told: list[str] = []
-    dry_run(setup.protocol, setup.specimen, setup.rig, told.append)
-    dry = [line.split("> ")[1] for line in told if " > " in line]
-    setup.camera.swing_s = 1e-9
-    setup.run()
-    sent = [message.decode() for message in setup.bench.supply._link.sent]  # type: ignore[attr-defined]
-    commands = ("OUT", "ISET1:", "VSET1:", "OCP", "OVP")
-    limits = ("VSET1:",)  # the rig's stricter limits reach the driver through `open_bench` alone
-    assert [m for m in dry if m.startswith(commands) and not m.startswith(limits)] == [
-        m for m in sent if m.startswith(commands) and not m.startswith(limits)
-    ]
-    assert told[0] == "short on small with rig bench: 4 states"
-    assert "state 3: 0.3 A, 1.41 mT, 2 frames" in told
-    assert told[-1].startswith("duration: ")

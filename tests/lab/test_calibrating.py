@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 from eimi_lab.config.calibration import Calibration, load_calibration
+from eimi_lab.virtual.optics import expose, make_scene
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.benchmark import CALIBRATION, NOMINAL, SPECIMEN, bend
 from eimi_lab.vision.board import Board, print_board
 from eimi_lab.vision.flag_cases import photograph
 from eimi_lab.vision.lens import calibrate_lens
+from eimi_lab.vision.plumb_line import measure_plumb_line
 
 SIZE = (480, 384)
 FOCAL = 1100.0
@@ -128,7 +130,7 @@ def test_the_beam_itself_as_a_ruler(run, tmp_path):
     image = photograph(NOMINAL, bend(SPECIMEN, 0.0))
     cv2.imwrite(str(tmp_path / "rest.png"), image)
     specimen = SPECIMEN.specimen
-    lines = [f"{key} = {value!r}" for key, value in specimen.model_dump().items()]
+    lines = [f"{key} = {value!r}" for key, value in specimen.model_dump(exclude_defaults=True).items()]
     (tmp_path / "specimen.toml").write_text("[specimen]\n" + "\n".join(lines).replace("'", '"'))
     output = tmp_path / "calibration.toml"
     guess = ("--coil-constant", "4.7", "--clamp-midpoint-px", "652", "106", "--axis-angle", "88.5")
@@ -141,6 +143,66 @@ def test_the_beam_itself_as_a_ruler(run, tmp_path):
     # The caliper's 0.05 mm of 3 mm is what the scale is worth, whatever the pixels say.
     assert found.uncertainty.pixels_per_mm == pytest.approx(25.0 * 0.05 / 3.0, rel=0.01)
     assert run("segment", tmp_path / "nowhere.h5")[0] == 2
+
+
+def thread(angle_deg, width_px=6.0, bob=True):
+    """A dark thread across the benchmark's picture, and the weight at its end."""
+    angle = np.radians(angle_deg)
+    along, aside = np.array([np.cos(angle), np.sin(angle)]), 0.5 * np.array([-np.sin(angle), np.cos(angle)])
+    middle = np.array([600.0, 480.0])
+
+    def box(begin, end, wide):
+        return [middle + a * along + b * wide * aside for a, b in ((begin, -1), (end, -1), (end, 1), (begin, 1))]
+
+    weight = box(290, 360, 80.0) if bob else None
+    scene = make_scene(NOMINAL, (1280, 1024), box(-700, 300, width_px), None, weight)
+    return expose(scene, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("hand", [1.0, -1.0])
+def test_a_plumb_line_gives_gravity_and_its_deviation(hand):
+    calibration = CALIBRATION.model_copy(update={"field_angle_deg": 90.0 - 90.0 * hand})
+    pulls = []
+    for angle_deg, width_px in ((90.0, 6.0), (88.6, 3.0), (91.3, 20.0), (75.0, 6.0), (0.4, 6.0), (178.0, 6.0)):
+        plumb = measure_plumb_line(thread(angle_deg, width_px), calibration, 90.0 * round(angle_deg / 90.0))
+        assert plumb.gravity_angle_deg == pytest.approx(angle_deg, abs=0.002)
+        pulls.append((plumb.gravity_angle_deg - angle_deg) / plumb.gravity_angle_sigma_deg)
+    assert 0.3 < np.sqrt(np.mean(np.square(pulls))) < 2.0
+    up = measure_plumb_line(thread(90.0), calibration, -90.0)
+    assert up.gravity_angle_deg == pytest.approx(-90.0, abs=0.002)
+
+
+def test_what_is_no_plumb_line_is_refused():
+    curved = thread(90.0)
+    bent = np.stack([np.roll(row, int(12 * np.sin(y / 100))) for y, row in enumerate(curved)])
+    for image, told in (
+        (photograph(NOMINAL, bend(SPECIMEN, 0.0)), "no thin dark line"),
+        (np.full((600, 800), 200, np.uint8), "no thin dark line"),
+        (np.zeros((10, 10), np.uint8), "too small"),
+        (bent, "straight line"),
+    ):
+        with pytest.raises(ValueError, match=told):
+            measure_plumb_line(image, CALIBRATION, 90.0)
+
+
+def test_clamp_and_gravity_from_pictures_of_their_own(run, tmp_path):
+    cv2.imwrite(str(tmp_path / "rest.png"), photograph(NOMINAL, bend(SPECIMEN, 5.0)))
+    cv2.imwrite(str(tmp_path / "thread.png"), thread(91.3))
+    lines = [f"{key} = {value!r}" for key, value in SPECIMEN.specimen.model_dump(exclude_defaults=True).items()]
+    (tmp_path / "specimen.toml").write_text("[specimen]\n" + "\n".join(lines).replace("'", '"'))
+    output = tmp_path / "calibration.toml"
+    scale = ("--ruler-px", "10", "50", "1010", "50", "--ruler-mm", "40")
+    rough = ("--coil-constant", "4.7", "--clamp-midpoint-px", "650", "95")
+    pictures = ("--beam", tmp_path / "rest.png", "--plumb-line", tmp_path / "thread.png")
+    arguments = (tmp_path / "rest.png", *scale, *rough, *pictures)
+    assert run("calibrate", *arguments, "--specimen", tmp_path / "specimen.toml", "-o", output) == (0, "")
+    found = load_calibration(output)
+    assert found.clamp_midpoint_px == pytest.approx(CALIBRATION.clamp_midpoint_px, abs=0.2)
+    assert found.gravity_angle_deg == pytest.approx(91.3, abs=0.002)
+    assert found.uncertainty.gravity_angle_deg < 0.002
+    assert found.axis_angle_deg == 90.0
+    status, said = run("calibrate", *arguments, "-o", tmp_path / "other.toml")
+    assert (status, "--beam goes with --specimen" in said) == (2, True)
 
 
 def test_a_ruler(run, tmp_path):

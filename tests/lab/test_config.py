@@ -76,6 +76,13 @@ def test_the_mechanics_get_the_moment_of_the_magnet() -> None:
     assert mechanics.flexible_length_mm == specimen.specimen.length_mm - magnet.length_mm
 
 
+def test_magnetised_silicone_and_a_magnet_before_the_tip_reach_the_mechanics() -> None:
+    text = load_specimen("type1").text.replace("section", "magnetisation_kA_per_m = [40, -2.5]\nsection", 1)
+    mechanics = parse(SpecimenFile, text.replace("[magnet]", "[magnet]\ntip_offset_mm = 1.5"), "a.toml").mechanics()
+    assert mechanics.magnetisation_A_per_m == (40e3, -2.5e3)
+    assert mechanics.flexible_length_mm == 24.5
+
+
 def test_the_specimen_of_the_real_beam_loads(real_beam: Path) -> None:
     mechanics = load_specimen(real_beam / "specimen.toml").mechanics()
     assert (mechanics.length_mm, mechanics.section, mechanics.tip_load_mm) == (100.0, "plane-stress", (100.0, 15.0))
@@ -113,6 +120,14 @@ def refuse(model: type[Document], shipped: Document, old: str, new: str) -> str:
         ('"plane-strain"', '"plane"', "specimen.section = 'plane' should be 'plane-strain' or 'plane-stress'"),
         ("density_kg_m3", "# density_kg_m3", "specimen.density_kg_m3 is missing"),
         ("[specimen]", "[specimen", None),
+        ("[magnet]", "[magnet]\ntip_offset_mm = -1.0", "magnet.tip_offset_mm = -1.0 should be greater than or equal"),
+        ("[magnet]", "[magnet]\ntip_offset_mm = 26.0", "magnet.tip_offset_mm = 26 must leave a flexible part"),
+        ("section", "magnetisation_kA_per_m = [40.0]\nsection", "specimen.magnetisation_kA_per_m"),
+        (
+            "section",
+            "magnetisation_kA_per_m = [1600.0, 50.0]\nsection",
+            "specimen.magnetisation_kA_per_m = [1600, 50] must not exceed 1600 in strength",
+        ),
         ("[magnet]", "[tip_load]\nx_mm = 31.0\ny_mm = 0.0\n[magnet]", "tip_load.x_mm = 31 must lie on the beam"),
         ("[magnet]", "[tip_load]\nx_mm = 30.0\ny_mm = 2.0\n[magnet]", "tip_load.y_mm = 2 must lie on the beam"),
     ],

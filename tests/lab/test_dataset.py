@@ -164,6 +164,9 @@ def test_a_flipped_bit_in_a_frame_is_noticed(files: Path, frame: Callable[..., n
         dataset.images(0)
         with pytest.raises(InputError, match=r"run\.h5: frame 1 of the 2 of state 1 .* is damaged"):
             dataset.images(1)
+    with pytest.raises(InputError, match=r"[^.]run\.h5: frame 1 of the 2 of state 1 .* is damaged"):
+        recover(path, files / "whole.h5")
+    assert not (files / "whole.h5").exists()
 
 
 WRITE_AND_DIE = """

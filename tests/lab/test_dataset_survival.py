@@ -159,3 +159,25 @@ def test_network_file_systems_are_told_apart(tmp_path: Path) -> None:
     assert network_file_system(tmp_path / "remote" / "runs", mounts) == "fuse.sshfs"
     assert network_file_system(tmp_path, mounts) is None
     assert network_file_system(tmp_path, tmp_path / "no table") is None
+
+
+def test_a_run_into_a_network_file_system_is_warned_of(
+    files: Path, run: Callable[..., tuple[int, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (files / "mounts").write_text(f"/dev/sda1 / ext4 rw 0 0\nserver:/data {files / 'share'} nfs4 rw 0 0\n")
+    monkeypatch.setattr(network_file_system, "__defaults__", (files / "mounts",))
+    (files / "share").mkdir()
+    (files / "rig.toml").write_text("""
+name = "none"
+calibration = "calibration.toml"
+supply = { driver = "korad", address = "/dev/not-there", limits = { current_A = 1.0, voltage_V = 10.0 } }
+camera = { driver = "opencv", source = 0 }
+""")
+    arguments = ("acquire", files / "protocol.toml", "--specimen", files / "specimen.toml", "--rig", files / "rig.toml")
+    status, said = run(*arguments, "-o", files / "share" / "run.h5")
+    assert status == 1  # there is no such supply
+    assert said.splitlines()[0] == (
+        f"eimi: warning: {files / 'share' / 'run.h5'} is on a network (nfs4): a crash may cost stored states; "
+        "a local disk is safer"
+    )
+    assert "warning" not in run(*arguments, "-o", files / "run.h5")[1]

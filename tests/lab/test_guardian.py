@@ -61,7 +61,7 @@ def test_the_end_of_the_run_switches_off_in_a_ramp(driver: str) -> None:
             assert bench.heard == []  # while the run lives, the port is the run's alone
         assert wait_for(guardian) == 0
     assert bench.is_off()
-    assert sorted(set(bench.current_A), reverse=True) == pytest.approx([0.5, 0.3, 0.15, 0.0], abs=0.01)
+    assert sorted(set(bench.current_A), reverse=True) == pytest.approx([0.5, 0.25, 0.0], abs=0.01)
 
 
 def test_a_run_that_switched_off_itself_is_left_alone() -> None:
@@ -112,6 +112,17 @@ def test_a_supply_that_answers_again_is_switched_off() -> None:
         bench.line.inject(None)
         assert wait_for(guardian) == 0
     assert bench.is_off()
+
+
+def test_a_pseudo_terminal_that_is_gone_is_not_waited_for(capfd: pytest.CaptureFixture[str]) -> None:
+    # Its name goes to the next emulator, whose port a guardian of an earlier run must not take.
+    bench = Bench("korad")
+    with bench.ward() as ward:
+        guardian = Guardian(ward)
+        guardian.arm()
+    guardian.dismiss()
+    assert wait_for(guardian) == 0
+    assert f"{ward.address} is gone, and the emulated supply with it" in capfd.readouterr().err
 
 
 def test_no_ramp_is_no_reason_to_stay_on() -> None:

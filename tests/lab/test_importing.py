@@ -145,6 +145,14 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda files: shutil.copy(files / "frames" / "frame_1.png", files / "frames" / "more.png"),
         "more.png: is not listed in",
     ),
+    "images missing": (
+        lambda files: [(files / "frames" / f"frame_{k}.png").unlink() for k in (2, 10)],
+        "; there is none of that name; nor of that in rows 4\n",
+    ),
+    "images extra": (
+        lambda files: [shutil.copy(files / "frames" / "frame_1.png", files / "frames" / f"x{k}.png") for k in range(9)],
+        "states.csv; nor x1.png, x2.png, x3.png, x4.png, x5.png and 3 more",
+    ),
     "image truncated": (truncate, "frame_10.png: is truncated or damaged"),
     "image empty": (lambda files: (files / "frames" / "frame_10.png").write_bytes(b""), "frame_10.png: is empty"),
     "no image": (

@@ -14,10 +14,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.image_sizes import claimed_size
 from eimi_lab.dataset.images import read_image
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.errors import InputError
+from eimi_lab.identification.experiments import load_evidence
+from eimi_lab.virtual.optics import expose
+from eimi_lab.vision.benchmark import NOMINAL, bend, make_bent_scene
 
 Run = Callable[..., tuple[int, str]]
 Draw = Callable[..., np.ndarray]
@@ -114,14 +118,50 @@ def test_dark_frame_and_flat_field(run: Run, files: Path, frame: Draw) -> None:
     cv2.imwrite(str(files / "small.png"), np.full((9, 12), 200, np.uint8))
     out = files / "out.h5"
     assert run("segment", out, "--flat", files / "flat.png", "--dark", files / "black.png")[0] == 0
+    assert run("segment", out, "--uncorrected", "--flat", files / "flat.png")[0] == 2
     for arguments, told in (
         (("--flat", files / "black.png"), "black.png: the flat field is dark in places"),
-        (("--flat", files / "small.png"), "out.h5: the image has the shape (96, 128)"),
+        (("--flat", files / "small.png"), "--flat: is 12 x 9 px of 8 bits; the frames are 128 x 96 px of 8 bits"),
         (("--flat", files / "flat.png", "--dark", files / "small.png"), "flat.png: the flat field has the shape"),
         (("--dark", files / "none.png"), "none.png: cannot be read"),
     ):
         status, said = run("segment", out, *arguments)
         assert (status, told in said) == (2, True)
+
+
+def test_dark_frame_and_flat_field_stay_with_the_frames(run: Run, files: Path) -> None:
+    """Uneven pixels spoil the edges; who was told of them once corrects them in every later segmentation."""
+    gain = 1.0 + 0.1 * np.sin(np.arange(128) / 3.0)
+    specimen, calibration = load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml")
+    images = {}
+    for k in range(2):
+        beam = bend(specimen, 20.0 + 20.0 * k)
+        scene = make_bent_scene(NOMINAL, calibration, specimen, beam, (128, 96))
+        images[f"f_{k}.png"] = np.rint(0.75 * gain * expose(scene, np.random.default_rng(0))).astype(np.uint8)
+    fill(files, images, [0, 1])
+    cv2.imwrite(str(files / "flat.png"), np.tile(0.75 * gain * 220, (96, 1)).astype(np.uint8))
+    out = files / "out.h5"
+
+    def edges() -> np.ndarray:
+        """What a fit finds, which segments a dataset without edges itself."""
+        load_evidence(out, flagged=True)
+        with open_dataset(out) as dataset:
+            return np.concatenate([side.points_mm for e in dataset.edges() or () for side in (e.left, e.right)])
+
+    assert imported(run, files) == (0, "")
+    raw = edges()
+    assert run("segment", out, "--flat", files / "flat.png")[0] == 0
+    corrected = edges()
+    assert corrected.shape != raw.shape or np.abs(corrected - raw).max() > 0.01
+    assert run("segment", out)[0] == 0
+    np.testing.assert_array_equal(edges(), corrected)
+    assert run("segment", out, "--uncorrected")[0] == 0
+    np.testing.assert_array_equal(edges(), raw)
+    assert imported(run, files, "frames", "--force", "--flat", files / "flat.png") == (0, "")
+    np.testing.assert_array_equal(edges(), corrected)
+    assert imported(run, files, "frames", "--force", "--average", "--flat", files / "flat.png") == (0, "")
+    np.testing.assert_allclose(edges(), corrected, atol=2e-3)
+    assert imported(run, files, "frames", "--force", "--dark", files / "none.png")[0] == 2
 
 
 def png_that_claims(width: int, height: int) -> bytes:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-SEED = 15  # its first run is killed by SIGKILL with the output on
+SEED = 18  # its first run is killed by SIGKILL with the output on
 CAMPAIGN = Path(__file__).parents[1] / "kill_campaign.py"
 
 

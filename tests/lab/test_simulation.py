@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
 
+from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.errors import InputError
 from eimi_lab.simulation import parse_parameters, simulate, write_simulation
@@ -53,3 +56,58 @@ def test_a_law_without_equilibrium_is_told_with_its_state() -> None:
     law, values = parse_parameters("yeoh", ["C10_Pa=25000", "C20_Pa=-100000", "C30_Pa=0"])
     with pytest.raises(InputError, match=r"specimen type1: yeoh at .* mT: (unstable|diverged|out of iterations)"):
         simulate(load_specimen("type1"), law, values, np.array([0.0, 3.5, 30.0]), 0.0)
+
+
+MAGNETISED = """
+[specimen]
+name = "powder"
+material = "Ecoflex 00-50 with 10 % NdFeB"
+length_mm = 60.0
+width_mm = 1.0
+depth_mm = 5.0
+density_kg_m3 = 1500.0
+section = "plane-stress"
+magnetisation_kA_per_m = [{magnetisation}, 0.0]
+"""
+
+
+def eimi_simulate(folder: Path, *further: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "eimi_lab", "simulate", "protocol.toml", "--specimen", "specimen.toml"]
+    command += ["--model", "neo-hookean", "--parameter", "mu_Pa=50000", "-o", "out", "--force", *further]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_a_magnetised_beam_from_files_bends_as_the_hard_magnetic_elastica(tmp_path: Path) -> None:
+    # q = M B A L²/EI: the tip turns 26.4335 degrees at q = 1 and 44.7910 at 2 in a field across the beam. Gravity is
+    # made to pull along it, and too weak to matter: the density is given as next to nothing.
+    bending = 3 * 50e3 * 1e-3**3 / 12  # N m² for each metre of depth
+    magnetisation = bending / (1e-3 * 60e-3**2 * 4.7e-3)  # A/m
+    text = MAGNETISED.format(magnetisation=magnetisation / 1e3).replace("1500.0", "1e-3")
+    (tmp_path / "specimen.toml").write_text(text)
+    (tmp_path / "protocol.toml").write_text(load_protocol("dragon_skin_10").text)
+    currents = np.array(load_protocol("dragon_skin_10").currents_A)
+    done = eimi_simulate(tmp_path, "--coil-constant", f"{4.7 * 2 / currents.max():.6f}")
+    assert done.returncode == 0, done.stderr
+    tip = np.genfromtxt(tmp_path / "out" / "tip.csv", delimiter=",", names=True)
+    assert tip["angle_deg"][-1] == pytest.approx(44.7910, rel=2e-3)
+    # The other way round, the field turned by 180 degrees.
+    back = eimi_simulate(tmp_path, "--coil-constant", f"{4.7 * 2 / currents.max():.6f}", "--field-angle", "-90")
+    assert back.returncode == 0, back.stderr
+    mirrored = np.genfromtxt(tmp_path / "out" / "tip.csv", delimiter=",", names=True)
+    assert mirrored["angle_deg"] == pytest.approx(-tip["angle_deg"], abs=1e-5)
+    refused = eimi_simulate(tmp_path, "--bulk-modulus-kPa", "100")
+    assert refused.returncode == 2
+    assert "--bulk-modulus-kPa 100: plane stress is incompressible here" in refused.stderr
+
+
+def test_a_finite_bulk_modulus_bends_further() -> None:
+    law, values = parse_parameters("neo-hookean", ["mu_Pa=46390"])
+    field = np.array([0.0, 3.0])
+    angles = []
+    for bulk in (None, 1e6, 46.39):
+        found = simulate(load_specimen("type1"), law, values, field, 0.0, bulk_modulus_kPa=bulk)
+        angles.append(found.model.tip_angle_deg(found.shapes)[0, -1])
+    assert angles[1] == pytest.approx(angles[0], rel=1e-3)
+    assert angles[2] > 1.1 * angles[0]
+    with pytest.raises(InputError, match="--bulk-modulus-kPa -1: should be greater than 0"):
+        simulate(load_specimen("type1"), law, values, field, 0.0, bulk_modulus_kPa=-1.0)

@@ -14,11 +14,10 @@ from eimi_lab.vision.dimensions import stiffening_by_twist
 from eimi_lab.vision.edges import find_edges
 from eimi_lab.vision.flag_cases import BEAM, CASES, Case, photograph, twisted
 
-OF_A_RUN = {"NOT_SETTLED", "DROPPED", "DUPLICATE"}
 LISTED = {
     *("SATURATED", "LOW_CONTRAST", "DEFOCUS", "EDGE_RESIDUAL", "TOUCHES_FRAME", "MULTI_CONTOUR"),
     *("HOLE_OR_REFLECTION", "CLAMP_NOT_FOUND", "CORNER_AMBIGUOUS", "WIDTH_ANOMALY", "LENGTH_ANOMALY"),
-    *("CALIBRATION_STALE", "GAMMA", "TWIST"),
+    *("CALIBRATION_STALE", "GAMMA", "TWIST", "NOT_SETTLED", "DROPPED", "DUPLICATE"),
 }
 ALONE = LISTED - {"LOW_CONTRAST", "EDGE_RESIDUAL", "TOUCHES_FRAME", "CORNER_AMBIGUOUS"}
 
@@ -52,8 +51,19 @@ def test_twist_below_the_limit_is_not_flagged_and_its_effect_is_told():
     assert "modulus +0.0" in flag.remedy
     # A uniform twist of a degree, three wide and five deep: 1/(cos² + 0.36 sin²) - 1, a third of it where it grows.
     exact = 1 / (np.cos(0.1) ** 2 + 0.36 * np.sin(0.1) ** 2) - 1
-    assert stiffening_by_twist(np.degrees(0.1), 3.0, 5.0) == pytest.approx(exact / 3, rel=0.02)
-    assert stiffening_by_twist(5.0, 3.0, 3.0) == 0.0
+    assert stiffening_by_twist(0.0, np.degrees(0.1), 3.0, 5.0) == pytest.approx(exact / 3, rel=0.02)
+    assert stiffening_by_twist(*np.degrees([0.1, 0.1]), 3.0, 5.0) == pytest.approx(exact, rel=0.02)
+    assert stiffening_by_twist(0.0, 5.0, 3.0, 3.0) == 0.0
+
+
+def test_a_beam_turned_all_along_looks_wide_and_the_effect_is_told():
+    [flag] = Case(photograph(beam=twisted(3.0, root_deg=3.0))).edges().flags
+    assert flag.name == "WIDTH_ANOMALY"
+    assert "a turn of 3.0 degrees" in flag.remedy
+    # 1/(cos² + 0.36 sin²) - 1 at three degrees is 0.18 %
+    assert "modulus +0.18 %" in flag.remedy
+    [narrow] = CASES["WIDTH_ANOMALY"]().edges().flags
+    assert "turn of" not in narrow.remedy
 
 
 def test_clamp_that_moved_since_the_calibration():

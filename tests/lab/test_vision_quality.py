@@ -85,6 +85,14 @@ def test_second_body():
     assert found["MULTI_CONTOUR"].value == 1
 
 
+def test_two_beams_in_one_clamp_give_no_edges_of_either():
+    image = photograph()
+    shifted = np.minimum(image, np.roll(image, 60, axis=1))  # four fifths of a width beside the first
+    edges = find_edges(shifted, CALIBRATION, SPECIMEN)
+    assert len(edges.left.points_mm) == 0
+    assert "WIDTH_ANOMALY" in {flag.name for flag in edges.flags}
+
+
 def test_clamp_out_of_sight_or_elsewhere():
     outline = BeamFrame(CALIBRATION).to_px(BEAM.outline)
     bare = expose(make_scene(NOMINAL, SIZE, outline), np.random.default_rng(0))

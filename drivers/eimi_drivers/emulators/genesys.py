@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from eimi_drivers.emulators.supply import CoilSupply
 
-UNIT = "6"
-
 OUT_OF_RANGE = "E01"
 ILLEGAL_COMMAND = "C01"
 ILLEGAL_PARAMETER = "C03"
 
 
 class GenesysDialect:
-    """Answers as unit 6 on a serial line does: silent until it is addressed, deaf to setters until remote.
+    """Answers as one unit on a serial line does: silent until it is addressed, deaf to setters until remote.
 
     Where the front panel is locked, setters are answered `OK` and not obeyed.
     """
 
     identification = "LAMBDA,GEN40-38"
 
-    def __init__(self, supply: CoilSupply) -> None:
+    def __init__(self, supply: CoilSupply, unit: int = 6) -> None:
         self.supply = supply
+        self.unit = unit
         self._addressed = False
         self._remote = False
         self._unfinished = b""
@@ -34,7 +33,7 @@ class GenesysDialect:
     def _answer(self, line: str) -> str:
         header, _, argument = line.partition(" ")
         if header == "ADR":
-            self._addressed = argument == UNIT
+            self._addressed = argument == str(self.unit)
             return "OK" if self._addressed else ""
         if not self._addressed:
             return ""

@@ -22,14 +22,16 @@ class Refused(Exception):
 class ScpiDialect:
     """Answers lines as a one-channel SCPI supply does, error queue included (SCPI-99, volume 2, 21).
 
+    channel: the one that the coil is on, of a supply that has several.
     questions, commands: what each header does, in capitals and as short as the standard allows.
     """
 
     identification = "EIMI,EMULATED SUPPLY,0,1.0"
     no_error = '0,"No error"'
 
-    def __init__(self, supply: CoilSupply) -> None:
+    def __init__(self, supply: CoilSupply, channel: int = 1) -> None:
         self.supply = supply
+        self.channel = channel
         self.questions: dict[str, Callable[[], str]] = {
             "*IDN?": lambda: self.identification,
             "SYST:ERR?": lambda: self._errors.pop(0) if self._errors else self.no_error,

@@ -1,6 +1,6 @@
 """What sets families of SCPI supplies apart, written down once more and independently of the drivers' profiles.
 
-The coil is on channel 1; a message for another channel is answered with an error.
+A message for another channel than the coil's is answered with an error.
 """
 
 from __future__ import annotations
@@ -10,18 +10,19 @@ import re
 from eimi_drivers.emulators.scpi import DATA_TYPE_ERROR, HARDWARE_MISSING, Refused, ScpiDialect, number, switch
 from eimi_drivers.emulators.supply import CoilSupply
 
-COIL_CHANNEL = "1"
-
 SETTINGS_CONFLICT = '-221,"Settings conflict"'
 MISSING_PARAMETER = '-109,"Missing parameter"'
 
 
-def _on_the_coil(channel: str) -> None:
-    if channel != COIL_CHANNEL:
-        raise Refused(HARDWARE_MISSING)
+class _SeveralChannels(ScpiDialect):
+    """A supply with channels, the coil on one of them."""
+
+    def _on_the_coil(self, channel: str) -> None:
+        if channel != str(self.channel):
+            raise Refused(HARDWARE_MISSING)
 
 
-class KeysightE36312ADialect(ScpiDialect):
+class KeysightE36312ADialect(_SeveralChannels):
     """Channels are named in each message by a list, `(@1)`."""
 
     identification = "Keysight Technologies,E36312A,EMULATED,1.0"
@@ -32,7 +33,7 @@ class KeysightE36312ADialect(ScpiDialect):
         match = re.fullmatch(r"(\S+?\?) \(@(\d)\)|(\S+) (\S+), ?\(@(\d)\)", line)
         if match is None:
             raise Refused(MISSING_PARAMETER)
-        _on_the_coil(match[2] or match[5])
+        self._on_the_coil(match[2] or match[5])
         return match[1] or match[3], match[4] or ""
 
 
@@ -50,22 +51,24 @@ class KeysightE364xDialect(ScpiDialect):
         )
 
 
-class _ChannelSelected(ScpiDialect):
+class _ChannelSelected(_SeveralChannels):
     """One channel at a time is selected; messages go to that one. Another than the coil's is selected at first."""
 
-    def __init__(self, supply: CoilSupply) -> None:
-        super().__init__(supply)
-        self._selected = "2"
+    channels = frozenset({"1", "2", "3"})
+
+    def __init__(self, supply: CoilSupply, channel: int = 1) -> None:
+        super().__init__(supply, channel)
+        self._selected = "2" if channel == 1 else "1"
         self.commands["INST:NSEL"] = self._select
 
     def _select(self, argument: str) -> bool:
         self._selected = argument
-        return argument in {"1", "2", "3"}
+        return argument in self.channels
 
     def _parse(self, line: str) -> tuple[str, str]:
         header, argument = super()._parse(line)
         if not header.startswith(("*", "SYST:", "INST:")):
-            _on_the_coil(self._selected)
+            self._on_the_coil(self._selected)
         return header, argument
 
 
@@ -74,8 +77,8 @@ class RigolDp800Dialect(_ChannelSelected):
 
     identification = "RIGOL TECHNOLOGIES,DP832,EMULATED,00.01.16"
 
-    def __init__(self, supply: CoilSupply) -> None:
-        super().__init__(supply)
+    def __init__(self, supply: CoilSupply, channel: int = 1) -> None:
+        super().__init__(supply, channel)
         self._ocp_A = supply.max_current_A
         self.questions["OUTP?"] = lambda: "ON" if supply.output_on() else "OFF"
         self.questions["OUTP:MODE?"] = lambda: "CV" if supply.constant_voltage() else "CC"
@@ -94,28 +97,30 @@ class RigolDp800Dialect(_ChannelSelected):
         return super()._parse(line.removeprefix(":").removeprefix("SOUR:"))
 
 
-class SiglentSpdDialect(ScpiDialect):
+class SiglentSpdDialect(_SeveralChannels):
     """Channels are named in the header or in the argument; the output shows in a hexadecimal status word."""
 
     identification = "Siglent Technologies,SPD3303X,EMULATED,1.01.01.02.05,V3.0"
     no_error = "0  No Error"
 
-    def __init__(self, supply: CoilSupply) -> None:
-        super().__init__(supply)
+    def __init__(self, supply: CoilSupply, channel: int = 1) -> None:
+        super().__init__(supply, channel)
         del self.questions["OUTP?"]
         self.questions["SYST:STAT?"] = self._status
 
     def _status(self) -> str:
-        independent, output = 0x04, 0x10 if self.supply.output_on() else 0
-        return hex(independent | output | (0 if self.supply.constant_voltage() else 0x01))
+        independent = 0x04
+        output = 0x10 if self.supply.output_on() else 0
+        constant_current = 0 if self.supply.constant_voltage() else 0x01
+        return hex(independent | (output | constant_current) << self.channel - 1)
 
     def _parse(self, line: str) -> tuple[str, str]:
         header, argument = super()._parse(line)
         if match := re.fullmatch(r"CH(\d):(VOLT\??|CURR\??)", header):
-            _on_the_coil(match[1])
+            self._on_the_coil(match[1])
             return match[2], argument
         if match := re.fullmatch(r"CH(\d)(?:,(ON|OFF))?", argument):
-            _on_the_coil(match[1])
+            self._on_the_coil(match[1])
             return header, match[2] or ""
         if not header.startswith(("*", "SYST:")):
             raise Refused(MISSING_PARAMETER)
@@ -126,9 +131,10 @@ class RohdeSchwarzHmpDialect(_ChannelSelected):
     """A channel feeds its output when it is on and the general switch is, too."""
 
     identification = "ROHDE&SCHWARZ,HMP4040,EMULATED,HW50020001/SW2.50"
+    channels = frozenset({"1", "2", "3", "4"})
 
-    def __init__(self, supply: CoilSupply) -> None:
-        super().__init__(supply)
+    def __init__(self, supply: CoilSupply, channel: int = 1) -> None:
+        super().__init__(supply, channel)
         self._channel_on = self._general = False
         self.questions["OUTP:GEN?"] = lambda: str(int(self._general))
         self.questions["VOLT:PROT:TRIP?"] = lambda: str(int(supply.state.tripped))

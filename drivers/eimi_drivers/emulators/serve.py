@@ -23,9 +23,9 @@ from eimi_drivers.emulators.scpi_families import (
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import InstrumentError, Limits, PowerSupply
 from eimi_drivers.supplies.opening import supply_driver
-from eimi_drivers.supplies.transport import InProcessTransport, Responder
+from eimi_drivers.supplies.transport import InProcessTransport, Responder, split_address
 
-DIALECTS: dict[str, Callable[[CoilSupply], Responder]] = {
+DIALECTS: dict[str, Callable[..., Responder]] = {
     "korad": KoradDialect,
     "scpi": ScpiDialect,
     "keysight-e36312a": KeysightE36312ADialect,
@@ -39,11 +39,19 @@ DIALECTS: dict[str, Callable[[CoilSupply], Responder]] = {
 """The dialect that each driver of the same name understands."""
 
 
-def emulate(dialect: str, supply: CoilSupply) -> Responder:
-    """Put a command language, one of `DIALECTS`, on a supply. Raises InstrumentError for another name."""
+def emulate(dialect: str, supply: CoilSupply, address: str = "") -> Responder:
+    """Put a command language, one of `DIALECTS`, on a supply.
+
+    address: of the driver that will talk to it; the coil is on the channel, or the unit, that it names.
+    Raises InstrumentError for a name that is not in `DIALECTS`.
+    """
     if dialect not in DIALECTS:
         raise InstrumentError(f"there is no emulated supply {dialect!r}; those that exist: {', '.join(DIALECTS)}")
-    return DIALECTS[dialect](supply)
+    first, last = supply_driver(dialect).channels
+    channel = split_address(address)[1]
+    if channel is None or first == last:
+        return DIALECTS[dialect](supply)
+    return DIALECTS[dialect](supply, channel)
 
 
 def open_in_process(driver: str, supply: CoilSupply, limits: Limits) -> PowerSupply:

@@ -32,7 +32,7 @@ LATE_ANSWER_S = 1.0
 PROTECTION_MARGIN = 1.1
 """An instrument's own protection is set this far above the limits: it is for a regulator that has failed."""
 
-_NUMBER = re.compile(rb"\s*[+-]?(\d{1,12}\.?\d{0,12}|\.\d{1,12})([eE][+-]?\d{1,2})?[\s\0]*")
+_NUMBER = re.compile(rb"[ \t\r\n]*[+-]?(\d{1,12}\.?\d{0,12}|\.\d{1,12})([eE][+-]?\d{1,2})?[ \t\r\n\0]*")
 _NOT_A_MEASUREMENT = 1e30
 """SCPI answers 9.91E+37 for "not a number" and 9.9E+37 for infinity (SCPI-99, volume 1, 7.2.1)."""
 
@@ -47,7 +47,7 @@ class SupplyBase(ABC):
 
     bipolar: whether negative currents can be set.
     channels: the first and the last channel that an address may name after `#`; default_channel: the one
-    used when it names none.
+    used when it names none. read_backs: how often in a row a read-back must be right to be believed.
     """
 
     name: ClassVar[str]
@@ -56,6 +56,7 @@ class SupplyBase(ABC):
     bipolar: ClassVar[bool] = False
     channels: ClassVar[tuple[int, int]] = (1, 1)
     default_channel: ClassVar[int] = 1
+    read_backs: ClassVar[int] = 1
 
     def __init__(self, link: Transport, limits: Limits, clock: Clock) -> None:
         """Sends nothing. Raises InstrumentError when the address names a channel that there is not."""
@@ -223,11 +224,16 @@ class SupplyBase(ABC):
             )
 
     def _read_back(self, ask: Callable[[], _Value], taken: Callable[[_Value], bool]) -> _Value | None:
-        """Ask until the answer is right: None then, or the last wrong answer."""
+        """Ask until the answer is right `read_backs` times in a row: None then, or the last wrong answer."""
         deadline = self._clock.now() + READ_BACK_WITHIN_S
-        while not taken(answer := ask()):
+        right = 0
+        while right < self.read_backs:
+            if taken(answer := ask()):
+                right += 1
+                continue
             if self._clock.now() >= deadline:
                 return answer
+            right = 0
             self._clock.sleep(0.05)
         return None
 

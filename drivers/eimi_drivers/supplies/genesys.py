@@ -41,10 +41,13 @@ class GenesysSupply(SupplyBase):
 
     Foldback protection is switched off before the output is switched on: it trips in constant current, where
     a supply that feeds a coil always works. Over-voltage protection is set above the driver's limit.
+
+    Setters are answered `OK` by a unit whose front panel is held, too. So every read-back must be right twice.
     """
 
     name = "genesys"
     current_step_A = "0.01"
+    read_backs = 2
     channels = (0, 30)
     default_channel = 6
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import suppress
 
 from eimi_drivers.interfaces import (
@@ -23,6 +24,8 @@ PROTECTION_BITS = 0x20 | 0x80
 """Which one reports a trip depends on the firmware; on some these bits say that a protection is armed."""
 
 _VALUE_BYTES = 5
+_AMPERES = re.compile(rb"\d\.\d{3}|[1-9]\d\.\d{2}")
+_VOLTS = re.compile(rb"\d{2}\.\d{2}")
 
 
 class KoradSupply(SupplyBase):
@@ -31,9 +34,13 @@ class KoradSupply(SupplyBase):
     Over-current protection is switched off before the output is switched on: it trips at the current
     set-point, which is where a supply that feeds a coil with constant current always works. The limits of
     the driver and the constant-current regulator bound the current instead.
+
+    No message is acknowledged and no answer has a checksum or an end. So a value must have the form that the supply
+    gives it, and every read-back must be right twice.
     """
 
     name = "korad"
+    read_backs = 2
 
     def __init__(self, link: Transport, limits: Limits, clock: Clock) -> None:
         super().__init__(link, limits, clock)
@@ -64,7 +71,10 @@ class KoradSupply(SupplyBase):
 
     def measure(self) -> Reading:
         """Measure the output, to 1 mA and 10 mV."""
-        return Reading(current_A=self._ask_value("IOUT1?"), voltage_V=self._ask_value("VOUT1?"))
+        return Reading(
+            current_A=self._ask_value("IOUT1?", _AMPERES, "amperes such as 0.700"),
+            voltage_V=self._ask_value("VOUT1?", _VOLTS, "volts such as 12.00"),
+        )
 
     def check(self) -> None:
         """Raise ProtectionTripped when the output went off by itself or a protection bit has come since."""
@@ -90,9 +100,12 @@ class KoradSupply(SupplyBase):
     def _status(self) -> int:
         return self._ask("STATUS?", 1)[0]
 
-    def _ask_value(self, question: str) -> float:
+    def _ask_value(self, question: str, form: re.Pattern[bytes], expected: str) -> float:
         # ISET1? is answered with a sixth byte that means nothing; the next write throws it away.
-        return self._number(question, self._ask(question, _VALUE_BYTES))
+        reply = self._ask(question, _VALUE_BYTES)
+        if not form.fullmatch(reply):
+            raise self._not_understood(question, reply, expected)
+        return float(reply)
 
     def _send_voltage(self, text: str) -> None:
         self._send(f"VSET1:{text}")
@@ -104,7 +117,7 @@ class KoradSupply(SupplyBase):
         self._send("OUT1" if on else "OUT0")
 
     def _voltage_set(self) -> float:
-        return self._ask_value("VSET1?")
+        return self._ask_value("VSET1?", _VOLTS, "volts such as 12.00")
 
     def _current_set(self) -> float:
-        return self._ask_value("ISET1?")
+        return self._ask_value("ISET1?", _AMPERES, "amperes such as 0.700")

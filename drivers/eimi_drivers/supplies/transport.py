@@ -15,6 +15,11 @@ from typing import Any, Protocol
 import pyvisa
 import serial
 
+try:
+    from termios import error as TerminalError
+except ImportError:  # Windows has no termios, and pyserial does without it there
+    TerminalError = OSError  # type: ignore[assignment,misc]
+
 from eimi_drivers.interfaces import Clock, InstrumentDisconnected, InstrumentError, InstrumentTimeout
 
 WRITE_TIMEOUT_S = 2.0
@@ -79,7 +84,7 @@ class SerialTransport:
             yield
         except serial.SerialTimeoutException as error:
             raise InstrumentTimeout(f"{self.address}: the port takes no more bytes") from error
-        except OSError as error:  # SerialException is an OSError
+        except (OSError, TerminalError) as error:  # SerialException is an OSError; termios' own error is none
             raise InstrumentDisconnected(f"{self.address}: {error}") from error
         except ValueError as error:
             raise InstrumentError(f"{self.address}: {error}") from error

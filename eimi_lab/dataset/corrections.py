@@ -1,0 +1,83 @@
+"""Dark frame and flat field, kept beside the frames that they correct, so that no later segmentation forgets them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.dataset.edges import GROUP as EDGES
+from eimi_lab.dataset.images import described, read_image
+from eimi_lab.dataset.layout import group
+from eimi_lab.dataset.rewriting import rewritten
+from eimi_lab.errors import InputError
+from eimi_lab.vision.intensity import FieldCorrection
+
+GROUP = "correction"
+
+Images = Mapping[str, NDArray[Any]]
+"""(H, W) images under the names "dark" and "flat", either or both or none."""
+
+
+def read_correction_images(dark: Path | None, flat: Path | None) -> dict[str, NDArray[Any]]:
+    """Read a dark frame and a flat field from files. Raises InputError for images that can correct nothing."""
+    images = {name: read_image(path) for name, path in (("dark", dark), ("flat", flat)) if path is not None}
+    try:
+        correction_by(images)
+    except ValueError as error:
+        raise InputError(f"{flat or dark}: {error}") from error
+    return images
+
+
+def correction_by(images: Images) -> FieldCorrection | None:
+    """What these images correct; None for none. Raises ValueError for images that can correct nothing."""
+    return FieldCorrection(images.get("dark"), images.get("flat")) if images else None
+
+
+def check_like(images: Images, frame: NDArray[Any] | h5py.Dataset) -> None:
+    """Raise InputError where an image differs from a frame, or a stack of them, in size or depth."""
+    for name, image in images.items():
+        if (image.shape, image.dtype) != (frame.shape[-2:], frame.dtype):
+            raise InputError(f"--{name}: is {described(image)}; the frames are {described(frame)}")
+
+
+def store_correction(path: str | Path, images: Images) -> None:
+    """Keep images in a dataset of frames, each in place of an earlier one of its name.
+
+    Edges that were found without them are removed. Raises InputError for images that do not fit the frames.
+    """
+    path = Path(path)
+    with rewritten(path) as entry:
+        if "frames" not in entry["data"]:
+            raise InputError(f"{path}: holds tracked points, which need no segmentation")
+        check_like(images, entry["data/frames"])
+        kept = {**stored_correction(entry), **images}
+        try:
+            correction_by(kept)
+        except ValueError as error:
+            raise InputError(f"{path}: {error}") from error
+        _remove(entry)
+        store = group(entry, GROUP, "NXcollection")
+        for name, image in kept.items():
+            store.create_dataset(name, data=image, compression="gzip", shuffle=True, fletcher32=True)
+            store[name].attrs["units"] = "counts"
+
+
+def forget_correction(path: str | Path) -> None:
+    """Remove dark frame and flat field from a dataset, and the edges found with them. Raises InputError."""
+    with rewritten(Path(path)) as entry:
+        _remove(entry)
+
+
+def stored_correction(entry: h5py.Group) -> dict[str, NDArray[Any]]:
+    """The images that a dataset keeps."""
+    return {name: np.asarray(image[()]) for name, image in entry[GROUP].items()} if GROUP in entry else {}
+
+
+def _remove(entry: h5py.Group) -> None:
+    for name in {GROUP, EDGES} & set(entry):
+        del entry[name]

@@ -1,0 +1,32 @@
+"""Results as tables: HTML for a notebook's page, and labelled data where pandas or xarray is installed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from importlib import import_module
+from typing import Any
+
+
+def html_table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = ()) -> str:
+    """A table with a caption above and notes below; every text is escaped."""
+    cells = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    titles = "".join(f"<th>{escape(name)}</th>" for name in head)
+    below = "".join(f"<p>{escape(note)}</p>" for note in notes)
+    return (
+        f"<table><caption>{escape(caption)}</caption><thead><tr>{titles}</tr></thead>"
+        f"<tbody>{cells}</tbody></table>{below}"
+    )
+
+
+def data_frame(rows: Sequence[Mapping[str, Any]], index: str) -> Any:
+    """A pandas.DataFrame of rows, one column of them as its index. Raises ImportError where pandas is missing."""
+    return installed("pandas").DataFrame(list(rows)).set_index(index)
+
+
+def installed(package: str) -> Any:
+    """A package that the suite can do without. Raises ImportError that says how to install it."""
+    try:
+        return import_module(package)
+    except ImportError as error:
+        raise ImportError(f"this needs {package}, which is not installed: pip install {package}") from error

@@ -1,0 +1,23 @@
+"""The comparison with FElupe, an independent finite-element code, in its short form."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+FITTING = Path(__file__).parents[2] / "fitting"
+
+
+def test_felupe_gives_the_same_curve():
+    pytest.importorskip("felupe", reason="FElupe is not installed (pip install -e '.[bench]')")
+    pytest.importorskip("tensortrax", reason="tensortrax is not installed (pip install -e '.[bench]')")
+    run = subprocess.run(
+        [sys.executable, "-m", "benchmarks.peer", "--short"], cwd=FITTING, capture_output=True, text=True, check=True
+    )
+    worst = [float(x) for x in re.findall(r"FElupe .* at most ([0-9.]+) %", run.stdout)]
+    assert len(worst) == 2  # Neo-Hookean and Ogden
+    assert max(worst) < 0.1

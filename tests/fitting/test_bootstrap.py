@@ -1,0 +1,61 @@
+"""Replicates of the data: which states are drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from eimi_fitting.actuation import Loads
+from eimi_fitting.bootstrap import resampled
+from eimi_fitting.experiment import Experiment
+from eimi_fitting.forward import BeamModel
+from eimi_fitting.observation import EdgeObservation, PointObservation
+from eimi_fitting.specimen import Specimen
+
+STATES = 8
+
+
+def experiments() -> list[Experiment]:
+    """Edges and points that carry the number of their state everywhere."""
+    number = np.arange(float(STATES))
+    loads = Loads.along(number, 90.0, 0.0, 1e-3 * number)
+    model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", None))
+    edges = EdgeObservation(
+        np.tile(number[:, None, None, None], (1, 2, 5, 2)), np.tile(number[:, None, None], (1, 2, 5))
+    )
+    points = np.tile(number[:, None, None], (1, 3, 2))
+    return [
+        Experiment(model, loads, edges),
+        Experiment(model, loads, PointObservation(points, points, np.tile(number[:, None], (1, 3)))),
+    ]
+
+
+def states(experiment: Experiment) -> list[int]:
+    return np.rint(1e3 * experiment.loads.field_T[:, 1]).astype(int).tolist()
+
+
+def test_states_are_drawn_whole_with_their_loads_and_in_order():
+    measured = experiments()
+    drawn = [states(e) for replicate in range(1, 200) for e in resampled(measured, 1, replicate)]
+    for replicate in range(1, 20):
+        edges, points = resampled(measured, 1, replicate)
+        for drawn_states in (states(edges), states(points)):
+            assert len(drawn_states) == STATES
+            assert drawn_states == sorted(drawn_states)
+        assert (
+            edges.observed.points_mm[:, 1, 3, 0].tolist() == edges.observed.sigma_mm[:, 0, 2].tolist() == states(edges)
+        )
+        assert points.observed.rest_mm[:, 2, 0].tolist() == points.observed.sigma_mm[:, 1].tolist() == states(points)
+        assert np.rint(1e3 * points.loads.tip_force_N[:, 0] * 1e3).tolist() == [1e3 * s for s in states(points)]
+    # Each of 8 draws leaves a given state out with 7/8: 34 % of the states are in none.
+    left_out = np.mean([1 - len(set(d)) / STATES for d in drawn])
+    assert abs(left_out - (7 / 8) ** 8) < 0.02
+
+
+def test_a_replicate_is_the_same_whatever_else_is_drawn():
+    measured = experiments()
+    once = [states(e) for e in resampled(measured, 3, 7)]
+    resampled(measured, 3, 8)
+    assert [states(e) for e in resampled(measured, 3, 7)] == once
+    assert once[0] != once[1]
+    assert [states(e) for e in resampled(measured, 3, 8)] != once
+    assert [states(e) for e in resampled(measured, 4, 7)] != once

@@ -1,0 +1,171 @@
+"""Fits to more than edges: tensile curves, freed nuisances, points, a free bulk modulus; and edges that are wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eimi_fitting.actuation import Loads
+from eimi_fitting.credibility import NotExplained
+from eimi_fitting.experiment import Experiment
+from eimi_fitting.forward import BeamModel
+from eimi_fitting.identification import identify
+from eimi_fitting.materials import LAWS
+from eimi_fitting.nuisance import Prior
+from eimi_fitting.observation import EdgeObservation, PointObservation, edge_curves, points_on
+from eimi_fitting.specimen import Magnet, Specimen
+from eimi_fitting.tensile import engineering_stress
+from eimi_fitting.tensile_evidence import TensileCurve
+
+SPECIMEN = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
+NOISE_MM = 3e-3
+
+
+def edges_of(
+    model: str,
+    parameters: list[float],
+    *,
+    gravity: float | None = 0.0,
+    field_factor: float = 1.0,
+    field_mT: tuple[float, ...] = (0.0, 4.0, 7.0),
+    turned_deg: float = 0.0,
+) -> Experiment:
+    """Noisy edges of a beam of a known law whose field is off by a factor, seen by a camera that is rolled."""
+    rng = np.random.default_rng(1)
+    loads = Loads.along(field_mT, gravity_angle_deg=gravity)
+    fine = BeamModel(SPECIMEN, 52, 6)
+    shapes = fine.solve(LAWS[model], np.array([parameters]), loads, field_factor=np.array([field_factor]))
+    sides = points_on(edge_curves(fine, shapes)[0], 1)[:, :, 1:-1]
+    c, s = np.cos(np.radians(turned_deg)), np.sin(np.radians(turned_deg))
+    seen = sides @ np.array([[c, s], [-s, c]]) + rng.normal(0, NOISE_MM, sides.shape)
+    sigma = np.full(sides.shape[2], NOISE_MM)
+    observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in seen])
+    return Experiment(BeamModel(SPECIMEN).refined(), loads, observed)
+
+
+def relative_width(fit) -> float:
+    """Half-width of the modulus' interval over the modulus."""
+    low, high = fit.uncertainty.initial_shear_modulus_Pa
+    return float(0.5 * (high - low) / fit.initial_shear_modulus_Pa)
+
+
+def test_a_tensile_curve_separates_c10_from_c01():
+    truth = [15e3, 6e3]
+    bent = edges_of("mooney-rivlin", truth)
+    strain = np.linspace(0.02, 0.6, 30)
+    stress = engineering_stress(LAWS["mooney-rivlin"], np.array([truth]), strain)[0]
+    curve = TensileCurve(strain, stress + np.random.default_rng(2).normal(0, 200, 30))
+    without = identify("mooney-rivlin", [bent], seed=1)
+    with_curve = identify("mooney-rivlin", [bent], seed=1, tensile=[curve])
+    assert without.uncertainty.not_fixed == ("C01/(C10+C01)",)
+    assert "fix only 2(C10+C01)" in without.uncertainty.statement
+    assert without.uncertainty.directions[0].words == "2(C10+C01)"
+    assert with_curve.uncertainty.not_fixed == ()
+    assert with_curve.parameters == pytest.approx(truth, rel=0.05)
+    for value, (low, high), (low_before, high_before) in zip(
+        truth, with_curve.uncertainty.intervals, without.uncertainty.intervals, strict=True
+    ):
+        assert low < value < high
+        assert high - low < 0.1 * (high_before - low_before)
+    assert with_curve.curve_rmse_Pa[0] == pytest.approx(200, rel=0.4)
+
+
+def test_an_unknown_moment_widens_the_modulus_by_its_prior():
+    # Without gravity torque and stiffness scale together: the data fix the ratio of modulus and moment alone.
+    bent = edges_of("neo-hookean", [46e3], gravity=None)
+    known = identify("neo-hookean", [bent], seed=1)
+    freed = identify("neo-hookean", [bent], seed=1, free=[Prior("moment", 0.02)])
+    assert relative_width(known) < 2e-3
+    assert relative_width(freed) == pytest.approx(1.96 * 0.02, rel=0.15)
+    (moment,) = freed.uncertainty.freed
+    assert (moment.name, moment.unit, moment.prior_spread) == ("moment", "1", 0.02)
+    assert 0.5 * (moment.interval[1] - moment.interval[0]) == pytest.approx(1.96 * 0.02, rel=0.1)
+    assert freed.uncertainty.correlation[0, 1] > 0.99
+    assert "the data fix their ratio" in freed.uncertainty.statement
+
+
+def test_gravity_tells_a_wrong_moment():
+    bent = edges_of("neo-hookean", [46e3], field_factor=1.05, field_mT=(0.0, 3.0, 6.0, 9.0))
+    taken_for_right = identify("neo-hookean", [bent], seed=1)
+    freed = identify("neo-hookean", [bent], seed=1, free=[Prior("moment", 0.1)])
+    assert taken_for_right.initial_shear_modulus_Pa < 45e3
+    low, high = freed.uncertainty.initial_shear_modulus_Pa
+    assert low < 46e3 < high
+    (moment,) = freed.uncertainty.freed
+    assert moment.interval[0] < 0.05 < moment.interval[1]
+    assert abs(moment.value - 0.05) < 0.02
+
+
+def test_roll_and_clamp_are_found_and_a_coil_constant_is_common_to_all():
+    turned = edges_of("neo-hookean", [46e3], turned_deg=0.2)
+    fit = identify("neo-hookean", [turned], seed=1, free=[Prior("roll", 0.3), Prior("clamp", 0.05)])
+    found = {value.name: value for value in fit.uncertainty.freed}
+    assert set(found) == {"roll", "clamp x", "clamp y"}
+    assert found["roll"].value == pytest.approx(0.2, abs=0.02)
+    assert abs(found["clamp y"].value) < 0.01
+    assert fit.initial_shear_modulus_Pa == pytest.approx(46e3, rel=0.01)
+    assert fit.error_mm.mean() == pytest.approx(NOISE_MM, rel=0.3)
+    both = identify("neo-hookean", [turned, turned], seed=1, free=[Prior("coil", 0.01), Prior("roll", 0.3)])
+    assert [(v.name, v.dataset) for v in both.uncertainty.freed] == [
+        ("coil constant", None),
+        ("roll of dataset 0", 0),
+        ("roll of dataset 1", 1),
+    ]
+
+
+def test_edges_and_tracked_points_of_two_specimens_in_one_fit():
+    plain = Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")
+    loads = Loads.along([0.0, 0.0], 90.0, 90.0, [0.001, 0.002])
+    model = BeamModel(plain).refined()
+    rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads)
+    moved = model.positions(shapes, rest)[0]
+    points = PointObservation(np.tile(rest, (2, 1, 1)), moved, np.full((2, 9), 0.01))
+    fit = identify("neo-hookean", [edges_of("neo-hookean", [46e3]), Experiment(model, loads, points)], seed=1)
+    assert fit.error_mm.shape == (5,)
+    assert fit.initial_shear_modulus_Pa == pytest.approx(46e3, rel=0.005)
+    low, high = fit.uncertainty.initial_shear_modulus_Pa
+    assert low < 46e3 < high
+
+
+def test_a_free_bulk_modulus_is_told_as_not_fixed_and_refused_in_plane_stress():
+    bent = edges_of("neo-hookean", [46e3])
+    fit = identify("neo-hookean", [bent], seed=1, free_bulk=True)
+    assert fit.uncertainty.not_fixed == ("log10 K/mu",)
+    low, high = fit.uncertainty.bulk_modulus_Pa
+    assert low < 0.1 * high
+    assert high > 1e8
+    low, high = fit.uncertainty.initial_shear_modulus_Pa
+    assert low < 46e3 < high
+    flat = replace(bent, model=BeamModel(replace(SPECIMEN, section="plane-stress")))
+    with pytest.raises(ValueError, match="plane stress"):
+        identify("neo-hookean", [flat], free_bulk=True)
+
+
+# Of other kinds: tests/lab/test_fit_further.py
+GARBAGE = {
+    "left for right": lambda p: p[:, ::-1],
+    "wrong sign of the field": lambda p: p[:, ::-1] * [1, -1],
+}
+
+
+@pytest.mark.parametrize("kind", GARBAGE)
+def test_garbage_has_no_result(kind: str):
+    good = edges_of("neo-hookean", [46e3])
+    points = np.ascontiguousarray(GARBAGE[kind](good.observed.points_mm))
+    bad = replace(good, observed=replace(good.observed, points_mm=points))
+    with pytest.raises(NotExplained, match="no material explains this") as told:
+        identify("neo-hookean", [bad], seed=1, most_generations=30)
+    assert told.value.experiment == 0
+    assert told.value.state in (0, 1, 2)
+
+
+def test_residuals_far_above_the_stated_noise_are_a_doubt():
+    good = edges_of("neo-hookean", [46e3])
+    assert identify("neo-hookean", [good], seed=1).doubts == ()
+    longer = replace(good, observed=replace(good.observed, points_mm=1.03 * good.observed.points_mm))
+    ((experiment, state, words),) = identify("neo-hookean", [longer], seed=1).doubts
+    assert (experiment, state) == (0, None)
+    assert "times the uncertainty that the measured places state" in words

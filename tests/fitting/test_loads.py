@@ -1,0 +1,201 @@
+"""Each load against an exact result: the elastica in its own ordinary differential equation, and the thick cylinder."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+
+from eimi_fitting.actuation import Loads
+from eimi_fitting.element import Batch
+from eimi_fitting.forward import BeamModel
+from eimi_fitting.materials import LAWS
+from eimi_fitting.mesh import mapped_mesh
+from eimi_fitting.pressure import FollowerPressure
+from eimi_fitting.solid import Solid, SolidLoads, Status
+from eimi_fitting.specimen import STANDARD_GRAVITY, Magnet, PressureFace, Specimen
+
+NEO = LAWS["neo-hookean"]
+MU = np.array([[0.05e6]])
+LENGTH, WIDTH, DEPTH = 100.0, 1.0, 4.0
+BENDING = 3 * 0.05 * WIDTH**3 / 12  # N mm² for each mm of depth, plane stress: E = 3 mu
+
+
+def elastica(couple=None, dead=(0.0, 0.0), pressure=(0.0, 0.0, 0.0), force=(0.0, 0.0), end_couple=None):
+    """(rotation, x, y) at the tip of an inextensible rod clamped at 0, per mm of depth.
+
+    couple(theta): N, on each mm; dead: N/mm², on each mm; pressure: (p, from, to), on the side below the rod, whose
+    face is longer or shorter than the rod by half its width times the curvature; force and end_couple: at the tip.
+    Shooting from the clamp, in five steps of all loads.
+    """
+    p, first, last = pressure
+    scale = np.array([BENDING / LENGTH, BENDING / LENGTH**2, BENDING / LENGTH**2])
+
+    def integrate(clamp, share):
+        y = np.concatenate([[0.0], clamp * scale, [0.0, 0.0]])
+        for begin, end, acting in ((0.0, first, 0.0), (first, last, share * p), (last, LENGTH, 0.0)):
+            if end <= begin:
+                continue
+
+            def slope(s, y, acting=acting):
+                theta, moment, fx, fy = y[:4]
+                c, sn = np.cos(theta), np.sin(theta)
+                curvature = moment / BENDING
+                push = acting * (1 + 0.5 * WIDTH * curvature)
+                turning = fx * sn - fy * c - (share * couple(theta) if couple else 0.0)
+                return [curvature, turning, push * sn - share * dead[0], -push * c - share * dead[1], c, sn]
+
+            y = solve_ivp(slope, (begin, end), y, rtol=1e-9, atol=1e-12).y[:, -1]
+        return y
+
+    def miss(clamp, share):
+        y = integrate(clamp, share)
+        return (y[1:4] - share * np.array([end_couple(y[0]) if end_couple else 0.0, *force])) / scale
+
+    clamp = np.zeros(3)
+    for share in np.linspace(0.2, 1.0, 5):
+        found = root(miss, clamp, (share,), tol=1e-8)
+        assert found.success
+        clamp = found.x
+    y = integrate(clamp, 1.0)
+    return np.array([y[0], y[4], y[5]])
+
+
+def beam(loads, **specimen):
+    """(rotation, x, y) at the tip of a slender plane-stress beam."""
+    model = BeamModel(Specimen(LENGTH, WIDTH, DEPTH, specimen.pop("density", 0.0), "plane-stress", **specimen), 40, 1)
+    shapes = model.solve(NEO, MU, loads, tolerance_mm=1e-7)
+    assert shapes.converged[0]
+    return np.array(
+        [np.radians(model.tip_angle_deg(shapes)[0, -1]), *model.positions(shapes, [[LENGTH, 0.0]])[0, -1, 0]]
+    )
+
+
+def check(found, exact, accuracy=1e-3):
+    assert abs(exact[0]) > 0.3  # far from small deflection
+    assert found[0] == pytest.approx(exact[0], rel=accuracy)
+    assert found[1:] == pytest.approx(exact[1:], abs=accuracy * LENGTH)
+
+
+@pytest.mark.parametrize(("start", "stop", "strength"), [(0.0, LENGTH, 16.0), (30.0, 77.7, 26.0)])
+def test_pressure_on_a_face_follows_it(start, stop, strength):
+    p = strength * BENDING / LENGTH**3
+    loads = Loads.along(np.zeros(6), gravity_angle_deg=None, pressure_Pa=1e6 * np.linspace(0, p, 6))
+    left, right = (beam(loads, pressure_face=PressureFace(side, start, stop)) for side in ("left", "right"))
+    check(left, elastica(pressure=(p, start, stop)))
+    assert right == pytest.approx(left * [-1, 1, -1], rel=1e-6)
+
+
+@pytest.mark.parametrize(("angle", "direction"), [(30.0, 0.0), (150.0, 0.0), (100.0, 40.0)])
+def test_magnetised_silicone_in_a_field_at_an_angle(angle, direction):
+    field, strength = np.radians(angle), 6 * BENDING / (WIDTH * LENGTH**2)  # M B, N/mm²
+    at_rest = np.radians(direction)
+    flux = 0.02
+    magnetisation = 1e6 * strength / flux * np.array([np.cos(at_rest), np.sin(at_rest)])
+    found = beam(
+        Loads.along(1e3 * np.linspace(0, flux, 6), angle, None), magnetisation_A_per_m=tuple(map(float, magnetisation))
+    )
+    check(found, elastica(couple=lambda theta: strength * WIDTH * np.sin(field - theta - at_rest)), 2e-3)
+
+
+@pytest.mark.parametrize("angle", [30.0, 120.0])
+def test_a_magnet_in_a_field_at_an_angle(angle):
+    magnet = Magnet(1e-2, WIDTH, DEPTH, 1.0, 1.0)  # as good as a point at the tip
+    moment = 2.5 * BENDING / LENGTH  # m B, N mm for each mm of depth
+    flux = moment * DEPTH / (1e3 * magnet.moment_A_m2)
+    found = beam(Loads.along(1e3 * np.linspace(0, flux, 6), angle, None), magnet=magnet)
+    check(found, elastica(end_couple=lambda theta: moment * np.sin(np.radians(angle) - theta)))
+
+
+@pytest.mark.parametrize("angle", [50.0, -130.0])
+def test_gravity_at_an_angle(angle):
+    down = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+    weight = 12 * BENDING / LENGTH**3
+    density = weight / (1e-9 * STANDARD_GRAVITY * WIDTH)
+    found = beam(Loads.along(0.0, gravity_angle_deg=angle), density=density)
+    check(found, elastica(dead=weight * down))
+
+
+@pytest.mark.parametrize(("angle", "place"), [(70.0, None), (110.0, (LENGTH, 0.5 * WIDTH))])
+def test_tip_force_at_an_angle_and_a_place(angle, place):
+    force = 3 * BENDING / LENGTH**2
+    down = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+    loads = Loads.along(0.0, gravity_angle_deg=angle, tip_force_N=force * DEPTH)
+    arm = 0.0 if place is None else place[1]
+
+    def couple(theta):  # the arm turns with the tip
+        return arm * force * (-np.sin(theta) * down[1] - np.cos(theta) * down[0])
+
+    check(beam(loads, tip_load_mm=place), elastica(force=force * down, end_couple=couple))
+
+
+def cylinder(n):
+    """A quarter of a cylinder from radius 1 to 2, its inner face under pressure."""
+    mesh = mapped_mesh(
+        2 * n, n, lambda s, t: ((1 + t) * np.cos(np.pi / 2 * (1 - s)), (1 + t) * np.sin(np.pi / 2 * (1 - s)))
+    )
+    fixed = np.zeros((len(mesh.nodes), 2), bool)
+    fixed[mesh.column(0), 0] = fixed[mesh.column(-1), 1] = True
+    return Solid(mesh, fixed, face=FollowerPressure(mesh, mesh.row(0)))
+
+
+@pytest.mark.parametrize(("stretch", "pressure"), [(1.1, 0.131562), (1.5, 0.428228), (2.0, 0.574054), (3.0, 0.660417)])
+def test_thick_cylinder_under_pressure(stretch, pressure):
+    # p/mu = ln(la/lb) + (lb^-2 - la^-2)/2 with A = 1, B = 2 (Ogden, Non-linear Elastic Deformations, 5.3.3).
+    solid = cylinder(3)
+    batch, now = Batch(NEO, np.array([[1.0]]), "plane-strain", np.array([1e6])), solid.rest(1)
+    for p in np.linspace(0, pressure, 7)[1:]:
+        nothing = np.zeros((1, len(solid.mesh.nodes), 2))
+        loads = SolidLoads(nothing, np.zeros((1, 2)), np.zeros((1, 2, 2)), np.array([p]))
+        now, status, _ = solid.equilibrium(batch, loads, now, 1e-9)
+        assert status[0] == Status.CONVERGED
+    radius = np.linalg.norm(solid.mesh.nodes + now.displacement[0], axis=1)[solid.mesh.row(0)]
+    assert radius == pytest.approx(stretch, rel=2e-4)
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_tangent_of_the_pressure_is_the_derivative_of_its_forces(seed):
+    rng = np.random.default_rng(seed)
+    face = cylinder(1).face
+    e = 2
+
+    def forces(nodal):
+        force, stiffness = np.zeros((e, 1, 18)), np.zeros((e, 1, 18, 18))
+        face.press(np.array([0.7]), nodal, force, stiffness)
+        return force[:, 0], stiffness[:, 0]
+
+    nodal, h = rng.normal(0, 0.3, (e, 1, 18)), 1e-6
+    _, tangent = forces(nodal)
+    assert np.abs(tangent - tangent.swapaxes(-1, -2)).max() > 0.01  # exact, so not symmetric
+    for i in range(18):
+        step = h * np.eye(18)[i]
+        difference = (forces(nodal + step)[0] - forces(nodal - step)[0]) / (2 * h)
+        assert tangent[:, :, i] == pytest.approx(difference, abs=1e-6)
+
+
+def test_newton_with_the_pressures_tangent_ends_quadratically():
+    p = 16 * BENDING / LENGTH**3
+    specimen = Specimen(LENGTH, WIDTH, DEPTH, 0.0, "plane-stress", pressure_face=PressureFace("left"))
+    model = BeamModel(specimen, 40, 1)
+    loads = Loads.along(0.0, gravity_angle_deg=None, pressure_Pa=1e6 * p)
+    start = model.solve(NEO, MU, loads, tolerance_mm=1e-9)
+    nearby = Loads.along(0.0, gravity_angle_deg=None, pressure_Pa=1.001e6 * p)
+    # Half a mm away at first: three steps that square the error reach a nanometre, linear ones would not.
+    assert model.solve(NEO, MU, nearby, tolerance_mm=1e-6, start=start.last).iterations[0, 0] <= 4
+
+
+def test_pressure_at_the_sides_of_a_full_width_magnet_is_refused():
+    magnet = Magnet(4.0, 3.0, 3.0, 1.0, 7500.0)
+    specimen = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", magnet, pressure_face=PressureFace("right"))
+    with pytest.raises(ValueError, match="is no face of the silicone"):
+        BeamModel(specimen)
+
+
+def test_states_keep_their_pressure_when_taken_apart():
+    loads = Loads.along(np.arange(4.0), pressure_Pa=10.0 * np.arange(4.0))
+    assert loads.take(np.array([3, 1])).state(0) == pytest.approx(loads.state(3))
+    assert Loads.along(np.arange(4.0), pressure_Pa=5.0).take(np.array([3, 1])).state(1)[-1] == 5.0

@@ -1,0 +1,153 @@
+"""The search on functions whose optimum is known, and that it can be told again what it was told before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from eimi_fitting.experiment import DISCARDED_MM
+from eimi_fitting.observation import Misfit
+from eimi_fitting.polish import polish
+from eimi_fitting.search import Generation, OtherSearch, Told, search
+
+Array = NDArray[np.float64]
+OPTIMUM = np.array([0.3, 0.62, 0.45])
+
+
+@dataclass(frozen=True)
+class Values:
+    objective_mm: Array
+
+    @property
+    def unconverged(self) -> NDArray[np.bool_]:
+        return self.objective_mm >= DISCARDED_MM
+
+    @property
+    def unstable(self) -> NDArray[np.bool_]:
+        return np.zeros(len(self.objective_mm), bool)
+
+
+def valley(units: Array) -> Values:
+    values = 10 * np.sqrt(((units - OPTIMUM[: units.shape[1]]) ** 2).sum(axis=1))
+    return Values(np.where(units[:, 0] > 0.95, DISCARDED_MM, values))
+
+
+def rastrigin(units: Array) -> Values:
+    """Many local minima about the one at OPTIMUM (Rastrigin 1974, as generalised by Mühlenbein et al. 1991)."""
+    x = 10 * (units - OPTIMUM[: units.shape[1]])
+    return Values((x**2 - 10 * np.cos(2 * np.pi * x) + 10).sum(axis=1))
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_one_run_comes_near_enough_for_the_polish_and_says_why_it_stopped(n, seed):
+    seen: list[tuple[Generation, Told]] = []
+    found = search(valley, n, seed=seed, progress=lambda *generation: seen.append(generation))
+    assert np.abs(found.unit - OPTIMUM[:n]).max() < 0.01
+    (run,) = found.runs
+    assert (run.stop, found.stop) == ("population", "population")
+    assert [generation for generation, _ in seen] == list(found.history)
+    assert run.generations == len(found.history)
+    assert found.evaluations == run.generations * run.population
+    assert found.objective_mm == run.best_mm == found.history[-1].best_mm
+    assert found.unconverged == sum(generation.discarded for generation in found.history)
+    assert all(
+        later.best_mm <= earlier.best_mm for earlier, later in zip(found.history, found.history[1:], strict=False)
+    )
+    for generation, told in seen:
+        assert generation.best_mm <= min(told.objective_mm)
+        valid = [value for value in told.objective_mm if value < DISCARDED_MM]
+        assert generation.mean_mm == pytest.approx(np.mean(valid))
+        assert generation.axis_ratio >= 1
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_beam_that_hardly_moved_is_searched_as_thoroughly(seed):
+    found = search(lambda units: Values(1e-2 * np.abs(units[:, 0] - OPTIMUM[0])), 1, seed=seed)
+    assert found.unit == pytest.approx(OPTIMUM[:1], abs=0.03)
+    assert len(found.history) > 3
+
+
+@pytest.mark.parametrize("bipop", [False, True])
+def test_restarts_find_the_optimum_among_many_minima_that_one_run_misses(bipop):
+    alone = [search(rastrigin, 2, seed=seed).objective_mm for seed in range(1, 4)]
+    assert max(alone) > 0.5  # the nearest local minima are about 1 above the optimum
+    for seed in range(1, 4):
+        found = search(rastrigin, 2, seed=seed, restarts=4, bipop=bipop)
+        assert found.objective_mm < 0.1
+        assert found.unit == pytest.approx(OPTIMUM[:2], abs=0.01)
+
+
+def test_populations_double_and_small_ones_get_no_more_than_as_much_again():
+    grown = search(rastrigin, 2, seed=1, restarts=3)
+    assert [run.population for run in grown.runs] == [12, 24, 48, 96]
+    assert {run.step_size for run in grown.runs} == {0.25}
+    assert [generation.run for generation in grown.history] == [
+        number for number, run in enumerate(grown.runs, start=1) for _ in range(run.generations)
+    ]
+    mixed = search(rastrigin, 2, seed=1, restarts=3, bipop=True)
+    large = [run for run in mixed.runs[1:] if run.step_size == 0.25]
+    small = [run for run in mixed.runs[1:] if run.step_size != 0.25]
+    assert [run.population for run in large] == [24, 48, 96]
+    assert small
+    for run in small:
+        assert 12 <= run.population <= 48
+        assert 0.0025 <= run.step_size < 0.25
+    cost = [sum(run.population * run.generations for run in runs) for runs in (large, small)]
+    assert cost[1] < 1.5 * cost[0]
+
+
+def test_told_again_it_goes_on_bit_for_bit_and_evaluates_only_what_is_new():
+    told: list[Told] = []
+    whole = search(rastrigin, 3, seed=4, restarts=2, bipop=True, progress=lambda _, values: told.append(values))
+    for known in (0, 1, len(told) // 2, len(told) - 1, len(told)):
+        evaluated = []
+
+        def counted(units: Array, evaluated: list[int] = evaluated) -> Values:
+            evaluated.append(len(units))
+            return rastrigin(units)
+
+        np.random.seed(known)  # noqa: NPY002  the global generator decides nothing
+        again = search(counted, 3, seed=4, restarts=2, bipop=True, replay=told[:known])
+        assert again.unit.tolist() == whole.unit.tolist()
+        assert (again.history, again.runs) == (whole.history, whole.runs)
+        assert len(evaluated) == len(told) - known
+
+
+def test_what_another_search_was_told_is_refused():
+    with pytest.raises(OtherSearch, match="generation 1 has 12 candidates, that to be replayed 3"):
+        search(rastrigin, 2, replay=[Told((1.0, 2.0, 3.0), 0, 0)])
+
+
+@dataclass(frozen=True)
+class Line:
+    """Residuals of a linear model in two unit coordinates, of one state."""
+
+    residuals: Array
+
+    @property
+    def objective_mm(self) -> Array:
+        return np.sqrt((self.residuals**2).mean(axis=1))
+
+    @property
+    def misfits(self) -> tuple[Misfit, ...]:
+        r = self.residuals[:, None, None, :]
+        return (Misfit(r, np.ones(r.shape[1:]), self.objective_mm[:, None], np.zeros((len(r), 1))),)
+
+
+def linear(slopes: Array, target: Array) -> Callable[[Array], Line]:
+    return lambda units: Line(units @ slopes - target)
+
+
+def test_polish_ends_at_the_best_place_within_the_bounds():
+    slopes = np.array([[1.0, 0.5, 0.2, 0.1], [0.9, 0.7, -0.1, 0.3]])
+    # Without bounds the second coordinate would be 1.4; on its bound the first one has another best value.
+    model = linear(slopes, np.array([0.2, 1.4]) @ slopes)
+    first = (np.array([0.0, 0.4]) @ slopes @ slopes[0]) / (slopes[0] @ slopes[0]) + 0.2
+    polished = polish(model, np.array([0.5, 0.5]))
+    assert polished.unit == pytest.approx([first, 1.0], abs=1e-5)
+    assert polished.after_mm < polished.before_mm

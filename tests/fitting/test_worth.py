@@ -1,0 +1,105 @@
+"""What numbers are worth: profiles, directions, comparison of laws, coverage; on cases whose answer is known."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eimi_fitting.directions import directions
+from eimi_fitting.model_choice import Candidate, choose
+from eimi_fitting.profile import interval_ends
+
+FITTING = Path(__file__).parents[2] / "fitting"
+
+
+def valley(bend: float):
+    """Rise of a narrow valley v = bend u^2 about (0.5, 0.5): the profile of u is that of u alone, (u / 0.05)^2."""
+
+    def rise(unit):
+        u, v = (unit - 0.5).T
+        across = (v - bend * u**2) / 0.01
+        gradient = np.column_stack([u / 0.05**2 - across * 2 * bend * u / 0.01, across / 0.01])
+        return (u / 0.05) ** 2 + across**2, gradient
+
+    return rise, np.diag([1 / 0.05**2, 1 / 0.01**2])
+
+
+def test_a_quadratic_needs_no_profile():
+    rise, curvature = valley(0.0)
+    half = 2 * np.array([0.05, 0.01])
+    ends = interval_ends(rise, np.array([0.5, 0.5]), np.zeros(2), curvature, half, (0, 1))
+    assert ends.profiled == ()
+    assert np.column_stack([ends.low, ends.high]) == pytest.approx(np.array([[0.4, 0.6], [0.48, 0.52]]))
+
+
+def test_a_bent_valley_is_followed():
+    rise, curvature = valley(4.0)
+    half = 2 * np.array([0.05, 0.01])
+    ends = interval_ends(rise, np.array([0.5, 0.5]), np.zeros(2), curvature, half, (0,))
+    assert ends.profiled == (0,)
+    assert (ends.low[0], ends.high[0]) == pytest.approx((0.4, 0.6), abs=2e-3)
+
+
+def test_ends_of_a_skewed_objective_are_where_it_has_risen_as_far():
+    def rise(unit):
+        u = unit[:, :1] - 0.5
+        z = (np.exp(20 * u) - 1) / (20 * 0.01)
+        return z[:, 0] ** 2, z * np.exp(20 * u) / 0.01
+
+    half = np.array([0.02])
+    ends = interval_ends(rise, np.array([0.5]), np.zeros(1), np.array([[1 / 0.01**2]]), half, (0,))
+    # exp(20 u) = 1 -+ 20 * 0.02
+    assert (ends.low[0], ends.high[0]) == pytest.approx((0.5 + np.log(0.6) / 20, 0.5 + np.log(1.4) / 20), abs=3e-4)
+
+
+def test_ends_stay_within_the_bounds_and_an_objective_without_end_is_told_as_the_bound():
+    def rise(unit):
+        u = unit[:, :1] - 0.9
+        z = np.where(u < 0, u / 0.02, 0.0)  # nothing tells values above the optimum apart
+        return z[:, 0] ** 2, z / 0.02
+
+    ends = interval_ends(rise, np.array([0.9]), np.zeros(1), np.array([[1 / 0.02**2]]), np.array([0.04]), (0,))
+    assert ends.low[0] == pytest.approx(0.86, abs=1e-3)
+    assert ends.high[0] == 1.0
+
+
+def test_directions_name_what_only_a_sum_or_a_ratio_fixes():
+    names, prior = ("a", "b", "c"), np.diag([1.0, 1.0, 1.0])
+    seen = np.array([1.0, -1.0, 0.0]) * 50  # only a - b is seen
+    best, *others = directions(names, np.outer(seen, seen), prior)
+    assert best.words in ("a against b", "b against a")
+    assert best.remaining == pytest.approx(1 / np.sqrt(5001), rel=1e-6)
+    assert [d.remaining for d in others] == pytest.approx([1.0, 1.0])
+
+
+def test_information_criteria_follow_their_definition():
+    # -2 log L = 2 N log(error); one more unknown that explains nothing costs 2 + the small-sample term.
+    one, two = choose([Candidate("a", 1, ((30.0, 0.01),)), Candidate("b", 2, ((30.0, 0.01),))])
+    assert one.aicc == one.bic == 0.0
+    assert two.aicc == pytest.approx(2 + 2 * 3 * 4 / 26 - 2 * 2 * 3 / 27)
+    assert two.bic == pytest.approx(np.log(30))
+    assert one.weight / two.weight == pytest.approx(np.exp(0.5 * two.aicc))
+    # Half the error with 30 points is worth 60 log 2.
+    worse, better = choose([Candidate("a", 1, ((30.0, 0.02),)), Candidate("b", 1, ((30.0, 0.01),))])
+    assert worse.aicc == pytest.approx(60 * np.log(2))
+    assert better.weight > 0.999
+    assert choose([Candidate("a", 6, ((5.0, 0.02),))])[0].aicc == np.inf
+    assert choose([]) == ()
+
+
+def test_intervals_are_as_wide_as_the_scatter(monkeypatch: pytest.MonkeyPatch):
+    """A dozen measurements; `python -m benchmarks.coverage` has more. The sum of the squares of normal deviates leaves
+    these bounds once in a million times, and when the intervals are three times too narrow or six times too wide.
+    """
+    monkeypatch.syspath_prepend(str(FITTING))
+    for name in [name for name in sys.modules if name.partition(".")[0] == "benchmarks"]:
+        monkeypatch.delitem(sys.modules, name)
+    from benchmarks.coverage import CASES, moduli
+
+    value, low, high = moduli(CASES[1], 12, seed=7).T
+    deviates = (value - 1) / ((high - low) / (2 * 1.96))
+    assert 0.6 < np.sum(deviates**2) < 60
+    assert np.all(np.abs(value - 1) < 0.03)

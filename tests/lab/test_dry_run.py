@@ -1,0 +1,109 @@
+"""What a run would do, told before anything is touched."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eimi_drivers.emulators import DIALECTS
+from eimi_drivers.interfaces import InstrumentError
+from eimi_drivers.supplies import SUPPLIES
+from eimi_lab.acquisition.dry_run import dry_run
+from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.reading import parse
+
+
+def tell(setup: Any, driver: str, address: str) -> list[str]:
+    supply = setup.rig.supply.model_copy(update={"driver": driver, "address": address})
+    told: list[str] = []
+    dry_run(setup.protocol, setup.specimen, setup.rig.model_copy(update={"supply": supply}), told.append)
+    return told
+
+
+def messages(told: list[str]) -> list[str]:
+    return [line.split("> ")[1] for line in told if " > " in line]
+
+
+def test_a_dry_run_tells_the_very_messages_of_a_run(setup: Any) -> None:
+    told = tell(setup, "korad", "/dev/ttyACM0")
+    setup.camera.swing_s = 1e-9
+    setup.run()
+    sent = [message.decode() for message in setup.bench.supply._link.sent]
+    commands = ("OUT", "ISET1:", "OCP", "OVP")  # not VSET1: the rig's stricter limits come in with `open_bench`
+    assert [message for message in messages(told) if message.startswith(commands)] == [
+        message for message in sent if message.startswith(commands)
+    ]
+    assert told[0] == "short on small with rig bench: 4 states"
+    assert "state 3: 0.3 A, 1.41 mT, 2 frames" in told
+    assert told[-1].startswith("duration: ")
+
+
+@pytest.mark.parametrize(
+    ("address", "driver", "expected"),
+    [
+        ("TCPIP::192.168.0.5::5025::SOCKET#3", "keysight-e36312a", "CURR 0.300, (@3)"),
+        ("TCPIP::192.168.0.5::5025::SOCKET#2", "rigol-dp800", ":INST:NSEL 2"),
+        ("TCPIP::192.168.0.5::5025::SOCKET#2", "siglent-spd", "CH2:CURR 0.300"),
+        ("TCPIP::192.168.0.5::5025::SOCKET#4", "rs-hmp", "INST:NSEL 4"),
+        ("/dev/ttyUSB0#0", "genesys", "ADR 0"),
+        ("/dev/ttyUSB0#30", "genesys", "ADR 30"),
+        ("/dev/ttyUSB0", "genesys", "ADR 6"),
+        ("/dev/ttyACM0#1", "korad", "ISET1:0.300"),
+    ],
+)
+def test_the_messages_name_the_channel_of_the_rig(setup: Any, address: str, driver: str, expected: str) -> None:
+    assert expected in messages(tell(setup, driver, address))
+
+
+@pytest.mark.parametrize("driver", DIALECTS)
+def test_every_driver_can_be_run_dry(setup: Any, driver: str) -> None:
+    told = tell(setup, driver, "somewhere")
+    assert [line.split(": ")[0].split("  ")[-1] for line in told if " stored: " in line] == [
+        f"state {index} stored" for index in range(4)
+    ]
+    assert messages(told)
+
+
+def test_a_channel_that_the_supply_does_not_have_is_told(setup: Any) -> None:
+    with pytest.raises(InstrumentError, match="somewhere#4: there is no channel 4; rigol-dp800 has 1 to 3"):
+        tell(setup, "rigol-dp800", "somewhere#4")
+
+
+def test_currents_both_ways_are_run_dry_on_a_bipolar_supply(setup: Any) -> None:
+    text = setup.protocol.text.replace("start_A = 0.0", "start_A = -0.3")
+    setup.protocol = parse(Protocol, text, "p")
+    assert "CURR -0.30" in messages(tell(setup, "kepco-bop", "somewhere"))
+
+
+@pytest.mark.parametrize("bipolar", [False, True])
+def test_a_driver_of_another_package_is_run_dry_without_its_messages(
+    setup: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, bipolar: bool
+) -> None:
+    information = tmp_path / "some_lab-1.0.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: some-lab\nVersion: 1.0\n")
+    (information / "entry_points.txt").write_text("[eimi_drivers.supplies]\nours = some_lab_supply:Ours\n")
+    (tmp_path / "some_lab_supply.py").write_text(f"""
+from eimi_drivers.supplies.base import SupplyBase
+
+class Ours(SupplyBase):
+    name = "ours"
+    bipolar = {bipolar}
+""")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert "ours" in SUPPLIES
+    if bipolar:
+        setup.protocol = parse(Protocol, setup.protocol.text.replace("start_A = 0.0", "start_A = -0.3"), "p")
+    told = tell(setup, "ours", "USB0::1::2::3::INSTR#7")
+    assert messages(told) == []
+    stand_in = "kepco-bop" if bipolar else "korad"
+    assert (
+        "messages to the supply: not shown, since the driver ours comes from another package and has no emulator here; "
+        f"the times are those of {stand_in}"
+    ) in told
+    assert sum(" stored: " in line for line in told) == len(setup.protocol.currents_A)
+    assert told[-1].startswith("duration: ")
+    sys.modules.pop("some_lab_supply", None)

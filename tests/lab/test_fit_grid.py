@@ -1,0 +1,277 @@
+"""Grids of fits: the same on any number of workers, after any worker's death, and after the death of the whole."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from eimi_fitting.actuation import Loads
+from eimi_fitting.forward import BeamModel
+from eimi_fitting.materials import LAWS
+from eimi_lab.config.specimen import load_specimen
+from eimi_lab.dataset.layout import Header
+from eimi_lab.dataset.points import Load, TrackedPoints, write_points
+from eimi_lab.identification.experiments import load_evidence
+from eimi_lab.identification.fits import FitRecord, read_fits
+from eimi_lab.identification.grid import fit_grid, grid
+from eimi_lab.identification.workers import cluster, completed, processes
+
+Run = Callable[..., tuple[int, str]]
+
+MODULUS_PA = 46e3
+FIELD_MT = (0.0, 2.0, 4.0, 6.0, 8.0)
+NOISE_MM = 0.01
+ONE_THREAD = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
+@pytest.fixture(scope="module")
+def beams(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with two measurements of one beam of known modulus: tracked points with noise."""
+    folder = tmp_path_factory.mktemp("beams")
+    specimen = load_specimen("type1")
+    model, loads = BeamModel(specimen.mechanics(), 20, 2), Loads.along(FIELD_MT)
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[MODULUS_PA]]), loads)
+    x, y = np.meshgrid(np.linspace(2, 24, 6), [-1.0, 1.0])
+    rest = np.column_stack([x.ravel(), y.ravel()])
+    names = tuple(f"p{i}" for i in range(len(rest)))
+    for seed, name in enumerate(("first.h5", "second.h5")):
+        rng = np.random.default_rng(seed)
+        moved = model.positions(shapes, rest)[0] + rng.normal(0, NOISE_MM, (len(FIELD_MT), *rest.shape))
+        write_points(
+            folder / name,
+            Header(specimen),
+            0.0,
+            [Load(None, field, 0.0) for field in FIELD_MT],
+            [TrackedPoints(names, rest, place, np.full(len(rest), NOISE_MM)) for place in moved],
+        )
+    return folder
+
+
+def without_times(content: Any) -> Any:
+    """A parsed fits.json without its wall times."""
+    if isinstance(content, dict):
+        return {key: without_times(value) for key, value in content.items() if key != "wall_s"}
+    return [without_times(value) for value in content] if isinstance(content, list) else content
+
+
+def read(path: Path) -> Any:
+    return without_times(json.loads(path.read_text()))
+
+
+def plain(fits: list[FitRecord]) -> Any:
+    return without_times([json.loads(fit.model_dump_json()) for fit in fits])
+
+
+def test_a_grid_on_two_workers_is_that_of_one(beams: Path, tmp_path: Path, run: Run) -> None:
+    data = [beams / "first.h5", beams / "second.h5"]
+    fit = ["fit", *data, "--each", "--model", "neo-hookean", "--seed", "1", "--seed", "2", "--bootstrap", "1"]
+    status, said = run(*fit, "-o", tmp_path / "one.json")
+    assert status == 0, said
+    status, said = run(*fit, "--workers", "2", "-o", tmp_path / "two.json")
+    assert status == 0, said
+    assert "fit 8/8: " in said
+    assert read(tmp_path / "one.json") == read(tmp_path / "two.json")
+    fits = read_fits(tmp_path / "two.json")
+    assert [(Path(f.datasets[0].path).name, f.seed) for f in fits] == [(d.name, s) for d in data for s in (1, 2)]
+    for fit in fits:
+        assert fit.initial_shear_modulus.value == pytest.approx(MODULUS_PA, rel=0.01)
+        assert fit.bootstrap is not None
+        (replicate,) = fit.bootstrap.replicates
+        assert replicate.replicate == 1
+        assert fit.bootstrap.initial_shear_modulus_interval_95_Pa is None  # of one replicate there is none
+        assert replicate.initial_shear_modulus_Pa == pytest.approx(MODULUS_PA, rel=0.02)
+        assert replicate.initial_shear_modulus_Pa != fit.initial_shear_modulus.value
+
+
+@pytest.mark.slow
+def test_bootstrap_interval_holds_the_modulus(beams: Path) -> None:
+    tasks = grid(["neo-hookean"], [load_evidence(beams / "first.h5")], [1], bootstrap=40)
+    (fit,) = fit_grid(tasks, {}, executor=partial(processes, 2))
+    assert fit.bootstrap is not None
+    assert fit.bootstrap.initial_shear_modulus_interval_95_Pa is not None
+    low, high = fit.bootstrap.initial_shear_modulus_interval_95_Pa
+    assert low < fit.initial_shear_modulus.value < high
+    # 60 points in 5 states, 10 µm each: the modulus is good to a few parts in a thousand.
+    assert 1e-4 < (high - low) / MODULUS_PA < 0.02
+
+
+def test_a_killed_worker_changes_nothing(beams: Path) -> None:
+    tasks = grid(["neo-hookean"], [load_evidence(beams / "first.h5")], [1, 2, 3])
+    killed = []
+
+    def kill_one(words: str) -> None:
+        if not killed:
+            killed.append(multiprocessing.active_children()[0])
+            killed[0].kill()
+
+    whole = fit_grid(tasks, {})
+    assert plain(fit_grid(tasks, {}, executor=partial(processes, 2), report=kill_one)) == plain(whole)
+    assert killed
+    assert killed[0].exitcode == -signal.SIGKILL
+    assert not multiprocessing.active_children()
+
+
+def test_what_a_worker_refuses_is_told_as_by_one_process(beams: Path, tmp_path: Path, run: Run) -> None:
+    (tmp_path / "odd.h5").write_bytes((beams / "first.h5").read_bytes())
+    with h5py.File(tmp_path / "odd.h5", "r+", libver="latest") as file:
+        file["entry/data/y"][...] = -file["entry/data/y"][()]  # bent to the wrong side
+    fit = ["fit", tmp_path / "odd.h5", "--model", "neo-hookean", "--model", "yeoh", "-o", tmp_path / "fits.json"]
+    said = [run(*fit, "--workers", workers) for workers in (1, 2)]
+    assert said[0][0] == said[1][0] == 2
+    assert "no material explains this" in said[0][1]
+    assert said[0][1].split("\n")[-2] == said[1][1].split("\n")[-2]
+    assert not (tmp_path / "fits.json").exists()
+
+
+def test_workers_that_always_die_are_given_up() -> None:
+    with pytest.raises(ChildProcessError, match="lost 3 times, one after the other"):
+        list(completed(os._exit, lambda task: {"status": 1}, [0, 1], partial(processes, 2)))
+
+
+@pytest.fixture
+def dask() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """The address of a local scheduler, and its two workers."""
+    pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'eimi-lab[cluster]'")
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{probe.getsockname()[1]}"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": ONE_THREAD}
+    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--no-dashboard", "--host", address]
+    started = [subprocess.Popen(command, **quiet)]
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", address]
+    options = ["--nthreads", "1", "--no-nanny", "--no-dashboard"]
+    started += [subprocess.Popen([*command, *options], **quiet) for _ in range(2)]
+    try:
+        from distributed import Client
+
+        with Client(address, timeout=60) as client:
+            client.wait_for_workers(2, timeout=60)
+        yield address, started[1:]
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+def test_a_cluster_that_loses_a_worker_gives_the_same(
+    beams: Path, dask: tuple[str, list[subprocess.Popen[bytes]]]
+) -> None:
+    address, workers = dask
+    tasks = grid(["neo-hookean"], [load_evidence(beams / "first.h5")], [1, 2, 3], bootstrap=1)
+    reported: list[str] = []
+
+    def kill_one(words: str) -> None:
+        reported.append(words)
+        if len(reported) == 2:
+            workers[0].kill()
+
+    found = fit_grid(tasks, {}, executor=partial(cluster, address), report=kill_one)
+    assert len(reported) == len(tasks) == 6
+    assert workers[0].wait(10) == -signal.SIGKILL
+    assert plain(found) == plain(fit_grid(tasks, {}, executor=partial(processes, 2)))
+
+
+def eimi(*arguments: object, cwd: Path) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "eimi_lab", *map(str, arguments)]
+    return subprocess.Popen(command, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def generations(path: Path) -> int:
+    return path.read_bytes().count(b'"generation":') if path.exists() else 0
+
+
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_fit_killed_again_and_again_ends_as_if_it_had_not_been(beams: Path, tmp_path: Path, workers: int) -> None:
+    fit = ["fit", beams / "first.h5", "--model", "neo-hookean", "--seed", 1, "--seed", 2, "--restarts", 1, "--bipop"]
+    fit += ["--workers", workers, "--resume"]
+    whole = eimi(*fit, "-o", "whole.json", "--checkpoint", "whole.jsonl", cwd=tmp_path)
+    assert whole.wait(300) == 0, whole.stderr
+    log = tmp_path / "log.jsonl"
+    kills = 0
+    for target in (1, 8, 20, 30):
+        process = eimi(*fit, "-o", "fits.json", "--checkpoint", "log.jsonl", cwd=tmp_path)
+        while process.poll() is None and generations(log) < target:
+            time.sleep(0.002)
+        process.send_signal(signal.SIGKILL)
+        kills += process.wait(60) == -signal.SIGKILL
+        if kills == 2:  # the third is to find a line that was cut short
+            log.write_bytes(log.read_bytes()[:-40])
+    assert kills >= 3
+    assert not (tmp_path / "fits.json").exists()
+    last = eimi(*fit, "-o", "fits.json", "--checkpoint", "log.jsonl", cwd=tmp_path)
+    assert last.wait(300) == 0, last.stderr
+    assert read(tmp_path / "fits.json") == read(tmp_path / "whole.json")
+    # The same generations were told the same: order of lines aside, one log holds what the other holds.
+    logged = [
+        {line for line in path.read_text().split("\n") if '"objective_mm":' in line and line.endswith("}}")}
+        for path in (log, tmp_path / "whole.jsonl")
+    ]
+    assert logged[0] == logged[1]
+    # What is finished is not done again.
+    (tmp_path / "fits.json").unlink()
+    size = log.stat().st_size
+    assert eimi(*fit, "-o", "fits.json", "--checkpoint", "log.jsonl", cwd=tmp_path).wait(60) == 0
+    assert log.stat().st_size == size
+    assert read(tmp_path / "fits.json") == read(tmp_path / "whole.json")
+
+
+def test_what_cannot_be_resumed_is_told_in_one_line(beams: Path, tmp_path: Path, run: Run) -> None:
+    log, output = tmp_path / "log.jsonl", tmp_path / "fits.json"
+    fit = ["fit", beams / "first.h5", "--model", "neo-hookean", "-o", output, "--checkpoint", log]
+    assert run(*fit)[0] == 0
+    output.unlink()
+    written = log.read_text()
+
+    def refused(*more: object) -> str:
+        status, said = run(*fit, *more)
+        assert (status, said.count("\n")) == (2, 1), said
+        assert not output.exists()
+        return said
+
+    assert "log.jsonl: exists already" in refused()
+    assert "its restarts should be the same to resume, is 0 there and 2 here" in refused("--resume", "--restarts", 2)
+    assert "its fits should be the same" in refused("--resume", "--seed", 2)
+    assert "--workers 2: the cluster" in refused("--resume", "--workers", 2, "--scheduler", "tcp://localhost:1")
+    assert "second.h5" in refused("--resume", beams / "second.h5")
+    log.write_text(written.replace('"numpy":"', '"numpy":"0.'))
+    assert "its version of numpy should be the same" in refused("--resume")
+    log.write_text(written.replace('"step_size":0.', '"step_size":1.').rsplit("\n", 1)[0])
+    assert "cannot be resumed here: generation 1 does not lead where it led" in refused("--resume")
+    log.write_text(written.replace('"generation":3', '"generation":"x"'))
+    assert "whole line 4: generation" in refused("--resume")
+    log.write_text("something else")
+    assert "log.jsonl: does not begin as a checkpoint" in refused("--resume")
+    status, said = run("fit", beams / "first.h5", "--model", "neo-hookean", "-o", output, "--resume")
+    assert (status, said) == (2, "eimi: --resume: from which file? give --checkpoint too\n")
+
+
+def test_too_few_states_are_not_drawn_from(beams: Path, tmp_path: Path, run: Run, monkeypatch: Any) -> None:
+    monkeypatch.setattr("eimi_lab.identification.grid.FEWEST_STATES", 6)
+    status, said = run(
+        "fit", beams / "first.h5", "--model", "neo-hookean", "--bootstrap", 3, "-o", tmp_path / "fits.json"
+    )
+    assert status == 2
+    assert "first.h5: 5 states; --bootstrap draws states and needs at least 6" in said
+
+
+def test_no_scheduler_is_one_line(beams: Path, tmp_path: Path, run: Run, monkeypatch: Any) -> None:
+    pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'eimi-lab[cluster]'")
+    monkeypatch.setattr("eimi_lab.identification.workers._ANSWER_S", 1)
+    arguments = ["--scheduler", "tcp://127.0.0.1:1", "-o", tmp_path / "fits.json"]
+    status, said = run("fit", beams / "first.h5", "--model", "neo-hookean", *arguments)
+    assert status == 2
+    assert "eimi: --scheduler tcp://127.0.0.1:1: no dask scheduler answers there" in said
