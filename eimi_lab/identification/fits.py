@@ -155,8 +155,7 @@ class LawRecord(Record):
 class FitRecord(LawRecord):
     """A law identified from datasets of a bending beam.
 
-    mean_error_mm is that of the parameters given; fitted_error_mm of those where the fit on its own mesh ended, before
-    what a finer mesh changes was taken out; held_out_error_mm of states left out of the fit.
+    held_out_error_mm: mean error of states left out of the fit.
     """
 
     kind: Literal["bending"] = "bending"
@@ -174,7 +173,6 @@ class FitRecord(LawRecord):
     freed: tuple[FreedRecord, ...]
     tensile: tuple[CurveRecord, ...]
     mesh: MeshRecord
-    fitted_error_mm: float
     held_out_error_mm: float
     doubts: tuple[DoubtRecord, ...]
     datasets: tuple[DatasetReference, ...]
@@ -281,7 +279,7 @@ def comparison(fits: Sequence[FitRecord | TensileRecord]) -> tuple[ChoiceRecord,
                 fit.model,
                 len(fit.identifiability.names),
                 (
-                    (fit.identifiability.independent_points, fit.fitted_error_mm),
+                    (fit.identifiability.independent_points, fit.mean_error_mm),
                     *((c.weight * c.rows / c.correlation_rows, c.rmse_Pa) for c in fit.tensile),
                 ),
             )
@@ -381,7 +379,6 @@ def record(fit: Fit, evidence: Sequence[Evidence]) -> FitRecord:
         freed=freed(fit),
         tensile=curves(fit),
         mesh=mesh(fit),
-        fitted_error_mm=worth.fitted_error_mm,
         held_out_error_mm=worth.held_out_error_mm,
         doubts=tuple(
             DoubtRecord(dataset=d, state=None if k is None else evidence[d].states[k].index, words=words)

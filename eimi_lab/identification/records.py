@@ -121,8 +121,8 @@ class Discarded(Record):
 class PolishRecord(Record):
     """Gauss-Newton after the search, on the finer mesh: the mean error where it began and where it ended.
 
-    Before what the mesh still changes was taken out of the parameters; with tensile curves or freed nuisances in the
-    fit it is the objective, which holds them too.
+    Before what a still finer mesh changes was taken into account; with tensile curves or freed nuisances in the fit it
+    is the objective, which holds them too.
     """
 
     mean_error_before_mm: float

@@ -19,8 +19,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.experiment import Comparison, compare
+from eimi_fitting.experiment import Comparison, Experiment, compare
 from eimi_fitting.materials import LAWS
+from eimi_fitting.mesh_error import mesh_corrected
 from eimi_lab.errors import InputError
 from eimi_lab.identification.assumed import assumed
 from eimi_lab.identification.experiments import Evidence
@@ -109,14 +110,17 @@ def validate(evidence: Evidence, fit: FitRecord | TensileRecord, path: Path, ind
             f"{path}: fits.{index} took {evidence.path} as {seen.section}, not {section}; give --section {seen.section}"
         )
     candidates = _across_interval(fit)
-    beside = assumed(fit, evidence, len(candidates))
-    compared = compare(
-        LAWS[fit.model],
-        candidates,
-        [evidence.experiment],
-        bulk_modulus_Pa=beside.bulk_modulus_Pa,
-        settings=[beside.setting] if beside.setting else None,
-    )
+
+    def simulated(parameters: Array, experiments: Sequence[Experiment]) -> Comparison:
+        beside = assumed(fit, evidence, len(parameters))
+        settings = [beside.setting] if beside.setting else None
+        return compare(
+            LAWS[fit.model], parameters, experiments, bulk_modulus_Pa=beside.bulk_modulus_Pa, settings=settings
+        )
+
+    experiments = (evidence.experiment,)
+    corrected = mesh_corrected(experiments, lambda seen: simulated(candidates[:1], seen))
+    compared = simulated(candidates, corrected or experiments)
     ok = not compared.unconverged[0]
     errors = zip(evidence.states, compared.error_mm[0], compared.deviation_mm[0], strict=True)
     return Validation(

@@ -73,19 +73,20 @@ def _own_section(shown: ShownFit, sha256: str) -> str | None:
 def _simulate(shown: ShownFit, evidence: Evidence, validation: Validation) -> Simulated:
     experiment = evidence.experiment
     beside = assumed(shown.fit, evidence, 1)
-    shapes = experiment.model.solve(
+    model = experiment.model.halved()  # what validation.json's errors are of
+    shapes = model.solve(
         LAWS[shown.fit.model],
         np.array([shown.fit.values()]),
         experiment.loads,
         bulk_modulus_Pa=beside.bulk_modulus_Pa,
         field_factor=beside.setting.field_factor if beside.setting else None,
     )
-    misfit = experiment.observed.misfit(experiment.model, shapes, beside.setting)
+    misfit = experiment.observed.misfit(model, shapes, beside.setting)
     return Simulated(
         shown,
         evidence,
         validation,
-        beside.as_measured(points_on(edge_curves(experiment.model, shapes)[0], 6)),
+        beside.as_measured(points_on(edge_curves(model, shapes)[0], 6)),
         np.where(misfit.weights > 0, misfit.residuals[0], np.nan),
         misfit.error_mm[0],
         misfit.deviation_mm[0],

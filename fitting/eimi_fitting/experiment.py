@@ -24,19 +24,23 @@ _TOLERANCE_MM = 1e-2  # of the last Newton step: what is left is below 1e-4, and
 
 @dataclass(frozen=True)
 class Experiment:
-    """One specimen in K states: its model, its loads and what was seen of it."""
+    """One specimen in K states: its model, its loads and what was seen of it.
+
+    mesh_change: (K, G, m) mm, what a finer mesh adds to the residuals, see `eimi_fitting.mesh_error`.
+    """
 
     model: BeamModel
     loads: Loads
     observed: Observation
+    mesh_change: Array | None = None
 
     def of_states(self, states: NDArray[np.intp]) -> Experiment:
         """The same specimen in some of its states, or in some of them more than once."""
-        loads = self.loads
         return replace(
             self,
-            loads=Loads(loads.field_T[states], loads.gravity[states], loads.tip_force_N[states]),
+            loads=self.loads.take(states),
             observed=self.observed.of_states(states),
+            mesh_change=None if self.mesh_change is None else self.mesh_change[states],
         )
 
 
@@ -79,7 +83,7 @@ def compare(
     for index, experiment in enumerate(experiments):
         setting = settings[index] if settings else None
         shapes = _solved(law, parameters, experiment, bulk_modulus_Pa, setting)
-        misfit = experiment.observed.misfit(experiment.model, shapes, setting)
+        misfit = experiment.observed.misfit(experiment.model, shapes, setting, experiment.mesh_change)
         unconverged |= ((shapes.status == Status.DIVERGED) | (shapes.status == Status.OUT_OF_ITERATIONS)).any(axis=1)
         unstable |= (shapes.status == Status.UNSTABLE).any(axis=1)
         stretch = np.maximum(stretch, shapes.max_stretch.max(axis=1))

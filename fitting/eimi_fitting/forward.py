@@ -72,11 +72,12 @@ class BeamModel:
         self._actuation = Actuation(self.grid, self.solid)
 
     def refined(self) -> BeamModel:
-        """The same specimen on a mesh twice as fine along and three times across.
-
-        The modulus identified with 26 x 3 elements is within 0.07 % of the one with 80 x 10, with 13 x 1 within 0.4 %.
-        """
+        """The same specimen on a mesh twice as fine along and three times across."""
         return BeamModel(self.specimen, 2 * self.along, 3 * self.across)
+
+    def halved(self) -> BeamModel:
+        """The same specimen on elements of half the size."""
+        return BeamModel(self.specimen, 2 * self.along, 2 * self.across)
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
         """`Grid.place`: nodes and weights that give the displacement of material points. Raises ValueError."""

@@ -18,6 +18,7 @@ from eimi_fitting.credibility import check_explained, doubts
 from eimi_fitting.experiment import DISCARDED_MM, Experiment
 from eimi_fitting.linearised import independent_points
 from eimi_fitting.materials import LAWS, Law
+from eimi_fitting.mesh_error import mesh_corrected
 from eimi_fitting.nuisance import Prior, nuisances
 from eimi_fitting.polish import Polish, polish
 from eimi_fitting.problem import INDEPENDENT_A_STATE, Problem
@@ -128,8 +129,12 @@ def identify(
         )
 
     polished = _polished(problem, found.unit)
-    uncertainty = estimate_uncertainty(problem, polished.unit, seed)
-    best_unit = uncertainty.unit
+    coarser_unit = best_unit = polished.unit
+    corrected = mesh_corrected(experiments, lambda seen: problem.judge(coarser_unit[None], guessed, seen).comparison)
+    if corrected:
+        problem = replace(problem, experiments=corrected)
+        best_unit = _polished(problem, coarser_unit).unit
+    uncertainty = estimate_uncertainty(problem, best_unit, seed, best_unit - coarser_unit if corrected else None)
     final = problem.judge(best_unit[None], uncertainty.independent_points).comparison
     check_explained(final, experiments)
     searched = best_unit[None, : problem.searched]

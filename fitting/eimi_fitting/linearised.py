@@ -30,7 +30,7 @@ BOUNDS_VARIANCE = 1.0 / 12.0  # of a uniform distribution over the unit interval
 
 @dataclass(frozen=True)
 class Linearised:
-    """About ``unit`` (n,), with the objective there and the mean error alone.
+    """About ``unit`` (n,), with the objective there.
 
     Per experiment: residuals (K, G, m), slopes (n, K, G, m) mm, weights (K,) of w_k,
     counts (K,) of points.
@@ -43,7 +43,6 @@ class Linearised:
 
     unit: Array
     objective_mm: float
-    mean_error_mm: float
     residuals: tuple[Array, ...]
     slopes: tuple[Array, ...]
     weights: tuple[Array, ...]
@@ -153,7 +152,6 @@ def linearise(problem: Problem, unit: Array) -> Linearised:
     return Linearised(
         unit,
         float(replace(judged, independent_points=counted).objective_mm[0]),
-        mean,
         tuple(residuals),
         tuple(slopes),
         tuple(weights),

@@ -145,8 +145,10 @@ class EdgeObservation:
         """What was seen in some of the states."""
         return replace(self, points_mm=self.points_mm[states], sigma_mm=self.sigma_mm[states])
 
-    def misfit(self, model: BeamModel, shapes: Shapes, setting: Setting | None = None) -> Misfit:
-        """Signed distances to the simulated edges, their RMS and standard deviation by state."""
+    def misfit(
+        self, model: BeamModel, shapes: Shapes, setting: Setting | None = None, change: Array | None = None
+    ) -> Misfit:
+        """Signed distances to the simulated edges, their RMS and standard deviation by state; change: is added."""
         curves = edge_curves(model, shapes)
         if setting is None:
             points = np.broadcast_to(self.points_mm, (len(curves), *self.points_mm.shape))
@@ -155,6 +157,8 @@ class EdgeObservation:
         weights = np.isfinite(self.sigma_mm).astype(float)
         distance_to = self.perspective.distance_to_union if self.perspective else signed_distance
         residuals = distance_to(curves, points) * weights
+        if change is not None:
+            residuals = residuals + change
         total = np.maximum(weights.sum(axis=(1, 2)), 1.0)
         distance = np.abs(residuals)
         mean = distance.sum(axis=(2, 3)) / total
@@ -174,8 +178,13 @@ class PointObservation:
         """What was seen in some of the states."""
         return PointObservation(self.rest_mm[states], self.moved_mm[states], self.sigma_mm[states])
 
-    def misfit(self, model: BeamModel, shapes: Shapes, setting: Setting | None = None) -> Misfit:
-        """Component differences to the simulated places; the distance of the metric is that of the point."""
+    def misfit(
+        self, model: BeamModel, shapes: Shapes, setting: Setting | None = None, change: Array | None = None
+    ) -> Misfit:
+        """Component differences to the simulated places; the distance of the metric is that of the point.
+
+        change: is added to the differences.
+        """
         k_states, n, _ = self.rest_mm.shape
         everywhere = model.positions(shapes, self.rest_mm.reshape(-1, 2))
         own = everywhere.reshape(len(everywhere), k_states, k_states, n, 2)
@@ -183,6 +192,8 @@ class PointObservation:
         seen = np.isfinite(self.sigma_mm).astype(float)
         moved = self.moved_mm if setting is None else setting.corrected(self.moved_mm)
         residuals = (moved - simulated).transpose(0, 1, 3, 2) * seen[:, None]
+        if change is not None:
+            residuals = residuals + change
         distance = np.sqrt((residuals**2).sum(axis=2))
         total = np.maximum(seen.sum(axis=1), 1.0)
         mean = distance.sum(axis=2) / total

@@ -21,7 +21,7 @@ from scipy import special
 from eimi_fitting.directions import NOT_FIXED, Direction, directions, statement
 from eimi_fitting.experiment import DISCARDED_MM
 from eimi_fitting.linearised import Linearised, held_out_error_mm, linearise
-from eimi_fitting.mesh_error import LEFT, mesh_pull
+from eimi_fitting.mesh_error import LEFT
 from eimi_fitting.observation import EdgeObservation
 from eimi_fitting.problem import Problem
 from eimi_fitting.profile import Ends, interval_ends, moved_to
@@ -51,9 +51,8 @@ class FreedValue:
 class Uncertainty:
     """95 % intervals and what the data fix.
 
-    unit: (n,) unit coordinates, the mesh's error taken out as far as it is known; intervals: (n_p, 2) of the law's
-    parameters; initial_shear_modulus_Pa, bulk_modulus_Pa: (2,) or None; fitted_error_mm: mean error where the polish
-    ended; noise_mm: residual standard deviation;
+    intervals: (n_p, 2) of the law's parameters; initial_shear_modulus_Pa, bulk_modulus_Pa: (2,) or None;
+    noise_mm: residual standard deviation;
     points, independent_points: how many there are and how many they count as; correlation_points: their mean ratio;
     names and correlation: of all unknowns; directions: best known first; not_fixed: coordinates of the law that only
     the bounds hold; profiled: those whose ends come from the profile likelihood; mesh_change, mesh_left: relative
@@ -61,12 +60,10 @@ class Uncertainty:
     solution); held_out_error_mm: mean error of states left out of the fit; statement: what is fixed, in words.
     """
 
-    unit: Array
     intervals: Array
     initial_shear_modulus_Pa: Array
     bulk_modulus_Pa: Array | None
     freed: tuple[FreedValue, ...]
-    fitted_error_mm: float
     noise_mm: float
     points: int
     independent_points: float
@@ -82,30 +79,21 @@ class Uncertainty:
     statement: str
 
 
-def estimate_uncertainty(problem: Problem, unit: Array, seed: int) -> Uncertainty:
+def estimate_uncertainty(problem: Problem, unit: Array, seed: int, moved: Array | None) -> Uncertainty:
     """Intervals about the optimum ``unit`` (n,), of which the draws behind the intervals need a seed.
 
-    Costs a batch of 2 n + 1 candidates, the intervals' ends, and one candidate in five states on a finer mesh.
+    moved: (n,) how far the finer mesh moved the optimum, None where it found no solution. Costs a batch of 2 n + 1
+    candidates and the intervals' ends.
     """
     n, searched = len(unit), problem.searched
     about = linearise(problem, unit)
-    inverse = np.linalg.inv(about.curvature)
     covariance = about.covariance(_widened(problem, about))
     correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
-    pull = mesh_pull(problem, about)
-    shift, left = np.zeros(n), np.zeros(n)
-    alone = 0.0
-    if pull is not None:
-        shift = -inverse @ pull
-        alone = LEFT * pull[0] / about.curvature[0, 0]
-        left = LEFT * shift
-        moved = np.clip(unit + shift, 0.0, 1.0)
-        if problem.judge(moved[None], about.independent_points).objective_mm[0] >= DISCARDED_MM:
-            shift, left = np.zeros(n), shift  # a law that is not stable there: the change is stated, not made
+    left = np.zeros(n) if moved is None else LEFT * moved
     noise = np.sqrt(np.diag(covariance))
     # An error of the mesh moves the optimum along one direction, by no more than this. Higher coefficients can take it
     # upon themselves; the modulus is trusted no more than with them held.
-    alone = np.sqrt(max(alone**2 - left[0] ** 2, 0.0))
+    alone = np.sqrt(max((LEFT * _modulus_alone(problem, about)) ** 2 - left[0] ** 2, 0.0))
     remaining = noise * np.sqrt(np.diag(about.prior))
     eigen = directions(problem.names, about.information, about.prior)
     looked_at = remaining[:searched] <= NOT_FIXED
@@ -121,21 +109,17 @@ def estimate_uncertainty(problem: Problem, unit: Array, seed: int) -> Uncertaint
         draws[:, i] *= np.where(draws[:, i] < 0, below, above)
     draws += np.outer(rng.normal(size=_DRAWS), left) / _NORMAL
     draws[:, 0] += rng.normal(size=_DRAWS) * alone / _NORMAL
-    centre = np.clip(unit + shift, 0.0, 1.0)
-    drawn = np.clip(centre + draws, 0.0, 1.0)[:, :searched]
+    drawn = np.clip(unit + draws, 0.0, 1.0)[:, :searched]
     parameters = problem.space.parameters(drawn)
     bulk = problem.space.bulk_modulus_Pa(drawn)
-    best = problem.space.physical(np.array([unit[:searched], centre[:searched]]))[:, 0]
     not_fixed = tuple(name for name, r in zip(problem.space.names, remaining, strict=False) if r > NOT_FIXED)
     # ln of the ratio of the bounds of the modulus, whose logarithm the coordinate is
     decades = float(np.log(problem.space.upper[0] / problem.space.lower[0]))
     return Uncertainty(
-        centre,
         np.quantile(parameters, [0.025, 0.975], axis=0).T,
         np.quantile(problem.law.initial_shear_modulus(parameters), [0.025, 0.975]),
         None if bulk is None else np.quantile(bulk, [0.025, 0.975]),
-        _freed(problem, centre, np.hypot(_NORMAL * noise, left)),
-        about.mean_error_mm,
+        _freed(problem, unit, np.hypot(_NORMAL * noise, left)),
         about.noise_mm,
         about.points,
         about.independent_points,
@@ -145,11 +129,20 @@ def estimate_uncertainty(problem: Problem, unit: Array, seed: int) -> Uncertaint
         eigen,
         not_fixed,
         tuple(problem.names[i] for i in ends.profiled),
-        None if pull is None else float(best[1] / best[0] - 1),
-        None if pull is None else float(np.hypot(left[0], alone) * decades),
+        None if moved is None else float(np.expm1(moved[0] * decades)),
+        None if moved is None else float(np.hypot(left[0], alone) * decades),
         held_out_error_mm(about),
         statement(problem.names, searched, remaining, correlation, eigen),
     )
+
+
+def _modulus_alone(problem: Problem, about: Linearised) -> float:
+    """How far the finer mesh moves the modulus' coordinate with all others held."""
+    pull = 0.0
+    for d, experiment in enumerate(problem.experiments):
+        if experiment.mesh_change is not None:
+            pull += float(np.einsum("k,kgn,kgn->", about.weights[d], about.slopes[d][0], experiment.mesh_change))
+    return -pull / float(about.curvature[0, 0])
 
 
 def _widened(problem: Problem, about: Linearised) -> float:
@@ -207,10 +200,10 @@ def _ends(problem: Problem, about: Linearised, half_width: Array, looked_at: tup
     return ends
 
 
-def _freed(problem: Problem, centre: Array, half_width: Array) -> tuple[FreedValue, ...]:
+def _freed(problem: Problem, unit: Array, half_width: Array) -> tuple[FreedValue, ...]:
     found = []
     for i, nuisance in enumerate(problem.freed, problem.searched):
-        value, low, high = nuisance.value(centre[i] + half_width[i] * np.array([0.0, -1.0, 1.0]))
+        value, low, high = nuisance.value(unit[i] + half_width[i] * np.array([0.0, -1.0, 1.0]))
         found.append(
             FreedValue(
                 nuisance.name,

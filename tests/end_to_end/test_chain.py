@@ -98,9 +98,9 @@ def test_the_five_lines_of_the_readme(demonstration, tmp_path):
     (tmp_path / "eimi-demo").mkdir()
     shutil.copy(demonstration[0] / "dataset.h5", tmp_path / "eimi-demo")
     (lines,) = re.findall(r"```python\n(from eimi_lab\.notebook.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
-    assert len(lines.splitlines()) == 5
+    assert len([line for line in lines.splitlines() if line]) == 5
     # A notebook shows the last line's value; a script has to ask for it.
-    script = lines + "print(fit._repr_html_())\nprint(frame)\nprint(edges)\n"
+    script = lines + "print(fit._repr_html_())\nprint(frame)\n"
     done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     assert "<td>initial shear modulus</td>" in done.stdout
@@ -129,7 +129,8 @@ def test_a_fit_is_judged_with_what_it_freed(demonstration, tmp_path):
     (own,) = json.loads((tmp_path / "fits.json").read_text())["fits"]
     (judged,) = json.loads((tmp_path / "v.json").read_text())["validations"]
     assert judged["seen"]
-    assert judged["mean_error_mm"] == pytest.approx(own["mean_error_mm"], rel=1e-3)
+    # (What the finer mesh changes is taken at a place that is a step of the polish away.)
+    assert judged["mean_error_mm"] == pytest.approx(own["mean_error_mm"], rel=5e-3)
     # Under another content it is a dataset that the fit has not seen.
     own["datasets"][0]["sha256"] = "0" * 64
     (tmp_path / "other.json").write_text(json.dumps({"fits": [own]}))
@@ -137,7 +138,7 @@ def test_a_fit_is_judged_with_what_it_freed(demonstration, tmp_path):
     assert done.returncode == 0, done.stderr
     (judged,) = json.loads((tmp_path / "w.json").read_text())["validations"]
     assert not judged["seen"]
-    assert judged["mean_error_mm"] != pytest.approx(own["mean_error_mm"], rel=1e-3)
+    assert judged["mean_error_mm"] != pytest.approx(own["mean_error_mm"], rel=2e-2)
 
 
 @pytest.mark.skipif(not MEASURED.is_dir(), reason="the measured data are not ours to ship; they lie in ../shared/data")

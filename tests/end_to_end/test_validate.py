@@ -112,7 +112,7 @@ def test_unseen_states_and_the_comparison_with_tensile_fits(folder: Path) -> Non
     assert found[3]["mean_error_mm"] > 0.1
     # What the fit itself wrote of the states it saw.
     (own,) = json.loads((folder / "fits.json").read_text())["fits"]
-    assert own["mean_error_mm"] == pytest.approx(found[2]["mean_error_mm"], rel=1e-6)
+    assert own["mean_error_mm"] == pytest.approx(found[2]["mean_error_mm"], rel=5e-3)
     # The table: by dataset, the best fit first.
     assert [line.split()[0] for line in lines[:3]] == ["train.h5", "fit", "fits.json:0"]
     assert [line.split()[0] for line in lines[5:8]] == ["unseen.h5", "fit", "fits.json:0"]
@@ -144,7 +144,8 @@ def test_the_error_at_an_end_of_the_interval_is_that_of_the_modulus_there(folder
     fits = ("--fit", "wide.json", "--fit", "at_end.json")
     done("validate", "unseen.h5", *fits, "-o", "ends.json", folder=folder)
     wide, at_end = json.loads((folder / "ends.json").read_text())["validations"]
-    assert wide["mean_error_interval_mm"] == pytest.approx([wide["mean_error_mm"], at_end["mean_error_mm"]])
+    # (What the finer mesh changes is taken at the value, and at the end it is a little different.)
+    assert wide["mean_error_interval_mm"] == pytest.approx([wide["mean_error_mm"], at_end["mean_error_mm"]], rel=2e-3)
     assert at_end["mean_error_interval_mm"] == pytest.approx([at_end["mean_error_mm"]] * 2)
 
 
