@@ -145,8 +145,11 @@ def from_ruler(
     ):
         raise InputError(f"{image}: is {width} x {height} px; the ruler's ends {ends_px} are not both in it")
     long_px = math.dist(ends_px[:2], ends_px[2:])
-    if not (length_mm > 0 and long_px > 20 * READING_PX):
-        raise InputError(f"{image}: a ruler of {length_mm:g} mm over {long_px:.1f} px gives no scale; use a longer one")
+    if not (0 < length_mm < math.inf and long_px > 20 * READING_PX):
+        raise InputError(
+            f"{image}: --ruler-mm {length_mm:g} over {long_px:.1f} px gives no scale; it should be a length that "
+            f"the image shows more than {20 * READING_PX:g} px long"
+        )
     uncertainty = Uncertainty(pixels_per_mm=math.sqrt(2.0) * READING_PX / length_mm, axis_angle_deg=1.0)
     calibration = setting.calibration(long_px / length_mm, 0.0, uncertainty, _day_of([image]))
     return calibration, [_how_well(calibration, f"{length_mm:g} mm read off by eye")]

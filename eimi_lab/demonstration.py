@@ -23,8 +23,9 @@ from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.errors import InputError
 from eimi_lab.identification.experiments import load_evidence
-from eimi_lab.identification.fits import FitRecord, write_fits
+from eimi_lab.identification.fits import write_fits
 from eimi_lab.identification.fitting import fit_evidence
+from eimi_lab.identification.records import FitRecord
 from eimi_lab.outputs import new_folder
 from eimi_lab.report.page import write_report
 

@@ -1,10 +1,10 @@
-"""Files that the suite writes: never over an existing one unless told to, and never half of one."""
+"""Files that the suite writes: not over an existing one unless told to, nor one it reads, never half of one."""
 
 from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,6 +21,19 @@ def refuse_existing(path: Path, force: bool) -> None:
         raise InputError(f"{path}: there is no folder {path.parent}")
     if not os.access(path.parent, os.W_OK):
         raise InputError(f"{path}: the folder {path.parent} cannot be written to")
+
+
+def check_distinct(read: Sequence[Path], written: Sequence[Path]) -> None:
+    """Raise InputError where a file is given twice to read, or is to be written and read or written besides."""
+    known = set()
+    for path in read:
+        if path.resolve() in known:
+            raise InputError(f"{path}: is given twice; give it once")
+        known.add(path.resolve())
+    for path in written:
+        if path.resolve() in known:
+            raise InputError(f"{path}: cannot be written, it is in use as another file here; give another name")
+        known.add(path.resolve())
 
 
 @contextmanager
@@ -44,6 +57,10 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)
         os.replace(temporary, path)
+    except OSError as error:  # a full disk names no file
+        if error.filename is None and error.errno is not None:
+            raise OSError(error.errno, error.strerror, str(path)) from error
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -45,8 +45,11 @@ def parse_parameters(model: str, texts: Sequence[str]) -> tuple[Law, Array]:
         key, _, value = text.partition("=")
         try:
             given[key.strip()] = float(value)
-        except ValueError as error:
-            raise InputError(f"--parameter {text}: should be KEY=NUMBER, KEY one of {', '.join(keys)}") from error
+            finite = np.isfinite(given[key.strip()])
+        except ValueError:
+            finite = False
+        if not finite:
+            raise InputError(f"--parameter {text}: should be KEY=NUMBER, KEY one of {', '.join(keys)}")
     if set(given) != set(keys) or len(texts) != len(keys):
         raise InputError(f"--parameter: {model} takes {', '.join(keys)}, each once; got {', '.join(texts) or 'none'}")
     return law, np.array([given[key] for key in keys])
@@ -63,7 +66,8 @@ def simulate(
 ) -> Simulation:
     """Take a specimen through the fields (K,), angles in the beam frame; incompressible without a bulk modulus.
 
-    Raises InputError for a bulk modulus in plane stress, and naming the first state without an equilibrium.
+    Raises InputError for a bulk modulus in plane stress, for angles or fields that are not finite, and naming the first
+    state without an equilibrium.
     """
     if bulk_modulus_kPa is not None and specimen.specimen.section == "plane-stress":
         raise InputError(
@@ -72,6 +76,13 @@ def simulate(
         )
     if bulk_modulus_kPa is not None and not 0 < bulk_modulus_kPa < np.inf:
         raise InputError(f"--bulk-modulus-kPa {bulk_modulus_kPa:g}: should be greater than 0")
+    for option, values in (("gravity-angle", gravity_angle_deg), ("field-angle", field_angle_deg)):
+        if not np.isfinite(values):
+            raise InputError(f"--{option} {values:g}: should be a finite number of degrees")
+    if not np.isfinite(field_mT).all():
+        raise InputError(
+            "--coil-constant: gives fields that are not finite; it should be a number of mT for each ampere"
+        )
     model = BeamModel(specimen.mechanics(), along=26)
     bulk = None if bulk_modulus_kPa is None else np.array([1e3 * bulk_modulus_kPa])
     loads = Loads.along(field_mT, field_angle_deg, gravity_angle_deg)

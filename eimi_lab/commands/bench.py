@@ -26,7 +26,9 @@ def instruments() -> None:
 
 def emulate(
     supply: Annotated[str, typer.Argument(help="which supply, by the name of its driver: korad, scpi, ...")],
-    tcp: Annotated[int | None, typer.Option(help="serve on this TCP port (0: any free one), not a terminal")] = None,
+    tcp: Annotated[
+        int | None, typer.Option(help="serve on this TCP port (0: any free one), not a terminal", min=0, max=65535)
+    ] = None,
 ) -> None:
     """Serve an emulated supply with a coil on it, until Ctrl-C."""
     import threading
@@ -96,7 +98,7 @@ def recover(
     output: Output,
     force: Force = False,
 ) -> None:
-    """Bring back every state that a crashed run had acknowledged."""
+    """Bring back every state that a crashed run had acknowledged, without the frames that are damaged."""
     from eimi_lab.dataset.recovery import recover as copy_acknowledged
 
     print(f"{output}: {copy_acknowledged(crashed, output, force)} states")

@@ -28,13 +28,17 @@ def fit(
     tensile: Annotated[
         list[Path] | None, typer.Option(help="a tensile curve that the law has to follow as well; may be repeated")
     ] = None,
-    tensile_window: Annotated[str, typer.Option(help="its largest strain in percent, or full")] = "50",
-    tensile_weight: Annotated[float, typer.Option(help="multiplies what its own noise makes it count")] = 1.0,
+    tensile_window: Annotated[str | None, typer.Option(help="its largest strain in percent, or full [50]")] = None,
+    tensile_weight: Annotated[
+        float | None, typer.Option(help="multiplies what its own noise makes it count [1]")
+    ] = None,
     each: Annotated[bool, typer.Option("--each", help="fit every dataset apart")] = False,
-    bootstrap: Annotated[int, typer.Option(help="repeat each fit on so many replicates of its states", min=0)] = 0,
+    bootstrap: Annotated[
+        int, typer.Option(help="repeat each fit on so many replicates of its states", min=0, max=9999)
+    ] = 0,
     restarts: Annotated[int, typer.Option(help="of the search, each with twice the population", min=0, max=9)] = 0,
     bipop: Annotated[bool, typer.Option("--bipop", help="between restarts, also runs of a small population")] = False,
-    workers: Annotated[int, typer.Option(help="processes that share the fits", min=1)] = 1,
+    workers: Annotated[int, typer.Option(help="processes that share the fits, at most one a processor", min=1)] = 1,
     scheduler: Annotated[str | None, typer.Option(help="of a dask cluster, such as tcp://host:8786")] = None,
     checkpoint: Annotated[
         Path | None, typer.Option(help="the log of all generations, to go on from if this is killed")
@@ -46,22 +50,24 @@ def fit(
     from eimi_lab.identification.workers import executor_for, one_thread_each
 
     one_thread_each()
+    from eimi_lab.identification.auxiliary import read_auxiliary
     from eimi_lab.identification.checkpoint import Checkpoint, Head
     from eimi_lab.identification.experiments import load_evidence
-    from eimi_lab.identification.fits import package_versions, write_fits
+    from eimi_lab.identification.fit_summary import comparison_table, remarks
+    from eimi_lab.identification.fits import write_fits
     from eimi_lab.identification.fitting import check_models, check_section
-    from eimi_lab.identification.further import read_further
     from eimi_lab.identification.grid import fit_grid, grid
-    from eimi_lab.identification.remarks import comparison_table, remarks
-    from eimi_lab.outputs import refuse_existing
+    from eimi_lab.identification.records import package_versions
+    from eimi_lab.outputs import check_distinct, refuse_existing
     from eimi_lab.progress import progress
 
     models, chosen = check_models(model), check_section(section)
-    further = read_further(free or [], tensile or [], tensile_window, tensile_weight)
+    check_distinct([*datasets, *(tensile or [])], [output, *([checkpoint] if checkpoint else [])])
+    auxiliary = read_auxiliary(free or [], tensile or [], tensile_window, tensile_weight)
     executor = executor_for(workers, scheduler)
     refuse_existing(output, force)
     evidence = [load_evidence(path, section=chosen, flagged=include_flagged) for path in datasets]
-    further.check(evidence)
+    auxiliary.check(evidence)
     tasks = grid(models, evidence, seed or [1], each=each, bootstrap=bootstrap)
     options = {"restarts": restarts, "bipop": bipop}
     log = None
@@ -69,14 +75,14 @@ def fit(
         head = Head(
             fits=tuple(map(str, tasks)),
             datasets=tuple(e.sha256 for e in evidence),
-            options={**options, **further.head(), "section": section, "include_flagged": include_flagged},
+            options={**options, **auxiliary.head(), "section": section, "include_flagged": include_flagged},
             versions=package_versions(),
         )
         log = Checkpoint.of(checkpoint, head, resume=resume, force=force)
     with progress("fit", len(tasks)) as report:
         fits = fit_grid(
             tasks,
-            {**options, **further.options()},
+            {**options, **auxiliary.options()},
             executor=executor,
             checkpoint=log,
             share_checkpoint=scheduler is None,
@@ -86,7 +92,8 @@ def fit(
     for found in fits:
         print(found.summary())
         print("\n".join(f"  {line}" for line in remarks(found)))
-    print("\n".join(comparison_table(fits)), end="\n" if len(fits) > 1 else "")
+    for line in comparison_table(fits):
+        print(line)
 
 
 def validate(
@@ -108,10 +115,11 @@ def validate(
     from eimi_lab.identification.validation import write_validation
     from eimi_lab.identification.validation_tables import by_dataset, matrix
     from eimi_lab.identification.validation_tables import by_state as state_tables
-    from eimi_lab.outputs import refuse_existing
+    from eimi_lab.outputs import check_distinct, refuse_existing
     from eimi_lab.progress import progress
 
     chosen = check_section(section)
+    check_distinct([*datasets, *fit], [output])
     refuse_existing(output, force)
     fits = [(path, index, found) for path in fit for index, found in enumerate(read_any_fits(path))]
     evidence = [load_evidence(path, section=chosen, flagged=include_flagged) for path in datasets]
@@ -143,9 +151,10 @@ def tensile(
     from eimi_lab.identification.fits import write_fits
     from eimi_lab.identification.fitting import check_models
     from eimi_lab.identification.tensile import WINDOWS, check_windows, fit_window, read_tensile
-    from eimi_lab.outputs import refuse_existing
+    from eimi_lab.outputs import check_distinct, refuse_existing
 
     models, windows = check_models(model), check_windows(window or list(WINDOWS))
+    check_distinct([curve], [output])
     refuse_existing(output, force)
     test = read_tensile(curve)
     fits = [fit_window(test, name, percent, relative) for percent in windows for name in models]
@@ -172,9 +181,10 @@ def export(
     from eimi_lab.identification.cards import bulk_modulus_Pa, card, check_solver, choose_fit
     from eimi_lab.identification.fits import read_any_fits
     from eimi_lab.identification.fitting import check_models
-    from eimi_lab.outputs import whole_file
+    from eimi_lab.outputs import check_distinct, whole_file
 
     solver = check_solver(to)
+    check_distinct([fits], [output] if output else [])
     (law,) = check_models([model])
     chosen = choose_fit(fits, read_any_fits(fits), law, index)
     text = card(fits, chosen, solver, bulk_modulus_Pa(chosen, bulk_modulus_kPa, bulk_ratio))

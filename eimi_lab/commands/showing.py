@@ -20,9 +20,10 @@ def report(
     force: Force = False,
 ) -> None:
     """Write one self-contained HTML file: laws, stress-strain curves, errors, frames, simulated edges, convergence."""
-    from eimi_lab.outputs import refuse_existing
+    from eimi_lab.outputs import check_distinct, refuse_existing
     from eimi_lab.report.page import write_report
 
+    check_distinct([*datasets, *(fit or [])], [output])
     refuse_existing(output, force)
     write_report(output, datasets, fit or [], force=force)
     print(output)

@@ -99,6 +99,13 @@ def _one_line(model: type[BaseModel], error: ValidationError) -> str:
     match fault["type"]:
         case unknown if unknown in UNKNOWN:
             return f"{key} is not a known key; {_near(location[-1], _known_keys(model, location[:-1]))}"
+        case "missing" if isinstance(fault["loc"][-1], int):
+            return f"{'.'.join(location[:-1])} should have more values than {location[-1]}"
+        case "too_long":
+            most, found = fault["ctx"]["max_length"], fault["ctx"]["actual_length"]
+            return f"{key} = {_shown(value)} should have at most {most} values, not {found}"
+        case "tuple_type":
+            return f"{key} = {_shown(value)} should be a list in brackets"
         case "missing":
             return f"the table [{key}] is missing" if _known_keys(model, location) else f"{key} is missing"
         case "value_error":

@@ -18,6 +18,7 @@ from eimi_lab.errors import InputError
 from eimi_lab.vision.intensity import FieldCorrection
 
 GROUP = "correction"
+BRIGHTEST_DARK = 0.5  # of the back-light's counts; what a dark frame has beyond that is light
 
 Images = Mapping[str, NDArray[Any]]
 """(H, W) images under the names "dark" and "flat", either or both or none."""
@@ -38,11 +39,17 @@ def correction_by(images: Images) -> FieldCorrection | None:
     return FieldCorrection(images.get("dark"), images.get("flat")) if images else None
 
 
-def check_like(images: Images, frame: NDArray[Any] | h5py.Dataset) -> None:
-    """Raise InputError where an image differs from a frame, or a stack of them, in size or depth."""
+def check_like(images: Images, frame: NDArray[Any]) -> None:
+    """Raise InputError where an image differs from a frame in size or depth, or a dark frame was taken with light."""
     for name, image in images.items():
-        if (image.shape, image.dtype) != (frame.shape[-2:], frame.dtype):
+        if (image.shape, image.dtype) != (frame.shape, frame.dtype):
             raise InputError(f"--{name}: is {described(image)}; the frames are {described(frame)}")
+    if "dark" in images:
+        dark, lit = float(np.median(images["dark"])), float(np.percentile(frame, 99))
+        if dark > BRIGHTEST_DARK * lit:
+            raise InputError(
+                f"--dark: has {dark:g} counts (median) where the frames' back-light has {lit:g}; take it without light"
+            )
 
 
 def store_correction(path: str | Path, images: Images) -> None:
@@ -54,7 +61,7 @@ def store_correction(path: str | Path, images: Images) -> None:
     with rewritten(path) as entry:
         if "frames" not in entry["data"]:
             raise InputError(f"{path}: holds tracked points, which need no segmentation")
-        check_like(images, entry["data/frames"])
+        check_like(images, entry["data/frames"][0])
         kept = {**stored_correction(entry), **images}
         try:
             correction_by(kept)

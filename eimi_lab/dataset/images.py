@@ -33,6 +33,8 @@ def find_images(folder: Path) -> list[Path]:
 def read_image(path: Path) -> NDArray[Any]:
     """(H, W) uint8 or uint16; colour becomes grey. Raises InputError for a file that is not a whole image."""
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):  # one that never ends, or for whose writer to wait
+            raise InputError(f"{path}: is no file but a device or a pipe")
         raw = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error

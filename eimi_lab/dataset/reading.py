@@ -74,7 +74,12 @@ class Dataset:
         else:
             self.gravity_angle_deg = float(states.attrs["gravity_angle_deg"])
             self.field_angle_deg = float(states.attrs["field_angle_deg"])
-        self.states: tuple[State, ...] = self._read_states()
+        try:
+            self.states: tuple[State, ...] = self._read_states()
+        except OSError as error:
+            raise InputError(
+                f"{path}: the tables of its states are damaged ({error}); take another copy of it"
+            ) from error
 
     def _read_states(self) -> tuple[State, ...]:
         table = self._entry["states"]
@@ -110,8 +115,12 @@ class Dataset:
             damaged = ", ".join(str(row - rows[0]) for row in rows.tolist() if not self._readable(row))
             raise InputError(
                 f"{self.path}: frame {damaged} of the {len(rows)} of state {state_index} (counted from 0) "
-                f"is damaged ({error})"
+                f"is damaged ({error}); `eimi recover` makes a copy without it"
             ) from error
+
+    def damaged_frames(self) -> tuple[int, ...]:
+        """Rows of the frames that cannot be read, counted over the whole dataset; reads every frame."""
+        return tuple(row for row in range(len(self._entry["data/frames"])) if not self._readable(row))
 
     def _readable(self, row: int) -> bool:
         try:
@@ -145,8 +154,11 @@ class Dataset:
         return "sessions" in self._entry
 
     def edges(self) -> tuple[EdgeSet, ...] | None:
-        """What segmentation stored, one element a state; None before segmentation."""
-        return read_edges(self._entry) if "segmentation" in self._entry else None
+        """What segmentation stored, one element a state; None before segmentation, or where a run went on after it."""
+        if "segmentation" not in self._entry:
+            return None
+        found = read_edges(self._entry)
+        return found if len(found) == len(self.states) else None
 
     def correction(self) -> FieldCorrection | None:
         """What dark frame and flat field take out of the frames; None where the dataset keeps neither."""

@@ -11,7 +11,7 @@ import numpy as np
 from eimi_fitting.export import SOLVERS, Material, NotInSolver, material_card
 from eimi_fitting.materials import LAWS
 from eimi_lab.errors import InputError
-from eimi_lab.identification.fits import FitRecord, TensileRecord
+from eimi_lab.identification.records import FitRecord, TensileRecord
 
 AnyFit = FitRecord | TensileRecord
 

@@ -18,9 +18,11 @@ from pydantic import Field, ValidationError
 
 from eimi_fitting.search import Generation, OtherSearch, Told
 from eimi_lab.errors import InputError
-from eimi_lab.identification.fits import FitRecord, GenerationRecord, Record, ReplicateRecord
+from eimi_lab.identification.fits import first_fault
+from eimi_lab.identification.records import FitRecord, GenerationRecord, Record, ReplicateRecord
 from eimi_lab.outputs import refuse_existing
 
+_SHOWN = 4  # fits or datasets, in a message
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -63,8 +65,15 @@ class Checkpoint:
         if resume and path.exists() and path.stat().st_size:
             _check_same(path, self._head(), Head.model_validate_json(head.model_dump_json()))
             return
+        if path.is_file() and not (force or resume):
+            raise InputError(
+                f"{path}: exists already; --resume goes on with it, --force replaces it, or give another name"
+            )
         refuse_existing(path, force or resume)
-        _append(path, head, fresh=True)
+        try:
+            _append(path, head, fresh=True)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written as a checkpoint ({error.strerror})") from error
 
     @staticmethod
     def of(path: Path | None, head: Head, *, resume: bool, force: bool) -> Checkpoint:
@@ -94,16 +103,21 @@ class Checkpoint:
             raise InputError(f"{self.path}: does not begin as a checkpoint of `eimi fit` does") from error
 
     def _read(self) -> tuple[list[GenerationLine], list[FinishedLine]]:
-        generations, finished = [], []
+        generations: list[GenerationLine] = []
+        finished: list[FinishedLine] = []
+        fits = len(self._head().fits)
         for number, line in enumerate(self._lines()[1:], start=2):
+            is_finished = isinstance(line, dict) and "finished" in line
             try:
-                if isinstance(line, dict) and "finished" in line:
-                    finished.append(FinishedLine.model_validate(line))
-                else:
-                    generations.append(GenerationLine.model_validate(line))
+                whole = (FinishedLine if is_finished else GenerationLine).model_validate(line)
             except ValidationError as error:
-                where = ".".join(str(part) for part in error.errors()[0]["loc"])
-                raise InputError(f"{self.path}: whole line {number}: {where}: {error.errors()[0]['msg']}") from error
+                raise InputError(f"{self.path}: whole line {number}: {first_fault(error)}") from error
+            if not 0 <= whole.fit < fits:
+                raise InputError(f"{self.path}: whole line {number}: fit: {whole.fit} should be from 0 to {fits - 1}")
+            if isinstance(whole, FinishedLine):
+                finished.append(whole)
+            else:
+                generations.append(whole)
         return generations, finished
 
     def finished(self) -> dict[int, FitRecord | ReplicateRecord]:
@@ -171,6 +185,8 @@ def _append(path: Path, line: Record, fresh: bool = False) -> None:
     try:
         os.write(descriptor, ("" if fresh else "\n").encode() + line.model_dump_json().encode())
         os.fsync(descriptor)
+    except OSError as error:  # which names no file
+        raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
         os.close(descriptor)
 
@@ -193,4 +209,7 @@ def _pairs(prefix: str, found: dict[str, Any], asked: dict[str, Any]) -> list[tu
 
 
 def _words(value: object) -> str:
-    return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+    if not isinstance(value, tuple):
+        return str(value)
+    more = f" and {len(value) - _SHOWN} more" if len(value) > _SHOWN else ""
+    return ", ".join(map(str, value[:_SHOWN])) + more

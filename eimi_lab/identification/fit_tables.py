@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from eimi_lab.tables import data_frame, html_table
 
 if TYPE_CHECKING:  # the records show themselves through this module
-    from eimi_lab.identification.fits import LawRecord
+    from eimi_lab.identification.records import LawRecord
 
 
 def fit_html(fit: LawRecord, notes: Sequence[str]) -> str:

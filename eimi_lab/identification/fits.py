@@ -1,246 +1,46 @@
-"""fits.json: identified laws, from bending beams or tensile tests; written and read through the same models."""
+"""fits.json: made of what a fit found, written, read, and its laws compared."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
-import platform
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Discriminator, Tag, ValidationError, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationError
 
 from eimi_fitting.identification import Fit
-from eimi_fitting.materials import LAWS
 from eimi_fitting.model_choice import Candidate, choose
-from eimi_fitting.search import Generation
+from eimi_lab.config.reading import read_text
 from eimi_lab.errors import InputError
+from eimi_lab.identification.auxiliary import FileCurve
 from eimi_lab.identification.experiments import Evidence
-from eimi_lab.identification.fit_tables import fit_html, parameters_frame
 from eimi_lab.identification.records import (
+    BootstrapRecord,
     ChoiceRecord,
     CurveRecord,
     DatasetReference,
+    DirectionRecord,
     Discarded,
     DoubtRecord,
+    FitRecord,
     FreedRecord,
+    GenerationRecord,
     Identifiability,
     MeshRecord,
     PolishRecord,
     Quantity,
     Record,
-    bulk_modulus,
-    curves,
-    freed,
-    identifiability,
-    mesh,
+    ReplicateRecord,
+    RunRecord,
+    Stability,
+    StateError,
+    TensileRecord,
+    package_versions,
 )
-from eimi_lab.identification.workers import PACKAGES
 from eimi_lab.outputs import whole_file
-
-
-class StateError(Record):
-    """Error and deviation of one state; dataset counts from 0 in the order given."""
-
-    dataset: int
-    state: int
-    current_A: float | None
-    field_mT: float
-    error_mm: float
-    deviation_mm: float
-
-
-class Stability(Record):
-    """Drucker's criterion: met over the stretches reached, and up to which stretch (null: no limit met)."""
-
-    criterion: str
-    stable_up_to_stretch: float | None
-    checked_up_to_stretch: float
-
-
-class GenerationRecord(Record):
-    """One generation of the search: the best of all so far, the mean of its own valid candidates."""
-
-    run: int
-    best_mm: float
-    mean_mm: float
-    step_size: float
-    axis_ratio: float
-    discarded: int
-
-    @staticmethod
-    def of(generation: Generation) -> GenerationRecord:
-        """As the search has it."""
-        return GenerationRecord(**dataclasses.asdict(generation))
-
-
-class RunRecord(Record):
-    """One run of CMA-ES, and why it stopped."""
-
-    population: int
-    step_size: float
-    generations: int
-    best_mm: float
-    stop: str
-
-
-class ReplicateRecord(Record):
-    """A law fitted to one bootstrap replicate of the data; parameters in the units of the fit."""
-
-    replicate: int
-    parameters: dict[str, float]
-    initial_shear_modulus_Pa: float
-    mean_error_mm: float
-    evaluations: int
-    stop: str
-    wall_s: float
-
-
-class BootstrapRecord(Record):
-    """The fit repeated on replicates of the data: states drawn again, with replacement.
-
-    interval_95: percentiles of the initial shear modulus (Efron and Tibshirani 1993, An Introduction to the Bootstrap,
-    section 13.3), null where there are too few replicates to have any.
-    """
-
-    drawn: Literal["states"] = "states"
-    initial_shear_modulus_interval_95_Pa: tuple[float, float] | None
-    replicates: tuple[ReplicateRecord, ...]
-
-
-class LawRecord(Record):
-    """What every fit says of its law, whatever it was fitted to."""
-
-    model: str
-    parameters: dict[str, Quantity]
-    initial_shear_modulus: Quantity
-    max_stretch: float
-    stability: Stability
-    versions: dict[str, str]
-
-    @model_validator(mode="after")
-    def _is_a_law(self) -> Self:
-        if self.model not in LAWS:
-            raise ValueError(f"model {self.model!r} should be one of {', '.join(LAWS)}")
-        names = LAWS[self.model].parameter_names
-        if tuple(self.parameters) != names:
-            raise ValueError(f"parameters of {self.model} should be {', '.join(names)}, in this order")
-        return self
-
-    def values(self) -> list[float]:
-        """The parameters in the law's order."""
-        return [quantity.value for quantity in self.parameters.values()]
-
-    def modulus_in_words(self) -> str:
-        """The initial shear modulus with its interval."""
-        modulus = self.initial_shear_modulus
-        low, high = modulus.interval_95
-        return f"{modulus.value:.0f} Pa [{low:.0f}, {high:.0f}]"
-
-    def notes(self) -> list[str]:
-        """What the fit is worth, in sentences."""
-        return []
-
-    def to_pandas(self) -> Any:
-        """pandas.DataFrame of parameters and initial shear modulus with intervals. Raises ImportError."""
-        return parameters_frame(self)
-
-    def _repr_html_(self) -> str:
-        return fit_html(self, self.notes())
-
-
-class FitRecord(LawRecord):
-    """A law identified from datasets of a bending beam.
-
-    held_out_error_mm: mean error of states left out of the fit.
-    """
-
-    kind: Literal["bending"] = "bending"
-    mean_error_mm: float
-    mean_deviation_mm: float
-    by_state: tuple[StateError, ...]
-    evaluations: int
-    generations: int
-    discarded: Discarded
-    polish: PolishRecord
-    stop: str
-    wall_s: float
-    identifiability: Identifiability
-    bulk_modulus: Quantity | None
-    freed: tuple[FreedRecord, ...]
-    tensile: tuple[CurveRecord, ...]
-    mesh: MeshRecord
-    held_out_error_mm: float
-    doubts: tuple[DoubtRecord, ...]
-    datasets: tuple[DatasetReference, ...]
-    seed: int
-    runs: tuple[RunRecord, ...]
-    history: tuple[GenerationRecord, ...]
-    bootstrap: BootstrapRecord | None = None
-
-    def summary(self) -> str:
-        """One line: law, initial shear modulus with its interval, mean error."""
-        return (
-            f"{self.model}: initial shear modulus {self.modulus_in_words()}, "
-            f"mean error {1e3 * self.mean_error_mm:.2f} µm"
-        )
-
-    def notes(self) -> list[str]:
-        """Error and deviation, and what the data fix."""
-        error, deviation = 1e3 * self.mean_error_mm, 1e3 * self.mean_deviation_mm
-        return [f"Mean error {error:.3g} µm, mean deviation {deviation:.3g} µm.", self.identifiability.statement]
-
-
-class TensileSource(Record):
-    """The tensile test that was fitted, by its content."""
-
-    path: str
-    sha256: str
-    material: str | None
-
-
-class TensileRecord(LawRecord):
-    """A law fitted to a window of a tensile test.
-
-    window_percent: largest engineering strain asked for (null: the whole curve); max_stretch: largest one there was;
-    correlation: of the parameters' errors, a row each; not_fixed: parameters whose interval holds zero or is the range
-    of the search.
-    """
-
-    kind: Literal["tensile"] = "tensile"
-    window_percent: float | None
-    residuals: Literal["absolute", "relative"]
-    rmse_Pa: float
-    rows: int
-    rows_left_out: int
-    correlation_rows: float
-    correlation: tuple[tuple[float, ...], ...]
-    not_fixed: tuple[str, ...]
-    source: TensileSource
-
-    def window(self) -> str:
-        """The window in words: `50 %` or `full`."""
-        return "full" if self.window_percent is None else f"{self.window_percent:g} %"
-
-    def summary(self) -> str:
-        """One line: law, window, initial shear modulus with its interval, RMSE, stability."""
-        limit = self.stability.stable_up_to_stretch
-        stable = "" if limit is None else f", stable up to a stretch of {limit:.2f} only"
-        if limit == 1.0:
-            stable = ", not stable at any stretch"
-        return (
-            f"{self.model}, window {self.window()}: initial shear modulus {self.modulus_in_words()}, "
-            f"RMSE {1e-3 * self.rmse_Pa:.3g} kPa over {self.rows} rows{stable}"
-        )
-
-    def notes(self) -> list[str]:
-        """Window and misfit, and what the curve does not fix."""
-        loose = f"The curve does not fix {', '.join(self.not_fixed)}." if self.not_fixed else ""
-        misfit = f"Window {self.window()}: RMSE {1e-3 * self.rmse_Pa:.3g} kPa over {self.rows} rows."
-        return [misfit, loose] if loose else [misfit]
 
 
 def _kind(fit: Any) -> str:
@@ -255,7 +55,7 @@ AnyFit = Annotated[
 class FitsFile(Record):
     """A whole fits.json; comparison: of its laws, where all were fitted to the same data."""
 
-    fits: tuple[AnyFit, ...]
+    fits: tuple[AnyFit, ...] = Field(min_length=1)
     comparison: tuple[ChoiceRecord, ...] = ()
 
 
@@ -300,39 +100,6 @@ def comparison(fits: Sequence[FitRecord | TensileRecord]) -> tuple[ChoiceRecord,
     )
 
 
-def package_versions() -> dict[str, str]:
-    """Python and the packages that a number depends on."""
-    packages = {package: version(package) for package in PACKAGES}
-    return {"python": platform.python_version(), **packages}
-
-
-FEWEST_FOR_INTERVAL = 40  # replicates: one beyond each end of a 95 % interval
-
-
-def replicate_record(fit: Fit, replicate: int) -> ReplicateRecord:
-    """What is written down of a fit to one replicate of the data."""
-    return ReplicateRecord(
-        replicate=replicate,
-        parameters=dict(zip(fit.law.parameter_names, fit.parameters.tolist(), strict=True)),
-        initial_shear_modulus_Pa=fit.initial_shear_modulus_Pa,
-        mean_error_mm=float(np.mean(fit.error_mm)),
-        evaluations=fit.evaluations,
-        stop=fit.stop,
-        wall_s=fit.wall_s,
-    )
-
-
-def bootstrap_record(replicates: Sequence[ReplicateRecord]) -> BootstrapRecord:
-    """All replicates of one fit, and what they say together."""
-    moduli = [replicate.initial_shear_modulus_Pa for replicate in replicates]
-    enough = len(moduli) >= FEWEST_FOR_INTERVAL
-    low, high = np.quantile(moduli, [0.025, 0.975]) if enough else (0.0, 0.0)
-    return BootstrapRecord(
-        initial_shear_modulus_interval_95_Pa=(float(low), float(high)) if enough else None,
-        replicates=tuple(replicates),
-    )
-
-
 def record(fit: Fit, evidence: Sequence[Evidence]) -> FitRecord:
     """What is written down of one fit."""
     law, worth = fit.law, fit.uncertainty
@@ -374,11 +141,11 @@ def record(fit: Fit, evidence: Sequence[Evidence]) -> FitRecord:
         ),
         stop=fit.stop,
         wall_s=fit.wall_s,
-        identifiability=identifiability(fit),
-        bulk_modulus=bulk_modulus(fit),
-        freed=freed(fit),
-        tensile=curves(fit),
-        mesh=mesh(fit),
+        identifiability=_identifiability(fit),
+        bulk_modulus=_bulk_modulus(fit),
+        freed=_freed(fit),
+        tensile=_curves(fit),
+        mesh=_mesh(fit),
         held_out_error_mm=worth.held_out_error_mm,
         doubts=tuple(
             DoubtRecord(dataset=d, state=None if k is None else evidence[d].states[k].index, words=words)
@@ -405,6 +172,101 @@ def record(fit: Fit, evidence: Sequence[Evidence]) -> FitRecord:
     )
 
 
+def replicate_record(fit: Fit, replicate: int) -> ReplicateRecord:
+    """What is written down of a fit to one replicate of the data."""
+    return ReplicateRecord(
+        replicate=replicate,
+        parameters=dict(zip(fit.law.parameter_names, fit.parameters.tolist(), strict=True)),
+        initial_shear_modulus_Pa=fit.initial_shear_modulus_Pa,
+        mean_error_mm=float(np.mean(fit.error_mm)),
+        evaluations=fit.evaluations,
+        stop=fit.stop,
+        wall_s=fit.wall_s,
+    )
+
+
+FEWEST_FOR_INTERVAL = 40  # replicates: one beyond each end of a 95 % interval
+
+
+def bootstrap_record(replicates: Sequence[ReplicateRecord]) -> BootstrapRecord:
+    """All replicates of one fit, and what they say together."""
+    moduli = [replicate.initial_shear_modulus_Pa for replicate in replicates]
+    enough = len(moduli) >= FEWEST_FOR_INTERVAL
+    low, high = np.quantile(moduli, [0.025, 0.975]) if enough else (0.0, 0.0)
+    return BootstrapRecord(
+        initial_shear_modulus_interval_95_Pa=(float(low), float(high)) if enough else None,
+        replicates=tuple(replicates),
+    )
+
+
+def _curves(fit: Fit) -> tuple[CurveRecord, ...]:
+    """What is written down of the tensile curves of a fit, which come from files."""
+    found = []
+    for evidence, rmse in zip(fit.curves, fit.curve_rmse_Pa, strict=True):
+        curve = evidence.curve
+        if isinstance(curve, FileCurve):
+            found.append(
+                CurveRecord(
+                    path=curve.path,
+                    sha256=curve.sha256,
+                    window_percent=curve.window_percent,
+                    weight=curve.weight,
+                    rows=len(curve.strain),
+                    correlation_rows=evidence.correlation_rows,
+                    rmse_alone_Pa=evidence.noise_Pa,
+                    rmse_Pa=rmse,
+                )
+            )
+    return tuple(found)
+
+
+def _identifiability(fit: Fit) -> Identifiability:
+    """What is written down of what the data fix."""
+    worth = fit.uncertainty
+    return Identifiability(
+        statement=worth.statement,
+        not_fixed=worth.not_fixed,
+        at_bound=fit.at_bound,
+        residual_mm=worth.noise_mm,
+        correlation_points=worth.correlation_points,
+        points=worth.points,
+        independent_points=worth.independent_points,
+        names=worth.names,
+        correlation=tuple(tuple(float(x) for x in row) for row in worth.correlation),
+        directions=tuple(DirectionRecord(words=d.words, remaining=d.remaining) for d in worth.directions),
+        profiled=worth.profiled,
+    )
+
+
+def _freed(fit: Fit) -> tuple[FreedRecord, ...]:
+    """What is written down of the nuisances."""
+    return tuple(
+        FreedRecord(
+            name=value.name,
+            dataset=value.dataset,
+            deviation=Quantity(value=value.value, unit=value.unit, interval_95=value.interval),
+            prior_standard_deviation=value.prior_spread,
+        )
+        for value in fit.uncertainty.freed
+    )
+
+
+def _bulk_modulus(fit: Fit) -> Quantity | None:
+    """What is written down of the bulk modulus: nothing where it was not freed."""
+    ends = fit.uncertainty.bulk_modulus_Pa
+    if fit.bulk_modulus_Pa is None or ends is None:
+        return None
+    return Quantity(value=fit.bulk_modulus_Pa, unit="Pa", interval_95=(float(ends[0]), float(ends[1])))
+
+
+def _mesh(fit: Fit) -> MeshRecord:
+    """What is written down of the mesh."""
+    change, left = fit.uncertainty.mesh_change, fit.uncertainty.mesh_left
+    return MeshRecord(
+        change_percent=None if change is None else 100 * change, left_percent=None if left is None else 100 * left
+    )
+
+
 def write_fits(path: Path, fits: Sequence[FitRecord | TensileRecord], force: bool = False) -> None:
     """Write fits.json. Raises InputError when the file exists and ``force`` is not given."""
     with whole_file(path, force) as temporary:
@@ -413,30 +275,25 @@ def write_fits(path: Path, fits: Sequence[FitRecord | TensileRecord], force: boo
         )
 
 
-def read_fits(path: str | Path) -> tuple[FitRecord, ...]:
-    """Read fits.json of datasets. Raises InputError naming the file and the key, or when it holds a tensile fit."""
-    fits = []
-    for index, fit in enumerate(read_any_fits(path)):
-        if isinstance(fit, TensileRecord):
-            raise InputError(f"{path}: fits.{index} is a tensile fit; expected a file that `eimi fit` wrote")
-        fits.append(fit)
-    return tuple(fits)
-
-
 def read_any_fits(path: str | Path) -> tuple[FitRecord | TensileRecord, ...]:
     """Read fits.json, tensile fits included. Raises InputError naming the file and the key."""
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as fits.json ({error})") from error
+    text = read_text(path)
     try:
         return FitsFile.model_validate(json.loads(text)).fits
     except json.JSONDecodeError as error:
         raise InputError(f"{path}: line {error.lineno}: is not JSON ({error.msg})") from error
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
         raise InputError(
-            f"{path}: {where}: {first['msg']}; expected a file that `eimi fit` or `eimi tensile` wrote"
+            f"{path}: {first_fault(error)}; expected a file that `eimi fit` or `eimi tensile` of this release wrote: "
+            "if it is of an earlier one, fit again"
         ) from error
+
+
+def first_fault(error: ValidationError) -> str:
+    """The first key that cannot be used, and why; without the choices that pydantic tried on the way to it."""
+    first = error.errors()[0]
+    keys = [str(key) for key in first["loc"]]
+    if keys[:1] == ["fits"]:
+        del keys[2:3]  # the kind of fit
+    return ": ".join(words for words in (".".join(key for key in keys if "(" not in key), first["msg"]) if words)

@@ -12,7 +12,8 @@ from eimi_fitting.specimen import Section
 from eimi_fitting.tensile import CannotFit
 from eimi_lab.errors import InputError
 from eimi_lab.identification.experiments import Evidence
-from eimi_lab.identification.fits import FitRecord, record
+from eimi_lab.identification.fits import record
+from eimi_lab.identification.records import FitRecord
 
 
 def check_models(models: Sequence[str]) -> list[str]:

@@ -14,8 +14,9 @@ from eimi_fitting.search import OtherSearch
 from eimi_lab.errors import InputError
 from eimi_lab.identification.checkpoint import Checkpoint
 from eimi_lab.identification.experiments import Evidence
-from eimi_lab.identification.fits import FitRecord, ReplicateRecord, bootstrap_record, record, replicate_record
+from eimi_lab.identification.fits import bootstrap_record, record, replicate_record
 from eimi_lab.identification.fitting import REFUSALS, refused
+from eimi_lab.identification.records import FitRecord, ReplicateRecord
 from eimi_lab.identification.workers import completed
 
 FEWEST_STATES = 5  # to draw from: of fewer, many replicates would hold one state alone

@@ -1,13 +1,18 @@
-"""What the parts of a result file have in common, and what is written of a fit's worth."""
+"""What stands in a result file: the models that write and read it, with what each part means."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import dataclasses
+import platform
+from importlib.metadata import version
+from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from eimi_fitting.identification import Fit
-from eimi_fitting.tensile_evidence import TensileCurve
+from eimi_fitting.materials import LAWS
+from eimi_fitting.search import Generation
+from eimi_lab.identification.fit_tables import fit_html, parameters_frame
+from eimi_lab.identification.workers import PACKAGES
 
 
 class Record(BaseModel):
@@ -19,9 +24,78 @@ class Record(BaseModel):
 class Quantity(Record):
     """A value with its unit and its 95 % interval."""
 
-    value: float
+    value: float = Field(allow_inf_nan=False)
     unit: str
     interval_95: tuple[float, float]
+
+
+class StateError(Record):
+    """Error and deviation of one state; dataset counts from 0 in the order given."""
+
+    dataset: int
+    state: int
+    current_A: float | None
+    field_mT: float
+    error_mm: float
+    deviation_mm: float
+
+
+class Stability(Record):
+    """Drucker's criterion: met over the stretches reached, and up to which stretch (null: no limit met)."""
+
+    criterion: str
+    stable_up_to_stretch: float | None
+    checked_up_to_stretch: float
+
+
+class GenerationRecord(Record):
+    """One generation of the search: the best of all so far, the mean of its own valid candidates."""
+
+    run: int
+    best_mm: float
+    mean_mm: float
+    step_size: float
+    axis_ratio: float
+    discarded: int
+
+    @staticmethod
+    def of(generation: Generation) -> GenerationRecord:
+        """As the search has it."""
+        return GenerationRecord(**dataclasses.asdict(generation))
+
+
+class RunRecord(Record):
+    """One run of CMA-ES, and why it stopped."""
+
+    population: int
+    step_size: float
+    generations: int
+    best_mm: float
+    stop: str
+
+
+class ReplicateRecord(Record):
+    """A law fitted to one bootstrap replicate of the data; parameters in the units of the fit."""
+
+    replicate: int
+    parameters: dict[str, float]
+    initial_shear_modulus_Pa: float
+    mean_error_mm: float
+    evaluations: int
+    stop: str
+    wall_s: float
+
+
+class BootstrapRecord(Record):
+    """The fit repeated on replicates of the data: states drawn again, with replacement.
+
+    interval_95: percentiles of the initial shear modulus (Efron and Tibshirani 1993, An Introduction to the Bootstrap,
+    section 13.3), null where there are too few replicates to have any.
+    """
+
+    drawn: Literal["states"] = "states"
+    initial_shear_modulus_interval_95_Pa: tuple[float, float] | None
+    replicates: tuple[ReplicateRecord, ...]
 
 
 class DirectionRecord(Record):
@@ -138,78 +212,146 @@ class DoubtRecord(Record):
     words: str
 
 
-@dataclass(frozen=True)
-class FileCurve(TensileCurve):
-    """A tensile curve from a file, up to a largest strain (None: the whole curve)."""
+class LawRecord(Record):
+    """What every fit says of its law, whatever it was fitted to."""
 
-    path: str = ""
-    sha256: str = ""
-    window_percent: float | None = None
+    model: str
+    parameters: dict[str, Quantity]
+    initial_shear_modulus: Quantity
+    max_stretch: float
+    stability: Stability
+    versions: dict[str, str]
 
+    @model_validator(mode="after")
+    def _is_a_law(self) -> Self:
+        if self.model not in LAWS:
+            raise ValueError(f"model {self.model!r} should be one of {', '.join(LAWS)}")
+        names = LAWS[self.model].parameter_names
+        if tuple(self.parameters) != names:
+            raise ValueError(f"parameters of {self.model} should be {', '.join(names)}, in this order")
+        if not self.initial_shear_modulus.value > 0:
+            raise ValueError(f"initial shear modulus {self.initial_shear_modulus.value:g} Pa should be above 0")
+        return self
 
-def curves(fit: Fit) -> tuple[CurveRecord, ...]:
-    """What is written down of the tensile curves of a fit, which come from files."""
-    found = []
-    for evidence, rmse in zip(fit.curves, fit.curve_rmse_Pa, strict=True):
-        curve = evidence.curve
-        if isinstance(curve, FileCurve):
-            found.append(
-                CurveRecord(
-                    path=curve.path,
-                    sha256=curve.sha256,
-                    window_percent=curve.window_percent,
-                    weight=curve.weight,
-                    rows=len(curve.strain),
-                    correlation_rows=evidence.correlation_rows,
-                    rmse_alone_Pa=evidence.noise_Pa,
-                    rmse_Pa=rmse,
-                )
-            )
-    return tuple(found)
+    def values(self) -> list[float]:
+        """The parameters in the law's order."""
+        return [quantity.value for quantity in self.parameters.values()]
 
+    def modulus_in_words(self) -> str:
+        """The initial shear modulus with its interval."""
+        modulus = self.initial_shear_modulus
+        low, high = modulus.interval_95
+        return f"{modulus.value:.0f} Pa [{low:.0f}, {high:.0f}]"
 
-def identifiability(fit: Fit) -> Identifiability:
-    """What is written down of what the data fix."""
-    worth = fit.uncertainty
-    return Identifiability(
-        statement=worth.statement,
-        not_fixed=worth.not_fixed,
-        at_bound=fit.at_bound,
-        residual_mm=worth.noise_mm,
-        correlation_points=worth.correlation_points,
-        points=worth.points,
-        independent_points=worth.independent_points,
-        names=worth.names,
-        correlation=tuple(tuple(float(x) for x in row) for row in worth.correlation),
-        directions=tuple(DirectionRecord(words=d.words, remaining=d.remaining) for d in worth.directions),
-        profiled=worth.profiled,
-    )
+    def notes(self) -> list[str]:
+        """What the fit is worth, in sentences."""
+        return []
+
+    def to_pandas(self) -> Any:
+        """pandas.DataFrame of parameters and initial shear modulus with intervals. Raises ImportError."""
+        return parameters_frame(self)
+
+    def _repr_html_(self) -> str:
+        return fit_html(self, self.notes())
 
 
-def freed(fit: Fit) -> tuple[FreedRecord, ...]:
-    """What is written down of the nuisances."""
-    return tuple(
-        FreedRecord(
-            name=value.name,
-            dataset=value.dataset,
-            deviation=Quantity(value=value.value, unit=value.unit, interval_95=value.interval),
-            prior_standard_deviation=value.prior_spread,
+class FitRecord(LawRecord):
+    """A law identified from datasets of a bending beam.
+
+    held_out_error_mm: mean error of states left out of the fit.
+    """
+
+    kind: Literal["bending"] = "bending"
+    mean_error_mm: float
+    mean_deviation_mm: float
+    by_state: tuple[StateError, ...]
+    evaluations: int
+    generations: int
+    discarded: Discarded
+    polish: PolishRecord
+    stop: str
+    wall_s: float
+    identifiability: Identifiability
+    bulk_modulus: Quantity | None
+    freed: tuple[FreedRecord, ...]
+    tensile: tuple[CurveRecord, ...]
+    mesh: MeshRecord
+    held_out_error_mm: float
+    doubts: tuple[DoubtRecord, ...]
+    datasets: tuple[DatasetReference, ...]
+    seed: int
+    runs: tuple[RunRecord, ...]
+    history: tuple[GenerationRecord, ...]
+    bootstrap: BootstrapRecord | None = None
+
+    def fitted_to(self) -> Literal["bending", "bending and tensile"]:
+        """Whether tensile curves had a say."""
+        return "bending and tensile" if self.tensile else "bending"
+
+    def summary(self) -> str:
+        """One line: law, initial shear modulus with its interval, mean error."""
+        return (
+            f"{self.model}: initial shear modulus {self.modulus_in_words()}, "
+            f"mean error {1e3 * self.mean_error_mm:.2f} µm"
         )
-        for value in fit.uncertainty.freed
-    )
+
+    def notes(self) -> list[str]:
+        """Error and deviation, and what the data fix."""
+        error, deviation = 1e3 * self.mean_error_mm, 1e3 * self.mean_deviation_mm
+        return [f"Mean error {error:.3g} µm, mean deviation {deviation:.3g} µm.", self.identifiability.statement]
 
 
-def bulk_modulus(fit: Fit) -> Quantity | None:
-    """What is written down of the bulk modulus: nothing where it was not freed."""
-    ends = fit.uncertainty.bulk_modulus_Pa
-    if fit.bulk_modulus_Pa is None or ends is None:
-        return None
-    return Quantity(value=fit.bulk_modulus_Pa, unit="Pa", interval_95=(float(ends[0]), float(ends[1])))
+class TensileSource(Record):
+    """The tensile test that was fitted, by its content."""
+
+    path: str
+    sha256: str
+    material: str | None
 
 
-def mesh(fit: Fit) -> MeshRecord:
-    """What is written down of the mesh."""
-    change, left = fit.uncertainty.mesh_change, fit.uncertainty.mesh_left
-    return MeshRecord(
-        change_percent=None if change is None else 100 * change, left_percent=None if left is None else 100 * left
-    )
+class TensileRecord(LawRecord):
+    """A law fitted to a window of a tensile test.
+
+    window_percent: largest engineering strain asked for (null: the whole curve); max_stretch: largest one there was;
+    correlation: of the parameters' errors, a row each, null in files of earlier releases; not_fixed: parameters whose
+    interval holds zero or is the range
+    of the search.
+    """
+
+    kind: Literal["tensile"] = "tensile"
+    window_percent: float | None
+    residuals: Literal["absolute", "relative"]
+    rmse_Pa: float
+    rows: int
+    rows_left_out: int
+    correlation_rows: float
+    correlation: tuple[tuple[float, ...], ...] | None = None
+    not_fixed: tuple[str, ...]
+    source: TensileSource
+
+    def window(self) -> str:
+        """The window in words: `50 %` or `full`."""
+        return "full" if self.window_percent is None else f"{self.window_percent:g} %"
+
+    def summary(self) -> str:
+        """One line: law, window, initial shear modulus with its interval, RMSE, stability."""
+        limit = self.stability.stable_up_to_stretch
+        stable = "" if limit is None else f", stable up to a stretch of {limit:.2f} only"
+        if limit == 1.0:
+            stable = ", not stable at any stretch"
+        return (
+            f"{self.model}, window {self.window()}: initial shear modulus {self.modulus_in_words()}, "
+            f"RMSE {1e-3 * self.rmse_Pa:.3g} kPa over {self.rows} rows{stable}"
+        )
+
+    def notes(self) -> list[str]:
+        """Window and misfit, and what the curve does not fix."""
+        loose = f"The curve does not fix {', '.join(self.not_fixed)}." if self.not_fixed else ""
+        misfit = f"Window {self.window()}: RMSE {1e-3 * self.rmse_Pa:.3g} kPa over {self.rows} rows."
+        return [misfit, loose] if loose else [misfit]
+
+
+def package_versions() -> dict[str, str]:
+    """Python and the packages that a number depends on."""
+    packages = {package: version(package) for package in PACKAGES}
+    return {"python": platform.python_version(), **packages}

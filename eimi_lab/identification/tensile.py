@@ -23,7 +23,7 @@ from eimi_fitting.tensile import CannotFit, fit_tensile
 from eimi_lab.config.reading import read_text
 from eimi_lab.dataset.tables import Row, read_table
 from eimi_lab.errors import InputError
-from eimi_lab.identification.fits import Quantity, Stability, TensileRecord, TensileSource, package_versions
+from eimi_lab.identification.records import Quantity, Stability, TensileRecord, TensileSource, package_versions
 
 Array = NDArray[np.float64]
 

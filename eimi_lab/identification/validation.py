@@ -23,9 +23,9 @@ from eimi_fitting.experiment import Comparison, Experiment, compare
 from eimi_fitting.materials import LAWS
 from eimi_fitting.mesh_error import mesh_corrected
 from eimi_lab.errors import InputError
-from eimi_lab.identification.assumed import assumed
+from eimi_lab.identification.assumptions import assumptions_of
 from eimi_lab.identification.experiments import Evidence
-from eimi_lab.identification.fits import FitRecord, Quantity, Record, StateError, TensileRecord
+from eimi_lab.identification.records import FitRecord, Quantity, Record, StateError, TensileRecord
 from eimi_lab.outputs import whole_file
 from eimi_lab.tables import data_frame, html_table
 
@@ -40,12 +40,12 @@ class FitReference(Record):
 
     path: str
     index: int
-    kind: Literal["bending", "tensile"]
+    kind: Literal["bending", "bending and tensile", "tensile"]
     window_percent: float | None
 
     def kind_in_words(self) -> str:
-        """`bending`, `tensile 50 %` or `tensile full`."""
-        if self.kind == "bending":
+        """`bending`, `bending and tensile`, `tensile 50 %` or `tensile full`."""
+        if self.kind != "tensile":
             return self.kind
         return "tensile full" if self.window_percent is None else f"tensile {self.window_percent:g} %"
 
@@ -112,7 +112,7 @@ def validate(evidence: Evidence, fit: FitRecord | TensileRecord, path: Path, ind
     candidates = _across_interval(fit)
 
     def simulated(parameters: Array, experiments: Sequence[Experiment]) -> Comparison:
-        beside = assumed(fit, evidence, len(parameters))
+        beside = assumptions_of(fit, evidence, len(parameters))
         settings = [beside.setting] if beside.setting else None
         return compare(
             LAWS[fit.model], parameters, experiments, bulk_modulus_Pa=beside.bulk_modulus_Pa, settings=settings
@@ -131,7 +131,7 @@ def validate(evidence: Evidence, fit: FitRecord | TensileRecord, path: Path, ind
         fit=FitReference(
             path=str(path),
             index=index,
-            kind=fit.kind,
+            kind=fit.fitted_to() if isinstance(fit, FitRecord) else fit.kind,
             window_percent=fit.window_percent if isinstance(fit, TensileRecord) else None,
         ),
         initial_shear_modulus=fit.initial_shear_modulus,

@@ -7,10 +7,12 @@ threads add up would change the last digits.
 
 from __future__ import annotations
 
+import asyncio
 import multiprocessing
 import os
 import platform
 import signal
+import struct
 import sys
 import threading
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
@@ -39,6 +41,7 @@ def one_thread_each() -> None:
 def executor_for(workers: int, scheduler: str | None) -> Callable[[], AbstractContextManager[Executor]] | None:
     """What `--workers` and `--scheduler` ask for; None is this process. Raises InputError for both at once."""
     if scheduler is None:
+        workers = min(workers, os.cpu_count() or 1)  # more would wait for each other, and need the memory
         return partial(processes, workers) if workers > 1 else None
     if workers > 1:
         raise InputError(
@@ -123,10 +126,11 @@ def cluster(address: str) -> Iterator[Executor]:
     try:
         from distributed import Client, KilledWorker
     except ImportError as error:
-        raise InputError("--scheduler needs dask.distributed: pip install 'eimi-lab[cluster]'") from error
+        raise InputError(f"--scheduler {address}: needs dask.distributed: pip install 'eimi-lab[cluster]'") from error
     try:
+        asyncio.run(asyncio.wait_for(_greet(address), _ANSWER_S))
         client = Client(address, timeout=_ANSWER_S)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, MemoryError, struct.error) as error:  # another service's answer read as dask's
         raise InputError(f"--scheduler {address}: no dask scheduler answers there (such as tcp://host:8786)") from error
     with client:
         _check_versions(client, address)
@@ -139,6 +143,13 @@ def cluster(address: str) -> Iterator[Executor]:
             ) from error
         finally:
             pool.shutdown(wait=False)
+
+
+async def _greet(address: str) -> None:
+    """A client waits for ever for the greeting of a service that is none of dask's; this may be given up."""
+    from distributed.comm import connect
+
+    await (await connect(address)).close()
 
 
 def _check_versions(client: object, address: str) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from eimi_fitting.observation import EdgeObservation, PointObservation
 from eimi_lab.dataset.reading import Dataset
 from eimi_lab.identification.experiments import Evidence
-from eimi_lab.identification.fits import FitRecord
+from eimi_lab.identification.records import FitRecord
 from eimi_lab.report.shown import ShownFit
 from eimi_lab.report.simulation import Simulated
 from eimi_lab.vision.beam_frame import BeamFrame

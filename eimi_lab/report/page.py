@@ -12,8 +12,9 @@ from jinja2 import Environment, select_autoescape
 
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.identification.experiments import Evidence
-from eimi_lab.identification.fits import FitRecord, Quantity, TensileRecord, comparison
-from eimi_lab.identification.remarks import remarks
+from eimi_lab.identification.fit_summary import remarks
+from eimi_lab.identification.fits import comparison
+from eimi_lab.identification.records import FitRecord, Quantity, TensileRecord
 from eimi_lab.identification.validation import Validation
 from eimi_lab.identification.validation_tables import error_in_words, micrometres
 from eimi_lab.outputs import whole_file

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from eimi_lab.identification.fits import FitRecord, TensileRecord, read_any_fits
+from eimi_lab.identification.fits import read_any_fits
+from eimi_lab.identification.records import FitRecord, TensileRecord
 
 # Okabe and Ito's palette, told apart by readers with any colour vision (jfly.uni-koeln.de/color, 2008).
 _PALETTE = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", "#000000", "#F0E442")
@@ -49,5 +50,5 @@ def sections_of(fit: FitRecord) -> tuple[str, ...]:
 def _origin(fit: FitRecord | TensileRecord, several_sections: bool) -> str:
     if isinstance(fit, TensileRecord):
         return f"tensile {fit.window()}"
-    words = "bending and tensile" if fit.tensile else "bending"
+    words = fit.fitted_to()
     return f"{words}, {' and '.join(sections_of(fit))}" if several_sections else words

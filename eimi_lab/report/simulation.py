@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from eimi_fitting.materials import LAWS
 from eimi_fitting.observation import edge_curves, points_on
-from eimi_lab.identification.assumed import assumed
+from eimi_lab.identification.assumptions import assumptions_of
 from eimi_lab.identification.experiments import Evidence, load_evidence
-from eimi_lab.identification.fits import FitRecord
 from eimi_lab.identification.fitting import check_section
+from eimi_lab.identification.records import FitRecord
 from eimi_lab.identification.validation import Validation, validate
 from eimi_lab.report.shown import ShownFit, sections_of
 
@@ -72,7 +72,7 @@ def _own_section(shown: ShownFit, sha256: str) -> str | None:
 
 def _simulate(shown: ShownFit, evidence: Evidence, validation: Validation) -> Simulated:
     experiment = evidence.experiment
-    beside = assumed(shown.fit, evidence, 1)
+    beside = assumptions_of(shown.fit, evidence, 1)
     model = experiment.model.halved()  # what validation.json's errors are of
     shapes = model.solve(
         LAWS[shown.fit.model],

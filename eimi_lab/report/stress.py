@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from eimi_fitting.materials import LAWS
 from eimi_fitting.tensile import engineering_stress
 from eimi_lab.errors import InputError
-from eimi_lab.identification.fits import FitRecord, TensileRecord
+from eimi_lab.identification.records import FitRecord, TensileRecord
 from eimi_lab.identification.tensile import read_tensile
 from eimi_lab.report.shown import ShownFit
 
@@ -81,7 +81,9 @@ def _curve(shown: ShownFit, strain: Array) -> StressCurve:
 
 
 def _half_width_of(fit: TensileRecord, strain: Array) -> Array:
-    """(m,): half of the 95 % interval of the stress, linearised in the parameters."""
+    """(m,): half of the 95 % interval of the stress, linearised in the parameters; NaN without their correlation."""
+    if fit.correlation is None:
+        return np.full(len(strain), np.nan)
     law, values = LAWS[fit.model], np.array(fit.values())
     half = np.array([0.5 * (q.interval_95[1] - q.interval_95[0]) for q in fit.parameters.values()])
     step = np.diag(1e-4 * np.maximum(np.abs(values), half))
@@ -115,8 +117,13 @@ def _ends_of(fit: FitRecord) -> list[Array]:
 
 
 def tensile_points(every: Sequence[ShownFit], largest_strain: float) -> tuple[list[TensilePoints], list[str]]:
-    """The tensile tests behind the fits, each once, and a sentence for each that is not there as it was fitted."""
-    points, missing = [], []
+    """The tensile tests behind the fits, each once, and a sentence for each thing that cannot be drawn."""
+    points = []
+    missing = [
+        f"{s.path} is of an earlier release and holds no correlation of the parameters: no band for {s.label}."
+        for s in every
+        if isinstance(s.fit, TensileRecord) and s.fit.correlation is None
+    ]
     sources = [(s.fit.source.path, s.fit.source.sha256) for s in every if isinstance(s.fit, TensileRecord)]
     sources += [(c.path, c.sha256) for s in every if isinstance(s.fit, FitRecord) for c in s.fit.tensile]
     for name, sha256 in dict.fromkeys(sources):

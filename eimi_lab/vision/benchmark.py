@@ -68,12 +68,16 @@ SWEEP = {
     "clipped back-light": replace(NOMINAL, background=1.2),
     "gamma 2.2": replace(NOMINAL, gamma=2.2),
 }
-# Silicone beside a magnet that is narrower than the beam, and its width in pixels.
+# Silicone beside a magnet that is narrower than the beam: its width in pixels, and by which share of it the magnet is
+# off the beam's middle.
 BESIDE = {
-    "1 px beside the magnet": (NOMINAL, 1.0),
-    "3 px beside the magnet": (NOMINAL, 3.0),
-    "3 px, silicone 30 %": (replace(NOMINAL, silicone_transmission=0.3), 3.0),
-    "3 px, blur 3 px": (replace(NOMINAL, blur_px=3.0), 3.0),
+    "1 px beside the magnet": (NOMINAL, 1.0, 0.0),
+    "3 px beside the magnet": (NOMINAL, 3.0, 0.0),
+    "3 px, silicone 30 %": (replace(NOMINAL, silicone_transmission=0.3), 3.0, 0.0),
+    "3 px, blur 3 px": (replace(NOMINAL, blur_px=3.0), 3.0, 0.0),
+    "0.5 px, hard": (CONDITIONS["hard"], 0.5, 0.0),
+    "0.5 px, hard, magnet off the middle by 0.7 of it": (CONDITIONS["hard"], 0.5, -0.7),
+    "0.5 px, hard, 40 000 electrons": (replace(CONDITIONS["hard"], full_well_e=40_000.0), 0.5, 0.0),
 }
 ANGLES_DEG = (-110.0, -75.0, -40.0, -10.0, 0.0, 3.0, 20.0, 55.0, 90.0, 110.0)
 FEW_ANGLES_DEG = (-75.0, 0.0, 3.0, 40.0)
@@ -160,14 +164,30 @@ def with_silicone_beside(magnet_px: float) -> SpecimenFile:
     return SpecimenFile(specimen=SPECIMEN.specimen, magnet=SPECIMEN.magnet.model_copy(update={"width_mm": width_mm}))
 
 
+def off_middle(beam: BentBeam, distance_mm: float) -> BentBeam:
+    """The beam with its magnet moved toward the right edge."""
+    assert beam.magnet is not None
+    across = beam.magnet[3] - beam.magnet[0]
+    return replace(beam, magnet=beam.magnet + distance_mm * across / np.linalg.norm(across))
+
+
 def measure(
-    optics: Optics, angles_deg: tuple[float, ...], frames: int, seed: int, specimen: SpecimenFile = SPECIMEN
+    optics: Optics,
+    angles_deg: tuple[float, ...],
+    frames: int,
+    seed: int,
+    specimen: SpecimenFile = SPECIMEN,
+    off_middle_mm: float = 0.0,
+    from_tip_mm: float = math.inf,
 ) -> list[dict[str, Any]]:
-    """Bias, RMS and time for each angle, over several frames of it."""
+    """Bias, RMS and time for each angle, over several frames of it.
+
+    off_middle_mm: of the magnet. from_tip_mm: only points no farther from the end of their edge count.
+    """
     rng = np.random.default_rng(seed)
     rows = []
     for angle in angles_deg:
-        beam = bend(specimen, angle)
+        beam = off_middle(bend(specimen, angle), off_middle_mm)
         scene = make_bent_scene(optics, CALIBRATION, specimen, beam)
         left: list[Array] = []
         right: list[Array] = []
@@ -179,21 +199,23 @@ def measure(
             begin = time.process_time()
             edges = find_edges(image, CALIBRATION, specimen)
             seconds.append(time.process_time() - begin)
-            errors = errors_px(edges, beam, CALIBRATION)
-            left.append(errors[0])
-            right.append(errors[1])
-            for error, side in zip(errors, (edges.left, edges.right), strict=True):
-                pulls.append(error / (side.sigma_mm * CALIBRATION.pixels_per_mm))
+            sides = zip(
+                errors_px(edges, beam, CALIBRATION), (edges.left, edges.right), (beam.left, beam.right), strict=True
+            )
+            for errors, (error, side, edge) in zip((left, right), sides, strict=True):
+                near = np.linalg.norm(side.points_mm - edge[-1], axis=1) < from_tip_mm
+                errors.append(error[near])
+                pulls.append(error[near] / (side.sigma_mm[near] * CALIBRATION.pixels_per_mm))
             flags |= {flag.name for flag in edges.flags}
         lefts, rights = np.concatenate(left), np.concatenate(right)
         rows.append(
             {
                 "angle": angle,
                 "points": len(lefts) // frames,
-                "left_bias": lefts.mean(),
-                "right_bias": rights.mean(),
-                "left_rms": np.sqrt((lefts**2).mean()),
-                "right_rms": np.sqrt((rights**2).mean()),
+                "left_bias": _mean(lefts),
+                "right_bias": _mean(rights),
+                "left_rms": math.sqrt(_mean(lefts**2)),
+                "right_rms": math.sqrt(_mean(rights**2)),
                 "worst": np.abs(np.concatenate([lefts, rights])).max(),
                 "pull": np.sqrt((np.concatenate(pulls) ** 2).mean()),
                 "ms": 1e3 * float(np.median(seconds)),
@@ -203,13 +225,18 @@ def measure(
     return rows
 
 
+def _mean(values: Array) -> float:
+    """NaN where a side gave no points."""
+    return float(values.mean()) if len(values) else math.nan
+
+
 def overall(rows: list[dict[str, Any]]) -> dict[str, float]:
     """Bias and RMS of each side, largest error, pull (also the least and largest of a row) and time over the rows
     of `measure`.
     """
-    summary = {name: float(np.mean([row[name] for row in rows])) for name in ("left_bias", "right_bias", "ms")}
+    summary = {name: float(np.nanmean([row[name] for row in rows])) for name in ("left_bias", "right_bias", "ms")}
     for name in ("left_rms", "right_rms", "pull"):
-        summary[name] = float(np.sqrt(np.mean([row[name] ** 2 for row in rows])))
+        summary[name] = float(np.sqrt(np.nanmean([row[name] ** 2 for row in rows])))
     pulls = [float(row["pull"]) for row in rows]
     return summary | {
         "worst": max(float(row["worst"]) for row in rows),
@@ -248,17 +275,24 @@ def measure_other(
     }
 
 
+def _print_overall(name: str, rows: list[dict[str, Any]]) -> None:
+    row = overall(rows)
+    pulls = f"{row['pull']:.2f} | {row['least_pull']:.2f} to {row['largest_pull']:.2f}"
+    print(f"| {name} | {_four(row)} | {row['worst']:.3f} | {pulls} | {row['ms']:.0f} |", flush=True)
+
+
 def main() -> None:
     cv2.setNumThreads(1)
     print("error along the normal, outward positive, px; pull: RMS of error over stated standard deviation")
     print("\n| condition | bias left | right | RMS left | right | largest | pull | of one angle | ms |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
-    cases = {name: (optics, SPECIMEN) for name, optics in (CONDITIONS | SWEEP).items()}
-    cases |= {name: (optics, with_silicone_beside(wide)) for name, (optics, wide) in BESIDE.items()}
-    for name, (optics, specimen) in cases.items():
-        row = overall(measure(optics, ANGLES_DEG, frames=4, seed=1, specimen=specimen))
-        pulls = f"{row['pull']:.2f} | {row['least_pull']:.2f} to {row['largest_pull']:.2f}"
-        print(f"| {name} | {_four(row)} | {row['worst']:.3f} | {pulls} | {row['ms']:.0f} |", flush=True)
+    for name, optics in (CONDITIONS | SWEEP).items():
+        _print_overall(name, measure(optics, ANGLES_DEG, frames=4, seed=1))
+    assert SPECIMEN.magnet is not None
+    long_mm = SPECIMEN.magnet.length_mm
+    for name, (optics, wide_px, share) in BESIDE.items():
+        off_mm = share * wide_px / CALIBRATION.pixels_per_mm
+        _print_overall(name, measure(optics, ANGLES_DEG, 4, 1, with_silicone_beside(wide_px), off_mm, long_mm))
     print("\n| nominal, tip angle | bias left | right | RMS left | right | largest | pull | ms |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     for row in measure(NOMINAL, ANGLES_DEG, frames=4, seed=1):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -48,8 +49,8 @@ class Board:
             raise ValueError(f"a board of {self.columns} x {self.rows} should have 4 to 60 columns and rows")
         if self.kind == "charuco" and self.columns * self.rows > 2 * max(_DICTIONARIES):
             raise ValueError(f"a charuco board of {self.columns} x {self.rows} has more than 1000 markers")
-        if not self.square_mm > 0.0:
-            raise ValueError(f"square_mm = {self.square_mm:g} should be greater than 0")
+        if not 0.0 < self.square_mm < math.inf:
+            raise ValueError(f"square_mm = {self.square_mm:g} should be a finite number greater than 0")
 
     def find(self, image: NDArray[Any]) -> tuple[Array, Array] | None:
         """Points on the board (n, 2) in mm, x along its rows and y down, and in the image (n, 2) in px.

@@ -19,6 +19,7 @@ MOST_POINTS = 100  # a side
 _FEWEST_POINTS = 8  # a side: below, there is nothing to fit a curve to
 _FEWEST_OF_TIP = 3
 _TIP_SPACING_PX = 2.0
+_TIP_PIECES = 8  # at least, however narrow the tip: those next to its corners are no clean steps
 _FIRST_BLUR_PX = 1.2  # where the fit of the blur starts
 _COARSE_HALF_PX = 10.0  # half length of a profile while the edge is known to a pixel and its blur is not
 _COARSE_MARGIN_PX = 8.0  # left out at the ends of an edge meanwhile
@@ -111,7 +112,8 @@ def first_pass(
             return None
         curve = _smooth(middle, width_px)
         curves.append(curve)
-        places.append(_places(0.0, curve.length, spacing_px if len(curves) != 2 else _TIP_SPACING_PX))
+        spacing = min(_TIP_SPACING_PX, curve.length / _TIP_PIECES) if len(curves) == 2 else spacing_px
+        places.append(_places(0.0, curve.length, spacing))
     return _locate(image, curves, places, (-hand, -hand, hand), stations(inner, half), _FIRST_BLUR_PX, _FEWEST_OF_TIP)
 
 

@@ -109,7 +109,9 @@ def fit_steps(
     eliminated profile by profile from the normal equations of the blur. blur_px: where to start. usable: (n,)
     profiles that may speak for the blur. A profile with a cover has two steps: from dark to the silicone's share of
     the bright plateau, as far inside the edge as the cover is wide, and from there to the bright plateau. The widths
-    of the covers are shared as the blur is, and held to what is believed of them by their tolerances.
+    of the covers are shared as the blur is, and held to what is believed of them by their tolerances. Where what is
+    left over of a cover's profiles is alike by more than noise (a back-light that is uneven there), its width is that
+    much less certain, up to its tolerance.
     """
     u = stations_px
     span = float(u[-1] - u[0])
@@ -176,8 +178,12 @@ def fit_steps(
     height = np.where(sound, height, 1.0)
     residual = np.sqrt((left_over**2).mean(axis=1)) / height
     sensitivity = height * np.sqrt(np.maximum(inverse[:, 2, 2], 0.0))
-    uncertain = noise * np.diag(np.linalg.inv(normal))
-    common_px = np.sqrt(follow[:, 2, 1:] ** 2 @ uncertain[1:])
+    uncertain = noise * np.diag(np.linalg.inv(normal))[1:]
+    for number in range(len(cover.width_px)):
+        alike = left_over[(cover.group == number) & good]
+        if len(alike) and noise > 0.0:
+            uncertain[number] *= max(1.0, len(alike) * float((alike.mean(axis=0) ** 2).mean()) / noise)
+    common_px = np.sqrt(follow[:, 2, 1:] ** 2 @ np.minimum(uncertain, cover.tolerance_px**2))
     sound &= np.isfinite(offset + residual + sensitivity + common_px)
     return Steps(offset, dark, bright, blur, residual, sensitivity, common_px, sound)
 

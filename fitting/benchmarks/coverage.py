@@ -2,9 +2,9 @@
 
 cd fitting && python -m benchmarks.coverage [REPLICATES] [SEED]
 
-Each replicate is a measurement of its own: edges of a known material, simulated on 40 x 4 elements where the fit has
-26 x 3, with fresh noise, and the whole identification. The noise is white noise and noise that hangs together along the
-edge with an exponential correlation, as blur, light and threshold give it, in equal parts.
+Each replicate is a measurement of its own: edges of a known material, simulated on 80 x 10 elements where the fit has
+26 x 3 and at its end 52 x 6, with fresh noise, and the whole identification. The noise is white noise and noise that
+hangs together along the edge with an exponential correlation, as blur, light and threshold give it, in equal parts.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ CASES = (
 
 def true_edges(case: Case) -> Array:
     """(K, 2, m, 2): edges without noise."""
-    model = BeamModel(SPECIMEN, 40, 4)
+    model = BeamModel(SPECIMEN, 80, 10)
     shapes = model.solve(LAWS[case.model], np.array([case.parameters]), Loads.along(FIELD_MT))
     assert shapes.converged[0]
     return points_on(edge_curves(model, shapes)[0], 3)[:, :, 4:-4]

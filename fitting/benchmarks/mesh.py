@@ -64,7 +64,7 @@ def draw(percent: np.ndarray, path: str) -> None:
         chosen = [(n * a, e) for (n, a), e in zip(MESHES, percent, strict=True) if a == across]
         axes.loglog(*zip(*chosen, strict=True), "o-", label=f"{across} across")
     for (n, a), e in zip(MESHES, percent, strict=True):
-        axes.annotate(f"{n} × {a}", (n * a, e), (5, -12 if a == 2 else 5), textcoords="offset points", fontsize=8)
+        axes.annotate(f"{n} × {a}", (n * a, e), (9, -3) if a == 2 else (5, 5), textcoords="offset points", fontsize=8)
     axes.set_xlabel("elements")
     axes.set_ylabel("tip off by, % of the deflection")
     axes.set_xlim(right=500)

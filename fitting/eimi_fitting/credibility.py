@@ -23,18 +23,24 @@ _OF_MEDIAN = 5.0
 
 
 class NotExplained(Exception):
-    """No candidate comes near the edges of one state; experiment and state count from 0."""
+    """No candidate comes near the edges of one state; experiment and state count from 0.
 
-    def __init__(self, experiment: int, state: int, error_mm: float, deflection_mm: float) -> None:
+    curves: it had to follow tensile curves as well, which may be what holds it off.
+    """
+
+    def __init__(
+        self, experiment: int, state: int, error_mm: float, deflection_mm: float, curves: bool = False
+    ) -> None:
         self.experiment, self.state = experiment, state
-        self._found = (experiment, state, error_mm, deflection_mm)
+        self._found = (experiment, state, error_mm, deflection_mm, curves)
         super().__init__(
             f"the best candidate is {error_mm:.3g} mm off, where the beam moves by {deflection_mm:.3g} mm at most: "
-            "no material explains this; check that state's edges, the sign of the field, the scale of the picture, "
-            "and specimen and calibration"
+            f"no material explains this{' and the tensile curves' if curves else ''}; check that state's edges, the "
+            "sign of the field, the scale of the picture, and specimen and calibration"
+            + (", and material, unit and weight of the curves" if curves else "")
         )
 
-    def __reduce__(self) -> tuple[type[NotExplained], tuple[int, int, float, float]]:
+    def __reduce__(self) -> tuple[type[NotExplained], tuple[int, int, float, float, bool]]:
         """An error with more than words has to say how another process is told of it."""
         return NotExplained, self._found
 
@@ -54,7 +60,7 @@ def deflection_mm(experiment: Experiment) -> float:
     return float(experiment.observed.misfit(model, rest).error_mm.max())
 
 
-def check_explained(final: Comparison, experiments: Sequence[Experiment]) -> None:
+def check_explained(final: Comparison, experiments: Sequence[Experiment], curves: bool = False) -> None:
     """Raises NotExplained for the worst state of the first experiment that the law does not explain."""
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         error = misfit.error_mm[0]
@@ -64,7 +70,7 @@ def check_explained(final: Comparison, experiments: Sequence[Experiment]) -> Non
             limit = min(limit, _OF_WIDTH * experiment.model.specimen.width_mm)
         worst = int(np.argmax(error))
         if not error[worst] <= limit:
-            raise NotExplained(index, worst, float(error[worst]), moved)
+            raise NotExplained(index, worst, float(error[worst]), moved, curves)
 
 
 def doubts(final: Comparison, experiments: Sequence[Experiment]) -> list[tuple[int, int | None, str]]:

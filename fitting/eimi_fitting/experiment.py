@@ -48,8 +48,8 @@ class Experiment:
 class Comparison:
     """P candidates against every experiment.
 
-    error_mm, deviation_mm: (P, K of all experiments); valid: (P,) converged in all states and stable;
-    max_stretch: (P,); misfits: one an experiment.
+    error_mm, deviation_mm: (P, K of all experiments); unconverged: (P,) in any state; unstable: (P,) in any state, of
+    those that converged; max_stretch: (P,); misfits: one an experiment.
     """
 
     error_mm: Array

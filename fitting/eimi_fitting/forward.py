@@ -62,7 +62,7 @@ class BeamModel:
                 f"a {specimen.length_mm - flexible:g} mm magnet leaves nothing of a beam of {specimen.length_mm:g} mm"
             )
         if across is None:
-            across = max(1, round(0.5 * along * width / flexible))
+            across = max(1, round(0.5 * along * min(width / flexible, 1.0)))
         self.along, self.across = along, across
         self.grid = Grid(specimen, along, across)
         self.mesh = self.grid.mesh

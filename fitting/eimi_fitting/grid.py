@@ -34,6 +34,11 @@ def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Arra
     return np.concatenate([-side[::-1], middle[1:-1], side]), beside
 
 
+def _count(along: int, times: float) -> int:
+    """Elements along a part that is so many times as long as the flexible one, of its size but never without end."""
+    return max(2, min(round(along * times), 2 * along))
+
+
 class Grid:
     """mesh: the elements of silicone; its nodes cover the whole specimen, column by column from clamp to tip.
 
@@ -61,12 +66,12 @@ class Grid:
             over = np.array([self.block_mm[0]])
             if narrower:
                 y, beside = _across_magnet(width, magnet.width_mm, across)
-                count = max(2, round(along * magnet.length_mm / near))
+                count = _count(along, magnet.length_mm / near)
                 finer = _FINER_AT_MAGNET if covered else 0.0
                 over = graded(self.block_mm[0], count, 0.5 * width, _FINER_AT_MAGNET, finer)[1:]
             cap = np.zeros(0)
             if covered:
-                count = max(2, round(along * magnet.tip_offset_mm / near))
+                count = _count(along, magnet.tip_offset_mm / near)
                 cap = graded(magnet.tip_offset_mm, count, 0.5 * width, _FINER_AT_MAGNET, 0.0)[1:]
             x = np.concatenate([x, near + over, far + cap])
             inside = np.zeros((len(x) - 1, len(y) - 1), bool)

@@ -32,13 +32,11 @@ BOUNDS_VARIANCE = 1.0 / 12.0  # of a uniform distribution over the unit interval
 class Linearised:
     """About ``unit`` (n,), with the objective there.
 
-    Per experiment: residuals (K, G, m), slopes (n, K, G, m) mm, weights (K,) of w_k,
-    counts (K,) of points.
+    One an experiment: residuals (K, G, m) mm, slopes (n, K, G, m) mm, weights (K,) of w_k, counts (K,) of points.
 
-    taus: how many points of each experiment count as one; points: number of points; independent_points: N;
-    curves (m,) and curve_slopes (n, m): standardised residuals of the tensile curves; priors: those
-    of the freed nuisances; information, pull and prior:
-    A, B and P (n, n).
+    points: number of points; independent_points: N; noise_mm: residual standard deviation; curves (m,) and curve_slopes
+    (n, m): standardised residuals of the tensile curves; priors: those of the freed nuisances; information, pull and
+    prior: A, B and P (n, n).
     """
 
     unit: Array
@@ -47,7 +45,6 @@ class Linearised:
     slopes: tuple[Array, ...]
     weights: tuple[Array, ...]
     counts: tuple[Array, ...]
-    taus: tuple[float, ...]
     points: int
     independent_points: float
     noise_mm: float
@@ -109,7 +106,7 @@ def linearise(problem: Problem, unit: Array) -> Linearised:
     counted = independent_points(problem, misfits)
     scale = counted / (states * max(mean, 1e-12))
     information, pull = np.zeros((n, n)), np.zeros((n, n))
-    residuals, slopes, weights, counts, taus = [], [], [], [], []
+    residuals, slopes, weights, counts = [], [], [], []
     for misfit, experiment in zip(misfits, problem.experiments, strict=True):
         r, used = misfit.residuals[0], misfit.weights
         slope = (misfit.residuals[1 : n + 1] - misfit.residuals[n + 1 :]) / distance[:, None, None, None]
@@ -133,7 +130,6 @@ def linearise(problem: Problem, unit: Array) -> Linearised:
         slopes.append(slope)
         weights.append(weight)
         counts.append(count)
-        taus.append(tau)
     m = judged.standardised.shape[1] - len(problem.freed)
     z = judged.standardised[:, :m]
     curve_slopes = (z[1 : n + 1] - z[n + 1 :]) / distance[:, None]
@@ -156,7 +152,6 @@ def linearise(problem: Problem, unit: Array) -> Linearised:
         tuple(slopes),
         tuple(weights),
         tuple(counts),
-        tuple(taus),
         round(points),
         counted,
         float(np.sqrt(square / max(points, 1.0))),

@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 Kind = Literal["moment", "coil", "roll", "clamp"]
 
 UNITS: dict[Kind, str] = {"moment": "1", "coil": "1", "roll": "deg", "clamp": "mm"}
+# Standard deviations above which nothing is known: the field may have either sign, x and y may be swapped, the clamp
+# may be anywhere on the beam. Such a number is a slip, of percent for a share or of degrees for radians.
+LARGEST: dict[Kind, float] = {"moment": 0.5, "coil": 0.5, "roll": 45.0, "clamp": 10.0}
 RANGE = 6.0  # standard deviations either way that a unit coordinate spans
 
 
@@ -35,8 +38,9 @@ class Prior:
     def __post_init__(self) -> None:
         if self.kind not in get_args(Kind):
             raise ValueError(f"{self.kind}: should be one of {', '.join(get_args(Kind))}")
-        if not 0 < self.spread < np.inf:
-            raise ValueError(f"{self.kind}: a standard deviation of {self.spread:g} should be above 0")
+        largest = LARGEST[self.kind]
+        if not 0 < self.spread <= largest:
+            raise ValueError(f"{self.kind}: a standard deviation of {self.spread:g} should be in 0..{largest:g}")
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_AGREES = 0.2  # the rise differs by less than this share from the quadratic's: no profile is needed
-_THERE, _NEAR = 0.03, 0.1
-_MOST_ROUNDS = 8
+# Shares of the rise, which goes with the square of the half-width: a tenth of that is not worth a profile; an end is
+# found where it is good to 1.5 % of it, and taken as found where it is good to 5 % when the rounds are over.
+_AGREES, _THERE, _NEAR = 0.2, 0.03, 0.1
+_MOST_ROUNDS = 8  # each a batch of candidates; an end that is not found by then is left too far out, not too near
 
 # (P, n) -> rise of the objective (P,) above the optimum's, in the unit in which the curvature is one half of the second
 # derivative, infinite where a candidate is not valid; and the gradient (P, n) of half of it.

@@ -28,7 +28,7 @@ from eimi_fitting.profile import Ends, interval_ends, moved_to
 
 Array = NDArray[np.float64]
 
-_DRAWS = 4000
+_DRAWS = 4000  # a quantile of 2.5 % of so many is good to 2 % of its distance from the middle
 # A material is called compressible only where the objective has risen this many times as far as an interval's end asks,
 # when it is taken as incompressible: an error of the mesh as large as the noise looks like some compressibility.
 _PRETENDED = 10.0

@@ -193,6 +193,11 @@ def test_a_report_without_a_bending_fit_or_with_a_lost_curve(folder: Path) -> No
         assert "The tensile test is not drawn: curve.csv has changed since it was fitted." in page
     finally:
         (folder / "kept.csv").replace(folder / "curve.csv")
+    content = json.loads((folder / "tensile.json").read_text())
+    del content["fits"][0]["correlation"]  # as an earlier release wrote it
+    (folder / "earlier.json").write_text(json.dumps(content))
+    page = page_of(folder, "unseen.h5", "--fit", "earlier.json")
+    assert page.count("holds no correlation of the parameters: no band for neo-hookean, tensile 20 %.") == 1
     assert "Shaded" not in page
     assert "<h2>Search</h2>" not in page
 
@@ -285,9 +290,20 @@ def test_a_law_without_an_equilibrium_is_told_and_stops_nothing(folder: Path) ->
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (("train.h5", "--fit", "none.json", "-o", "v.json"), "none.json: cannot be read as fits.json"),
+        (("train.h5", "--fit", "none.json", "-o", "v.json"), "none.json: cannot be read (No such file or directory)"),
         (("none.h5", "--fit", "fits.json", "-o", "v.json"), "none.h5: no such file"),
-        (("train.h5", "--fit", "fits.json", "-o", "fits.json"), "fits.json: exists already"),
+        (("train.h5", "--fit", "fits.json", "-o", "tensile.json"), "tensile.json: exists already"),
+        (
+            ("train.h5", "--fit", "fits.json", "-o", "fits.json", "--force"),
+            "fits.json: cannot be written, it is in use",
+        ),
+        (("train.h5", "./train.h5", "--fit", "fits.json", "-o", "v.json"), "train.h5: is given twice"),
+        (
+            ("train.h5", "--fit", "earlier.json", "-o", "v.json"),
+            "earlier.json: fits.0.mesh: Field required; expected a "
+            "file that `eimi fit` or `eimi tensile` of this release wrote: if it is of an earlier one, fit again",
+        ),
+        (("train.h5", "--fit", "empty.json", "-o", "v.json"), "empty.json: fits: Tuple should have at least 1 item"),
         (
             ("train.h5", "--fit", "fits.json", "--section", "plane-strain", "-o", "v.json"),
             "fits.json: fits.0 took train.h5 as plane-stress, not plane-strain; give --section plane-stress",
@@ -295,7 +311,11 @@ def test_a_law_without_an_equilibrium_is_told_and_stops_nothing(folder: Path) ->
     ],
 )
 def test_bad_input_to_validate_is_one_line(folder: Path, arguments: tuple[str, ...], told: str) -> None:
+    content = json.loads((folder / "fits.json").read_text())
+    del content["fits"][0]["mesh"]
+    (folder / "earlier.json").write_text(json.dumps(content))
+    (folder / "empty.json").write_text('{"fits": []}')
     status, _, said = eimi("validate", *arguments, folder=folder)
-    assert status == 2
-    assert told in said.splitlines()[-1]
+    assert (status, said.count("\n")) == (2, 1)
+    assert told in said
     assert not (folder / "v.json").exists()

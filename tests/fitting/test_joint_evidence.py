@@ -144,7 +144,7 @@ def test_a_free_bulk_modulus_is_told_as_not_fixed_and_refused_in_plane_stress():
         identify("neo-hookean", [flat], free_bulk=True)
 
 
-# Of other kinds: tests/lab/test_fit_further.py
+# Of other kinds: tests/lab/test_fit_auxiliary.py
 GARBAGE = {
     "left for right": lambda p: p[:, ::-1],
     "wrong sign of the field": lambda p: p[:, ::-1] * [1, -1],

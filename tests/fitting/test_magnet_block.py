@@ -185,3 +185,10 @@ def test_candidates_do_not_feel_each_other_through_the_border():
     assert together.displacement[2] == pytest.approx(model.solve(NEO, MU, loads).displacement[0], abs=1e-7)
     assert together.converged.tolist()[1:] == [False, True, False, True, False]
     assert np.isfinite(together.displacement).all()
+
+
+@pytest.mark.parametrize("flexible_mm", [0.1, 1.0])
+def test_a_short_flexible_part_costs_no_endless_mesh(flexible_mm):
+    model = BeamModel(replace(with_magnet(2.0, 20.0), length_mm=24.0 + flexible_mm))
+    assert len(model.mesh.elements) < 1000
+    assert model.solve(NEO, MU, Loads.along(FIELDS)).converged[0]

@@ -125,6 +125,13 @@ def test_an_emulated_supply_is_served_until_ctrl_c(files: Path) -> None:
         assert server.wait(20) == 130
 
 
+def test_a_port_that_cannot_be_is_told_in_one_line(tmp_path: Path) -> None:
+    done = eimi("emulate", "scpi", "--tcp", "70000", cwd=tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "'--tcp'" in done.stderr
+    assert "65535" in done.stderr
+
+
 def test_instruments_always_has_an_answer(tmp_path: Path) -> None:
     done = eimi("instruments", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")

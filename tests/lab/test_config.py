@@ -122,7 +122,21 @@ def refuse(model: type[Document], shipped: Document, old: str, new: str) -> str:
         ("[specimen]", "[specimen", None),
         ("[magnet]", "[magnet]\ntip_offset_mm = -1.0", "magnet.tip_offset_mm = -1.0 should be greater than or equal"),
         ("[magnet]", "[magnet]\ntip_offset_mm = 26.0", "magnet.tip_offset_mm = 26 must leave a flexible part"),
-        ("section", "magnetisation_kA_per_m = [40.0]\nsection", "specimen.magnetisation_kA_per_m"),
+        (
+            "section",
+            "magnetisation_kA_per_m = [40.0]\nsection",
+            "specimen.magnetisation_kA_per_m should have more values than 1",
+        ),
+        (
+            "section",
+            "magnetisation_kA_per_m = [1, 2, 3]\nsection",
+            "specimen.magnetisation_kA_per_m = [1, 2, 3] should have at most 2 ",
+        ),
+        (
+            "section",
+            "magnetisation_kA_per_m = 40.0\nsection",
+            "specimen.magnetisation_kA_per_m = 40.0 should be a list in brackets",
+        ),
         (
             "section",
             "magnetisation_kA_per_m = [1600.0, 50.0]\nsection",
@@ -164,7 +178,7 @@ def test_a_bad_protocol_is_told_in_one_line(old: str, new: str, told: str) -> No
         ("field_angle_deg = 90.0", "field_angle_deg = 90 must lie across the beam"),
         ("pixels_per_cm = 80.0", "pixels_per_cm is not a known key; did you mean pixels_per_mm?"),
         ("distortion = [0.0, 0.0, 0.0, 0.0]", "camera_matrix and distortion belong together"),
-        ("clamp_midpoint_px = [64.0]", "clamp_midpoint_px.1 is missing"),
+        ("clamp_midpoint_px = [64.0]", "clamp_midpoint_px should have more values than 1"),
         ("telecentric = true\nstand_off_mm = 300.0", "stand_off_mm = 300 has no meaning beside telecentric"),
     ],
 )

@@ -148,6 +148,10 @@ def test_edges_come_back_and_replace_earlier_ones(files: Path, frame: Callable[.
     assert not list(files.glob(".run*"))
     with pytest.raises(ValueError, match="1 edge sets for 3 states"):
         write_edges(path, [edge_set(1)])
+    with DatasetWriter.resume(path) as writer:
+        writer.append_state([Frame(frame(30), 130, 3.0)], current_A=0.3, field_mT=1.41)
+    with open_dataset(path) as dataset:
+        assert dataset.edges() is None  # those of three states are not those of four
 
 
 def test_a_flipped_bit_in_a_frame_is_noticed(files: Path, frame: Callable[..., np.ndarray]) -> None:
@@ -164,9 +168,45 @@ def test_a_flipped_bit_in_a_frame_is_noticed(files: Path, frame: Callable[..., n
         dataset.images(0)
         with pytest.raises(InputError, match=r"run\.h5: frame 1 of the 2 of state 1 .* is damaged"):
             dataset.images(1)
-    with pytest.raises(InputError, match=r"[^.]run\.h5: frame 1 of the 2 of state 1 .* is damaged"):
+    said: list[str] = []
+    assert recover(path, files / "whole.h5", say=said.append) == 2
+    assert len(said) == 1
+    assert "run.h5: damaged frames left out: 1, of state 1 " in said[0]
+    with open_dataset(path) as dataset, open_dataset(files / "whole.h5") as whole:
+        np.testing.assert_array_equal(whole.images(0), dataset.images(0))
+        np.testing.assert_array_equal(whole.images(1), [frame(10)])
+        assert whole.states[1].measured_A == pytest.approx(0.101)
+        assert [flag.name for flag in whole.states[1].flags] == ["NOT_SETTLED", "DROPPED"]
+
+
+def test_damaged_tables_are_told_in_one_line(files: Path, frame: Callable[..., np.ndarray]) -> None:
+    path = files / "run.h5"
+    write_states(path, files, frame, 2)
+    with h5py.File(path, "r") as file:
+        where = file["entry/states/field"].id.get_chunk_info(0)
+    with path.open("r+b") as raw:
+        raw.seek(where.byte_offset)
+        raw.write(bytes([255]) * where.size)
+    with pytest.raises(InputError, match=r"run\.h5: the tables of its states are damaged \(.+\); take another copy"):
         recover(path, files / "whole.h5")
     assert not (files / "whole.h5").exists()
+
+
+def test_a_state_that_lost_every_frame_keeps_its_place(files: Path, frame: Callable[..., np.ndarray]) -> None:
+    path = files / "run.h5"
+    write_states(path, files, frame, 3)
+    with h5py.File(path, "r") as file:
+        chunks = [file["entry/data/frames"].id.get_chunk_info(row) for row in (2, 3)]
+    with path.open("r+b") as raw:
+        for chunk in chunks:
+            raw.seek(chunk.byte_offset)
+            raw.write(bytes(chunk.size))
+    assert recover(path, path, force=True, say=lambda line: None) == 3
+    with open_dataset(path) as whole:
+        assert [flag.name for flag in whole.states[1].flags] == ["NOT_SETTLED", "DROPPED"]
+        assert whole.images(1).shape[0] == 1
+        assert not whole.images(1).any()
+        np.testing.assert_array_equal(whole.images(2), [frame(20), frame(21)])
 
 
 WRITE_AND_DIE = """

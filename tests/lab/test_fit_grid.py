@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import resource
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -25,10 +27,12 @@ from eimi_fitting.materials import LAWS
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.points import Load, TrackedPoints, write_points
+from eimi_lab.errors import InputError
 from eimi_lab.identification.experiments import load_evidence
-from eimi_lab.identification.fits import FitRecord, read_fits
+from eimi_lab.identification.fits import read_any_fits
 from eimi_lab.identification.grid import fit_grid, grid
-from eimi_lab.identification.workers import cluster, completed, processes
+from eimi_lab.identification.records import FitRecord
+from eimi_lab.identification.workers import cluster, completed, executor_for, processes
 
 Run = Callable[..., tuple[int, str]]
 
@@ -85,7 +89,7 @@ def test_a_grid_on_two_workers_is_that_of_one(beams: Path, tmp_path: Path, run: 
     assert status == 0, said
     assert "fit 8/8: " in said
     assert read(tmp_path / "one.json") == read(tmp_path / "two.json")
-    fits = read_fits(tmp_path / "two.json")
+    fits = read_any_fits(tmp_path / "two.json")
     assert [(Path(f.datasets[0].path).name, f.seed) for f in fits] == [(d.name, s) for d in data for s in (1, 2)]
     for fit in fits:
         assert fit.initial_shear_modulus.value == pytest.approx(MODULUS_PA, rel=0.01)
@@ -194,6 +198,43 @@ def generations(path: Path) -> int:
     return path.read_bytes().count(b'"generation":') if path.exists() else 0
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_fit_that_is_stopped_says_so_in_one_line_and_takes_its_workers_along(
+    beams: Path, tmp_path: Path, workers: int, number: signal.Signals
+) -> None:
+    fit = ["fit", beams / "first.h5", "--model", "ogden", "--seed", 1, "--seed", 2, "--restarts", 5]
+    fit += ["--workers", workers, "--checkpoint", "log.jsonl", "-o", "fits.json"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "eimi_lab", *map(str, fit)],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a test run in the background ignores it
+    )
+    while process.poll() is None and generations(tmp_path / "log.jsonl") < 1:
+        time.sleep(0.002)
+    os.killpg(process.pid, number)
+    said = process.communicate(timeout=60)[1]  # to the end: as long as any of its processes is there
+    assert (process.returncode, said.decode()) == (128 + number, f"eimi: stopped by {number.name}\n")
+    assert not (tmp_path / "fits.json").exists()
+
+
+@pytest.mark.parametrize(("checkpoint", "told"), [([], "fits.json"), (["--checkpoint", "log.jsonl"], "log.jsonl")])
+def test_a_full_disk_is_one_line_with_the_file(beams: Path, tmp_path: Path, checkpoint: list[str], told: str) -> None:
+    fit = ["fit", str(beams / "first.h5"), "--model", "neo-hookean", *checkpoint, "-o", "fits.json"]
+    done = subprocess.run(
+        [sys.executable, "-m", "eimi_lab", *fit],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)),  # of every file, as a full disk
+    )
+    assert (done.returncode, done.stderr.splitlines()[-1]) == (1, f"eimi: [Errno 27] File too large: '{told}'")
+    assert "Traceback" not in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == checkpoint[1:]
+
+
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_fit_killed_again_and_again_ends_as_if_it_had_not_been(beams: Path, tmp_path: Path, workers: int) -> None:
     fit = ["fit", beams / "first.h5", "--model", "neo-hookean", "--seed", 1, "--seed", 2, "--restarts", 1, "--bipop"]
@@ -242,7 +283,7 @@ def test_what_cannot_be_resumed_is_told_in_one_line(beams: Path, tmp_path: Path,
         assert not output.exists()
         return said
 
-    assert "log.jsonl: exists already" in refused()
+    assert "log.jsonl: exists already; --resume goes on with it" in refused()
     assert "its restarts should be the same to resume, is 0 there and 2 here" in refused("--resume", "--restarts", 2)
     assert "its fits should be the same" in refused("--resume", "--seed", 2)
     assert "--workers 2: the cluster" in refused("--resume", "--workers", 2, "--scheduler", "tcp://localhost:1")
@@ -253,6 +294,12 @@ def test_what_cannot_be_resumed_is_told_in_one_line(beams: Path, tmp_path: Path,
     assert "cannot be resumed here: generation 1 does not lead where it led" in refused("--resume")
     log.write_text(written.replace('"generation":3', '"generation":"x"'))
     assert "whole line 4: generation" in refused("--resume")
+    log.write_text(written.replace('"fit":0', '"fit":1'))
+    assert "whole line 2: fit: 1 should be from 0 to 0" in refused("--resume")
+    log.unlink()
+    log.symlink_to("none/log.jsonl")
+    assert "log.jsonl: cannot be written as a checkpoint (No such file or directory)" in refused()
+    log.unlink()
     log.write_text("something else")
     assert "log.jsonl: does not begin as a checkpoint" in refused("--resume")
     status, said = run("fit", beams / "first.h5", "--model", "neo-hookean", "-o", output, "--resume")
@@ -266,6 +313,32 @@ def test_too_few_states_are_not_drawn_from(beams: Path, tmp_path: Path, run: Run
     )
     assert status == 2
     assert "first.h5: 5 states; --bootstrap draws states and needs at least 6" in said
+
+
+def test_there_are_no_more_workers_than_processors(monkeypatch: Any) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: 3)
+    chosen = executor_for(1000, None)
+    assert isinstance(chosen, partial)
+    assert chosen.args == (3,)
+
+
+@pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n"])
+def test_a_service_that_is_no_scheduler_is_not_waited_for(answer: bytes, monkeypatch: Any) -> None:
+    pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'eimi-lab[cluster]'")
+    monkeypatch.setattr("eimi_lab.identification.workers._ANSWER_S", 1)
+    with socket.create_server(("127.0.0.1", 0)) as service:
+
+        def serve() -> None:
+            connection, _ = service.accept()
+            with connection:
+                connection.sendall(answer)
+                while connection.recv(1000):
+                    pass
+
+        threading.Thread(target=serve, daemon=True).start()
+        address = f"tcp://127.0.0.1:{service.getsockname()[1]}"
+        with pytest.raises(InputError, match=f"{address}: no dask scheduler answers there"), cluster(address):
+            pass
 
 
 def test_no_scheduler_is_one_line(beams: Path, tmp_path: Path, run: Run, monkeypatch: Any) -> None:

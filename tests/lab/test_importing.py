@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -92,6 +93,11 @@ def shrink(files: Path) -> None:
     cv2.imwrite(str(files / "frames" / "frame_10.png"), np.zeros((96, 100), np.uint8))
 
 
+def pipe(files: Path) -> None:
+    (files / "frames" / "frame_10.png").unlink()
+    os.mkfifo(files / "frames" / "frame_10.png")
+
+
 def empty(files: Path) -> None:
     for image in (files / "frames").iterdir():
         image.unlink()
@@ -160,6 +166,7 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
         "frame_10.png: is not an image",
     ),
     "other size": (shrink, "frame_10.png: is 100 x 96 px of 8 bits; frame_1.png is 128 x 96 px of 8 bits"),
+    "image a pipe": (pipe, "frame_10.png: is no file but a device or a pipe"),
     "empty folder": (empty, "frames: holds no images"),
     "one state": (
         lambda files: (files / "states.csv").write_text("frame,current_A\n1,0\n2,0\n10,0\n20,0\n"),

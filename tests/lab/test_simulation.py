@@ -43,6 +43,7 @@ def test_files_of_a_simulation(tmp_path: Path) -> None:
         ("hooke", ["mu_Pa=1"], "--model hooke: should be one of neo-hookean"),
         ("neo-hookean", ["mu=1"], "takes mu_Pa, each once; got mu=1"),
         ("neo-hookean", ["mu_Pa=soft"], "--parameter mu_Pa=soft: should be KEY=NUMBER"),
+        ("neo-hookean", ["mu_Pa=nan"], "--parameter mu_Pa=nan: should be KEY=NUMBER"),
         ("yeoh", ["C10_Pa=1", "C10_Pa=1", "C30_Pa=1"], "takes C10_Pa, C20_Pa, C30_Pa, each once"),
     ],
 )
@@ -111,3 +112,7 @@ def test_a_finite_bulk_modulus_bends_further() -> None:
     assert angles[2] > 1.1 * angles[0]
     with pytest.raises(InputError, match="--bulk-modulus-kPa -1: should be greater than 0"):
         simulate(load_specimen("type1"), law, values, field, 0.0, bulk_modulus_kPa=-1.0)
+    with pytest.raises(InputError, match="--field-angle nan: should be a finite number of degrees"):
+        simulate(load_specimen("type1"), law, values, field, 0.0, np.nan)
+    with pytest.raises(InputError, match="--coil-constant: gives fields that are not finite"):
+        simulate(load_specimen("type1"), law, values, np.nan * field, 0.0)

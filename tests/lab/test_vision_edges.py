@@ -19,6 +19,7 @@ from eimi_lab.vision.benchmark import (
     errors_px,
     make_bent_scene,
     measure,
+    off_middle,
     with_silicone_beside,
 )
 from eimi_lab.vision.edges import find_edges
@@ -78,14 +79,13 @@ def test_stated_deviation_at_another_spacing(spacing_mm):
 
 
 @pytest.mark.parametrize("silicone_px", [0.5, 1.5, 3.0, 6.0])
-@pytest.mark.parametrize("off_middle", [0.0, 0.5])
-def test_thin_silicone_beside_the_magnet(silicone_px, off_middle):
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_thin_silicone_beside_the_magnet(silicone_px, share):
     """Its own edge lies within every profile there; the outer one is found all the same, with the doubt stated."""
     specimen = with_silicone_beside(silicone_px)
     beam = bend(specimen, 30.0)
-    across = (beam.magnet[3] - beam.magnet[0]) / np.linalg.norm(beam.magnet[3] - beam.magnet[0])
-    moved = off_middle * silicone_px / CALIBRATION.pixels_per_mm * across
-    scene = make_bent_scene(NOMINAL, CALIBRATION, specimen, replace(beam, magnet=beam.magnet + moved))
+    beam = off_middle(beam, share * silicone_px / CALIBRATION.pixels_per_mm)
+    scene = make_bent_scene(NOMINAL, CALIBRATION, specimen, beam)
     found, pulls = [], []
     for seed in range(3):
         edges = find_edges(expose(scene, np.random.default_rng(seed)), CALIBRATION, specimen)
@@ -95,6 +95,32 @@ def test_thin_silicone_beside_the_magnet(silicone_px, off_middle):
             pulls.append(errors[-10:] / (side.sigma_mm[-10:] * CALIBRATION.pixels_per_mm))
     assert abs(np.concatenate(found).mean()) < 0.01
     assert rms(np.concatenate(pulls)) < 1.25
+
+
+def test_uneven_light_beside_the_magnet_is_part_of_the_doubt():
+    optics = replace(NOMINAL, lumps=0.08, silicone_transmission=0.3)
+    specimen = with_silicone_beside(0.5)
+    pulls = []
+    for angle in (-75.0, 0.0, 90.0):
+        beam = bend(specimen, angle)
+        scene = make_bent_scene(optics, CALIBRATION, specimen, beam)
+        edges = find_edges(expose(scene, np.random.default_rng(11)), CALIBRATION, specimen)
+        for errors, side in zip(errors_px(edges, beam, CALIBRATION), (edges.left, edges.right), strict=True):
+            pulls.append(errors[-12:] / (side.sigma_mm[-12:] * CALIBRATION.pixels_per_mm))
+    assert rms(np.concatenate(pulls)) < 1.25
+
+
+@pytest.mark.parametrize("angle_deg", [-15.0, 10.0, 40.0, 75.0])
+def test_a_beam_of_sixteen_pixels_has_a_tip(angle_deg):
+    """Six pixels of it are clear of its corners, in which the edge still has to be found."""
+    calibration = CALIBRATION.model_copy(update={"pixels_per_mm": 16 / 3, "clamp_midpoint_px": (320.3, 50.6)})
+    beam = bend(SPECIMEN, angle_deg)
+    scene = make_bent_scene(replace(NOMINAL, background=0.7), calibration, SPECIMEN, beam, (640, 512))
+    edges = find_edges(expose(scene, np.random.default_rng(0)), calibration, SPECIMEN)
+    assert edges.flags == ()
+    for errors in errors_px(edges, beam, calibration):
+        assert len(errors) > 30
+        assert rms(errors) < 0.03
 
 
 @pytest.mark.parametrize("angle_deg", [-60.0, 0.0, 60.0])

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from eimi_fitting.search_space import BULK_NAME
-from eimi_lab.identification.fits import FitRecord, comparison
-from eimi_lab.identification.records import Quantity
+from eimi_lab.identification.fits import comparison
+from eimi_lab.identification.records import FitRecord, Quantity
+
+_CONTRADICTS = 3.0  # times the misfit of the curve alone: as unlikely as three standard deviations are
 
 
 def remarks(fit: FitRecord) -> list[str]:
@@ -29,6 +31,10 @@ def remarks(fit: FitRecord) -> list[str]:
             f"{curve.path}: RMSE {_kPa(curve.rmse_Pa)} kPa, {_kPa(curve.rmse_alone_Pa)} kPa for the curve alone "
             f"(weight {curve.weight:g}, {curve.rows} rows that count as {curve.rows / curve.correlation_rows:.1f})"
         )
+        if curve.rmse_Pa > _CONTRADICTS * curve.rmse_alone_Pa:
+            lines.append(
+                f"doubt: {curve.path} and the edges contradict each other: is it the same material, and its unit right?"
+            )
     for doubt in fit.doubts:
         where = fit.datasets[doubt.dataset].path + ("" if doubt.state is None else f", state {doubt.state}")
         lines.append(f"doubt: {where}: {doubt.words}")

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from eimi_fitting.nuisance import Setting
 from eimi_lab.identification.experiments import Evidence
-from eimi_lab.identification.fits import FitRecord, TensileRecord
+from eimi_lab.identification.records import FitRecord, TensileRecord
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Assumed:
+class Assumptions:
     """For P candidates: bulk_modulus_Pa (P,), None where incompressible; setting, None where all is as stated."""
 
     bulk_modulus_Pa: Array | None = None
@@ -33,16 +33,16 @@ class Assumed:
         return np.asarray(places_mm @ turn + self.setting.clamp_mm[0])
 
 
-def assumed(fit: FitRecord | TensileRecord, evidence: Evidence, candidates: int) -> Assumed:
+def assumptions_of(fit: FitRecord | TensileRecord, evidence: Evidence, candidates: int) -> Assumptions:
     """What the fit assumes of this dataset, the same for all candidates."""
     if not isinstance(fit, FitRecord):
-        return Assumed()
+        return Assumptions()
     bulk = None
     if fit.bulk_modulus and evidence.experiment.model.specimen.section == "plane-strain":
         bulk = np.full(candidates, fit.bulk_modulus.value)
     own = [i for i, reference in enumerate(fit.datasets) if reference.sha256 == evidence.sha256]
     if not own or not fit.freed:
-        return Assumed(bulk)
+        return Assumptions(bulk)
     factor, roll, clamp = np.ones(candidates), np.zeros(candidates), np.zeros((candidates, 2))
     for freed in fit.freed:
         if freed.dataset not in (None, own[0]):
@@ -54,4 +54,4 @@ def assumed(fit: FitRecord | TensileRecord, evidence: Evidence, candidates: int)
             roll += value
         else:
             clamp[:, 0 if freed.name.startswith("clamp x") else 1] += value
-    return Assumed(bulk, Setting(factor, roll, clamp))
+    return Assumptions(bulk, Setting(factor, roll, clamp))

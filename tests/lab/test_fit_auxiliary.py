@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from eimi_fitting.forward import BeamModel
 from eimi_fitting.materials import LAWS
 from eimi_fitting.specimen import Specimen
 from eimi_fitting.tensile import engineering_stress
+from eimi_lab.identification.fit_summary import remarks
+from eimi_lab.identification.fits import read_any_fits
 
 SPECIMEN = """
 [specimen]
@@ -87,12 +90,34 @@ def test_a_tensile_curve_and_a_free_roll_stand_in_fits_json(tmp_path: Path, run)
     assert chosen["mooney-rivlin"]["weight"] > 0.99
 
 
+def curve_of_46_kPa(unit: str) -> str:
+    """A tensile curve of the strip's material, its stress in kPa whatever the header says."""
+    rows = [f"{e},{46 * (1 + e - (1 + e) ** -2) + 0.3 * (-1) ** k}" for k, e in enumerate(np.linspace(0.01, 0.5, 40))]
+    return "\n".join([f"strain,stress_{unit}", *rows]) + "\n"
+
+
+def test_a_curve_that_contradicts_the_edges_is_doubted(tmp_path: Path, run) -> None:
+    import_points(tmp_path, run)
+    for unit, doubted in (("kPa", False), ("MPa", True)):
+        (tmp_path / "curve.csv").write_text(curve_of_46_kPa(unit))
+        tensile = ("--tensile", tmp_path / "curve.csv", "-o", tmp_path / f"{unit}.json")
+        status, told = run("fit", tmp_path / "strip.h5", "--model", "neo-hookean", *tensile)
+        assert status == 0, told
+        (fit,) = read_any_fits(tmp_path / f"{unit}.json")
+        assert any("curve.csv and the edges contradict each other" in line for line in remarks(fit)) == doubted
+    validated = ("--fit", tmp_path / "kPa.json", "-o", tmp_path / "validation.json")
+    assert run("validate", tmp_path / "strip.h5", *validated)[0] == 0
+    (validation,) = json.loads((tmp_path / "validation.json").read_text())["validations"]
+    assert validation["fit"]["kind"] == "bending and tensile"
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
         (("--free", "moment"), "--free moment: should be a standard deviation such as moment=0.02"),
         (("--free", "scale=0.1"), "--free scale=0.1: should be a standard deviation such as moment=0.02"),
-        (("--free", "roll=-1"), "--free roll=-1: should be roll=NUMBER above 0 (degrees)"),
+        (("--free", "roll=-1"), "--free roll=-1: should be roll=NUMBER above 0, at most 45 (degrees)"),
+        (("--free", "moment=2"), "--free moment=2: should be moment=NUMBER above 0, at most 0.5 (relative)"),
         (("--free", "roll=0.1", "--free", "roll=0.2"), "--free roll=0.2: roll is given twice"),
         (("--free", "moment=0.02"), "--free moment: strip.h5 has no state with a field"),
         (("--free", "bulk", "--section", "plane-stress"), "--free bulk: strip.h5 is taken as plane-stress"),
@@ -103,6 +128,16 @@ def test_a_tensile_curve_and_a_free_roll_stand_in_fits_json(tmp_path: Path, run)
             "--tensile-window wide: should be a strain in percent",
         ),
         (("--tensile", "short.csv", "--tensile-weight", "0"), "--tensile-weight 0: should be a number above 0"),
+        (("--tensile-window", "20"), "--tensile-window 20: of which curve? give --tensile too"),
+        (("--tensile", "long.csv", "--tensile", "again.csv"), "again.csv: holds the same as long.csv"),
+        (("again.h5",), "again.h5: holds the same as strip.h5"),
+        (("./strip.h5", "--each"), "strip.h5: is given twice"),
+        (("--checkpoint", "fits.json"), "fits.json: cannot be written, it is in use as another file"),
+        (("--checkpoint", "strip.h5", "--force"), "strip.h5: cannot be written, it is in use as another file"),
+        (
+            ("--tensile", "wrong_unit.csv", "--tensile-weight", "1e6"),
+            "no material explains this and the tensile curves",
+        ),
     ],
 )
 def test_what_cannot_be_freed_or_followed_is_one_line(
@@ -110,11 +145,15 @@ def test_what_cannot_be_freed_or_followed_is_one_line(
 ) -> None:
     import_points(tmp_path, run)
     (tmp_path / "short.csv").write_text("strain,stress_kPa\n0.1,5\n0.2,9\n0.9,30\n")
+    for name, unit in (("long.csv", "kPa"), ("again.csv", "kPa"), ("wrong_unit.csv", "MPa")):
+        (tmp_path / name).write_text(curve_of_46_kPa(unit))
+    shutil.copy(tmp_path / "strip.h5", tmp_path / "again.h5")
     monkeypatch.chdir(tmp_path)
     status, said = run("fit", "strip.h5", "--model", "neo-hookean", *arguments, "-o", "fits.json")
     assert status == 2
     assert told in said.splitlines()[-1]
     assert not (tmp_path / "fits.json").exists()
+    assert (tmp_path / "strip.h5").read_bytes() == (tmp_path / "again.h5").read_bytes()
 
 
 def garbled_state(places):
