@@ -79,11 +79,13 @@ class Linearised:
 def point_correlation(residuals: Array, weights: Array, seen: Observation) -> float:
     """How many points of an experiment count as one.
 
-    Along an edge by their own correlation; tracked points carry an uncertainty that is taken as common to the points
-    of one state, of which two components are left.
+    Along an edge and from state to state by their own correlation: what the lens, the light or the law get wrong is
+    much alike in neighbouring states. Tracked points carry an uncertainty that is taken as common to the points of one
+    state, of which two components are left.
     """
     if isinstance(seen, EdgeObservation):
-        return correlation_length(residuals, weights)
+        by_state = correlation_length(residuals.transpose(1, 2, 0), weights.transpose(1, 2, 0))
+        return correlation_length(residuals, weights) * by_state
     return max(float(weights.sum()) / (2 * len(weights)), 1.0)
 
 
