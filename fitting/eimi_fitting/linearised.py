@@ -3,7 +3,7 @@
 With w_k the weight of state k's residuals in the objective (`eimi_fitting.problem`), J their slopes and r the noise:
 
 information      A = sum w_k J'J, the curvature of the objective
-noise's pull     B = the variance of sum w_k J'r, the neighbours of an edge counting as tau
+noise's pull     B = the variance of sum w_k J'r, points that are alike counting as tau of one
 covariance       inv(A + P) (B + P) inv(A + P), P the inverse variance of the priors
 
 the sandwich of an estimator whose weights are not quite the inverse of its noise (Huber 1967, Proc. 5th Berkeley

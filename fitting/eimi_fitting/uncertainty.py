@@ -1,8 +1,8 @@
 """What an identified parameter is worth: intervals, and which combinations the data fix.
 
-Linearised about the optimum (`eimi_fitting.linearised`): the noise level from the residuals themselves, the n points of
-an edge counting as n / tau; tracked points carry their own stated uncertainty, taken as common to the points of one
-state. Where the objective is not the quadratic that this takes it for, the profile likelihood gives the ends
+Linearised about the optimum (`eimi_fitting.linearised`): the noise level from the residuals themselves, tau alike
+points of edges counting as one; tracked points carry their own stated uncertainty, taken as common to the points of
+one state. Where the objective is not the quadratic that this takes it for, the profile likelihood gives the ends
 (`eimi_fitting.profile`). What the mesh leaves in the parameters is in the intervals (`eimi_fitting.mesh_error`).
 
 A direction that the data do not fix is held by the bounds of the search, entered as a normal prior with the bounds'
