@@ -55,7 +55,7 @@ def done(*arguments: str | Path, folder: Path) -> list[str]:
 
 def track_points(folder: Path, name: str, forces_N: list[float], modulus_Pa: float) -> None:
     """Points on the middle line of a strip of a known law under tip forces, imported as `name`.h5."""
-    model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")).refined()
+    model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")).refined().halved()
     loads = Loads.along([0.0] * len(forces_N), 90.0, 90.0, forces_N)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[modulus_Pa]]), loads)
     rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
@@ -107,12 +107,11 @@ def test_unseen_states_and_the_comparison_with_tensile_fits(folder: Path) -> Non
         assert v["mean_deviation_mm"] == pytest.approx(np.mean([s["deviation_mm"] for s in v["by_state"]]))
         assert (v["status"], v["stable"], v["section"]) == ("ok", True, "plane-stress")
     # A fit of the same law from the same strip predicts what it has not seen; one of a stiffer curve does not.
-    # (The strip is simulated on a mesh a little coarser than the one that the fit aims at.)
-    assert found[5]["mean_error_mm"] < 0.01
+    assert found[5]["mean_error_mm"] < 1e-3
     assert found[3]["mean_error_mm"] > 0.1
     # What the fit itself wrote of the states it saw.
     (own,) = json.loads((folder / "fits.json").read_text())["fits"]
-    assert own["mean_error_mm"] == pytest.approx(found[2]["mean_error_mm"], rel=5e-3)
+    assert own["mean_error_mm"] == pytest.approx(found[2]["mean_error_mm"], rel=5e-3, abs=2e-6)
     # The table: by dataset, the best fit first.
     assert [line.split()[0] for line in lines[:3]] == ["train.h5", "fit", "fits.json:0"]
     assert [line.split()[0] for line in lines[5:8]] == ["unseen.h5", "fit", "fits.json:0"]

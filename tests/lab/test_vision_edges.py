@@ -67,15 +67,16 @@ def test_stated_deviation_is_that_of_the_scatter(condition, angle_deg):
     assert 0.8 < row["pull"] < 1.25
 
 
-@pytest.mark.parametrize("spacing_mm", [0.16, 1.0])
-def test_stated_deviation_at_another_spacing(spacing_mm):
+# With few points the stated deviation is too large by a third at this angle, as eimi_lab/vision/README.md says.
+@pytest.mark.parametrize(("spacing_mm", "least"), [(0.16, 0.8), (1.0, 0.7)])
+def test_stated_deviation_at_another_spacing(spacing_mm, least):
     pulls = []
     for seed in range(3):
         image, beam, _ = photograph(-110.0, seed=seed)
         edges = find_edges(image, CALIBRATION, SPECIMEN, spacing_mm=spacing_mm)
         for errors, side in zip(errors_px(edges, beam, CALIBRATION), (edges.left, edges.right), strict=True):
             pulls.append(errors / (side.sigma_mm * CALIBRATION.pixels_per_mm))
-    assert 0.7 < rms(np.concatenate(pulls)) < 1.25
+    assert least < rms(np.concatenate(pulls)) < 1.25
 
 
 @pytest.mark.parametrize("silicone_px", [0.5, 1.5, 3.0, 6.0])
