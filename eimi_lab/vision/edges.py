@@ -25,6 +25,7 @@ from eimi_lab.vision.silhouette import find_silhouette, measure_back_light
 Array = NDArray[np.float64]
 
 _SMALLEST_FRAME_PX = 16
+_WIDEST_SPACING = 0.1  # of the beam's width: between points farther apart the scatter is not told from the shape
 _ABSURD_WIDTH = 0.5  # departure from the specimen's; such a body is not the beam, or not the beam alone
 # By which a cast magnet may be off the beam's middle; one in little silicone may be anywhere within it, and has the
 # standard deviation of an even distribution.
@@ -43,8 +44,9 @@ def find_edges(
     """The beam's edges in one image, (height, width) or (height, width, 3), of any depth.
 
     spacing_mm: wanted distance of the points along the edges; wider where that would give more than
-    `passes.MOST_POINTS` or where profiles would overlap. A few pixels at the clamp line and at the corners are left
-    out, where the profile is no clean step. A beam brighter than what is beside its root is taken for a lit one in
+    `passes.MOST_POINTS` or where profiles would overlap. Where it is more than a tenth of the beam's width, more points
+    are looked for than are returned. A few pixels at the clamp line and at the corners are left out, where the profile
+    is no clean step. A beam brighter than what is beside its root is taken for a lit one in
     front of a dark background. calibration_age_days: how old the calibration was when the image was taken. A picture
     without a beam gives an edge set without points, and flags; it never raises for a picture.
 
@@ -96,8 +98,9 @@ def find_edges(
     if silhouette.corners is None:
         return no_edges(findings)
 
-    spacing_px = max(spacing_mm * calibration.pixels_per_mm, AVERAGED_PX)
     width_px = specimen.width_mm * calibration.pixels_per_mm
+    wanted_px = max(spacing_mm * calibration.pixels_per_mm, AVERAGED_PX)
+    spacing_px = wanted_px / max(1, int(wanted_px / max(_WIDEST_SPACING * width_px, AVERAGED_PX)))
     magnet = specimen_file.magnet
     silicone_mm = 0.5 * (specimen.width_mm - magnet.width_mm) if magnet else 0.0
     from_tip_mm = magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0
@@ -142,8 +145,8 @@ def find_edges(
         findings = replace(findings, gamma=_gamma(second, largest if lit_beam else None))
     scatter = scatter_scale(left, right)
     return edge_set(
-        _edge_points(left, scatter, frame, calibration.pixels_per_mm),
-        _edge_points(right, scatter, frame, calibration.pixels_per_mm),
+        _edge_points(left, scatter, wanted_px, frame, calibration.pixels_per_mm),
+        _edge_points(right, scatter, wanted_px, frame, calibration.pixels_per_mm),
         findings,
         corners_px,
     )
@@ -171,10 +174,12 @@ def _gamma(located: Located, inverted_from: float | None) -> float | None:
     return estimate_gamma(stations, profiles, offset, bright, steps.blur_px)
 
 
-def _edge_points(side: Side, scatter: float, frame: BeamFrame, pixels_per_mm: float) -> EdgePoints:
-    points_mm = frame.to_mm(side.points_px[side.sound])
-    sigma_px = scatter * np.hypot(side.sigma_px, side.common_px)[side.sound]
-    return EdgePoints(points_mm, sigma_px / pixels_per_mm)
+def _edge_points(side: Side, scatter: float, wanted_px: float, frame: BeamFrame, pixels_per_mm: float) -> EdgePoints:
+    """Of the sound points those that are about so far apart."""
+    apart_px = float(np.median(np.hypot(*np.diff(side.points_px, axis=0).T)))
+    kept = side.sound & (np.arange(len(side.sound)) % max(1, round(wanted_px / apart_px)) == 0)
+    sigma_px = scatter * np.hypot(side.sigma_px, side.common_px)[kept]
+    return EdgePoints(frame.to_mm(side.points_px[kept]), sigma_px / pixels_per_mm)
 
 
 def _corners(clamp: ClampLine, left: Side, tip: Side, right: Side, width_px: float) -> Array:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from eimi_lab.vision.curve import SmoothCurve
 from eimi_lab.vision.profiles import AVERAGED_PX, Cover, Steps, fit_steps, normals_of, read_profiles, stations
 from eimi_lab.vision.silhouette import Silhouette
+from eimi_lab.vision.uneven_light import light_along
 
 Array = NDArray[np.float64]
 
@@ -198,14 +199,17 @@ def _locate(
         line, tangent = curve.at(place[:, None] + _LINES_PX)
         points.append(line)
         normals.append(sign * normals_of(tangent))
-    profiles, inside = read_profiles(image, np.concatenate(points), np.concatenate(normals), stations_px)
+    lines = np.concatenate(points), np.concatenate(normals)
+    profiles, inside = read_profiles(image, *lines, stations_px)
+    profiles /= light_along(image, *lines, stations_px, [len(place) for place in places])
     steps = fit_steps(stations_px, profiles, blur_px, inside, cover)
     sound = inside & steps.sound
     if not sound.any():
         return None
     # Dirt on an edge is no clean step; its points would be wrong by more than any noise.
     sound &= steps.residual <= max(4.0 * float(np.median(steps.residual[sound])), _CLEAN_RESIDUAL)
-    noise = float(np.sqrt((steps.residual[sound] ** 2).mean()))
+    # In grey levels: beside the magnet the step is higher than along the silicone, and the noise is not.
+    noise = float(np.sqrt(((steps.residual * (steps.bright - steps.dark))[sound] ** 2).mean()))
     sigma = np.maximum(noise * steps.sensitivity, 1e-6)
 
     sides: list[Side] = []

@@ -55,7 +55,11 @@ def read_profiles(
 
     points_px, normals: (n, k, 2). stations_px: (m,) distances along the normal.
     """
-    places = points_px[:, :, None, :] + stations_px[:, None] * normals[:, :, None, :]
+    # Interpolation blurs least at a pixel's middle and most between two. The lines are shifted against each other by
+    # parts of a pixel, so that the profile of an edge along the pixels' rows is blurred as that of any other.
+    lines = points_px.shape[1]
+    shifted = stations_px + ((np.arange(lines) + 0.5) / lines - 0.5)[:, None]
+    places = points_px[:, :, None, :] + shifted[..., None] * normals[:, :, None, :]
     high = np.array([image.shape[1] - 1.0, image.shape[0] - 1.0])
     inside = np.asarray(((places >= 0.0) & (places <= high)).all(axis=(1, 2, 3)))
     return sample(image, places).mean(axis=1), inside
@@ -81,8 +85,8 @@ class Steps:
 
     offset_px: (n,) place of the edge along the normal. dark, bright: (n,) the plateaus on both sides.
     blur_px: the standard deviation of the blur, one for all. residual: (n,) root mean square of what is left,
-    as a share of the step. sensitivity: (n,) by how many pixels the offset moves for noise as large as the
-    step, were it independent from station to station. common_px: (n,) standard deviation of the offset that comes of
+    as a share of the step. sensitivity: (n,) by how many pixels the offset moves for noise of one grey level, were it
+    independent from station to station. common_px: (n,) standard deviation of the offset that comes of
     the uncertain width of a cover, the same way for all that share it. sound: (n,) where a step was found.
     """
 
@@ -109,9 +113,7 @@ def fit_steps(
     eliminated profile by profile from the normal equations of the blur. blur_px: where to start. usable: (n,)
     profiles that may speak for the blur. A profile with a cover has two steps: from dark to the silicone's share of
     the bright plateau, as far inside the edge as the cover is wide, and from there to the bright plateau. The widths
-    of the covers are shared as the blur is, and held to what is believed of them by their tolerances. Where what is
-    left over of a cover's profiles is alike by more than noise (a back-light that is uneven there), its width is that
-    much less certain, up to its tolerance.
+    of the covers are shared as the blur is, and held to what is believed of them by their tolerances.
     """
     u = stations_px
     span = float(u[-1] - u[0])
@@ -157,7 +159,7 @@ def fit_steps(
         inverse = _inverse(np.swapaxes(columns, 1, 2) @ columns)
         follow = inverse @ (np.swapaxes(columns, 1, 2) @ common)
         reduced = common - columns @ follow
-        good = speaks & _typical(left_over, step[:, 0])
+        good = speaks & _typical(left_over, step[:, 0], cover.group)
         noise = float((left_over[good] ** 2).mean()) if good.any() else 0.0
         known = reduced[good].reshape(-1, len(shared))
         normal = known.T @ known + noise * np.diag(firmness)
@@ -177,13 +179,8 @@ def fit_steps(
     sound = rises & (height > 1e-9) & (offset > u[0] + blur) & (offset < u[-1] - blur)
     height = np.where(sound, height, 1.0)
     residual = np.sqrt((left_over**2).mean(axis=1)) / height
-    sensitivity = height * np.sqrt(np.maximum(inverse[:, 2, 2], 0.0))
-    uncertain = noise * np.diag(np.linalg.inv(normal))[1:]
-    for number in range(len(cover.width_px)):
-        alike = left_over[(cover.group == number) & good]
-        if len(alike) and noise > 0.0:
-            uncertain[number] *= max(1.0, len(alike) * float((alike.mean(axis=0) ** 2).mean()) / noise)
-    common_px = np.sqrt(follow[:, 2, 1:] ** 2 @ np.minimum(uncertain, cover.tolerance_px**2))
+    sensitivity = np.sqrt(np.maximum(inverse[:, 2, 2], 0.0))
+    common_px = np.sqrt(follow[:, 2, 1:] ** 2 @ (noise * np.diag(np.linalg.inv(normal))[1:]))
     sound &= np.isfinite(offset + residual + sensitivity + common_px)
     return Steps(offset, dark, bright, blur, residual, sensitivity, common_px, sound)
 
@@ -204,7 +201,14 @@ def _solve(columns: Array, inverse: Array, target: Array) -> Array:
     return (inverse @ (np.swapaxes(columns, 1, 2) @ target[..., None]))[..., 0]
 
 
-def _typical(left_over: Array, step: Array) -> NDArray[np.bool_]:
-    """Which profiles are left over no more than thrice the usual: dirt on an edge must not set the blur."""
+def _typical(left_over: Array, step: Array, group: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which profiles are left over no more than thrice the usual of their group: dirt on an edge must not set the blur.
+
+    Group by group, for two steps that are not fitted yet are no dirt: without them the width would not be found.
+    """
     size = np.sqrt((left_over**2).mean(axis=1)) / np.maximum(np.abs(step), 1e-9)
-    return size <= 3.0 * np.median(size) if len(size) else np.zeros(0, dtype=bool)
+    typical = np.zeros(len(size), dtype=bool)
+    for number in np.unique(group):
+        members = group == number
+        typical[members] = size[members] <= 3.0 * np.median(size[members])
+    return typical

@@ -10,6 +10,7 @@ from eimi_lab.config.specimen import Magnet, SpecimenFile
 from eimi_lab.virtual.optics import expose, make_scene
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.benchmark import (
+    BESIDE,
     CALIBRATION,
     CONDITIONS,
     NOMINAL,
@@ -20,6 +21,7 @@ from eimi_lab.vision.benchmark import (
     make_bent_scene,
     measure,
     off_middle,
+    overall,
     with_silicone_beside,
 )
 from eimi_lab.vision.edges import find_edges
@@ -67,16 +69,15 @@ def test_stated_deviation_is_that_of_the_scatter(condition, angle_deg):
     assert 0.8 < row["pull"] < 1.25
 
 
-# With few points the stated deviation is too large by a third at this angle, as eimi_lab/vision/README.md says.
-@pytest.mark.parametrize(("spacing_mm", "least"), [(0.16, 0.8), (1.0, 0.7)])
-def test_stated_deviation_at_another_spacing(spacing_mm, least):
+@pytest.mark.parametrize("spacing_mm", [0.16, 0.6, 1.0, 1.5])
+def test_stated_deviation_at_another_spacing(spacing_mm):
     pulls = []
-    for seed in range(3):
+    for seed in range(4):
         image, beam, _ = photograph(-110.0, seed=seed)
         edges = find_edges(image, CALIBRATION, SPECIMEN, spacing_mm=spacing_mm)
         for errors, side in zip(errors_px(edges, beam, CALIBRATION), (edges.left, edges.right), strict=True):
             pulls.append(errors / (side.sigma_mm * CALIBRATION.pixels_per_mm))
-    assert least < rms(np.concatenate(pulls)) < 1.25
+    assert 0.8 < rms(np.concatenate(pulls)) < 1.25
 
 
 @pytest.mark.parametrize("silicone_px", [0.5, 1.5, 3.0, 6.0])
@@ -98,17 +99,30 @@ def test_thin_silicone_beside_the_magnet(silicone_px, share):
     assert rms(np.concatenate(pulls)) < 1.25
 
 
-def test_uneven_light_beside_the_magnet_is_part_of_the_doubt():
-    optics = replace(NOMINAL, lumps=0.08, silicone_transmission=0.3)
-    specimen = with_silicone_beside(0.5)
-    pulls = []
-    for angle in (-75.0, 0.0, 90.0):
-        beam = bend(specimen, angle)
-        scene = make_bent_scene(optics, CALIBRATION, specimen, beam)
-        edges = find_edges(expose(scene, np.random.default_rng(11)), CALIBRATION, specimen)
-        for errors, side in zip(errors_px(edges, beam, CALIBRATION), (edges.left, edges.right), strict=True):
-            pulls.append(errors[-12:] / (side.sigma_mm[-12:] * CALIBRATION.pixels_per_mm))
-    assert rms(np.concatenate(pulls)) < 1.25
+@pytest.mark.parametrize("row", ["3 px, silicone 30 %", "0.5 px, hard, 40 000 electrons"])
+def test_stated_deviation_beside_a_narrower_magnet(row):
+    """Neither steps that are hard to part nor light that is uneven within a profile make the edge worse than stated."""
+    optics, silicone_px, _ = BESIDE[row]
+    magnet_mm = SPECIMEN.magnet.length_mm
+    rows = measure(optics, (-75.0, -10.0, 20.0, 90.0), 2, 5, with_silicone_beside(silicone_px), 0.0, magnet_mm)
+    summary = overall(rows)
+    assert summary["worst"] < 0.1
+    assert 0.75 < summary["pull"] < 1.35
+
+
+def test_another_body_close_by_is_not_taken_for_uneven_light():
+    """A rod along the beam, 19 px from its left edge: within what is read for the light, beyond every profile."""
+    beam = bend(SPECIMEN, 0.0)
+    scene = make_bent_scene(NOMINAL, CALIBRATION, SPECIMEN, beam)
+    image = expose(scene, np.random.default_rng(0))
+    alone = find_edges(image, CALIBRATION, SPECIMEN)
+    left_px = round(BeamFrame(CALIBRATION).to_px(alone.left.points_mm)[:, 0].mean())
+    toward = 1 if left_px > CALIBRATION.clamp_midpoint_px[0] else -1
+    image[200:700, [left_px + toward * k for k in range(19, 30)]] = 3
+    both = find_edges(image, CALIBRATION, SPECIMEN)
+    assert {flag.name for flag in both.flags} <= {"MULTI_CONTOUR"}
+    for errors in errors_px(both, beam, CALIBRATION):
+        assert rms(errors) < 0.02
 
 
 @pytest.mark.parametrize("angle_deg", [-15.0, 10.0, 40.0, 75.0])
