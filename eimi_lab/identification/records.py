@@ -229,8 +229,6 @@ class LawRecord(Record):
         names = LAWS[self.model].parameter_names
         if tuple(self.parameters) != names:
             raise ValueError(f"parameters of {self.model} should be {', '.join(names)}, in this order")
-        if not self.initial_shear_modulus.value > 0:
-            raise ValueError(f"initial shear modulus {self.initial_shear_modulus.value:g} Pa should be above 0")
         return self
 
     def values(self) -> list[float]:
@@ -283,6 +281,13 @@ class FitRecord(LawRecord):
     runs: tuple[RunRecord, ...]
     history: tuple[GenerationRecord, ...]
     bootstrap: BootstrapRecord | None = None
+
+    @model_validator(mode="after")
+    def _is_stiff(self) -> Self:
+        """A law fitted to large tensile strains alone need not be; no beam hangs still in a field without it."""
+        if not self.initial_shear_modulus.value > 0:
+            raise ValueError(f"initial shear modulus {self.initial_shear_modulus.value:g} Pa should be above 0")
+        return self
 
     def fitted_to(self) -> Literal["bending", "bending and tensile"]:
         """Whether tensile curves had a say."""

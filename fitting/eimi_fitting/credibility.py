@@ -20,6 +20,10 @@ _OF_DEFLECTION = 0.05
 _OF_WIDTH = 0.5
 _OF_NOISE = 10.0
 _OF_MEDIAN = 5.0
+_NO_FINER_MESH = (
+    "with these parameters a finer mesh finds no stable equilibrium: what the mesh does to the edges (often "
+    "some tenths of a per cent of the modulus) is neither in the parameters nor in the intervals"
+)
 
 
 class NotExplained(Exception):
@@ -73,10 +77,17 @@ def check_explained(final: Comparison, experiments: Sequence[Experiment], curves
             raise NotExplained(index, worst, float(error[worst]), moved, curves)
 
 
-def doubts(final: Comparison, experiments: Sequence[Experiment]) -> list[tuple[int, int | None, str]]:
-    """What a reader of the result should know: (experiment, state or None for all, words)."""
+def doubts(
+    final: Comparison, experiments: Sequence[Experiment], finer_mesh: bool = True
+) -> list[tuple[int, int | None, str]]:
+    """What a reader of the result should know: (experiment, state or None for all, words).
+
+    finer_mesh: whether what a finer mesh changes is in the result.
+    """
     found: list[tuple[int, int | None, str]] = []
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
+        if not finer_mesh:
+            found.append((index, None, _NO_FINER_MESH))
         error = misfit.error_mm[0]
         used = misfit.weights > 0
         if isinstance(experiment.observed, EdgeObservation):

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from eimi_fitting import identification
 from eimi_fitting.actuation import Loads
 from eimi_fitting.correlation import correlation_length
 from eimi_fitting.experiment import DISCARDED_MM, Experiment, compare
 from eimi_fitting.forward import BeamModel
 from eimi_fitting.identification import NothingConverged, identify
 from eimi_fitting.materials import LAWS
+from eimi_fitting.mesh_error import mesh_corrected
 from eimi_fitting.observation import EdgeObservation, PointObservation, edge_curves, points_on
 from eimi_fitting.search_space import SEARCH_SPACES
 from eimi_fitting.specimen import Magnet, Specimen
@@ -49,6 +51,30 @@ def test_neo_hookean_within_a_per_cent_and_its_interval(neo_hookean):
     assert fit.stop
     assert not fit.at_bound
     assert fit.evaluations == sum(1 for _ in fit.history) * 8
+
+
+@pytest.mark.parametrize("places_without", [2, 99])
+def test_where_the_finer_mesh_has_no_solution_another_place_is_asked_and_none_is_told(
+    neo_hookean, monkeypatch: pytest.MonkeyPatch, places_without: int
+):
+    """An optimum of the coarser mesh may be unstable on the finer one; a place near by serves as well."""
+    asked: list[int] = []
+
+    def corrected(*given):
+        asked.append(1)
+        return None if len(asked) <= places_without else mesh_corrected(*given)
+
+    plain = identify("neo-hookean", [neo_hookean], seed=3)
+    monkeypatch.setattr(identification, "mesh_corrected", corrected)
+    fit = identify("neo-hookean", [neo_hookean], seed=3)
+    if places_without == 99:
+        assert fit.uncertainty.mesh_change is None
+        [(experiment, state, words)] = fit.doubts
+        assert (experiment, state) == (0, None)
+        assert "finer mesh" in words
+    else:
+        assert fit.parameters == pytest.approx(plain.parameters, rel=1e-5)
+        assert fit.doubts == plain.doubts == ()
 
 
 def test_same_seed_same_result_and_another_seed_the_same_material(neo_hookean):

@@ -109,6 +109,21 @@ def test_any_text_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, t
     assert np.isfinite([test.strain, test.stress_Pa]).all()
 
 
+def test_a_negative_initial_modulus_is_a_result_but_no_card(run: Run, tmp_path: Path) -> None:
+    """What Mooney-Rivlin makes of a whole curve that stiffens: true of the curve, and of no use."""
+    strain = np.linspace(0.2, 7.0, 60)
+    rows = (f"{e},{46 * e + 2 * e**3}" for e in strain)
+    (tmp_path / "curve.csv").write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")
+    output = tmp_path / "fits.json"
+    given = ("tensile", tmp_path / "curve.csv", "--model", "mooney-rivlin", "--window", "full", "-o", output)
+    assert run(*given) == (0, "")
+    [fit] = read_any_fits(output)
+    assert fit.initial_shear_modulus.value < 0
+    status, said = run("export", output, "--model", "mooney-rivlin", "--to", "abaqus", "--bulk-ratio", "2000")
+    assert (status, said.count("\n")) == (2, 1)
+    assert "no program can use such a law" in said
+
+
 def test_fits_of_windows_are_written_and_read(run: Run, curve: Path) -> None:
     output = curve.with_name("fits.json")
     status, said = run("tensile", curve, "--model", "neo-hookean", "--model", "ogden", "--window", "50", "--window",
