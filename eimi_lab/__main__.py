@@ -1,5 +1,17 @@
-"""`python -m eimi_lab` is the command `eimi`."""
+"""Where `eimi` and `python -m eimi_lab` begin: as early as can be, so that Ctrl-C ends in one line from the start."""
 
-from eimi_lab.cli import main
+import sys
 
-main()
+
+def main() -> None:
+    """Import the command line and run it. Stopped while it is still imported, end as it would itself."""
+    try:
+        from eimi_lab.cli import main as command_line
+    except KeyboardInterrupt:
+        print("eimi: stopped by SIGINT", file=sys.stderr)
+        sys.exit(130)
+    command_line()
+
+
+if __name__ == "__main__":
+    main()

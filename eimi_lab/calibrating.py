@@ -81,6 +81,7 @@ def from_board(
             )
         views[path] = found
     assert size is not None  # there is at least the image of the mid-plane
+    _check_clamp(mid_plane, size, setting.clamp_midpoint_px)
     lens, told = None, []
     view = views[mid_plane]
     if not setting.telecentric and len(paths) >= FEWEST_VIEWS:
@@ -121,8 +122,10 @@ def from_beam(
     """Scale, clamp and axis from the beam at rest, whose width is known to `tolerance_mm`. Raises InputError."""
     width = specimen.specimen.width_mm
     guess = setting.calibration(1.0, 0.0, Uncertainty(pixels_per_mm=0.0, axis_angle_deg=0.0), _day_of([image]))
+    pixels = read_image(image)
+    _check_clamp(image, pixels.shape[::-1], setting.clamp_midpoint_px)
     try:
-        seen = measure_beam(read_image(image), specimen, guess)
+        seen = measure_beam(pixels, specimen, guess)
     except ValueError as error:
         raise InputError(f"{image}: {error}") from error
     uncertainty = Uncertainty(
@@ -140,6 +143,7 @@ def from_ruler(
 ) -> tuple[Calibration, list[str]]:
     """Scale from the two ends (x1, y1, x2, y2) of a known length in the beam's middle plane. Raises InputError."""
     height, width = read_image(image).shape
+    _check_clamp(image, (width, height), setting.clamp_midpoint_px)
     if not (
         0 <= min(ends_px[::2]) <= max(ends_px[::2]) < width and 0 <= min(ends_px[1::2]) <= max(ends_px[1::2]) < height
     ):
@@ -155,10 +159,19 @@ def from_ruler(
     return calibration, [_how_well(calibration, f"{length_mm:g} mm read off by eye")]
 
 
+def _check_clamp(image: Path, size: tuple[int, ...], midpoint_px: tuple[float, float]) -> None:
+    """Raise InputError where the clamp's midpoint is not in an image of so many pixels across and down."""
+    if not all(0 <= place < extent for place, extent in zip(midpoint_px, size, strict=True)):
+        x, y = midpoint_px
+        raise InputError(f"{image}: is {size[0]} x {size[1]} px; --clamp-midpoint-px {x:g} {y:g} is not in it")
+
+
 def with_clamp_of(calibration: Calibration, image: Path, specimen: SpecimenFile) -> Calibration:
     """The calibration with the clamp's place from an image of the beam. Raises InputError."""
+    pixels = read_image(image)
+    _check_clamp(image, pixels.shape[::-1], calibration.clamp_midpoint_px)
     try:
-        midpoint = measure_clamp(read_image(image), specimen, calibration)
+        midpoint = measure_clamp(pixels, specimen, calibration)
     except ValueError as error:
         raise InputError(f"{image}: {error}") from error
     return calibration.model_copy(update={"clamp_midpoint_px": midpoint})

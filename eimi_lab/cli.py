@@ -63,8 +63,16 @@ def _status() -> int:
         if isinstance(error, InstrumentError | OSError):
             return _tell(str(error), 1)
         if hasattr(error, "format_message"):  # an unknown option, a missing argument: whichever click typer brings
-            return _tell(f"{error.format_message()} (eimi --help lists commands, eimi COMMAND --help options)", 2)
+            said = error.format_message() + _left_out(error)
+            return _tell(f"{said} (eimi --help lists commands, eimi COMMAND --help options)", 2)
         raise
+
+
+def _left_out(error: Exception) -> str:
+    """The value that was given, which a typer that checks it with pydantic does not name."""
+    from pydantic import ValidationError
+
+    return f", not {error.__cause__.errors()[0]['input']}" if isinstance(error.__cause__, ValidationError) else ""
 
 
 def _tell(message: str, status: int) -> int:

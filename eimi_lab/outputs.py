@@ -15,6 +15,8 @@ def refuse_existing(path: Path, force: bool) -> None:
     """Raise InputError when `path` cannot become a new file: it exists (and not `force`), or its folder does not."""
     if path.is_dir():
         raise InputError(f"{path}: is a folder; give the name of a file")
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path}: is a device or a pipe, which a file would replace; give the name of a file")
     if path.exists() and not force:
         raise InputError(f"{path}: exists already; give another name, or --force to replace it")
     if not path.parent.is_dir():
@@ -57,8 +59,8 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)
         os.replace(temporary, path)
-    except OSError as error:  # a full disk names no file
-        if error.filename is None and error.errno is not None:
+    except OSError as error:  # a full disk names no file, or one that nobody has heard of
+        if error.filename in (None, name) and error.errno is not None:
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
     finally:
@@ -67,9 +69,47 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
 
 def new_folder(folder: Path, force: bool) -> None:
     """Make a folder to fill. Raises InputError when it holds something already (and not `force`)."""
-    if folder.is_dir() and any(folder.iterdir()) and not force:
+    if folder.is_dir() and any(not entry.name.startswith(".") for entry in folder.iterdir()) and not force:
         raise InputError(f"{folder}: is not empty; give another folder, or --force to replace files in it")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made a folder ({error.strerror})") from error
+
+
+@contextmanager
+def whole_folder(folder: Path, force: bool) -> Iterator[Path]:
+    """A temporary folder to fill by `write_whole`; its files come into `folder` only when the block ends well.
+
+    Raises InputError as `new_folder` does. On any error the temporary folder is removed, and `folder` is as before.
+    """
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    new_folder(folder, force)
+    try:
+        try:  # inside, for beside it may be another file system
+            unfinished = tempfile.TemporaryDirectory(prefix=".unfinished.", dir=folder)
+        except OSError as error:
+            raise InputError(f"{folder}: takes no new file ({error.strerror})") from error
+        with unfinished as name:
+            yield Path(name)
+            for file in sorted(Path(name).iterdir()):
+                os.replace(file, folder / file.name)
+    except OSError as error:  # of a file by a name that nobody has heard of
+        if error.errno is not None and error.filename and Path(error.filename).parent == Path(name):
+            raise OSError(error.errno, error.strerror, str(folder / Path(error.filename).name)) from error
+        raise
+    finally:
+        for path in missing:
+            if path.is_dir() and not any(path.iterdir()):
+                path.rmdir()
+
+
+def write_whole(file: Path, content: bytes) -> None:
+    """Write a file of a `whole_folder`. Raises OSError that names it, which that of a full disk does not by itself."""
+    try:
+        with file.open("wb") as output:
+            output.write(content)
+            output.flush()
+            os.fsync(output.fileno())  # some file systems tell only here that there is no room
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(file)) from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from eimi_lab.dataset.edges import write_edges
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.errors import InputError
+from eimi_lab.outputs import write_whole
 from eimi_lab.vision.edge_set import EdgeSet
 from eimi_lab.vision.edges import find_edges
 from eimi_lab.vision.intensity import state_mean
@@ -51,8 +53,9 @@ def write_csv(folder: Path, edge_sets: Sequence[EdgeSet]) -> None:
         for side in ("left", "right"):
             edge = getattr(edge_set, side)
             table = np.column_stack([edge.points_mm, edge.sigma_mm])
-            file = folder / f"step_{index:02d}_{side}.csv"
-            np.savetxt(file, table, "%.6f", ",", header="x_mm,y_mm,sigma_mm", comments="")
+            text = io.BytesIO()
+            np.savetxt(text, table, "%.6f", ",", header="x_mm,y_mm,sigma_mm", comments="")
+            write_whole(folder / f"step_{index:02d}_{side}.csv", text.getvalue())
     quality = [
         {
             "step": index,
@@ -62,7 +65,7 @@ def write_csv(folder: Path, edge_sets: Sequence[EdgeSet]) -> None:
         }
         for index, edge_set in enumerate(edge_sets)
     ]
-    (folder / "quality.json").write_text(json.dumps({"steps": quality}, indent=2) + "\n", encoding="utf-8")
+    write_whole(folder / "quality.json", (json.dumps({"steps": quality}, indent=2) + "\n").encode())
 
 
 def write_overlays(folder: Path, path: Path, edge_sets: Sequence[EdgeSet]) -> None:
@@ -74,10 +77,14 @@ def write_overlays(folder: Path, path: Path, edge_sets: Sequence[EdgeSet]) -> No
             raise InputError(f"{path}: holds tracked points, which have no images")
         for state, edge_set in zip(dataset.states, edge_sets, strict=True):
             picture = draw_overlay(state_mean(dataset.images(state.index)), edge_set, dataset.calibration)
-            cv2.imwrite(str(folder / f"step_{state.index:02d}.png"), picture)
+            write_whole(folder / f"step_{state.index:02d}.png", _png(picture))
             share = min(1.0, 512 / max(picture.shape))
             shrunk = cv2.resize(picture, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
             small.append(np.asarray(shrunk, dtype=np.uint8))
             flags = " ".join(flag.name for flag in edge_set.flags)
             captions.append(f"{state.index:02d}: {state.field_mT:.3g} mT {flags}")
-    cv2.imwrite(str(folder / "contact_sheet.png"), contact_sheet(small, captions))
+    write_whole(folder / "contact_sheet.png", _png(contact_sheet(small, captions)))
+
+
+def _png(picture: NDArray[np.uint8]) -> bytes:
+    return cv2.imencode(".png", picture)[1].tobytes()

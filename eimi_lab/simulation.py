@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from eimi_fitting.observation import edge_curves, points_on
 from eimi_fitting.solid import Status
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.errors import InputError
+from eimi_lab.outputs import write_whole
 
 Array = NDArray[np.float64]
 
@@ -66,8 +68,8 @@ def simulate(
 ) -> Simulation:
     """Take a specimen through the fields (K,), angles in the beam frame; incompressible without a bulk modulus.
 
-    Raises InputError for a bulk modulus in plane stress, for angles or fields that are not finite, and naming the first
-    state without an equilibrium.
+    Raises InputError for a bulk modulus in plane stress, for angles or fields that are not finite, for a law that is
+    not stiff at rest, and naming the first state without an equilibrium.
     """
     if bulk_modulus_kPa is not None and specimen.specimen.section == "plane-stress":
         raise InputError(
@@ -75,7 +77,9 @@ def simulate(
             f"specimen {specimen.specimen.name} would have to be plane-strain"
         )
     if bulk_modulus_kPa is not None and not 0 < bulk_modulus_kPa < np.inf:
-        raise InputError(f"--bulk-modulus-kPa {bulk_modulus_kPa:g}: should be greater than 0")
+        raise InputError(
+            f"--bulk-modulus-kPa {bulk_modulus_kPa:g}: should be greater than 0, or left out where incompressible"
+        )
     for option, values in (("gravity-angle", gravity_angle_deg), ("field-angle", field_angle_deg)):
         if not np.isfinite(values):
             raise InputError(f"--{option} {values:g}: should be a finite number of degrees")
@@ -83,6 +87,9 @@ def simulate(
         raise InputError(
             "--coil-constant: gives fields that are not finite; it should be a number of mT for each ampere"
         )
+    modulus = float(law.initial_shear_modulus(parameters))
+    if not modulus > 0:
+        raise InputError(f"--parameter: give {law.name} an initial shear modulus of {modulus:g} Pa; should be above 0")
     model = BeamModel(specimen.mechanics(), along=26)
     bulk = None if bulk_modulus_kPa is None else np.array([1e3 * bulk_modulus_kPa])
     loads = Loads.along(field_mT, field_angle_deg, gravity_angle_deg)
@@ -91,29 +98,34 @@ def simulate(
     if len(failed):
         k = int(failed[0])
         what = Status(int(shapes.status[0, k])).name.lower().replace("_", " ")
-        raise InputError(f"specimen {specimen.specimen.name}: {law.name} at {field_mT[k]:g} mT: {what}")
+        raise InputError(
+            f"specimen {specimen.specimen.name}: {law.name} at {field_mT[k]:g} mT: {what}; it should be a stiffer "
+            "law or a weaker field (parameters in Pa, --coil-constant in mT/A)"
+        )
     return Simulation(model, shapes, field_mT)
 
 
 def write_simulation(folder: Path, simulation: Simulation) -> None:
-    """`tip.csv`, `state_00_left.csv` and `_right.csv`, `state_00.vtu` for ParaView, `shapes.png`."""
+    """`tip.csv`, `state_00_left.csv` and `_right.csv`, `state_00.vtu` for ParaView, `shapes.png`.
+
+    Raises OSError that names the file.
+    """
     model, shapes = simulation.model, simulation.shapes
     tip = model.positions(shapes, np.array([[model.specimen.length_mm, 0.0]]))[0, :, 0]
     angle, stretch = model.tip_angle_deg(shapes)[0], shapes.max_stretch[0]
-    np.savetxt(
-        folder / "tip.csv",
-        np.column_stack([simulation.field_mT, tip, angle, stretch]),
-        "%.6f",
-        ",",
-        header="field_mT,x_mm,y_mm,angle_deg,max_stretch",
-        comments="",
-    )
+    columns = np.column_stack([simulation.field_mT, tip, angle, stretch])
+    write_whole(folder / "tip.csv", _csv(columns, "field_mT,x_mm,y_mm,angle_deg,max_stretch"))
     for k, sides in enumerate(simulation.edges_mm):
         for side, points in zip(("left", "right"), sides, strict=True):
-            file = folder / f"state_{k:02d}_{side}.csv"
-            np.savetxt(file, points, "%.6f", ",", header="x_mm,y_mm", comments="")
+            write_whole(folder / f"state_{k:02d}_{side}.csv", _csv(points, "x_mm,y_mm"))
         _write_vtu(folder / f"state_{k:02d}.vtu", simulation, k)
-    _draw(folder / "shapes.png", simulation)
+    write_whole(folder / "shapes.png", _drawn(simulation))
+
+
+def _csv(columns: Array, header: str) -> bytes:
+    text = io.BytesIO()
+    np.savetxt(text, columns, "%.6f", ",", header=header, comments="")
+    return text.getvalue()
 
 
 # VTK's biquadratic quadrilateral wants corners, then sides, then the middle; ours is numbered across first.
@@ -126,15 +138,19 @@ def _write_vtu(path: Path, simulation: Simulation, k: int) -> None:
     model, displacement = simulation.model, simulation.shapes.displacement[0, k]
     stretch = model.element_stretch(simulation.shapes)[0, k]
     flat = np.zeros((len(displacement), 1))
-    meshio.Mesh(
+    mesh = meshio.Mesh(
         np.hstack([model.mesh.nodes, flat]),
         [("quad9", model.mesh.elements[:, _VTK_ORDER])],
         point_data={"displacement_mm": np.hstack([displacement, flat])},
         cell_data={"largest_stretch": [stretch]},
-    ).write(path)
+    )
+    try:
+        mesh.write(path)  # takes no open file
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
-def _draw(path: Path, simulation: Simulation) -> None:
+def _drawn(simulation: Simulation) -> bytes:
     from matplotlib.collections import PolyCollection
     from matplotlib.figure import Figure
 
@@ -157,4 +173,6 @@ def _draw(path: Path, simulation: Simulation) -> None:
     axes.set_aspect("equal")
     axes.set_xlabel("y across, mm")
     axes.set_ylabel("−x along, mm")
-    figure.savefig(path, dpi=110)
+    image = io.BytesIO()
+    figure.savefig(image, dpi=110)
+    return image.getvalue()

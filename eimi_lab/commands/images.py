@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
@@ -166,7 +167,7 @@ def segment(
     """Find the beam's edges in every state and store them in the dataset, as a dark frame and a flat field are."""
     from eimi_lab.dataset.corrections import forget_correction, read_correction_images, store_correction
     from eimi_lab.dataset.reading import open_dataset
-    from eimi_lab.outputs import new_folder
+    from eimi_lab.outputs import whole_folder
     from eimi_lab.progress import progress
     from eimi_lab.segmentation import segment as find
     from eimi_lab.segmentation import write_csv, write_overlays
@@ -176,18 +177,17 @@ def segment(
     correction = read_correction_images(dark, flat)
     if uncorrected and correction:
         raise InputError("--uncorrected: goes neither with --dark nor with --flat")
-    for folder in (csv, overlay):
-        if folder:
-            new_folder(folder, force)
-    if correction:
-        store_correction(dataset, correction)
-    if uncorrected:
-        forget_correction(dataset)
-    with progress("segment", total) as report:
-        edge_sets = find(dataset, report)
-    if csv:
-        write_csv(csv, edge_sets)
-    if overlay:
-        write_overlays(overlay, dataset, edge_sets)
+    with ExitStack() as stack:
+        unfinished = {folder: stack.enter_context(whole_folder(folder, force)) for folder in (csv, overlay) if folder}
+        if correction:
+            store_correction(dataset, correction)
+        if uncorrected:
+            forget_correction(dataset)
+        with progress("segment", total) as report:
+            edge_sets = find(dataset, report)
+        if csv:
+            write_csv(unfinished[csv], edge_sets)
+        if overlay:
+            write_overlays(unfinished[overlay], dataset, edge_sets)
     flagged = sum(bool(edge_set.flags) for edge_set in edge_sets)
     print(f"{dataset}: edges of {total} states, {flagged} with flags")

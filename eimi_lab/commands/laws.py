@@ -215,13 +215,13 @@ def simulate(
 
     from eimi_lab.config.protocol import load_protocol
     from eimi_lab.config.specimen import load_specimen
-    from eimi_lab.outputs import new_folder
+    from eimi_lab.outputs import whole_folder
     from eimi_lab.simulation import parse_parameters, write_simulation
     from eimi_lab.simulation import simulate as run
 
     law, values = parse_parameters(model, parameter)
     beam, field_mT = load_specimen(specimen), coil_constant * np.array(load_protocol(protocol).currents_A)
     result = run(beam, law, values, field_mT, gravity_angle, field_angle, bulk_modulus_kPa)
-    new_folder(output, force)
-    write_simulation(output, result)
+    with whole_folder(output, force) as unfinished:
+        write_simulation(unfinished, result)
     print(f"{output}: {len(field_mT)} states, tip at {result.model.tip_angle_deg(result.shapes)[0, -1]:.2f} degrees")

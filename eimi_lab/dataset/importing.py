@@ -71,7 +71,7 @@ def import_frames(
         first = next(images)
         images = chain([first], images)
         height, width = first.shape
-        _check_in_view(specimen, calibration, width, height)
+        _check_in_view(listed[0], specimen, calibration, width, height)
         oldest = min(file.stat().st_mtime for file in ([source] if source.is_file() else listed))
         taken = datetime.fromtimestamp(oldest, UTC).isoformat(timespec="seconds")
         header = Header(specimen=specimen, calibration=calibration, taken=taken)
@@ -266,13 +266,13 @@ def _enough(states: Path, count: int) -> None:
         raise InputError(f"{states}: has one state only; a fit needs at least two different ones")
 
 
-def _check_in_view(specimen: SpecimenFile, calibration: Calibration, width: int, height: int) -> None:
+def _check_in_view(image: Path, specimen: SpecimenFile, calibration: Calibration, width: int, height: int) -> None:
     """The beam at rest has to be inside the image."""
     length, half = specimen.specimen.length_mm, specimen.specimen.width_mm / 2
     corners = BeamFrame(calibration).to_px(np.array([[0, -half], [0, half], [length, -half], [length, half]]))
     if (corners < 0).any() or (corners > [width - 1, height - 1]).any():
         raise InputError(
-            f"specimen.length_mm = {length:g} at pixels_per_mm = {calibration.pixels_per_mm:g} is "
+            f"{image}: specimen.length_mm = {length:g} at pixels_per_mm = {calibration.pixels_per_mm:g} is "
             f"{length * calibration.pixels_per_mm:.0f} px and leaves the image of {width} x {height} px from "
             f"clamp_midpoint_px = {list(calibration.clamp_midpoint_px)}; check length, scale, clamp and axis"
         )

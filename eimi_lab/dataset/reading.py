@@ -194,6 +194,8 @@ def open_dataset(path: str | Path) -> Iterator[Dataset]:
 
 def open_file(path: Path) -> tuple[h5py.File, bool]:
     """The HDF5 file and whether its writer closed it. Raises InputError."""
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; a dataset is a file, which `eimi import` makes from a folder of images")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     try:

@@ -81,6 +81,8 @@ def _check_header(path: Path, header: list[str], required: Sequence[str], option
         if column not in known:
             near = difflib.get_close_matches(column, known, n=1)
             hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+            if ";" in column or "\t" in column:
+                hint = "separate the columns by commas"
             raise InputError(f"{path}: row 1: {column!r} is not a known column; {hint}")
     for column in required:
         if column not in header:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,10 @@ from numpy.typing import NDArray
 
 from eimi_lab.dataset.grey import grey
 from eimi_lab.errors import InputError
+
+# Otherwise what ffmpeg thinks of a damaged video goes to stderr, beside the one line that tells of it. OpenCV reads
+# this when it opens the first video.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 ENDINGS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".m4v"})
 

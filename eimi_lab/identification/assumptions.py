@@ -6,11 +6,12 @@ Freed nuisances belong to the datasets that the fit was made from; on any other 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.nuisance import Setting
+from eimi_fitting.nuisance import Part, Setting
 from eimi_lab.identification.experiments import Evidence
 from eimi_lab.identification.records import FitRecord, TensileRecord
 
@@ -43,15 +44,10 @@ def assumptions_of(fit: FitRecord | TensileRecord, evidence: Evidence, candidate
     own = [i for i, reference in enumerate(fit.datasets) if reference.sha256 == evidence.sha256]
     if not own or not fit.freed:
         return Assumptions(bulk)
-    factor, roll, clamp = np.ones(candidates), np.zeros(candidates), np.zeros((candidates, 2))
-    for freed in fit.freed:
-        if freed.dataset not in (None, own[0]):
-            continue
-        value = freed.deviation.value
-        if freed.name.startswith(("moment", "coil")):
-            factor *= 1 + value
-        elif freed.name.startswith("roll"):
-            roll += value
-        else:
-            clamp[:, 0 if freed.name.startswith("clamp x") else 1] += value
-    return Assumptions(bulk, Setting(factor, roll, clamp))
+    deviations = (
+        (part, freed.deviation.value)
+        for freed in fit.freed
+        for part in get_args(Part)
+        if freed.name.startswith(part) and freed.dataset in (None, own[0])
+    )
+    return Assumptions(bulk, Setting.of(deviations, candidates))

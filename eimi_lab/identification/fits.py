@@ -275,6 +275,9 @@ def write_fits(path: Path, fits: Sequence[FitRecord | TensileRecord], force: boo
         )
 
 
+_EXPECTED = "expected a file that `eimi fit` or `eimi tensile` of this release wrote"
+
+
 def read_any_fits(path: str | Path) -> tuple[FitRecord | TensileRecord, ...]:
     """Read fits.json, tensile fits included. Raises InputError naming the file and the key."""
     path = Path(path)
@@ -282,12 +285,9 @@ def read_any_fits(path: str | Path) -> tuple[FitRecord | TensileRecord, ...]:
     try:
         return FitsFile.model_validate(json.loads(text)).fits
     except json.JSONDecodeError as error:
-        raise InputError(f"{path}: line {error.lineno}: is not JSON ({error.msg})") from error
+        raise InputError(f"{path}: line {error.lineno}: is not JSON ({error.msg}); {_EXPECTED}") from error
     except ValidationError as error:
-        raise InputError(
-            f"{path}: {first_fault(error)}; expected a file that `eimi fit` or `eimi tensile` of this release wrote: "
-            "if it is of an earlier one, fit again"
-        ) from error
+        raise InputError(f"{path}: {first_fault(error)}; {_EXPECTED}: if it is of an earlier one, fit again") from error
 
 
 def first_fault(error: ValidationError) -> str:

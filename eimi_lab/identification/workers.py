@@ -39,7 +39,10 @@ def one_thread_each() -> None:
 
 
 def executor_for(workers: int, scheduler: str | None) -> Callable[[], AbstractContextManager[Executor]] | None:
-    """What `--workers` and `--scheduler` ask for; None is this process. Raises InputError for both at once."""
+    """What `--workers` and `--scheduler` ask for; None is this process.
+
+    Raises InputError for both at once, and as `cluster` does, before anything is written for a fit that cannot begin.
+    """
     if scheduler is None:
         workers = min(workers, os.cpu_count() or 1)  # more would wait for each other, and need the memory
         return partial(processes, workers) if workers > 1 else None
@@ -47,7 +50,8 @@ def executor_for(workers: int, scheduler: str | None) -> Callable[[], AbstractCo
         raise InputError(
             f"--workers {workers}: the cluster at --scheduler {scheduler} has its own; give one of the two"
         )
-    return partial(cluster, scheduler)
+    with cluster(scheduler):
+        return partial(cluster, scheduler)
 
 
 def completed(

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 _SMALLEST_FRAME_PX = 16
 _WIDEST_SPACING = 0.1  # of the beam's width: between points farther apart the scatter is not told from the shape
+_LEAST_SIGMA_PX = 1e-3  # of a drawn picture without noise, whose points scatter not at all
 _ABSURD_WIDTH = 0.5  # departure from the specimen's; such a body is not the beam, or not the beam alone
 # By which a cast magnet may be off the beam's middle; one in little silicone may be anywhere within it, and has the
 # standard deviation of an even distribution.
@@ -44,7 +45,7 @@ def find_edges(
     """The beam's edges in one image, (height, width) or (height, width, 3), of any depth.
 
     spacing_mm: wanted distance of the points along the edges; wider where that would give more than
-    `passes.MOST_POINTS` or where profiles would overlap. Where it is more than a tenth of the beam's width, more points
+    `passes.MOST_POINTS` or where profiles would overlap. Where it is more than a fifth of the beam's width, more points
     are looked for than are returned. A few pixels at the clamp line and at the corners are left out, where the profile
     is no clean step. A beam brighter than what is beside its root is taken for a lit one in
     front of a dark background. calibration_age_days: how old the calibration was when the image was taken. A picture
@@ -177,9 +178,9 @@ def _gamma(located: Located, inverted_from: float | None) -> float | None:
 def _edge_points(side: Side, scatter: float, wanted_px: float, frame: BeamFrame, pixels_per_mm: float) -> EdgePoints:
     """Of the sound points those that are about so far apart."""
     apart_px = float(np.median(np.hypot(*np.diff(side.points_px, axis=0).T)))
-    kept = side.sound & (np.arange(len(side.sound)) % max(1, round(wanted_px / apart_px)) == 0)
+    kept = np.flatnonzero(side.sound)[:: max(1, round(wanted_px / apart_px))]
     sigma_px = scatter * np.hypot(side.sigma_px, side.common_px)[kept]
-    return EdgePoints(frame.to_mm(side.points_px[kept]), sigma_px / pixels_per_mm)
+    return EdgePoints(frame.to_mm(side.points_px[kept]), np.maximum(sigma_px, _LEAST_SIGMA_PX) / pixels_per_mm)
 
 
 def _corners(clamp: ClampLine, left: Side, tip: Side, right: Side, width_px: float) -> Array:

@@ -17,11 +17,13 @@ from eimi_lab.vision.dimensions import local_widths
 from eimi_lab.vision.edge_set import EdgeSet
 from eimi_lab.vision.edges import find_edges
 from eimi_lab.vision.intensity import full_scale, grey
+from eimi_lab.vision.profiles import sample
 from eimi_lab.vision.quality import Limits
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 3
+_CLEAR_OF_CLAMP_PX = 8.0
 _LENIENT = Limits(clamp_offset_mm=math.inf)  # the clamp's place is what is asked for
 # What makes the outline useless as a ruler; a wrong length or focus does not.
 _FATAL = ("SATURATED", "GAMMA", "TOUCHES_FRAME", "MULTI_CONTOUR", "CORNER_AMBIGUOUS", "CLAMP_NOT_FOUND")
@@ -114,15 +116,18 @@ def _rough_width_px(pixels: NDArray[Any], guess: Calibration) -> float:
     angle = math.radians(guess.axis_angle_deg)
     along, across = np.array([math.cos(angle), math.sin(angle)]), np.array([-math.sin(angle), math.cos(angle)])
     height, width = shown.shape
+    root = np.array(guess.clamp_midpoint_px) + _CLEAR_OF_CLAMP_PX * along
+    if sample(bright, root) > 0.5:  # a lit beam; or none, and then the runs do not end
+        bright = 1 - bright
     runs = []
-    for ahead in np.arange(8.0, max(height, width), 4.0):
-        centre = np.array(guess.clamp_midpoint_px) + ahead * along
+    for ahead in np.arange(0.0, max(height, width), 4.0):
+        centre = root + ahead * along
         run = [_dark_steps(bright, centre, sign * across) for sign in (-1.0, 1.0)]
         if None in run:
             break
         runs.append(float(sum(step for step in run if step is not None)))
     if len(runs) < 5:
-        raise ValueError("no dark beam leaves clamp_midpoint_px along axis_angle_deg")
+        raise ValueError("no beam leaves clamp_midpoint_px along axis_angle_deg")
     return float(np.median(runs))
 
 

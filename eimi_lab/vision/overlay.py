@@ -85,7 +85,8 @@ def contact_sheet(
         small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
         begin = top + _CAPTION_PX
         sheet[begin : begin + size[1], left : left + size[0]] = small
-        cv2.putText(sheet, caption, (left + 2, top + _CAPTION_PX - 6), _FONT, 0.42, (0, 0, 0), 1, cv2.LINE_AA)
+        above = sheet[top:begin, left : left + wide - 4]  # alone: a long caption must not run into the next one
+        cv2.putText(above, caption, (2, _CAPTION_PX - 6), _FONT, 0.42, (0, 0, 0), 1, cv2.LINE_AA)
     return sheet
 
 

@@ -81,8 +81,9 @@ class Located:
         return np.concatenate([side.sound for side in self.sides])
 
     def plateau(self, outward: float) -> Array:
-        """Grey values of the sound profiles outside (+1) or inside (-1) the beam, clear of the step."""
-        return self.profiles[self.sound][:, outward * self.stations_px > 2.0 * self.steps.blur_px]
+        """Grey values of the sound profiles outside (+1) or inside (-1) the beam, clear of the step or at the ends."""
+        away = outward * self.stations_px
+        return self.profiles[self.sound][:, away >= min(2.0 * self.steps.blur_px, float(away.max()))]
 
 
 def first_pass(

@@ -156,8 +156,8 @@ def judge(findings: Findings, limits: Limits, width_mm: float, depth_mm: float) 
             findings.residual,
             limits.residual,
             False,
-            "Look for dirt, reflections or anything else at the edges; average more frames if the image is noisy, "
-            "and give --flat where pixels or light are uneven.",
+            "Look for dirt, reflections or anything else at the edges, and keep them clear of the picture's border; "
+            "average more frames if the image is noisy, and give --flat where pixels or light are uneven.",
         ),
         (
             "WIDTH_ANOMALY",

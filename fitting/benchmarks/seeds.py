@@ -3,7 +3,7 @@
     cd fitting && python -m benchmarks.seeds
 
 Each seed is that of the noise and of the search. Edges of a 30 x 3 mm beam with a magnet in 16 field states, simulated
-on 40 x 4 elements, 100 points an edge, with normal noise of 1 µm on each coordinate.
+on 80 x 10 elements, 100 points an edge, with normal noise of 1 µm on each coordinate.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ TRUTH = {
 
 def measured(model: str, seed: int) -> Experiment:
     """Noisy edges of a beam of a known law."""
-    fine = BeamModel(SPECIMEN, 40, 4)
+    fine = BeamModel(SPECIMEN, 80, 10)
     shapes = fine.solve(LAWS[model], np.array([TRUTH[model]]), LOADS)
     sides = points_on(edge_curves(fine, shapes)[0], 3)
     sides = sides[:, :, np.linspace(4, sides.shape[2] - 5, 100).astype(int)]

@@ -21,7 +21,7 @@ _OF_WIDTH = 0.5
 _OF_NOISE = 10.0
 _OF_MEDIAN = 5.0
 _NO_FINER_MESH = (
-    "with these parameters a finer mesh finds no stable equilibrium: what the mesh does to the edges (often "
+    "with these parameters a finer mesh finds no equilibrium: what the mesh does to the edges (often "
     "some tenths of a per cent of the modulus) is neither in the parameters nor in the intervals"
 )
 

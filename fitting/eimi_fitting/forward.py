@@ -21,6 +21,8 @@ from eimi_fitting.stability import stable_stretch
 Array = NDArray[np.float64]
 
 BULK_RATIO = 1e4  # bulk over shear modulus of an incompressible material: changes the tip by less than 1e-4
+# Of any material: a stiffer one bends the same to eight digits, but far above it rounding leaves Newton no equilibrium.
+_MOST_BULK_RATIO = 1e8
 _MEGA = 1e-6  # Pa -> MPa = N/mm²
 
 
@@ -148,7 +150,7 @@ class BeamModel:
                 raise ValueError("plane stress is incompressible here: it takes no bulk modulus")
             given = np.broadcast_to(np.asarray(bulk_modulus_Pa, float) * _MEGA, bulk.shape)
             sound = sound & np.isfinite(given) & (given > 0)
-            bulk = np.where(sound, given, bulk)
+            bulk = np.where(sound, np.minimum(given, _MOST_BULK_RATIO * mu), bulk)
         factor = None
         if field_factor is not None:
             factor = np.broadcast_to(np.asarray(field_factor, float), sound.shape)

@@ -9,14 +9,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.coarse import coarsened
 from eimi_fitting.credibility import check_explained, doubts
-from eimi_fitting.experiment import DISCARDED_MM, Comparison, Experiment
+from eimi_fitting.experiment import DISCARDED_MM, Experiment
 from eimi_fitting.linearised import independent_points
 from eimi_fitting.materials import LAWS, Law
 from eimi_fitting.mesh_error import mesh_corrected
@@ -31,9 +30,6 @@ from eimi_fitting.uncertainty import Uncertainty, estimate_uncertainty
 
 Array = NDArray[np.float64]
 
-# Where the finer mesh is asked: from the optimum of the coarser one toward the search's best. Near the limit of
-# stability the coarser may have an equilibrium and the finer none; what the mesh does hardly depends on the parameters.
-_RETREATS = (0.0, 0.3, 1.0)
 _SAME_COUNT = 0.3  # of the logarithm of N: a prior that counts for that much more or less moves nothing worth a polish
 
 
@@ -135,7 +131,7 @@ def identify(
 
     polished = _polished(problem, found.unit)
     coarser_unit = best_unit = polished.unit
-    corrected = _corrected(problem, coarser_unit, problem.whole(found.unit)[0])
+    corrected = mesh_corrected(experiments, lambda seen: problem.judge(coarser_unit[None], guessed, seen).comparison)
     if corrected:
         problem = replace(problem, experiments=corrected)
         best_unit = _polished(problem, coarser_unit).unit
@@ -187,20 +183,6 @@ def _polished(problem: Problem, unit: Array) -> Polish:
         return first
     second = polish(lambda units: problem.judge(units, second_count), first.unit)
     return replace(second, before_mm=first.before_mm, steps=first.steps + second.steps)
-
-
-def _corrected(problem: Problem, optimum: Array, searched: Array) -> tuple[Experiment, ...] | None:
-    """The problem's experiments with what the finer mesh changes; None where it finds no equilibrium."""
-    for share in _RETREATS:
-        unit = (optimum + share * (searched - optimum))[None]
-        corrected = mesh_corrected(problem.experiments, partial(_comparison, problem, unit))
-        if corrected:
-            return corrected
-    return None
-
-
-def _comparison(problem: Problem, unit: Array, experiments: Sequence[Experiment]) -> Comparison:
-    return problem.judge(unit, 1.0, experiments).comparison
 
 
 def _at_bound(space: SearchSpace, unit: Array) -> tuple[str, ...]:

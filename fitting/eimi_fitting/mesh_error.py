@@ -32,7 +32,8 @@ def mesh_corrected(experiments: Sequence[Experiment], compare: Compare) -> tuple
     plain = tuple(replace(experiment, mesh_change=None) for experiment in experiments)
     here = compare(plain)
     there = compare([replace(experiment, model=experiment.model.halved()) for experiment in plain])
-    if here.unconverged[0] or there.unconverged[0] or there.unstable[0]:
+    # Nearer to the singular corner the stretch is larger, and may be beyond the law's stability; the edges still tell.
+    if here.unconverged[0] or there.unconverged[0]:
         return None
     return tuple(
         replace(experiment, mesh_change=finer.residuals[0] - own.residuals[0])

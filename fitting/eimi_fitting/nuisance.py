@@ -11,7 +11,7 @@ clamp     the place of the clamp, mm, x and y of the beam frame; each dataset
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Kind = Literal["moment", "coil", "roll", "clamp"]
+Part = Literal["moment", "coil", "roll", "clamp x", "clamp y"]
 
 UNITS: dict[Kind, str] = {"moment": "1", "coil": "1", "roll": "deg", "clamp": "mm"}
 # Standard deviations above which nothing is known: the field may have either sign, x and y may be swapped, the clamp
@@ -48,7 +49,7 @@ class Nuisance:
     """One unknown number: ``dataset`` counts from 0 and is None where it is common to all; its value is a deviation."""
 
     name: str
-    part: Literal["moment", "coil", "roll", "clamp x", "clamp y"]
+    part: Part
     dataset: int | None
     unit: str
     spread: float
@@ -65,6 +66,19 @@ class Setting:
     field_factor: Array
     roll_deg: Array
     clamp_mm: Array
+
+    @staticmethod
+    def of(deviations: Iterable[tuple[Part, Array | float]], candidates: int) -> Setting:
+        """What deviations (P,) from what was stated mean, or numbers for all P candidates."""
+        factor, roll, clamp = np.ones(candidates), np.zeros(candidates), np.zeros((candidates, 2))
+        for part, value in deviations:
+            if part in ("moment", "coil"):
+                factor *= 1 + value
+            elif part == "roll":
+                roll += value
+            else:
+                clamp[:, 0 if part == "clamp x" else 1] += value
+        return Setting(factor, roll, clamp)
 
     def corrected(self, points_mm: Array) -> Array:
         """Measured points (..., 2) as they lie once clamp and roll of each candidate are taken out: (P, ..., 2)."""
@@ -98,17 +112,8 @@ def nuisances(priors: Sequence[Prior], datasets: int) -> tuple[Nuisance, ...]:
 
 def settings(freed: Sequence[Nuisance], unit: Array, datasets: int) -> list[Setting]:
     """What unit coordinates (P, m) of the freed nuisances mean for each dataset."""
-    p = len(unit)
-    factor = np.ones((datasets, p))
-    roll = np.zeros((datasets, p))
-    clamp = np.zeros((datasets, p, 2))
-    for column, nuisance in enumerate(freed):
-        own = slice(None) if nuisance.dataset is None else slice(nuisance.dataset, nuisance.dataset + 1)
-        value = nuisance.value(unit[:, column])
-        if nuisance.part in ("moment", "coil"):
-            factor[own] *= 1 + value
-        elif nuisance.part == "roll":
-            roll[own] += value
-        else:
-            clamp[own, :, 0 if nuisance.part == "clamp x" else 1] += value
-    return [Setting(factor[d], roll[d], clamp[d]) for d in range(datasets)]
+    values = [(nuisance, nuisance.value(unit[:, column])) for column, nuisance in enumerate(freed)]
+    return [
+        Setting.of(((n.part, value) for n, value in values if n.dataset in (None, dataset)), len(unit))
+        for dataset in range(datasets)
+    ]

@@ -26,7 +26,7 @@ STIFFNESS_NAME = "a quarter of E/(1-nu^2)"
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """Bounds of the physical search coordinates of one law; the first is always the initial shear modulus (Pa).
+    """Bounds of the physical search coordinates of one law; the first is the initial shear modulus (Pa).
 
     Where ``with_bulk`` has put the bulk modulus last, the first is a quarter of the plane-strain modulus.
     """

@@ -113,8 +113,8 @@ def estimate_uncertainty(problem: Problem, unit: Array, seed: int, moved: Array 
     parameters = problem.space.parameters(drawn)
     bulk = problem.space.bulk_modulus_Pa(drawn)
     not_fixed = tuple(name for name, r in zip(problem.space.names, remaining, strict=False) if r > NOT_FIXED)
-    # ln of the ratio of the bounds of the modulus, whose logarithm the coordinate is
-    decades = float(np.log(problem.space.upper[0] / problem.space.lower[0]))
+    # of the modulus, whose logarithm the first coordinate is
+    log_range = float(np.log(problem.space.upper[0] / problem.space.lower[0]))
     return Uncertainty(
         np.quantile(parameters, [0.025, 0.975], axis=0).T,
         np.quantile(problem.law.initial_shear_modulus(parameters), [0.025, 0.975]),
@@ -129,8 +129,8 @@ def estimate_uncertainty(problem: Problem, unit: Array, seed: int, moved: Array 
         eigen,
         not_fixed,
         tuple(problem.names[i] for i in ends.profiled),
-        None if moved is None else float(np.expm1(moved[0] * decades)),
-        None if moved is None else float(np.hypot(left[0], alone) * decades),
+        None if moved is None else float(np.expm1(moved[0] * log_range)),
+        None if moved is None else float(np.hypot(left[0], alone) * log_range),
         held_out_error_mm(about),
         statement(problem.names, searched, remaining, correlation, eigen),
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,28 +55,28 @@ def test_neo_hookean_within_a_per_cent_and_its_interval(neo_hookean):
     assert fit.evaluations == sum(1 for _ in fit.history) * 8
 
 
-@pytest.mark.parametrize("places_without", [2, 99])
-def test_where_the_finer_mesh_has_no_solution_another_place_is_asked_and_none_is_told(
-    neo_hookean, monkeypatch: pytest.MonkeyPatch, places_without: int
-):
-    """An optimum of the coarser mesh may be unstable on the finer one; a place near by serves as well."""
-    asked: list[int] = []
-
-    def corrected(*given):
-        asked.append(1)
-        return None if len(asked) <= places_without else mesh_corrected(*given)
-
-    plain = identify("neo-hookean", [neo_hookean], seed=3)
-    monkeypatch.setattr(identification, "mesh_corrected", corrected)
+def test_without_an_equilibrium_on_the_finer_mesh_there_is_a_doubt(neo_hookean, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(identification, "mesh_corrected", lambda *_: None)
     fit = identify("neo-hookean", [neo_hookean], seed=3)
-    if places_without == 99:
-        assert fit.uncertainty.mesh_change is None
-        [(experiment, state, words)] = fit.doubts
-        assert (experiment, state) == (0, None)
-        assert "finer mesh" in words
-    else:
-        assert fit.parameters == pytest.approx(plain.parameters, rel=1e-5)
-        assert fit.doubts == plain.doubts == ()
+    assert fit.uncertainty.mesh_change is None
+    [(experiment, state, words)] = fit.doubts
+    assert (experiment, state) == (0, None)
+    assert "finer mesh" in words
+
+
+def test_an_optimum_that_is_unstable_on_the_finer_mesh_tells_what_the_mesh_does(neo_hookean):
+    """The optimum of the coarser mesh may be; the change by the finer one is what leads away from it."""
+
+    def compared(experiments, unstable=False):
+        return replace(compare(LAWS["neo-hookean"], np.array([[46e3]]), experiments), unstable=np.array([unstable]))
+
+    def unstable_if_finer(experiments):
+        return compared(experiments, len(experiments[0].model.mesh.nodes) > len(neo_hookean.model.mesh.nodes))
+
+    corrected = mesh_corrected([neo_hookean], unstable_if_finer)
+    assert corrected is not None
+    change = compared(corrected).misfits[0].residuals - compared([neo_hookean]).misfits[0].residuals
+    assert 1e-5 < np.abs(change).max() < 1e-2
 
 
 def test_same_seed_same_result_and_another_seed_the_same_material(neo_hookean):

@@ -126,9 +126,10 @@ def test_flat_views_cannot_tell_the_focal_length():
         calibrate_lens(flat, SIZE)
 
 
-def test_the_beam_itself_as_a_ruler(run, tmp_path):
+@pytest.mark.parametrize("lit", [False, True])
+def test_the_beam_itself_as_a_ruler(run, tmp_path, lit):
     image = photograph(NOMINAL, bend(SPECIMEN, 0.0))
-    cv2.imwrite(str(tmp_path / "rest.png"), image)
+    cv2.imwrite(str(tmp_path / "rest.png"), 240 - image if lit else image)
     specimen = SPECIMEN.specimen
     lines = [f"{key} = {value!r}" for key, value in specimen.model_dump(exclude_defaults=True).items()]
     (tmp_path / "specimen.toml").write_text("[specimen]\n" + "\n".join(lines).replace("'", '"'))
@@ -206,7 +207,7 @@ def test_clamp_and_gravity_from_pictures_of_their_own(run, tmp_path):
 
 
 def test_a_ruler(run, tmp_path):
-    cv2.imwrite(str(tmp_path / "ruler.png"), np.zeros((100, 300), np.uint8))
+    cv2.imwrite(str(tmp_path / "ruler.png"), np.zeros((100, 400), np.uint8))
     os.utime(tmp_path / "ruler.png", (0, 86400 * 365.25 * 50))
     ends = ("--ruler-px", "10", "50", "260", "50", "--ruler-mm", "20")
     assert run("calibrate", tmp_path / "ruler.png", *ends, *COMMON, "-o", tmp_path / "c.toml") == (0, "")
@@ -220,10 +221,18 @@ def test_a_ruler(run, tmp_path):
 BAD = {
     "no way": ((), "needs one of --board, --specimen and --ruler-px"),
     "two ways": ((*BOARD, "--specimen", "type1"), "and not more than one"),
+    "clamp outside": (
+        ("--ruler-px", "1", "1", "90", "1", "--ruler-mm", "9", "--clamp-midpoint-px", "400", "40"),
+        "blank.png: is 400 x 100 px; --clamp-midpoint-px 400 40 is not in it",
+    ),
+    "clamp beside the beam's picture": (
+        ("--specimen", "type1", "--clamp-midpoint-px", "-3.5", "40"),
+        "blank.png: is 400 x 100 px; --clamp-midpoint-px -3.5 40 is not in it",
+    ),
     "kind": (("--board", "chess"), "board = 'chess' should be one of"),
     "small": (("--board", "circles", "--rows", "2"), "should have 4 to 60"),
     "not a board": (BOARD, "blank.png: shows no charuco board of 9 x 7"),
-    "not a beam": (("--specimen", "type1"), "blank.png: no dark beam leaves clamp_midpoint_px"),
+    "not a beam": (("--specimen", "type1"), "blank.png: no beam leaves clamp_midpoint_px"),
     "ruler outside": (("--ruler-px", "1", "1", "900", "1", "--ruler-mm", "9"), "are not both in it"),
     "endless squares": ((*BOARD, "--square-mm", "inf"), "square_mm = inf should be a finite number"),
     "endless ruler": (("--ruler-px", "1", "1", "90", "1", "--ruler-mm", "inf"), "--ruler-mm inf over 89.0 px gives no"),
@@ -234,9 +243,9 @@ BAD = {
 
 @pytest.mark.parametrize("case", BAD)
 def test_a_mistake_gives_one_line_and_no_file(run, tmp_path, case):
-    cv2.imwrite(str(tmp_path / "blank.png"), np.full((100, 300), 200, np.uint8))
+    cv2.imwrite(str(tmp_path / "blank.png"), np.full((100, 400), 200, np.uint8))
     arguments, told = BAD[case]
-    status, said = run("calibrate", tmp_path / "blank.png", *arguments, *COMMON, "-o", tmp_path / "c.toml")
+    status, said = run("calibrate", tmp_path / "blank.png", *COMMON, *arguments, "-o", tmp_path / "c.toml")
     assert (status, said.count("\n")) == (2, 1)
     assert told in said
     assert not (tmp_path / "c.toml").exists()

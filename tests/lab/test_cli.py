@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -52,11 +54,15 @@ ACQUIRE = ("acquire", "protocol.toml", "--specimen", "specimen.toml", "--rig")
         ((*ACQUIRE, "virtual", "-o", "x.h5", "--resume", "--force"), "give neither --force nor --note with it"),
         ((*ACQUIRE, "virtual", "-o", "x.h5", "--resume"), "x.h5: no such file to resume"),
         (("segment", "missing.h5"), "missing.h5: no such file"),
+        (("segment", "."), ".: is a folder; a dataset is a file"),
         (("segment", "precious.h5"), "precious.h5: is not an HDF5 file"),
         (("segment", "other.h5"), "other.h5: is an HDF5 file, but not a dataset of this suite"),
         (("segment", "points.h5"), "points.h5: holds tracked points"),
         (("recover", "precious.h5", "-o", "x.h5"), "precious.h5: is not an HDF5 file"),
         (("recover", "points.h5", "-o", "precious.h5"), "precious.h5: exists already"),
+        (("report", "points.h5", "-o", "pipe", "--force"), "pipe: is a device or a pipe"),
+        (("validate", "points.h5", "--fit", "precious.h5", "-o", "x"), "precious.h5: line 1: is not JSON (Expecting"),
+        (("validate", "points.h5", "--fit", "precious.h5", "-o", "x"), "expected a file that `eimi fit` or `eimi tens"),
     ],
 )
 def test_a_mistake_gives_one_line_and_status_2(
@@ -64,6 +70,7 @@ def test_a_mistake_gives_one_line_and_status_2(
 ) -> None:
     monkeypatch.chdir(files)
     Path("precious.h5").write_text("precious")
+    os.mkfifo("pipe")
     with h5py.File("other.h5", "w") as file:
         file["numbers"] = [1, 2, 3]
     point = TrackedPoints(("a",), np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
@@ -74,6 +81,7 @@ def test_a_mistake_gives_one_line_and_status_2(
     assert told in said
     assert sorted(Path().iterdir()) == before
     assert Path("precious.h5").read_text() == "precious"
+    assert Path("pipe").is_fifo()
 
 
 def test_mistakes_as_a_person_meets_them(files: Path) -> None:
@@ -125,11 +133,32 @@ def test_an_emulated_supply_is_served_until_ctrl_c(files: Path) -> None:
         assert server.wait(20) == 130
 
 
-def test_a_port_that_cannot_be_is_told_in_one_line(tmp_path: Path) -> None:
-    done = eimi("emulate", "scpi", "--tcp", "70000", cwd=tmp_path)
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert "'--tcp'" in done.stderr
-    assert "65535" in done.stderr
+def test_ctrl_c_while_the_package_is_imported_ends_in_one_line(tmp_path: Path) -> None:
+    pressed = "import signal\nsignal.signal(2, signal.default_int_handler)\nsignal.raise_signal(2)\n"
+    (tmp_path / "typer.py").write_text(pressed)  # is imported in place of the library's
+    done = eimi("--help", cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "eimi: stopped by SIGINT\n")
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    assert project["scripts"] == {"eimi": "eimi_lab.__main__:main"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "option", "value", "right"),
+    [
+        (("emulate", "scpi", "--tcp", "70000"), "--tcp", "70000", "65535"),
+        (("fit", "x.h5", "--model", "m", "-o", "x.json", "--workers", "0"), "--workers", "0", "1"),
+        (("fit", "x.h5", "--model", "m", "-o", "x.json", "--seed", "7", "--seed", "-3"), "--seed", "-3", "1"),
+        (("fit", "x.h5", "--model", "m", "-o", "x.json", "--restarts", "many"), "--restarts", "many", "integer"),
+    ],
+)
+def test_a_number_out_of_its_range_is_told_with_option_value_and_range(
+    run: Run, arguments: tuple[str, ...], option: str, value: str, right: str
+) -> None:
+    status, said = run(*arguments)
+    assert (status, said.count("\n")) == (2, 1)
+    assert f"'{option}'" in said
+    assert re.search(rf"(^|\W){value}\b", said.replace(option, ""))
+    assert re.search(rf"\b{right}\b", said)
 
 
 def test_instruments_always_has_an_answer(tmp_path: Path) -> None:

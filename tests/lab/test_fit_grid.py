@@ -345,6 +345,8 @@ def test_no_scheduler_is_one_line(beams: Path, tmp_path: Path, run: Run, monkeyp
     pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'eimi-lab[cluster]'")
     monkeypatch.setattr("eimi_lab.identification.workers._ANSWER_S", 1)
     arguments = ["--scheduler", "tcp://127.0.0.1:1", "-o", tmp_path / "fits.json"]
+    arguments += ["--checkpoint", tmp_path / "log.jsonl"]
     status, said = run("fit", beams / "first.h5", "--model", "neo-hookean", *arguments)
     assert status == 2
     assert "eimi: --scheduler tcp://127.0.0.1:1: no dask scheduler answers there" in said
+    assert list(tmp_path.iterdir()) == []

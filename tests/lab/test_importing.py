@@ -104,6 +104,10 @@ def empty(files: Path) -> None:
 
 
 BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
+    "semicolons": (
+        rewrite("states.csv", "frame,current_A", "frame;current_A"),
+        "states.csv: row 1: 'frame;current_A' is not a known column; separate the columns by commas",
+    ),
     "header": (
         rewrite("states.csv", "current_A", "curent_A"),
         "states.csv: row 1: 'curent_A' is not a known column; did you mean current_A?",

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import resource
 import struct
+import subprocess
+import sys
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -110,6 +113,43 @@ def test_edges_carry_age_and_digest_of_the_calibration(run: Run, files: Path, fr
             assert "CALIBRATION_STALE" in {flag.name for flag in edges.flags}
 
 
+def test_pictures_that_do_not_fit_leave_nothing_behind(run: Run, files: Path, frame: Draw) -> None:
+    fill(files, {f"f_{k}.png": frame(k) for k in range(9)}, list(range(9)))
+    assert imported(run, files) == (0, "")
+    assert run("segment", files / "out.h5", "--csv", files / "there")[0] == 0
+    before = {file.name: file.read_bytes() for file in (files / "there").iterdir()}
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, ((files / "out.h5").stat().st_size + 8192, hard))
+    try:  # the frames' own pictures are smaller than the dataset, all of them on one sheet are larger
+        said = [run("segment", files / "out.h5", "--overlay", files / name, "--force") for name in ("there", "a/b")]
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert [status for status, _ in said] == [1, 1]
+    for name, (_, told) in zip(("there", "a/b"), said, strict=True):
+        assert f"'{files / name}/" in told
+        assert ".unfinished" not in told
+    assert {file.name: file.read_bytes() for file in (files / "there").iterdir()} == before
+    assert not (files / "a").exists()
+
+
+def test_a_damaged_video_is_told_in_one_line(files: Path, frame: Draw) -> None:
+    """In a process of its own, where the decoder's own messages would come out too."""
+    (files / "run.mp4").write_bytes(b"no video")
+    (files / "states.csv").write_text("frame,current_A\n1,0\n2,1\n")
+    tables = [f"--{name}={files / name}.toml" for name in ("specimen", "calibration")]
+    command = [
+        sys.executable,
+        "-m",
+        "eimi_lab",
+        "import",
+        files / "run.mp4",
+        f"--states={files / 'states.csv'}",
+        *tables,
+    ]
+    ended = subprocess.run([*command, "-o", files / "out.h5"], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr.count("\n"), "is not a video" in ended.stderr) == (2, 1, True)
+
+
 def test_dark_frame_and_flat_field(run: Run, files: Path, frame: Draw) -> None:
     fill(files, {"f_0.png": frame(0), "f_1.png": frame(1)}, [0, 1])
     assert imported(run, files) == (0, "")
@@ -206,6 +246,7 @@ def test_one_pixel(run: Run, files: Path) -> None:
     fill(files, {f"f_{k}.png": np.zeros((1, 1), np.uint8) for k in range(2)}, [0, 1])
     status, said = imported(run, files)
     assert (status, said.count("\n")) == (2, 1)
+    assert "f_0.png: specimen.length_mm = 10 at" in said
     assert "leaves the image of 1 x 1 px" in said
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import resource
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
@@ -72,10 +75,27 @@ magnetisation_kA_per_m = [{magnetisation}, 0.0]
 """
 
 
-def eimi_simulate(folder: Path, *further: str) -> subprocess.CompletedProcess[str]:
+def eimi_simulate(folder: Path, *further: str, **process: Any) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "eimi_lab", "simulate", "protocol.toml", "--specimen", "specimen.toml"]
     command += ["--model", "neo-hookean", "--parameter", "mu_Pa=50000", "-o", "out", "--force", *further]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False, **process)
+
+
+def test_a_law_that_is_not_stiff_at_rest_is_told_with_its_modulus() -> None:
+    law, values = parse_parameters("mooney-rivlin", ["C10_Pa=1000", "C01_Pa=-3000"])
+    with pytest.raises(InputError, match="--parameter: give mooney-rivlin an initial shear modulus of -4000 Pa"):
+        simulate(load_specimen("type1"), law, values, np.zeros(1), 0.0)
+
+
+def test_a_full_disk_is_told_and_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "specimen.toml").write_text(load_specimen("type1").text)
+    (tmp_path / "protocol.toml").write_text(load_protocol("dragon_skin_10_quick").text)
+    for size, stops in ((64, "tip.csv"), (5000, "state_00.vtu")):  # of every file, as a full disk
+        limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (size, size))
+        done = eimi_simulate(tmp_path, preexec_fn=limit)
+        assert (done.returncode, done.stderr.count("\n")) == (1, 1), stops
+        assert f"File too large: 'out/{stops}'" in done.stderr
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["protocol.toml", "specimen.toml"]
 
 
 def test_a_magnetised_beam_from_files_bends_as_the_hard_magnetic_elastica(tmp_path: Path) -> None:
@@ -105,13 +125,16 @@ def test_a_finite_bulk_modulus_bends_further() -> None:
     law, values = parse_parameters("neo-hookean", ["mu_Pa=46390"])
     field = np.array([0.0, 3.0])
     angles = []
-    for bulk in (None, 1e6, 46.39):
+    for bulk in (None, 1e6, 46.39, 1e12):
         found = simulate(load_specimen("type1"), law, values, field, 0.0, bulk_modulus_kPa=bulk)
         angles.append(found.model.tip_angle_deg(found.shapes)[0, -1])
     assert angles[1] == pytest.approx(angles[0], rel=1e-3)
     assert angles[2] > 1.1 * angles[0]
+    assert angles[3] == pytest.approx(angles[1], rel=1e-4)  # which it tends to, however large the modulus
     with pytest.raises(InputError, match="--bulk-modulus-kPa -1: should be greater than 0"):
         simulate(load_specimen("type1"), law, values, field, 0.0, bulk_modulus_kPa=-1.0)
+    with pytest.raises(InputError, match=r"--bulk-modulus-kPa inf: should be .* left out where incompressible"):
+        simulate(load_specimen("type1"), law, values, field, 0.0, bulk_modulus_kPa=np.inf)
     with pytest.raises(InputError, match="--field-angle nan: should be a finite number of degrees"):
         simulate(load_specimen("type1"), law, values, field, 0.0, np.nan)
     with pytest.raises(InputError, match="--coil-constant: gives fields that are not finite"):

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import lru_cache
 
+import cv2
 import numpy as np
 import pytest
 
@@ -138,6 +139,18 @@ def test_a_beam_of_sixteen_pixels_has_a_tip(angle_deg):
         assert rms(errors) < 0.03
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_narrow_beam_out_of_focus_has_plateaus():
+    """Its profiles, which must not reach across it, end within twice the blur: clipping is asked for at their ends."""
+    calibration = CALIBRATION.model_copy(update={"pixels_per_mm": 16 / 3, "clamp_midpoint_px": (320.3, 50.6)})
+    optics = replace(NOMINAL, blur_px=3.5, background=0.7)
+    scene = make_bent_scene(optics, calibration, SPECIMEN, bend(SPECIMEN, 0.0), (640, 512))
+    for seed in range(3):
+        edges = find_edges(expose(scene, np.random.default_rng(seed)), calibration, SPECIMEN)
+        assert "DEFOCUS" in {flag.name for flag in edges.flags}
+        assert len(edges.left.points_mm) > 25
+
+
 @pytest.mark.parametrize("angle_deg", [-60.0, 0.0, 60.0])
 def test_order_sides_and_ends(angle_deg):
     image, beam, _ = photograph(angle_deg)
@@ -159,6 +172,28 @@ def test_spacing_is_kept_within_bounds():
     coarse = find_edges(image, CALIBRATION, SPECIMEN, spacing_mm=1.0)
     assert np.hypot(*np.diff(coarse.left.points_mm, axis=0).T) == pytest.approx(1.0, rel=0.06)
     assert len(find_edges(image, CALIBRATION, SPECIMEN, spacing_mm=0.001).left.points_mm) == 100
+
+
+def test_dirt_on_the_points_of_a_wide_spacing_leaves_others():
+    image, _, _ = photograph(0.0)
+    clean = find_edges(image, CALIBRATION, SPECIMEN, spacing_mm=3.0).left.points_mm
+    dirty = image.copy()
+    for x, y in BeamFrame(CALIBRATION).to_px(clean).round().astype(int):
+        dirty[y - 6 : y + 7, x - 6 : x + 7] = 20
+    edges = find_edges(dirty, CALIBRATION, SPECIMEN, spacing_mm=3.0)
+    assert "EDGE_RESIDUAL" in {flag.name for flag in edges.flags}
+    assert len(edges.left.points_mm) > 0.6 * len(clean)
+
+
+def test_a_drawn_picture_without_noise_has_a_deviation():
+    """Its points scatter not at all; a deviation of 0 would be a weight without end in a fit."""
+    x, y = np.meshgrid(np.arange(1280.0), np.arange(1024.0))
+    dark = ((np.abs(x - 640.0) < 38.0) & (y < 850.0)) | ((np.abs(x - 640.0) < 150.0) & (y < 100.0))
+    drawn = cv2.GaussianBlur(np.where(dark, 20.0, 200.0), (0, 0), 1.2).astype(np.uint8)
+    edges = find_edges(drawn, CALIBRATION, SPECIMEN)
+    for side in (edges.left, edges.right):
+        assert len(side.sigma_mm) > 90
+        assert (side.sigma_mm * CALIBRATION.pixels_per_mm >= 0.999e-3).all()
 
 
 @pytest.mark.parametrize(
