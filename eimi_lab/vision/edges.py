@@ -25,7 +25,6 @@ from eimi_lab.vision.silhouette import find_silhouette, measure_back_light
 Array = NDArray[np.float64]
 
 _SMALLEST_FRAME_PX = 16
-_WIDEST_SPACING = 0.1  # of the beam's width: between points farther apart the scatter is not told from the shape
 _LEAST_SIGMA_PX = 1e-3  # of a drawn picture without noise, whose points scatter not at all
 _ABSURD_WIDTH = 0.5  # departure from the specimen's; such a body is not the beam, or not the beam alone
 # By which a cast magnet may be off the beam's middle; one in little silicone may be anywhere within it, and has the
@@ -45,9 +44,9 @@ def find_edges(
     """The beam's edges in one image, (height, width) or (height, width, 3), of any depth.
 
     spacing_mm: wanted distance of the points along the edges; wider where that would give more than
-    `passes.MOST_POINTS` or where profiles would overlap. Where it is more than a fifth of the beam's width, more points
-    are looked for than are returned. A few pixels at the clamp line and at the corners are left out, where the profile
-    is no clean step. A beam brighter than what is beside its root is taken for a lit one in
+    `passes.MOST_POINTS` or where profiles would overlap. Where they would lie farther apart than a tenth of the beam's
+    width, more are looked for than are returned. A few pixels at the clamp line and at the corners are left out, where
+    the profile is no clean step. A beam brighter than what is beside its root is taken for a lit one in
     front of a dark background. calibration_age_days: how old the calibration was when the image was taken. A picture
     without a beam gives an edge set without points, and flags; it never raises for a picture.
 
@@ -100,8 +99,7 @@ def find_edges(
         return no_edges(findings)
 
     width_px = specimen.width_mm * calibration.pixels_per_mm
-    wanted_px = max(spacing_mm * calibration.pixels_per_mm, AVERAGED_PX)
-    spacing_px = wanted_px / max(1, int(wanted_px / max(_WIDEST_SPACING * width_px, AVERAGED_PX)))
+    spacing_px = max(spacing_mm * calibration.pixels_per_mm, AVERAGED_PX)
     magnet = specimen_file.magnet
     silicone_mm = 0.5 * (specimen.width_mm - magnet.width_mm) if magnet else 0.0
     from_tip_mm = magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0
@@ -146,8 +144,8 @@ def find_edges(
         findings = replace(findings, gamma=_gamma(second, largest if lit_beam else None))
     scatter = scatter_scale(left, right)
     return edge_set(
-        _edge_points(left, scatter, wanted_px, frame, calibration.pixels_per_mm),
-        _edge_points(right, scatter, wanted_px, frame, calibration.pixels_per_mm),
+        _edge_points(left, scatter, frame, calibration.pixels_per_mm),
+        _edge_points(right, scatter, frame, calibration.pixels_per_mm),
         findings,
         corners_px,
     )
@@ -175,10 +173,8 @@ def _gamma(located: Located, inverted_from: float | None) -> float | None:
     return estimate_gamma(stations, profiles, offset, bright, steps.blur_px)
 
 
-def _edge_points(side: Side, scatter: float, wanted_px: float, frame: BeamFrame, pixels_per_mm: float) -> EdgePoints:
-    """Of the sound points those that are about so far apart."""
-    apart_px = float(np.median(np.hypot(*np.diff(side.points_px, axis=0).T)))
-    kept = np.flatnonzero(side.sound)[:: max(1, round(wanted_px / apart_px))]
+def _edge_points(side: Side, scatter: float, frame: BeamFrame, pixels_per_mm: float) -> EdgePoints:
+    kept = np.flatnonzero(side.sound)[:: side.every]
     sigma_px = scatter * np.hypot(side.sigma_px, side.common_px)[kept]
     return EdgePoints(frame.to_mm(side.points_px[kept]), np.maximum(sigma_px, _LEAST_SIGMA_PX) / pixels_per_mm)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +18,7 @@ from eimi_lab.vision.uneven_light import light_along
 Array = NDArray[np.float64]
 
 MOST_POINTS = 100  # a side
+_WIDEST_SPACING = 0.11  # of the beam's width: between points farther apart the scatter is not told from the shape
 _FEWEST_POINTS = 8  # a side: below, there is nothing to fit a curve to
 _FEWEST_OF_TIP = 3
 _TIP_SPACING_PX = 2.0
@@ -50,7 +52,8 @@ class Side:
 
     points_px: (n, 2). offset_px: (n,) distance from ``curve``. sigma_px: (n,) standard deviation of the
     offset, up to a factor common to the frame (`scatter_scale`). common_px: (n,) the part of the deviation that
-    neighbours share, beside it and up to the same factor. sound: (n,) where a step was found.
+    neighbours share, beside it and up to the same factor. sound: (n,) where a step was found. every: which of the
+    points were asked for; those between tell the scatter.
     """
 
     curve: SmoothCurve
@@ -59,6 +62,7 @@ class Side:
     sigma_px: Array
     common_px: Array
     sound: NDArray[np.bool_]
+    every: int
 
 
 @dataclass(frozen=True)
@@ -115,7 +119,7 @@ def first_pass(
         curve = _smooth(middle, width_px)
         curves.append(curve)
         spacing = min(_TIP_SPACING_PX, curve.length / _TIP_PIECES) if len(curves) == 2 else spacing_px
-        places.append(_places(0.0, curve.length, spacing))
+        places.append(_places(0.0, curve.length, spacing, _WIDEST_SPACING * width_px))
     return _locate(image, curves, places, (-hand, -hand, hand), stations(inner, half), _FIRST_BLUR_PX, _FEWEST_OF_TIP)
 
 
@@ -147,11 +151,11 @@ def second_pass(
         dense = np.arange(-width_px, curve.length + width_px, 0.5)
         points = curve.at(dense)[0]
         begin, finish = (float(dense[np.argmin(((points - corner) ** 2).sum(axis=1))]) for corner in (start, end))
-        place = _places(begin + margin, finish - margin, spacing_px)
+        place = _places(begin + margin, finish - margin, spacing_px, _WIDEST_SPACING * width_px)
         curves.append(curve)
         places.append(place)
         # Where there is no magnet yet, the fainter step is found to have no height.
-        group.append(np.where(covered & (place > finish - beside.begins_px - reach), number, -1))
+        group.append(np.where(covered & (place[0] > finish - beside.begins_px - reach), number, -1))
     cover = None
     if covered:
         two = np.ones(2)
@@ -187,22 +191,22 @@ def scatter_scale(left: Side, right: Side) -> float:
 def _locate(
     image: NDArray[Any],
     curves: Sequence[SmoothCurve],
-    places: Sequence[Array],
+    places: Sequence[tuple[Array, int]],
     outward: Sequence[float],
     stations_px: Array,
     blur_px: float,
     fewest: int,
     cover: Cover | None = None,
 ) -> Located | None:
-    """Edge points at arc lengths ``places`` of each curve; outward: +1 where clockwise of the tangent is light."""
+    """Edge points at ``places`` (of `_places`) of each curve; outward: +1 where clockwise of the tangent is light."""
     points, normals = [], []
-    for curve, place, sign in zip(curves, places, outward, strict=True):
+    for curve, (place, _), sign in zip(curves, places, outward, strict=True):
         line, tangent = curve.at(place[:, None] + _LINES_PX)
         points.append(line)
         normals.append(sign * normals_of(tangent))
     lines = np.concatenate(points), np.concatenate(normals)
     profiles, inside = read_profiles(image, *lines, stations_px)
-    profiles /= light_along(image, *lines, stations_px, [len(place) for place in places])
+    profiles /= light_along(image, *lines, stations_px, [len(place) for place, _ in places])
     steps = fit_steps(stations_px, profiles, blur_px, inside, cover)
     sound = inside & steps.sound
     if not sound.any():
@@ -215,7 +219,7 @@ def _locate(
 
     sides: list[Side] = []
     done = 0
-    for curve, place, sign in zip(curves, places, outward, strict=True):
+    for curve, (place, every), sign in zip(curves, places, outward, strict=True):
         rows = slice(done, done + len(place))
         done += len(place)
         if sound[rows].sum() < fewest:
@@ -224,7 +228,8 @@ def _locate(
         found = centre + steps.offset_px[rows, None] * sign * normals_of(tangent)
         # The half level of a blurred curved edge lies inward by half the blur squared times the curvature.
         found -= 0.5 * steps.blur_px**2 * curve.curvature(place)
-        sides.append(Side(curve, found, steps.offset_px[rows], sigma[rows], steps.common_px[rows], sound[rows]))
+        offset, common = steps.offset_px[rows], steps.common_px[rows]
+        sides.append(Side(curve, found, offset, sigma[rows], common, sound[rows], every))
     return Located(tuple(sides), steps, stations_px, profiles, np.where(inside & steps.sound, steps.residual, 1.0))
 
 
@@ -244,7 +249,14 @@ def _within(points: Array, margin: float) -> NDArray[np.bool_]:
     return (distance >= margin) & (distance <= distance[-1] - margin)
 
 
-def _places(begin: float, end: float, spacing: float) -> Array:
-    """Evenly spaced arc lengths from begin to end, at most `MOST_POINTS`."""
-    count = min(int(max(end - begin, 0.0) / spacing) + 1, MOST_POINTS)
-    return np.linspace(begin, end, count)
+def _places(begin: float, end: float, spacing: float, widest: float) -> tuple[Array, int]:
+    """Evenly spaced arc lengths from begin to end, and which of them (every so many-th) are asked for.
+
+    Those are at most `MOST_POINTS`. No two neighbours are farther apart than ``widest``, unless nearer ones would share
+    light.
+    """
+    length = max(end - begin, 0.0)
+    gaps = min(int(length / spacing), MOST_POINTS - 1)
+    apart = length / max(gaps, 1)
+    every = max(1, min(math.ceil(apart / widest), int(apart / AVERAGED_PX)))
+    return np.linspace(begin, end, gaps * every + 1), every
