@@ -46,9 +46,9 @@ def find_edges(
     spacing_mm: wanted distance of the points along the edges; wider where that would give more than
     `passes.MOST_POINTS` or where profiles would overlap. Where they would lie farther apart than a tenth of the beam's
     width, more are looked for than are returned. A few pixels at the clamp line and at the corners are left out, where
-    the profile is no clean step. A beam brighter than what is beside its root is taken for a lit one in
-    front of a dark background. calibration_age_days: how old the calibration was when the image was taken. A picture
-    without a beam gives an edge set without points, and flags; it never raises for a picture.
+    the profile is no clean step. A beam brighter than what is beside its root is taken for a lit one in front of a dark
+    background. calibration_age_days: how old the calibration was when the image was taken. A picture without a beam
+    gives an edge set without points, and flags; it never raises for a picture.
 
     Method: on normals to the outline, the mean of four neighbouring profiles is fitted with a step blurred by
     a Gaussian, with plateaus of its own on both sides and one blur for the whole image; twice, the second
@@ -98,8 +98,8 @@ def find_edges(
     if silhouette.corners is None:
         return no_edges(findings)
 
-    width_px = specimen.width_mm * calibration.pixels_per_mm
     spacing_px = max(spacing_mm * calibration.pixels_per_mm, AVERAGED_PX)
+    width_px = specimen.width_mm * calibration.pixels_per_mm
     magnet = specimen_file.magnet
     silicone_mm = 0.5 * (specimen.width_mm - magnet.width_mm) if magnet else 0.0
     from_tip_mm = magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0

@@ -128,6 +128,19 @@ def test_stated_deviation_beside_a_narrower_magnet(row):
     assert 0.75 < summary["pull"] < 1.35
 
 
+def test_uneven_light_beside_the_magnet_is_part_of_the_doubt():
+    optics = replace(NOMINAL, lumps=0.08, silicone_transmission=0.3)
+    specimen = with_silicone_beside(0.5)
+    pulls = []
+    for angle in (-75.0, 0.0, 90.0):
+        beam = bend(specimen, angle)
+        scene = make_bent_scene(optics, CALIBRATION, specimen, beam)
+        edges = find_edges(expose(scene, np.random.default_rng(11)), CALIBRATION, specimen)
+        for errors, side in zip(errors_px(edges, beam, CALIBRATION), (edges.left, edges.right), strict=True):
+            pulls.append(errors[-12:] / (side.sigma_mm[-12:] * CALIBRATION.pixels_per_mm))
+    assert rms(np.concatenate(pulls)) < 1.25
+
+
 def test_another_body_close_by_is_not_taken_for_uneven_light():
     """A rod along the beam, 19 px from its left edge: within what is read for the light, beyond every profile."""
     beam = bend(SPECIMEN, 0.0)
