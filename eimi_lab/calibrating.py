@@ -10,6 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
 
 from eimi_lab.config.calibration import Calibration, Uncertainty
 from eimi_lab.config.reading import check, parse
@@ -122,8 +125,7 @@ def from_beam(
     """Scale, clamp and axis from the beam at rest, whose width is known to `tolerance_mm`. Raises InputError."""
     width = specimen.specimen.width_mm
     guess = setting.calibration(1.0, 0.0, Uncertainty(pixels_per_mm=0.0, axis_angle_deg=0.0), _day_of([image]))
-    pixels = read_image(image)
-    _check_clamp(image, pixels.shape[::-1], setting.clamp_midpoint_px)
+    pixels = _image_with_clamp(image, setting.clamp_midpoint_px)
     try:
         seen = measure_beam(pixels, specimen, guess)
     except ValueError as error:
@@ -142,8 +144,7 @@ def from_ruler(
     image: Path, ends_px: tuple[float, float, float, float], length_mm: float, setting: Setting
 ) -> tuple[Calibration, list[str]]:
     """Scale from the two ends (x1, y1, x2, y2) of a known length in the beam's middle plane. Raises InputError."""
-    height, width = read_image(image).shape
-    _check_clamp(image, (width, height), setting.clamp_midpoint_px)
+    height, width = _image_with_clamp(image, setting.clamp_midpoint_px).shape
     if not (
         0 <= min(ends_px[::2]) <= max(ends_px[::2]) < width and 0 <= min(ends_px[1::2]) <= max(ends_px[1::2]) < height
     ):
@@ -166,10 +167,15 @@ def _check_clamp(image: Path, size: tuple[int, ...], midpoint_px: tuple[float, f
         raise InputError(f"{image}: is {size[0]} x {size[1]} px; --clamp-midpoint-px {x:g} {y:g} is not in it")
 
 
+def _image_with_clamp(image: Path, midpoint_px: tuple[float, float]) -> NDArray[Any]:
+    pixels = read_image(image)
+    _check_clamp(image, pixels.shape[::-1], midpoint_px)
+    return pixels
+
+
 def with_clamp_of(calibration: Calibration, image: Path, specimen: SpecimenFile) -> Calibration:
     """The calibration with the clamp's place from an image of the beam. Raises InputError."""
-    pixels = read_image(image)
-    _check_clamp(image, pixels.shape[::-1], calibration.clamp_midpoint_px)
+    pixels = _image_with_clamp(image, calibration.clamp_midpoint_px)
     try:
         midpoint = measure_clamp(pixels, specimen, calibration)
     except ValueError as error:

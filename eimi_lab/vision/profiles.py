@@ -53,7 +53,8 @@ def read_profiles(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Profiles (n, m) along normals, each the mean of its window's k lines; and which of them lie in the frame.
 
-    The lines are shifted along the normal by less than half a pixel, on the mean not at all. points_px, normals: (n, k, 2). stations_px: (m,) distances along the normal.
+    points_px, normals: (n, k, 2). stations_px: (m,) distances along the normal; the lines are shifted along it by less
+    than half a pixel, on the mean not at all.
     """
     # Interpolation blurs least at a pixel's middle and most between two. The lines are shifted against each other by
     # parts of a pixel, so that the profile of an edge along the pixels' rows is blurred as that of any other.
