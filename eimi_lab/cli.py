@@ -5,44 +5,74 @@ The commands themselves are in `eimi_lab.commands`.
 
 from __future__ import annotations
 
+import os
 import sys
+from typing import Annotated
 
 import typer
 
-from eimi_lab.commands import bench, images, laws, showing
-from eimi_lab.errors import InputError, tell
+from eimi_lab.commands import beginning, bench, images, material_laws, next_run, showing, studying, watching
+from eimi_lab.commands.examples import EXAMPLES, in_help
+from eimi_lab.commands.result import printing
+from eimi_lab.errors import InputError, OwnFault, tell
+from eimi_lab.stderr import never_blocking
 from eimi_lab.stopping import Stopped, unwind_on_termination
+from eimi_lab.threads import one_thread_each
 
 app = typer.Typer(
     name="eimi",
     help="Measure a soft material in the deformation in which the robot will use it.",
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
 for command in (
     showing.demo,
+    beginning.init,
     bench.instruments,
-    bench.emulate,
     bench.acquire,
     bench.recover,
     images.import_,
     images.calibrate,
     images.segment,
-    laws.fit,
-    laws.validate,
-    laws.tensile,
-    laws.simulate,
-    laws.export,
+    material_laws.fit,
+    material_laws.validate,
+    material_laws.tensile,
+    material_laws.simulate,
+    material_laws.export,
+    next_run.plan,
     showing.report,
+    studying.study,
 ):
-    app.command(command.__name__.rstrip("_"))(command)
+    name = command.__name__.rstrip("_")
+    app.command(name, epilog=in_help(EXAMPLES[name]))(printing(command))
+for serving in (bench.emulate, watching.dashboard):  # which print before they serve
+    app.command(epilog=in_help(EXAMPLES[serving.__name__]))(serving)
+
+
+@app.callback()
+def _before_any_command(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="print the versions and do no more", callback=showing.print_versions, is_eager=True
+        ),
+    ] = False,
+) -> None:
+    pass
 
 
 def main() -> None:
     """Run the command line and exit: 0 done, 2 bad input, 1 another failure, 128 + n stopped by signal n."""
     unwind_on_termination()
-    sys.exit(_status())
+    one_thread_each()
+    with never_blocking():
+        status = _status()
+    timed = sys.modules.get("eimi_drivers.cameras.timed")
+    if timed and timed.calls_under_way():  # its library may wait at the end for the call that never comes back
+        sys.stdout.flush()
+        os._exit(status)
+    sys.exit(status)
 
 
 def _status() -> int:
@@ -54,13 +84,13 @@ def _status() -> int:
     except (KeyboardInterrupt, typer.Abort):
         return _tell("stopped by SIGINT", 130)
     except Stopped as stopped:
-        return _tell(str(stopped), 128 + stopped.number)
+        return _tell(stopped.in_words(), 128 + stopped.number)
     except Exception as error:
         from eimi_drivers.interfaces import InstrumentError, SwitchOffFailed
 
         if isinstance(error, SwitchOffFailed):
             return _tell(f"THE COIL MAY STILL BE ON, switch it off by hand: {error}", 1)
-        if isinstance(error, InstrumentError | OSError):
+        if isinstance(error, InstrumentError | OSError | OwnFault):
             return _tell(str(error), 1)
         if hasattr(error, "format_message"):  # an unknown option, a missing argument: whichever click typer brings
             said = error.format_message() + _left_out(error)

@@ -13,19 +13,20 @@ from pathlib import Path
 
 import numpy as np
 
-from eimi_fitting.materials import LAWS
-from eimi_lab.acquisition.bench import open_bench
+from eimi_fitting.laws import LAWS
+from eimi_lab.acquisition.open_bench import open_bench
 from eimi_lab.acquisition.run import acquire
 from eimi_lab.config.protocol import Protocol, load_protocol
-from eimi_lab.config.reading import parse
 from eimi_lab.config.rig import Rig, load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
+from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.errors import InputError
-from eimi_lab.identification.experiments import load_evidence
-from eimi_lab.identification.fits import write_fits
-from eimi_lab.identification.fitting import fit_evidence
-from eimi_lab.identification.records import FitRecord
+from eimi_lab.fits.evidence import load_evidence
+from eimi_lab.fits.fit_grid import fit_grid, grid
+from eimi_lab.fits.fits_file import write_fits
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.workers import executor_for
 from eimi_lab.outputs import new_folder
 from eimi_lab.report.page import write_report
 
@@ -73,7 +74,7 @@ def demonstrate(
     protocol = load_protocol(f"{named}_quick" if quick else named)
     beam = _cast(load_specimen(specimen), protocol.material)
     bench_rig = load_rig(rig)
-    if bench_rig.virtual is None:
+    if not bench_rig.simulated:
         raise InputError(f"{rig}: is a real rig; the demonstration runs on a virtual one, `eimi acquire` on a real one")
     new_folder(folder, force)
     dataset, fits_file, report = folder / "dataset.h5", folder / "fits.json", folder / "report.html"
@@ -81,13 +82,11 @@ def demonstrate(
     with progress("segment", len(protocol.currents_A)) as told:
         evidence = load_evidence(dataset, report=told)
     models = ["neo-hookean"] if quick else list(LAWS)
-    fits = []
+    tasks = grid(models, [evidence], [seed])
     with progress("fit", len(models)) as told:
-        for model in models:
-            fits.append(fit_evidence([evidence], model, seed))
-            told(f"{model}, mean error {1e3 * fits[-1].mean_error_mm:.2f} µm")
+        fits = fit_grid(tasks, {}, executor=executor_for(len(models), None), report=told)
     write_fits(fits_file, fits, force)
-    write_report(report, [dataset], [fits_file], force=force)
+    write_report(report, [dataset], [fits_file], force=force, progress=progress)
     with open_dataset(dataset) as opened:
         truth = opened.truth()
     if truth is None:

@@ -13,6 +13,14 @@ class InputError(Exception):
     """
 
 
+class OwnFault(Exception):
+    """Something that this program should have thought of, and nobody's input is to blame for."""
+
+    def __init__(self, what: str, error: str) -> None:
+        """what: was being done, to which file. error: the last line of the traceback."""
+        super().__init__(f"{what}: {error}: a fault of this program; please report this line, and the file if you may")
+
+
 def tell(message: str) -> None:
     """Say something to the person in one line on stderr."""
     print("eimi: " + " ".join(message.split()), file=sys.stderr)

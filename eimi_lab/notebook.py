@@ -1,15 +1,17 @@
 """The suite in a notebook: the functions behind the commands, under one name to import from.
 
-Fits and validations show themselves as tables and turn into pandas.DataFrame by `to_pandas()`; an open dataset turns
-into xarray.Dataset by `to_xarray()`.
+Datasets, evidence, fits and validations show themselves as tables, and draw themselves by `plot()`, a matplotlib figure
+that a notebook shows as it is. Fits and validations turn into pandas.DataFrame by `to_pandas()`, an open dataset into
+xarray.Dataset by `to_xarray()`.
 """
 
 from eimi_lab.dataset.reading import open_dataset
-from eimi_lab.identification.experiments import load_evidence
-from eimi_lab.identification.fits import read_any_fits, write_fits
-from eimi_lab.identification.fitting import fit_evidence
-from eimi_lab.identification.tensile import fit_window, read_tensile
-from eimi_lab.identification.validation import validate
+from eimi_lab.fits.evidence import load_evidence
+from eimi_lab.fits.fits_file import read_any_fits, write_fits
+from eimi_lab.fits.fitting import fit_evidence
+from eimi_lab.fits.tensile_files import read_tensile
+from eimi_lab.fits.tensile_fits import fit_window
+from eimi_lab.fits.validation import validate
 
 __all__ = [
     "fit_evidence",

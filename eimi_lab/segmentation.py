@@ -4,22 +4,33 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
+from itertools import islice
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_lab.dataset.edges import write_edges
-from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.config.calibration import Calibration
+from eimi_lab.dataset.reading import Dataset, open_dataset
+from eimi_lab.dataset.stored_edges import write_edges
 from eimi_lab.errors import InputError
 from eimi_lab.outputs import write_whole
-from eimi_lab.vision.edge_set import EdgeSet
-from eimi_lab.vision.edges import find_edges
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.check import leaves_out
+from eimi_lab.vision.edges.edge_set import EdgeSet
+from eimi_lab.vision.edges.finding import find_edges, follow_beam
+from eimi_lab.vision.edges.other_prompts import other_prompt
+from eimi_lab.vision.edges.overlay import contact_sheet, draw_overlay
+from eimi_lab.vision.edges.region import region_of
+from eimi_lab.vision.following.explaining import explained
+from eimi_lab.vision.following.follow import FollowedBeam
 from eimi_lab.vision.intensity import state_mean
-from eimi_lab.vision.overlay import contact_sheet, draw_overlay
+from eimi_lab.vision.projection import Projection, choose_projection
+from eimi_lab.vision.ruled_picture import ruled_picture
+from eimi_lab.writer_lock import only_writer
 
 
 def segment(path: Path, report: Callable[[str], None]) -> tuple[EdgeSet, ...]:
@@ -28,23 +39,107 @@ def segment(path: Path, report: Callable[[str], None]) -> tuple[EdgeSet, ...]:
     The frames of a state are averaged, and corrected by the dark frame and flat field that the dataset keeps. Its
     flags are those of the run (NOT_SETTLED, …) and those of the image. Raises InputError.
     """
-    edge_sets = []
+    with only_writer(path):
+        with open_dataset(path) as dataset:
+            if dataset.calibration is None:
+                raise InputError(f"{path}: holds tracked points, which need no segmentation")
+            projection = _projection(dataset, dataset.calibration)
+            edge_sets = _find_all(dataset, dataset.calibration, projection, report)
+        write_edges(path, edge_sets, projection)
+    return edge_sets
+
+
+def mean_images(dataset: Dataset) -> Iterator[NDArray[np.float32]]:
+    """The mean frame of each state, corrected by what the dataset keeps for that: (H, W), or (H, W, 3) with colours."""
+    correction = dataset.correction()
+    for state in dataset.states:
+        image = state_mean(dataset.images(state.index))
+        yield image if correction is None else correction.apply(image)
+
+
+def _projection(dataset: Dataset, calibration: Calibration) -> Projection | None:
+    """One for all states; None for frames without colours."""
+    if len(dataset.frame_format()[0]) == 2:
+        return None
+    beam = dataset.specimen.specimen
+    return choose_projection(mean_images(dataset), calibration, beam.width_mm, beam.length_mm)
+
+
+def _find_all(
+    dataset: Dataset, calibration: Calibration, projection: Projection | None, report: Callable[[str], None]
+) -> tuple[EdgeSet, ...]:
+    edge_sets: list[EdgeSet] = []
+    earlier = None
+    for state, image in zip(dataset.states, mean_images(dataset), strict=True):
+        found = _found(dataset, calibration, image, projection, earlier)
+        if _is_sure(found):
+            earlier = found
+        edge_set = replace(found, flags=state.flags + found.flags)
+        edge_sets.append(edge_set)
+        flags = ", ".join(flag.name for flag in edge_set.flags) or "no flags"
+        report(f"{len(edge_set.left.sigma_mm)} + {len(edge_set.right.sigma_mm)} points, {flags}")
+    return tuple(edge_sets)
+
+
+def edges_of_state(dataset: Dataset, index: int) -> EdgeSet:
+    """The edges of one state of frames: those that are stored, else found now and not stored.
+
+    Then no earlier state helps where several bodies may be the beam. Raises InputError.
+    """
+    stored = dataset.edges()
+    if stored is not None:
+        return stored[index]
+    assert dataset.calibration is not None
+    state, correction = dataset.states[index], dataset.correction()
+    image = state_mean(dataset.images(index))
+    if correction is not None:
+        image = correction.apply(image)
+    found = _found(dataset, dataset.calibration, image, _projection(dataset, dataset.calibration))
+    return replace(found, flags=state.flags + found.flags)
+
+
+def _found(
+    dataset: Dataset,
+    calibration: Calibration,
+    image: NDArray[np.float32],
+    projection: Projection | None,
+    earlier: EdgeSet | None = None,
+) -> EdgeSet:
+    """The edges in one mean image, within the region that the calibration states."""
+    region = region_of(calibration, image.shape)
+    found = find_edges(
+        region.cut(image) if region else image,
+        region.calibration if region else calibration,
+        dataset.specimen,
+        calibration_age_days=calibration.age_days(dataset.start_time()),
+        projection=projection,
+        earlier=earlier,
+    )
+    return region.in_picture(found) if region else found
+
+
+def _is_sure(found: EdgeSet) -> bool:
+    """Whether a later state may be told where the beam was; a guess is not, or it would be repeated."""
+    guessed = any(flag.name == "ROOT_AMBIGUOUS" for flag in found.flags)
+    return bool(len(found.middle_mm)) and not guessed and not leaves_out(found.flags)
+
+
+def why_none(path: Path, index: int) -> tuple[str, bytes]:
+    """For a state in which no beam was found: what may be wrong, and a PNG of where it was looked for.
+
+    The picture has its pixels counted, and the straight beam of the stated place, width and length on it.
+    """
     with open_dataset(path) as dataset:
         if dataset.calibration is None:
-            raise InputError(f"{path}: holds tracked points, which need no segmentation")
-        age = dataset.calibration.age_days(dataset.start_time())
-        correction = dataset.correction()
-        for state in dataset.states:
-            image = state_mean(dataset.images(state.index))
-            if correction is not None:
-                image = correction.apply(image)
-            found = find_edges(image, dataset.calibration, dataset.specimen, calibration_age_days=age)
-            edge_set = replace(found, flags=state.flags + found.flags)
-            edge_sets.append(edge_set)
-            flags = ", ".join(flag.name for flag in edge_set.flags) or "no flags"
-            report(f"{len(edge_set.left.sigma_mm)} + {len(edge_set.right.sigma_mm)} points, {flags}")
-    write_edges(path, edge_sets)
-    return tuple(edge_sets)
+            raise InputError(f"{path}: holds tracked points, which have no images")
+        image = next(islice(mean_images(dataset), index, None))
+        calibration, beam = dataset.calibration, dataset.specimen.specimen
+        words = other_prompt(image, calibration, dataset.specimen, dataset.projection())
+        shown = dataset.images(index)[0]
+    half, long = beam.width_mm / 2, beam.length_mm
+    sides = [[[0, -half], [long, -half]], [[0, half], [long, half]], [[0, -3 * half], [0, 3 * half]]]
+    lines = [BeamFrame(calibration).to_px(side) for side in sides]
+    return words, _png(ruled_picture(shown, lines))
 
 
 def write_csv(folder: Path, edge_sets: Sequence[EdgeSet]) -> None:
@@ -76,7 +171,9 @@ def write_overlays(folder: Path, path: Path, edge_sets: Sequence[EdgeSet]) -> No
         if dataset.calibration is None:
             raise InputError(f"{path}: holds tracked points, which have no images")
         for state, edge_set in zip(dataset.states, edge_sets, strict=True):
-            picture = draw_overlay(state_mean(dataset.images(state.index)), edge_set, dataset.calibration)
+            image = state_mean(dataset.images(state.index))
+            followed = None if len(edge_set.left.points_mm) else _followed(dataset, image)
+            picture = draw_overlay(image, edge_set, dataset.calibration, dataset.specimen, followed)
             write_whole(folder / f"step_{state.index:02d}.png", _png(picture))
             share = min(1.0, 512 / max(picture.shape))
             shrunk = cv2.resize(picture, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
@@ -84,6 +181,27 @@ def write_overlays(folder: Path, path: Path, edge_sets: Sequence[EdgeSet]) -> No
             flags = " ".join(flag.name for flag in edge_set.flags)
             captions.append(f"{state.index:02d}: {state.field_mT:.3g} mT {flags}")
     write_whole(folder / "contact_sheet.png", _png(contact_sheet(small, captions)))
+
+
+def write_explained(folder: Path, path: Path) -> None:
+    """`step_00_strip.png`, `step_00_unrolled.png`, …: on the way along the beam from its clamp, in each state."""
+    with open_dataset(path) as dataset:
+        if dataset.calibration is None:
+            raise InputError(f"{path}: holds tracked points, which have no images")
+        for state, image in zip(dataset.states, mean_images(dataset), strict=True):
+            for name, picture in explained(_followed(dataset, image)).items():
+                write_whole(folder / f"step_{state.index:02d}_{name}.png", _png(picture))
+
+
+def _followed(dataset: Dataset, image: NDArray[np.float32]) -> FollowedBeam:
+    """What was found on the way along the beam in one state, in pixels of the whole picture."""
+    assert dataset.calibration is not None
+    region = region_of(dataset.calibration, image.shape)
+    projection = dataset.projection()
+    if region is None:
+        return follow_beam(image, dataset.calibration, dataset.specimen, projection=projection)
+    followed = follow_beam(region.cut(image), region.calibration, dataset.specimen, projection=projection)
+    return followed.moved(np.array([region.left, region.top], dtype=np.float64))
 
 
 def _png(picture: NDArray[np.uint8]) -> bytes:

@@ -10,30 +10,39 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.actuation import Loads
-from eimi_fitting.forward import BeamModel, Shapes
-from eimi_fitting.materials import LAWS, Law
-from eimi_fitting.observation import edge_curves, points_on
-from eimi_fitting.solid import Status
+from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.equilibrium import Status
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.mesh import Indices
+from eimi_fitting.beam.model import BeamModel, Shapes
+from eimi_fitting.beam.outline import outline, points_on
+from eimi_fitting.laws import LAWS, Law
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.errors import InputError
 from eimi_lab.outputs import write_whole
 
 Array = NDArray[np.float64]
 
+_ALONG = 26  # elements of the flexible part
+
 
 @dataclass(frozen=True)
 class Simulation:
-    """One specimen through K states. field_mT: (K,); shapes as the forward model gives them."""
+    """One specimen through K states. field_mT: (K,); shapes as the forward model gives them.
 
-    model: BeamModel
+    tips: (K, 3, 2), the ends of the 95 % intervals of the tip's x and y in mm and its angle in degrees, where the law
+    is a fit with draws.
+    """
+
+    model: BeamModel | SolidBeside
     shapes: Shapes
     field_mT: Array
+    tips: Array | None = None
 
     @property
     def edges_mm(self) -> Array:
         """(K, 2, n, 2): left and right edge, clamp to tip."""
-        return points_on(edge_curves(self.model, self.shapes)[0], 4)
+        return points_on(outline(self.model, self.shapes)[0], 4)
 
 
 def parse_parameters(model: str, texts: Sequence[str]) -> tuple[Law, Array]:
@@ -65,8 +74,11 @@ def simulate(
     gravity_angle_deg: float,
     field_angle_deg: float = 90.0,
     bulk_modulus_kPa: float | None = None,
+    drawn: Array | None = None,
 ) -> Simulation:
     """Take a specimen through the fields (K,), angles in the beam frame; incompressible without a bulk modulus.
+
+    drawn: (D, n), parameters of a fit's draws, of which the intervals of the tip are made.
 
     Raises InputError for a bulk modulus in plane stress, for angles or fields that are not finite, for a law that is
     not stiff at rest, and naming the first state without an equilibrium.
@@ -74,7 +86,7 @@ def simulate(
     if bulk_modulus_kPa is not None and specimen.specimen.section == "plane-stress":
         raise InputError(
             f"--bulk-modulus-kPa {bulk_modulus_kPa:g}: plane stress is incompressible here; "
-            f"specimen {specimen.specimen.name} would have to be plane-strain"
+            f"specimen {specimen.specimen.name} would have to be solid or plane-strain"
         )
     if bulk_modulus_kPa is not None and not 0 < bulk_modulus_kPa < np.inf:
         raise InputError(
@@ -90,7 +102,9 @@ def simulate(
     modulus = float(law.initial_shear_modulus(parameters))
     if not modulus > 0:
         raise InputError(f"--parameter: give {law.name} an initial shear modulus of {modulus:g} Pa; should be above 0")
-    model = BeamModel(specimen.mechanics(), along=26)
+    beam = specimen.mechanics()
+    planar = BeamModel(beam, along=_ALONG)
+    model = SolidBeside(beam, _ALONG, 2 * planar.across) if beam.section == "solid" else planar
     bulk = None if bulk_modulus_kPa is None else np.array([1e3 * bulk_modulus_kPa])
     loads = Loads.along(field_mT, field_angle_deg, gravity_angle_deg)
     shapes = model.solve(law, parameters[None], loads, bulk_modulus_Pa=bulk)
@@ -102,7 +116,31 @@ def simulate(
             f"specimen {specimen.specimen.name}: {law.name} at {field_mT[k]:g} mT: {what}; it should be a stiffer "
             "law or a weaker field (parameters in Pa, --coil-constant in mT/A)"
         )
-    return Simulation(model, shapes, field_mT)
+    tips = None
+    if drawn is not None and len(drawn):
+        every = np.full(len(drawn) + 1, bulk[0]) if bulk is not None and model is planar else None
+        among = planar.solve(law, np.concatenate([parameters[None], drawn]), loads, bulk_modulus_Pa=every)
+        tips = _tips(planar, among, _tip(model, shapes)[0])
+    return Simulation(model, shapes, field_mT, tips)
+
+
+def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
+    """(P, K, 3): x, y and angle of the tip."""
+    point = np.zeros((1, 2 if isinstance(model, BeamModel) else 3))
+    point[0, 0] = model.specimen.length_mm
+    place = model.positions(shapes, point)[:, :, 0, :2]
+    return np.concatenate([place, model.tip_angle_deg(shapes)[..., None]], axis=-1)
+
+
+def _tips(planar: BeamModel, shapes: Shapes, tip: Array) -> Array:
+    """(K, 3, 2): 95 % of x, y and angle of the tip over those candidates that have an equilibrium.
+
+    Of a solid the scatter is that of its planar model. shapes: the first candidate's, whose tip is (K, 3), and draws'.
+    """
+    values = _tip(planar, shapes)
+    values += tip - values[0]
+    found = shapes.status[1:] == Status.CONVERGED
+    return np.array([np.quantile(values[1:][found[:, k], k], [0.025, 0.975], axis=0).T for k in range(len(tip))])
 
 
 def write_simulation(folder: Path, simulation: Simulation) -> None:
@@ -111,10 +149,12 @@ def write_simulation(folder: Path, simulation: Simulation) -> None:
     Raises OSError that names the file.
     """
     model, shapes = simulation.model, simulation.shapes
-    tip = model.positions(shapes, np.array([[model.specimen.length_mm, 0.0]]))[0, :, 0]
-    angle, stretch = model.tip_angle_deg(shapes)[0], shapes.max_stretch[0]
-    columns = np.column_stack([simulation.field_mT, tip, angle, stretch])
-    write_whole(folder / "tip.csv", _csv(columns, "field_mT,x_mm,y_mm,angle_deg,max_stretch"))
+    columns = np.column_stack([simulation.field_mT, _tip(model, shapes)[0], shapes.max_stretch[0]])
+    names = "field_mT,x_mm,y_mm,angle_deg,max_stretch"
+    if simulation.tips is not None:
+        columns = np.column_stack([columns, simulation.tips.reshape(len(columns), 6)])
+        names += ",x_low_mm,x_high_mm,y_low_mm,y_high_mm,angle_low_deg,angle_high_deg"
+    write_whole(folder / "tip.csv", _csv(columns, names))
     for k, sides in enumerate(simulation.edges_mm):
         for side, points in zip(("left", "right"), sides, strict=True):
             write_whole(folder / f"state_{k:02d}_{side}.csv", _csv(points, "x_mm,y_mm"))
@@ -128,8 +168,12 @@ def _csv(columns: Array, header: str) -> bytes:
     return text.getvalue()
 
 
-# VTK's biquadratic quadrilateral wants corners, then sides, then the middle; ours is numbered across first.
-_VTK_ORDER = [0, 6, 8, 2, 3, 7, 5, 1, 4]
+# VTK's biquadratic quadrilateral and its triquadratic hexahedron want corners, then sides, then the middles of faces
+# and the middle; ours are numbered across first, or in depth first.
+_QUADRILATERAL = [0, 6, 8, 2, 3, 7, 5, 1, 4]
+_HEXAHEDRON = [0, 18, 24, 6, 2, 20, 26, 8]
+_HEXAHEDRON += [9, 21, 15, 3, 11, 23, 17, 5, 1, 19, 25, 7]
+_HEXAHEDRON += [4, 22, 10, 16, 12, 14, 13]
 
 
 def _write_vtu(path: Path, simulation: Simulation, k: int) -> None:
@@ -137,17 +181,45 @@ def _write_vtu(path: Path, simulation: Simulation, k: int) -> None:
 
     model, displacement = simulation.model, simulation.shapes.displacement[0, k]
     stretch = model.element_stretch(simulation.shapes)[0, k]
-    flat = np.zeros((len(displacement), 1))
+    nodes, elements = model.mesh.nodes, model.mesh.elements
+    if isinstance(model, BeamModel):
+        flat = np.zeros((len(displacement), 1))
+        nodes, displacement = np.hstack([nodes, flat]), np.hstack([displacement, flat])
+        cells = ("quad9", elements[:, _QUADRILATERAL])
+    else:
+        nodes, displacement, elements = _both_halves(nodes, displacement, elements)
+        stretch = np.tile(stretch, 2)
+        cells = ("hexahedron27", elements[:, _HEXAHEDRON])
     mesh = meshio.Mesh(
-        np.hstack([model.mesh.nodes, flat]),
-        [("quad9", model.mesh.elements[:, _VTK_ORDER])],
-        point_data={"displacement_mm": np.hstack([displacement, flat])},
-        cell_data={"largest_stretch": [stretch]},
+        nodes, [cells], point_data={"displacement_mm": displacement}, cell_data={"largest_stretch": [stretch]}
     )
     try:
         mesh.write(path)  # takes no open file
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def _both_halves(nodes: Array, displacement: Array, elements: Indices) -> tuple[Array, Array, Indices]:
+    """The half that is computed and its mirror image, joined in mid-depth."""
+    mirror, away = np.array([1.0, 1.0, -1.0]), nodes[:, 2] > 0
+    image = np.arange(len(nodes))
+    image[away] = len(nodes) + np.arange(away.sum())
+    turned = image[elements].reshape(-1, 9, 3)[:, :, ::-1].reshape(-1, 27)
+    return (
+        np.concatenate([nodes, nodes[away] * mirror]),
+        np.concatenate([displacement, displacement[away] * mirror]),
+        np.concatenate([elements, turned]),
+    )
+
+
+def _seen_from_the_side(model: BeamModel | SolidBeside) -> tuple[Indices, Indices]:
+    """The elements to draw (m,), of a solid those at mid-depth, and the nodes around each of them (m, 8)."""
+    around = np.array([0, 3, 6, 7, 8, 5, 2, 1])
+    elements = model.mesh.elements
+    if isinstance(model, BeamModel):
+        return np.arange(len(elements)), elements[:, around]
+    amid = np.flatnonzero(model.mesh.nodes[elements[:, 0], 2] == 0)
+    return amid, elements[amid][:, 3 * around]
 
 
 def _drawn(simulation: Simulation) -> bytes:
@@ -157,12 +229,12 @@ def _drawn(simulation: Simulation) -> bytes:
     figure = Figure(figsize=(6, 6), layout="constrained")
     axes = figure.add_subplot()
     model, shapes = simulation.model, simulation.shapes
-    stretch = model.element_stretch(shapes)[0]
-    outline = model.mesh.elements[:, [0, 3, 6, 7, 8, 5, 2, 1]]
+    shown, outlines = _seen_from_the_side(model)
+    stretch = model.element_stretch(shapes)[0][:, shown]
     for k in np.unique(np.linspace(0, len(simulation.field_mT) - 1, 6).round().astype(int)):
-        place = model.mesh.nodes + shapes.displacement[0, k]
+        place = (model.mesh.nodes + shapes.displacement[0, k])[:, :2]
         # The beam hangs: x of the beam frame points down.
-        patches = PolyCollection(list(np.stack([place[outline, 1], -place[outline, 0]], axis=-1)), cmap="viridis")
+        patches = PolyCollection(list(np.stack([place[outlines, 1], -place[outlines, 0]], axis=-1)), cmap="viridis")
         patches.set_array(stretch[k])
         patches.set_clim(1.0, float(stretch.max()))
         axes.add_collection(patches)

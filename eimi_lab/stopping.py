@@ -11,9 +11,19 @@ TERMINATION = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if h
 class Stopped(BaseException):
     """A signal asked the program to stop. Nothing that handles errors may swallow it."""
 
-    def __init__(self, number: int) -> None:
-        super().__init__(f"stopped by {signal.Signals(number).name}")
-        self.number = number
+    def __init__(self, number: int, left: str = "") -> None:
+        """left: what the program leaves behind, in words."""
+        super().__init__(f"stopped by {signal.Signals(number).name}" + (f": {left}" if left else ""))
+        self.number, self.left = number, left
+
+    def in_words(self) -> str:
+        """What it says; where a second signal came on the way out, what the first one left behind."""
+        before = self.__context__
+        while before is not None:
+            if isinstance(before, Stopped) and before.left:
+                return str(before)
+            before = before.__context__
+        return str(self)
 
 
 _asked: list[int] = []

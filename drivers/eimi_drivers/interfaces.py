@@ -23,6 +23,10 @@ class InstrumentDisconnected(InstrumentError):
     """The port, the socket or the device is gone."""
 
 
+class EndOfPlayback(InstrumentDisconnected):
+    """A recording that plays the camera has no more frames."""
+
+
 class ReplyNotUnderstood(InstrumentError):
     """The instrument answered, but not in its own language."""
 

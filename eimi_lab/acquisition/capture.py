@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
-
-import numpy as np
 
 from eimi_drivers.interfaces import Camera, Clock, Frame
-from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S, Noise
-from eimi_lab.vision.edge_set import Flag
+from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S
+from eimi_lab.vision.check import Flag
+from eimi_lab.vision.frame_checks import frame_flags
+from eimi_lab.vision.settling_statistic import Noise
 
 
 @dataclass(frozen=True)
@@ -40,16 +39,3 @@ def capture(
         times.append(clock.now())
         currents.append(measured_A())
     return Capture(tuple(frames), tuple(currents), tuple(times), frame_flags(frames, noise))
-
-
-def frame_flags(frames: Sequence[Frame], noise: Noise) -> tuple[Flag, ...]:
-    """Frames that are missing between neighbours, and neighbours that are the same, noise and all."""
-    pairs = list(pairwise(frames))
-    missing = sum(max(0, later.number - earlier.number - 1) for earlier, later in pairs)
-    same = sum(noise.seen and np.array_equal(earlier.image, later.image) for earlier, later in pairs)
-    flags = []
-    if missing:
-        flags.append(Flag("DROPPED", missing, 0, "Lower the camera's frame rate or free its bus of other devices."))
-    if same:
-        flags.append(Flag("DUPLICATE", same, 0, "Check that the camera delivers new frames, not one of them again."))
-    return tuple(flags)

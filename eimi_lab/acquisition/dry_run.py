@@ -12,17 +12,21 @@ from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.emulators.serve import DIALECTS, emulate
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import Clock, Frame, Identity, Limits
-from eimi_drivers.supplies.opening import supply_driver
+from eimi_drivers.supplies.supply_names import supply_driver
 from eimi_drivers.supplies.transport import InProcessTransport, Responder
-from eimi_lab.acquisition.bench import Bench
+from eimi_lab.acquisition.coil import without_contact
 from eimi_lab.acquisition.heating import hottest
+from eimi_lab.acquisition.open_bench import Bench
 from eimi_lab.acquisition.run import acquire
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.progress import silent
 
 STAND_IN, BIPOLAR_STAND_IN = "korad", "kepco-bop"  # for a supply that has no wire or no emulator
 FRAME_S = 1 / 30
+ABOVE_LIMITS = 1.2  # what the stand-in is made for, since protections are set above the limits
+GENESYS_V = 30.0  # the rating that the emulated Genesys names
 RESISTANCE_OHM = 0.01  # the coil's is not known; so small a one is never in the way of the voltage limit
 
 
@@ -78,11 +82,14 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
     clock = SimulatedClock()
     limits = rig.supply.limits.stricter(protocol.limits)
     driver, address = rig.supply.driver, rig.supply.address
-    told = driver in DIALECTS or rig.virtual is not None
+    told = driver in DIALECTS or rig.simulated
     stand_in = BIPOLAR_STAND_IN if min(protocol.currents_A) < 0 else STAND_IN
     language, place = (driver, address) if driver in DIALECTS else (stand_in, "dry run")
     coil = CoilSupply(
-        clock, resistance_ohm=RESISTANCE_OHM, max_current_A=limits.current_A, max_voltage_V=limits.voltage_V
+        clock,
+        resistance_ohm=RESISTANCE_OHM,
+        max_current_A=limits.current_A * ABOVE_LIMITS,
+        max_voltage_V=max(limits.voltage_V * ABOVE_LIMITS, GENESYS_V),
     )
 
     def say_message(message: str) -> None:
@@ -98,11 +105,20 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
     say(f"limits: {limits.current_A:g} A, {limits.voltage_V:g} V; ramps of {protocol.ramp.rate_A_per_s:g} A/s")
     if rig.coil:
         worst = hottest(protocol, rig.coil)
-        say(f"coil: at most {100 * worst.share:.0f} % of the heat that it bears, at the end of state {worst.state}")
+        say(f"coil: at most {100 * worst.share:.0f} % of the heat that it bears, at the end of {worst.stage}")
+    cycles = protocol.conditioning.cycles if protocol.conditioning else 0
+    if protocol.conditioning:
+        say(f"conditioning: {cycles} cycles to {protocol.conditioning.current_A:g} A and back to 0")
     for index, current in enumerate(currents):
         say(f"state {index}: {current:g} A, {current * constant:.4g} mT, {protocol.frames_per_state} frames")
+    if protocol.transients.frames_per_state:
+        say(f"transients: at most {protocol.transients.frames_per_state} frames of each state while the beam settles")
+    if protocol.release:
+        say(f"release: to zero in one step, recorded for {protocol.release.seconds:g} s")
+    if not rig.virtual:
+        say(f"if the cable is pulled or the computer dies: {without_contact(supply_driver(driver))}")
     if told:
-        because = ", as the virtual supply has no wire" if rig.virtual else ""
+        because = ", as the virtual supply has no wire" if rig.simulated else ""
         say(f"messages to the supply, in the language of {language}{because}:")
     else:
         say(
@@ -119,7 +135,9 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
             bench,
             Path(folder) / "dry_run.h5",
             lambda words: say(f"{clock.now():9.2f} s  state {next(stored)} stored: {words}"),
+            remark=silent,
         )
     shortest = clock.now()
-    longest = shortest + len(currents) * (protocol.settle.timeout_s - protocol.settle.drift_window_s)
+    settled = len(currents) + (min(cycles, 2) + 2 if cycles else 0)
+    longest = shortest + settled * (protocol.settle.timeout_s - protocol.settle.drift_window_s)
     say(f"duration: {shortest:.0f} s where the beam rests at once, {longest:.0f} s where it never does")

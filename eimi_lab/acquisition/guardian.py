@@ -1,31 +1,38 @@
-"""A process that switches the coil off when the run dies in a way that no program can handle, as of SIGKILL.
+"""A process that switches the coil off when the run dies or stands still: the run's side of it.
 
-It holds the reading end of a pipe whose writing end only the run has: that end closes with the run, however the run
-ends. Until then the guardian touches no port. What it needs it has imported before it says that it is ready, and the
-run switches the output on only after that.
+A pipe leads to it whose writing end only the run has: that end closes with the run, however the run ends. While it is
+armed the run beats on that pipe with every step that it takes; a run that lives and does not move on is as bad as one
+that died. On another pipe the guardian says that it is there, since a run goes on only under guard. What it does is in
+`guardian_process`.
 """
 
 from __future__ import annotations
 
 import json
-import re
+import os
 import select
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
-from eimi_drivers.interfaces import InstrumentError, Limits, PowerSupply
-from eimi_drivers.supplies.opening import open_supply
+from eimi_drivers.interfaces import InstrumentError
 
 READY_WITHIN_S = 30.0
-TRY_FOR_S = 60.0  # a port may be busy for a moment after its owner died, or a cable may be put back
-TRY_AGAIN_AFTER_S = 0.1
-ARM, DISARM = b"on\n", b"off\n"
+STILL_FOR_S = 5.0
+"""A run that has not beaten for so long is taken for one that stands still."""
+
+SILENT_FOR_S = 1.5
+"""A guardian that has said nothing for so long is taken for one that is gone; it says something every quarter of it."""
+
+BEAT_EVERY_S = 0.1
+TAKING_OVER_WITHIN_S = 10.0
+
+READY, HERE, TAKING_OVER = b"ready\n", b".\n", b"taking over\n"  # of the guardian
+ARM, BEAT, DISARM, TAKE_OVER, ALLOW = b"on", b".", b"off", b"take over", b"allow "  # of the run
 
 
 @dataclass(frozen=True)
@@ -37,67 +44,102 @@ class Ward:
     current_A: float
     voltage_V: float
 
-    def open(self) -> PowerSupply:
-        """Open it. Raises InstrumentError."""
-        return open_supply(self.driver, self.address, Limits(self.current_A, self.voltage_V))
-
 
 class Guardian:
-    """The run's side: a process that is armed while the output may be on. See `guarding`."""
+    """A process that is armed while the output may be on. See `guarding`."""
 
     def __init__(self, ward: Ward) -> None:
         """Start the process; it gets ready while the run goes on. A session of its own keeps Ctrl-C away from it."""
         self._ward = ward
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", __name__, json.dumps(asdict(ward))],
+            [sys.executable, "-P", "-m", f"{__name__}_process", json.dumps(asdict(ward))],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             bufsize=0,
             start_new_session=True,
         )
-        self._ready = self._armed = False
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._to, self._from = self._process.stdin, self._process.stdout
+        for end in (self._to, self._from):
+            os.set_blocking(end.fileno(), False)
+        self._said = b""
+        self._armed = False
+        self._heard_s = self._beaten_s = time.monotonic()
 
     def arm(self) -> None:
         """From here on the end of the run switches the coil off. Raises InstrumentError when nobody is on guard."""
-        assert self._process.stdout is not None
-        if not self._ready:
-            said, _, _ = select.select([self._process.stdout], [], [], READY_WITHIN_S)
-            self._ready = bool(said) and self._process.stdout.readline() == b"ready\n"
-        if not self._ready:
+        until = time.monotonic() + READY_WITHIN_S
+        while READY not in self._said and self._process.poll() is None and time.monotonic() < until:
+            select.select([self._from], [], [], 0.2)
+            self._listen()
+        if READY not in self._said or not self._send(ARM):
             raise InstrumentError(f"{self._ward.address}: the guardian process did not start; nothing was switched on")
         self._armed = True
-        self._send(ARM)
+        self._heard_s = time.monotonic()
+
+    def beat(self) -> None:
+        """The run moves on. Never waits, raises nothing."""
+        if self._armed and time.monotonic() - self._beaten_s > BEAT_EVERY_S:
+            self._beaten_s = time.monotonic()
+            self._send(BEAT)
+
+    def allow(self, seconds: float) -> None:
+        """The next beat may take so long; never waits, raises nothing."""
+        if self._armed:
+            self._send(ALLOW + f"{seconds:.1f}".encode())
 
     def check(self) -> None:
-        """Raise InstrumentError when the guardian is gone: nobody would switch off if the run died."""
+        """Raise InstrumentError when the guardian is gone, stopped, or has taken over: the run has to end."""
+        if not self._armed:
+            return
+        self._listen()
+        place = self._ward.address
+        if TAKING_OVER in self._said:
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(TAKING_OVER_WITHIN_S)
+            raise InstrumentError(
+                f"{place}: the run stood still for more than {STILL_FOR_S:g} s, and its guardian process took over to "
+                "switch the coil off"
+            )
         if self._process.poll() is not None:
             raise InstrumentError(
-                f"{self._ward.address}: the guardian process ended (status {self._process.returncode}); "
-                "a run goes on only under guard"
+                f"{place}: the guardian process ended (status {self._process.returncode}); a run goes on only under "
+                "guard"
+            )
+        if time.monotonic() - self._heard_s > SILENT_FOR_S:
+            raise InstrumentError(
+                f"{place}: the guardian process does not answer any more; a run goes on only under guard"
             )
 
     def disarm(self) -> None:
         """The coil is known to be off; one whose guardian is gone needs none any more."""
         self._armed = False
-        with suppress(InstrumentError):
-            self._send(DISARM)
+        self._send(DISARM)
 
     def dismiss(self) -> None:
-        """Close the pipe. One that is armed still sets to work now, and is not waited for."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        if not self._armed:
+        """Close the pipe. One that is armed sets to work now, and is not waited for."""
+        if self._armed:
+            self._process.send_signal(signal.SIGCONT)  # it may have been stopped
+            self._send(TAKE_OVER)
+        else:
             self._process.kill()
             self._process.wait()
-        self._process.stdin.close()
-        self._process.stdout.close()
+        self._to.close()
+        self._from.close()
 
-    def _send(self, message: bytes) -> None:
-        assert self._process.stdin is not None
+    def _listen(self) -> None:
+        with suppress(BlockingIOError):
+            while heard := os.read(self._from.fileno(), 4096):
+                self._heard_s = time.monotonic()
+                self._said = (self._said + heard).replace(HERE, b"")
+
+    def _send(self, message: bytes) -> bool:
         try:
-            self._process.stdin.write(message)
-        except BrokenPipeError as error:
-            raise InstrumentError(f"{self._ward.address}: the guardian process is gone") from error
+            os.write(self._to.fileno(), message + b"\n")
+        except OSError:  # it is gone, or stopped for so long that the pipe is full
+            return False
+        return True
 
 
 @contextmanager
@@ -108,62 +150,3 @@ def guarding(ward: Ward) -> Iterator[Guardian]:
         yield guardian
     finally:
         guardian.dismiss()
-
-
-def stand_guard(ward: Ward) -> None:
-    """Wait for the end of standard input, and switch off if the last word before it was to arm."""
-    for name in ("SIGINT", "SIGHUP", "SIGTERM"):  # it ends when the run does, no sooner
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
-    sys.stdout.buffer.write(b"ready\n")
-    sys.stdout.buffer.flush()
-    last = b""
-    for line in sys.stdin.buffer:
-        last = line
-    if last == ARM:
-        _tell(switch_off(ward))
-
-
-def switch_off(ward: Ward) -> str:
-    """Ramp down, zero, off, verify, again and again until the supply says that it is off; what came of it, in words.
-
-    A cable may be put back; a pseudo-terminal that is gone is not, and its name goes to the next one.
-    """
-    began = time.monotonic()
-    said = ""
-    while True:
-        try:
-            with closing(ward.open()) as supply:
-                if (words := _ramp_down(supply)) and words != said:
-                    said = words
-                    _tell(said)
-                supply.safe_off()
-            return f"the run died; {ward.address}: the coil was switched off"
-        except InstrumentError as error:
-            emulated = re.search(r"/dev/pts/\d+", ward.address)
-            if emulated and not Path(emulated[0]).exists():
-                return f"the run died; {ward.address} is gone, and the emulated supply with it"
-            if time.monotonic() - began > TRY_FOR_S:
-                return f"the run died; THE COIL MAY STILL BE ON, switch it off by hand: {error}"
-            time.sleep(TRY_AGAIN_AFTER_S)
-
-
-def _ramp_down(supply: PowerSupply) -> str:
-    """Half way toward zero; what went wrong, in words, for the stages that follow matter more.
-
-    The beam's swing no longer matters and time does: the supply is spared half the leap.
-    """
-    try:
-        supply.set_current(supply.measure().current_A / 2)
-    except InstrumentError as error:
-        return f"no ramp, straight to zero: {error}"
-    return ""
-
-
-def _tell(words: str) -> None:
-    with suppress(OSError):  # the terminal may be gone with the run
-        print(f"eimi guardian: {words}", file=sys.stderr, flush=True)
-
-
-if __name__ == "__main__":
-    stand_guard(Ward(**json.loads(sys.argv[1])))

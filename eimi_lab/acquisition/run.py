@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+from eimi_drivers.cameras.timed import TimedCamera
 from eimi_drivers.interfaces import InstrumentError
-from eimi_drivers.supplies.opening import supply_driver
-from eimi_lab.acquisition.bench import Bench
-from eimi_lab.acquisition.capture import capture
-from eimi_lab.acquisition.coil import Coil
+from eimi_drivers.supplies.supply_names import supply_driver
+from eimi_lab.acquisition.coil import Coil, never, without_contact
+from eimi_lab.acquisition.conditioning import condition
 from eimi_lab.acquisition.heating import refuse_overheating
 from eimi_lab.acquisition.live_view import Show, WatchedCamera, show_nobody
-from eimi_lab.acquisition.resuming import Begun, take_up
-from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S, measure_noise, wait_until_settled
+from eimi_lab.acquisition.open_bench import Bench
+from eimi_lab.acquisition.pausing import Pauses, nobody_types
+from eimi_lab.acquisition.playback import NOISE_FRAMES
+from eimi_lab.acquisition.resuming import UnfinishedRun, refuse_taken, take_up
+from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S
+from eimi_lab.acquisition.stepping import Stepping
 from eimi_lab.acquisition.switching_off import switching_off
+from eimi_lab.acquisition.transients import record_release
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.dataset.grey import grey
 from eimi_lab.dataset.layout import Header
+from eimi_lab.dataset.recordings import RELEASE, Moment
 from eimi_lab.dataset.writing import DatasetWriter
-from eimi_lab.errors import InputError
-from eimi_lab.outputs import refuse_existing
-
-NOISE_FRAMES = 8
+from eimi_lab.errors import InputError, tell
+from eimi_lab.stopping import Stopped
+from eimi_lab.vision.intensity import mean_grey
+from eimi_lab.vision.settling_statistic import measure_noise
 
 
 def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
@@ -37,19 +43,24 @@ def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
             f"protocol {protocol.name}: material = {protocol.material!r}, but the specimen {specimen.specimen.name} "
             f"is of {specimen.specimen.material!r}"
         )
-    largest = max(map(abs, protocol.currents_A))
     limit = rig.supply.limits.current_A
-    if largest > limit:
+    one_way = rig.simulated or not supply_driver(rig.supply.driver).bipolar
+    for key, current_A in protocol.extremes_A:
+        if abs(current_A) > limit:
+            raise InputError(
+                f"protocol {protocol.name}: {key} goes to {current_A:g} A; "
+                f"rig {rig.name} allows supply.limits.current_A = {limit:g}"
+            )
+        if current_A < 0 and one_way:
+            at = f" at state {protocol.currents_A.index(current_A)}" if key.startswith("current.") else ""
+            raise InputError(
+                f"protocol {protocol.name}: {key} goes to {current_A:g} A{at}, but supply.driver = "
+                f"{rig.supply.driver!r} of rig {rig.name} cannot reverse its current; take currents from 0 up, or a "
+                "bipolar supply such as kepco-bop"
+            )
+    if protocol.tip_force_N and rig.virtual:
         raise InputError(
-            f"protocol {protocol.name}: goes to {largest:g} A; "
-            f"rig {rig.name} allows supply.limits.current_A = {limit:g}"
-        )
-    lowest = min(protocol.currents_A)
-    if lowest < 0 and (rig.virtual or not supply_driver(rig.supply.driver).bipolar):
-        raise InputError(
-            f"protocol {protocol.name}: current.{protocol.current.key_of(lowest)} goes to {lowest:g} A at state "
-            f"{protocol.currents_A.index(lowest)}, but supply.driver = {rig.supply.driver!r} of rig {rig.name} cannot "
-            "reverse its current; take currents from 0 up, or a bipolar supply such as kepco-bop"
+            f"protocol {protocol.name}: tip_force_N = {protocol.tip_force_N:g}: a virtual beam bears no weight"
         )
     if rig.coil:
         refuse_overheating(protocol, rig.coil)
@@ -68,22 +79,35 @@ def acquire(
     take_over: bool = False,
     note: str = "",
     show: Show = show_nobody,
-) -> None:
+    remark: Callable[[str], None] = tell,
+    typed: Callable[[], str | None] = nobody_types,
+) -> Path:
     """Run the protocol on an open bench into the dataset `path`; `report` gets a line for every state stored.
 
+    Returns where the dataset is: beside `path` where that was taken away meanwhile.
+
     resume: go on with the run that `path` holds. take_over: switch off a supply that is found on, not refuse it.
-    note: what the user has to say of the run. show: is given every frame as it comes.
+    note: what the user has to say of the run. show: is given every frame as it comes. remark: gets what else there is
+    to say in a line, such as what the conditioning changed. typed: gives what a person types, for `pausing`.
 
     Ends with the coil off, whatever happens; what was stored until then stays. Raises InputError before anything is
     switched on, InstrumentError, Stopped.
     """
     check_request(protocol, specimen, rig)
     if not resume:
-        refuse_existing(path, force)
-    supply, camera, clock = bench.supply, WatchedCamera(bench.camera, show), bench.clock
+        refuse_taken(path, force)
+    supply, camera, clock = bench.supply, WatchedCamera(bench.camera, show, bench.cue), bench.clock
     identities = (supply.identify(), camera.identify())
     header = Header(
-        specimen, rig.calibration, protocol, rig, identities, bench.truth, note, camera_settings=bench.camera_settings
+        specimen,
+        rig.calibration,
+        protocol,
+        rig,
+        identities,
+        bench.truth,
+        note,
+        camera_settings=bench.camera_settings,
+        without_contact="" if bench.truth else without_contact(supply),
     )
     _begin_with_output_off(bench, protocol, take_over)
     supply.check()
@@ -91,41 +115,72 @@ def acquire(
     supply.set_voltage(supply.limits.voltage_V)
     camera.flush()
     at_rest = [camera.grab(GRAB_TIMEOUT_S) for _ in range(NOISE_FRAMES)]
-    noise = measure_noise([grey(frame.image) for frame in at_rest])
-    begun = take_up(path, header, grey(at_rest[0].image)) if resume else Begun(0, 0.0)
+    noise = measure_noise([mean_grey(frame.image) for frame in at_rest])
+    begun = take_up(path, header, at_rest[0].image) if resume else UnfinishedRun(0, 0.0)
     for current in protocol.currents_A[: begun.states]:
         report(f"{current:g} A, stored before")
     if begun.states == len(protocol.currents_A):
-        return
+        return path
     coil = Coil(supply, clock, protocol.ramp)
-    began = clock.now() - begun.elapsed_s
-    with (
-        DatasetWriter.resume(path) if resume else DatasetWriter(path, header, at_rest[0], force) as writer,
-        switching_off(coil, bench.guardian) as stop_if_asked,
-    ):
-        stop_if_asked()
-        supply.set_output(True)
-        for current in protocol.currents_A[: begun.states]:  # a beam that remembers has to come the same way
-            coil.ramp_to(current, stop_if_asked)
-        for index, current in list(enumerate(protocol.currents_A))[begun.states :]:
-            if bench.guardian:
-                bench.guardian.check()
-            camera.at(index, current)
-            coil.ramp_to(current, stop_if_asked)
-            coil.wait_until_reached(stop_if_asked)
-            settled = wait_until_settled(camera, clock, protocol.settle, noise, stop_if_asked)
-            supply.check()
-            taken = capture(camera, clock, protocol.frames_per_state, coil.measured_A, noise, stop_if_asked)
-            writer.append_state(
-                taken.frames,
-                current_A=current,
-                field_mT=current * rig.calibration.coil_constant_mT_per_A,
-                measured_A=taken.measured_A,
-                time_s=[at - began for at in taken.time_s],
-                flags=settled.flags + taken.flags,
-            )
-            flagged = "".join(f", {flag.name}" for flag in settled.flags + taken.flags)
-            report(f"{current:g} A, settled after {settled.waited_s:.1f} s{flagged}")
+    beat = bench.guardian.beat if bench.guardian else never
+    with DatasetWriter.resume(path, beat) if resume else DatasetWriter(path, header, at_rest[0], force, beat) as writer:
+        stepping = Stepping(
+            protocol=protocol,
+            specimen=specimen,
+            calibration=rig.calibration,
+            coil=coil,
+            camera=camera,
+            clock=clock,
+            guardian=bench.guardian,
+            noise=noise,
+            writer=writer,
+            began_s=clock.now() - begun.elapsed_s,
+            remark=remark,
+        )
+        _step_through(stepping, begun.states, report, Pauses(typed, remark))
+    return writer.path
+
+
+def _step_through(run: Stepping, first: int, report: Callable[[str], None], pauses: Pauses) -> None:
+    """The conditioning, every state from `first` on and the release, with the output on; off after it, come what may.
+
+    A run that is resumed was conditioned when it began.
+    """
+    protocol, states = run.protocol, len(run.protocol.currents_A)
+    released: list[Moment] = []
+    try:
+        with switching_off(run.coil, run.guardian) as stop_if_asked, watching(run.camera, stop_if_asked):
+            stop_if_asked()
+            run.coil.supply.set_output(True)
+            if protocol.conditioning and not first:
+                condition(run, protocol.conditioning, stop_if_asked)
+            run.go_back_to(first, stop_if_asked)
+            for state in range(first, states):
+                if pauses.asked:
+                    pauses.wait(run, state, stop_if_asked)
+                report(run.take(state, pauses.heeded_by(stop_if_asked)))
+            if protocol.release:
+                released += record_release(run.camera, run.clock, run.coil, protocol.release.seconds, stop_if_asked)
+    except Stopped as stopped:
+        run.store(RELEASE, [states - 1] * len(released), released)
+        raise Stopped(stopped.number, f"the coil is off; {run.what_is_stored()}") from stopped
+    except InstrumentError:
+        run.remark(run.what_is_stored())
+        raise
+    run.store(RELEASE, [states - 1] * len(released), released)
+
+
+@contextmanager
+def watching(camera: WatchedCamera, stop_if_asked: Callable[[], None]) -> Iterator[None]:
+    """The run moves on, and can be stopped, while it waits for the camera."""
+    if not isinstance(camera.watched, TimedCamera):
+        yield
+        return
+    camera.watched.meanwhile = stop_if_asked
+    try:
+        yield
+    finally:
+        camera.watched.meanwhile = never
 
 
 def _begin_with_output_off(bench: Bench, protocol: Protocol, take_over: bool) -> None:

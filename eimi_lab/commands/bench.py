@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
+import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from eimi_lab.commands.options import Force, Output, Specimen
+from eimi_lab.commands.result import Result
+from eimi_lab.commands.shared_options import Force, Output, Specimen
 from eimi_lab.errors import InputError, tell
 
 
-def instruments() -> None:
+def instruments() -> Result:
     """List supplies and cameras that are attached, and the driver that would serve each."""
     from eimi_drivers.discovery import discover
 
     result = discover()
-    for found in result.found:
-        print(f"{found.kind}: driver = {found.driver}, address or source = {found.address} ({found.text})")
-    if not result.found:
-        print("no supply and no camera found; `eimi emulate korad` serves an emulated supply")
-    for note in result.notes:
-        print(f"note: {note}")
+    lines = [
+        f"{found.kind}: driver = {found.driver}, address or source = {found.address} ({found.text})"
+        for found in result.found
+    ] or ["no supply and no camera found; `eimi emulate korad` serves an emulated supply"]
+    lines += [f"note: {note}" for note in result.notes]
+    return Result(lines, {"found": [asdict(found) for found in result.found], "notes": result.notes})
 
 
 def emulate(
@@ -34,15 +37,18 @@ def emulate(
     import threading
 
     from eimi_drivers.clock import WallClock
+    from eimi_drivers.emulators.coil_line import serve_coil
     from eimi_drivers.emulators.serve import DIALECTS, serve_pty, serve_tcp
     from eimi_drivers.emulators.serve import emulate as put_language_on
     from eimi_drivers.emulators.supply import CoilSupply
 
     if supply not in DIALECTS:
         raise InputError(f"SUPPLY = {supply!r} should be one of {', '.join(DIALECTS)}")
-    instrument = put_language_on(supply, CoilSupply(WallClock()))
-    with serve_pty(instrument) if tcp is None else serve_tcp(instrument, port=tcp) as address:
-        print(f'driver = "{supply}"\naddress = "{address}"', flush=True)
+    coil = CoilSupply(WallClock())
+    instrument = put_language_on(supply, coil)
+    with serve_pty(instrument) if tcp is None else serve_tcp(instrument, port=tcp) as address, serve_coil(coil) as line:
+        print(f'driver = "{supply}"\naddress = "{address}"')
+        print(f'# and for a virtual beam in its coil: camera = {{ driver = "virtual", source = "{line}" }}', flush=True)
         threading.Event().wait()
 
 
@@ -57,48 +63,84 @@ def acquire(
         bool, typer.Option("--take-over", help="switch off a supply whose output is found on, not refuse it")
     ] = False,
     note: Annotated[str, typer.Option(help="what you want the dataset to tell of this run")] = "",
+    transcript: Annotated[
+        Path | None, typer.Option(help="write every exchange with the supply into this new file")
+    ] = None,
     force: Force = False,
-) -> None:
+    watched_by: Annotated[str | None, typer.Option(hidden=True, help="descriptors that a page reads")] = None,
+) -> Result:
     """Run a protocol: currents, frames, dataset."""
-    from eimi_lab.acquisition.bench import open_bench
+    from eimi_lab.acquisition.open_bench import open_bench
+    from eimi_lab.acquisition.playback import pictures_needed
+    from eimi_lab.acquisition.resuming import refuse_taken
     from eimi_lab.acquisition.run import acquire as run
     from eimi_lab.acquisition.run import check_request
     from eimi_lab.config.protocol import load_protocol
     from eimi_lab.config.rig import load_rig
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.dataset.file_system import network_file_system
-    from eimi_lab.outputs import refuse_existing
+    from eimi_lab.outputs import check_distinct, refuse_existing
+    from eimi_lab.page.watched_run import watched
     from eimi_lab.progress import progress
+    from eimi_lab.writer_lock import only_writer
 
     chosen, beam, bench_rig = load_protocol(protocol), load_specimen(specimen), load_rig(rig)
     check_request(chosen, beam, bench_rig)
+    if words := pictures_needed(chosen, bench_rig):
+        tell(words)
     if dry_run:
         from eimi_lab.acquisition.dry_run import dry_run as tell_steps
 
-        tell_steps(chosen, beam, bench_rig, print)
-        return
+        steps: list[str] = []
+        tell_steps(chosen, beam, bench_rig, steps.append)
+        return Result(steps, {"dry_run": steps})
     if output is None:
         raise InputError("-o FILE.h5 is missing: the dataset to write; only --dry-run does without")
     if not resume:
-        refuse_existing(output, force)
+        refuse_taken(output, force)
     elif force or note:
         raise InputError("--resume goes on with what the dataset holds: give neither --force nor --note with it")
+    if transcript is not None:
+        check_distinct([output], [transcript])
+        refuse_existing(transcript, force=False)
+        if bench_rig.simulated:
+            raise InputError("--transcript: the virtual supply has no wire; leave it out")
     if kind := network_file_system(output.parent):
         tell(f"warning: {output} is on a network ({kind}): a crash may cost stored states; a local disk is safer")
+    if sys.stdin is not None and sys.stdin.isatty():
+        tell("p and Enter pause the run, with the coil off; Ctrl-C ends it")
     with (
-        open_bench(bench_rig, beam, chosen.limits) as bench,
+        only_writer(output),
+        open_bench(bench_rig, beam, chosen.limits, transcript) as bench,
         progress("acquire", len(chosen.currents_A)) as report,
+        watched(watched_by, bench, chosen, bench_rig, report) as seen,
     ):
-        run(chosen, beam, bench_rig, bench, output, report, force, resume=resume, take_over=take_over, note=note)
-    print(f"{output}: {len(chosen.currents_A)} states")
+        stored = run(
+            chosen,
+            beam,
+            bench_rig,
+            seen.bench,
+            output,
+            seen.report,
+            force,
+            resume=resume,
+            take_over=take_over,
+            note=note,
+            show=seen.show,
+            remark=seen.remark,
+            typed=seen.typed,
+        )
+    states = len(chosen.currents_A)
+    return Result([f"{stored}: {states} states"], {"dataset": stored, "states": states})
 
 
 def recover(
-    crashed: Annotated[Path, typer.Argument(help="the dataset whose writer crashed")],
+    crashed: Annotated[Path, typer.Argument(help="the dataset of a run that died, or one that is damaged")],
     output: Output,
     force: Force = False,
-) -> None:
+) -> Result:
     """Bring back every state that a crashed run had acknowledged, without the frames that are damaged."""
     from eimi_lab.dataset.recovery import recover as copy_acknowledged
 
-    print(f"{output}: {copy_acknowledged(crashed, output, force)} states")
+    states = copy_acknowledged(crashed, output, force)
+    return Result([f"{output}: {states} states"], {"dataset": output, "states": states})

@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from eimi_lab.commands.options import Force, Output, Specimen
+from eimi_lab.commands.result import Result
+from eimi_lab.commands.shared_options import Force, Output, Specimen
+
+# Beside Python, what a result may depend on.
+_PACKAGES = ("numpy", "scipy", "cma", "h5py", "opencv-python-headless")
+
+
+def print_versions(asked: bool) -> None:
+    """What `eimi --version` prints: the suite's version, Python's and those of the packages that matter."""
+    if asked:
+        import platform
+        from importlib.metadata import version
+
+        print(f"eimi-lab {version('eimi-lab')}")
+        print(", ".join([f"python {platform.python_version()}", *(f"{name} {version(name)}" for name in _PACKAGES)]))
+        raise typer.Exit
 
 
 def report(
@@ -17,21 +34,26 @@ def report(
         list[Path] | None,
         typer.Option(help="fits.json, of datasets or tensile tests, to lay over them; may be repeated"),
     ] = None,
+    assets: Annotated[
+        Path | None, typer.Option(help="a folder for each figure as SVG and PDF, each table as CSV and LaTeX")
+    ] = None,
     force: Force = False,
-) -> None:
-    """Write one self-contained HTML file: laws, stress-strain curves, errors, frames, simulated edges, convergence."""
+) -> Result:
+    """Write one self-contained HTML file: the number and what limits it, laws, errors, frames, residuals, methods."""
     from eimi_lab.outputs import check_distinct, refuse_existing
+    from eimi_lab.progress import progress
     from eimi_lab.report.page import write_report
 
     check_distinct([*datasets, *(fit or [])], [output])
     refuse_existing(output, force)
-    write_report(output, datasets, fit or [], force=force)
-    print(output)
+    command = shlex.join(["eimi", *sys.argv[1:]])
+    write_report(output, datasets, fit or [], force=force, assets=assets, command=command, progress=progress)
+    return Result([output, *([assets] if assets else [])], {"report": output, "assets": assets})
 
 
 def demo(
     material: Annotated[
-        str, typer.Option(help="dragon_skin_10 or ecoflex_00_50: what the hidden specimen is cast from")
+        str, typer.Option(metavar="dragon_skin_10|ecoflex_00_50", help="what the hidden specimen is cast from")
     ] = "dragon_skin_10",
     specimen: Specimen = "type1",
     quick: Annotated[bool, typer.Option("--quick", help="one law on fewer states")] = False,
@@ -39,14 +61,27 @@ def demo(
     rig: Annotated[str, typer.Option(help="a virtual rig")] = "virtual",
     output: Annotated[Path, typer.Option("-o", "--output", help="the folder to fill")] = Path("eimi-demo"),
     force: Force = False,
-) -> None:
+) -> Result:
     """Run the whole chain on the virtual rig and compare what it identifies with the hidden truth."""
     from eimi_lab.demonstration import demonstrate
     from eimi_lab.progress import progress
 
     done = demonstrate(output, material, specimen, rig, quick=quick, seed=seed, force=force, progress=progress)
     truth = ", ".join(f"{name} {value:g}" for name, value in done.true_parameters.items())
-    print(f"truth: {done.true_model}, {truth}; initial shear modulus {done.scores[0].truth_Pa:.0f} Pa")
-    for score in done.scores:
-        print(f"{score.fit.summary()}; {score.difference_percent:+.2f} % from the truth")
-    print(f"{done.dataset}\n{done.fits}\n{done.report}")
+    first, files = done.scores[0], {"dataset": done.dataset, "fits": done.fits, "report": done.report}
+    return Result(
+        [
+            f"truth: {done.true_model}, {truth}; initial shear modulus {first.truth_Pa:.0f} Pa",
+            *(seen.in_words() for seen in first.fit.datasets),
+            *(f"{score.fit.summary()}; {score.difference_percent:+.2f} % from the truth" for score in done.scores),
+            *files.values(),
+        ],
+        {
+            "truth": {"model": done.true_model, "parameters": done.true_parameters, "shear_modulus_Pa": first.truth_Pa},
+            "fits": [
+                {**score.fit.model_dump(mode="json"), "difference_percent": score.difference_percent}
+                for score in done.scores
+            ],
+            "files": files,
+        },
+    )

@@ -6,15 +6,17 @@ from pathlib import Path
 
 from pydantic import model_validator
 
-from eimi_fitting.materials import LAWS
-from eimi_lab.config.reading import Document, Table, parse, read_text
+from eimi_fitting.laws import LAWS
+from eimi_lab.config.toml import Document, Table, parse, read_text
 
 
 class TrueMaterial(Table):
     """What a virtual specimen is made of: a model's parameters, with `_Pa` on those in pascal."""
 
     model: str
+    """neo-hookean, mooney-rivlin, yeoh or ogden."""
     parameters: dict[str, float]
+    """The law's, with _Pa on those in pascal."""
 
     @model_validator(mode="after")
     def _complete(self) -> TrueMaterial:
@@ -43,6 +45,7 @@ class TrueMaterials(Document):
     """A whole materials.toml, by the name that a specimen gives its material."""
 
     silicone: dict[str, TrueMaterial]
+    """One table for each material, under the name that a specimen gives it."""
 
 
 def load_materials(path: Path) -> TrueMaterials:

@@ -2,27 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from eimi_lab.errors import InputError
+from eimi_lab.dataset.points import TrackedPoints
+from eimi_lab.dataset.state import State
 from eimi_lab.tables import installed
+from eimi_lab.vision.edges.edge_set import EdgeSet
 
-if TYPE_CHECKING:  # a dataset labels itself through this module
-    from eimi_lab.dataset.reading import Dataset
+_MM = {"units": "mm"}
 
 
-def labelled(dataset: Dataset) -> Any:
-    """xarray.Dataset of edges (state, side, point, axis) or tracked points (state, point, axis), in mm.
+def labelled_points(states: Sequence[State], tracked: Sequence[TrackedPoints], attributes: Mapping[str, str]) -> Any:
+    """xarray.Dataset of tracked points (state, point, axis) in mm, one element of ``tracked`` a state.
 
-    States with fewer points are filled up with NaN. Raises ImportError without xarray, InputError for frames that were
-    not segmented.
+    States with fewer points are filled up with NaN. Raises ImportError without xarray.
     """
-    xarray = installed("xarray")
-    states = dataset.states
-    coordinates: dict[str, Any] = {
+    coordinates = _coordinates(states)
+    if len({p.names for p in tracked}) == 1:
+        coordinates["point"] = list(tracked[0].names)
+    variables = {
+        "rest": (("state", "point", "axis"), _filled([p.rest_mm for p in tracked]), _MM),
+        "place": (("state", "point", "axis"), _filled([p.points_mm for p in tracked]), _MM),
+        "sigma": (("state", "point"), _filled([p.sigma_mm for p in tracked]), _MM),
+    }
+    return installed("xarray").Dataset(variables, coordinates, attributes)
+
+
+def labelled_edges(states: Sequence[State], edges: Sequence[EdgeSet], attributes: Mapping[str, str]) -> Any:
+    """xarray.Dataset of edges (state, side, point, axis) in mm, one edge set a state.
+
+    Sides with fewer points are filled up with NaN. Raises ImportError without xarray.
+    """
+    coordinates = _coordinates(states)
+    coordinates["side"] = ["left", "right"]
+    coordinates["flagged"] = ("state", [bool(s.flags or e.flags) for s, e in zip(states, edges, strict=True)])
+    sides = [side for e in edges for side in (e.left, e.right)]
+    places, sigma = _filled([s.points_mm for s in sides]), _filled([s.sigma_mm for s in sides])
+    variables = {
+        "edge": (("state", "side", "point", "axis"), places.reshape(len(edges), 2, -1, 2), _MM),
+        "sigma": (("state", "side", "point"), sigma.reshape(len(edges), 2, -1), _MM),
+    }
+    return installed("xarray").Dataset(variables, coordinates, attributes)
+
+
+def _coordinates(states: Sequence[State]) -> dict[str, Any]:
+    return {
         "state": [s.index for s in states],
         "field": ("state", [s.field_mT for s in states], {"units": "mT"}),
         "current": ("state", [np.nan if s.current_A is None else s.current_A for s in states], {"units": "A"}),
@@ -30,31 +57,6 @@ def labelled(dataset: Dataset) -> Any:
         "flagged": ("state", [bool(s.flags) for s in states]),
         "axis": ["x", "y"],
     }
-    mm = {"units": "mm"}
-    if dataset.kind == "points":
-        tracked = dataset.points()
-        if len({p.names for p in tracked}) == 1:
-            coordinates["point"] = list(tracked[0].names)
-        variables = {
-            "rest": (("state", "point", "axis"), _filled([p.rest_mm for p in tracked]), mm),
-            "place": (("state", "point", "axis"), _filled([p.points_mm for p in tracked]), mm),
-            "sigma": (("state", "point"), _filled([p.sigma_mm for p in tracked]), mm),
-        }
-    else:
-        edges = dataset.edges()
-        if edges is None:
-            raise InputError(f"{dataset.path}: has no edges yet; `eimi segment` finds them")
-        coordinates["side"] = ["left", "right"]
-        coordinates["flagged"] = ("state", [bool(s.flags or e.flags) for s, e in zip(states, edges, strict=True)])
-        sides = [side for e in edges for side in (e.left, e.right)]
-        places, sigma = _filled([s.points_mm for s in sides]), _filled([s.sigma_mm for s in sides])
-        variables = {
-            "edge": (("state", "side", "point", "axis"), places.reshape(len(edges), 2, -1, 2), mm),
-            "sigma": (("state", "side", "point"), sigma.reshape(len(edges), 2, -1), mm),
-        }
-    return xarray.Dataset(
-        variables, coordinates, {"path": str(dataset.path), "specimen": dataset.specimen.specimen.name}
-    )
 
 
 def _filled(arrays: Sequence[Any]) -> Any:

@@ -8,11 +8,13 @@
   specimen, calibration, protocol, rig    NXnote: the TOML texts as they were
   host                      NXnote: time zone and versions of what wrote the file
   user_note                 NXnote: what the user had to say
-  data                      NXdata: frames, or tracked points, with their columns
+  data                      NXdata: frames (n, H, W), or (n, H, W, 3: red, green, blue), or tracked points, with columns
   states                    NXcollection: one row a state; its attributes tell the format and the kind
+  transients, release, conditioning    NXdata: frames between the states, see `recordings`; where the protocol asks
   sessions                  NXcollection: one row for every time that the run was begun or resumed
   correction                NXcollection: dark frame and flat field, where somebody gave them
-  segmentation              NXprocess: edges, once they were found
+  segmentation              NXprocess: edges, once they were found; how colours were projected for that; and tip and
+                            outline (NXdata), which a viewer then shows first
   truth                     NXnote: what a virtual rig was made of; for scoring alone
 """
 
@@ -20,22 +22,23 @@ from __future__ import annotations
 
 import json
 import platform
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any, Literal
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings
 from eimi_drivers.interfaces import Identity
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.protocol import Protocol
-from eimi_lab.config.reading import Document
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.vision.edge_set import Flag
+from eimi_lab.config.toml import Document
+from eimi_lab.vision.check import Flag, Severity
 
 FORMAT = 1
 FORMAT_ATTRIBUTE = "eimi_format"
@@ -71,6 +74,7 @@ class Header:
     """What a dataset says of itself. A quantity that an imported dataset does not know is None.
 
     taken: when the first frame was taken, ISO 8601; None where that is now. camera_settings: as read back.
+    without_contact: what would have become of the coil where the cable was pulled or the computer died, in words.
     """
 
     specimen: SpecimenFile
@@ -82,6 +86,7 @@ class Header:
     note: str = ""
     taken: str | None = None
     camera_settings: CameraSettings = NO_SETTINGS
+    without_contact: str = ""
 
     @property
     def documents(self) -> dict[str, Document | None]:
@@ -123,6 +128,11 @@ def write_header(file: h5py.File, header: Header) -> h5py.Group:
     if header.note:
         note(entry, "user_note", header.note, "text/plain")
     return entry
+
+
+def to_stored(image: NDArray[Any]) -> NDArray[Any]:
+    """An image (H, W) or (H, W, 3) in the order of colours of a file, red first as NeXus has it, not blue; and back."""
+    return image if image.ndim == 2 else image[..., ::-1]
 
 
 def identity_text(identity: Identity) -> str:
@@ -170,6 +180,24 @@ def columns(parent: h5py.Group, described: dict[str, tuple[str, str | None]]) ->
     return made
 
 
+def frame_stack(parent: h5py.Group, name: str, image: NDArray[Any]) -> h5py.Dataset:
+    """Create a stack of frames like (H, W) or (H, W, 3) `image` that grows, without any."""
+    frames = parent.create_dataset(
+        name,
+        shape=(0, *image.shape),
+        maxshape=(None, *image.shape),
+        chunks=(1, *image.shape),
+        dtype=image.dtype,
+        compression="gzip",
+        compression_opts=1,
+        fletcher32=True,
+    )
+    frames.attrs["units"] = "counts"
+    if image.ndim == 3:
+        frames.attrs["interpretation"] = "rgb-image"
+    return frames
+
+
 def append(column: h5py.Dataset, rows: Any) -> None:
     """Add rows at the end of a column."""
     count = len(column)
@@ -209,7 +237,7 @@ def now() -> str:
 
 def flags_to_text(flags: tuple[Flag, ...]) -> bytes:
     """Flags as JSON, for a column of fixed width."""
-    text = json.dumps([[flag.name, flag.value, flag.limit, flag.remedy] for flag in flags]).encode()
+    text = json.dumps([list(astuple(flag)) for flag in flags]).encode()
     width = np.dtype(STATE_COLUMNS["flags"][0]).itemsize
     if len(text) > width:
         raise ValueError(f"{len(flags)} flags need {len(text)} bytes; a state has {width}")
@@ -217,5 +245,5 @@ def flags_to_text(flags: tuple[Flag, ...]) -> bytes:
 
 
 def flags_from_text(text: bytes) -> tuple[Flag, ...]:
-    """The inverse of `flags_to_text`."""
-    return tuple(Flag(*fields) for fields in json.loads(text))
+    """The inverse of `flags_to_text`; a flag of earlier versions has no severity, and made its state unusable."""
+    return tuple(Flag(*fields[:4], *map(Severity, fields[4:5]), *fields[5:]) for fields in json.loads(text))

@@ -20,6 +20,7 @@ from eimi_lab.dataset.layout import (
     write_header,
     write_state_columns,
 )
+from eimi_lab.dataset.tip_force_angles import write_tip_force_angles
 
 Array = NDArray[np.float64]
 
@@ -33,6 +34,7 @@ POINT_COLUMNS: dict[str, tuple[str, str | None]] = {
     "point": (f"S{NAME_BYTES}", None),
     "x0": ("f8", "mm"),
     "y0": ("f8", "mm"),
+    "z0": ("f8", "mm"),
     "x": ("f8", "mm"),
     "y": ("f8", "mm"),
     "sigma": ("f8", "mm"),
@@ -41,27 +43,43 @@ POINT_COLUMNS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class TrackedPoints:
-    """The points of one state, in the beam frame: rest_mm and points_mm (n, 2), sigma_mm (n,) of each coordinate."""
+    """The points of one state, in the beam frame: rest_mm and points_mm (n, 2), sigma_mm (n,) of each coordinate.
+
+    depth_mm: (n,) from mid-depth at rest; None for points in mid-depth.
+    """
 
     names: tuple[str, ...]
     rest_mm: Array
     points_mm: Array
     sigma_mm: Array
+    depth_mm: Array | None = None
 
 
 @dataclass(frozen=True)
 class Load:
-    """What acts in one state. current_A is None where only the field is known."""
+    """What acts in one state. current_A is None where only the field is known.
+
+    tip_force_angle_deg: in the beam frame, None for along gravity.
+    """
 
     current_A: float | None
     field_mT: float
     tip_force_N: float
+    tip_force_angle_deg: float | None = None
 
 
 def write_points(
-    path: Path, header: Header, gravity_angle_deg: float, loads: Sequence[Load], points: Sequence[TrackedPoints]
+    path: Path,
+    header: Header,
+    gravity_angle_deg: float,
+    loads: Sequence[Load],
+    points: Sequence[TrackedPoints],
+    gravity: bool = True,
 ) -> None:
-    """Write a dataset of tracked points, one element of `loads` and of `points` a state, over the file `path`."""
+    """Write a dataset of tracked points, one element of `loads` and of `points` a state, over the file `path`.
+
+    gravity: whether the weight bends the beam.
+    """
     with h5py.File(path, "w", libver="latest") as file:
         entry = write_header(file, header)
         data = group(entry, "data", "NXdata")
@@ -70,6 +88,7 @@ def write_points(
         table = columns(data, POINT_COLUMNS)
         states = write_state_columns(entry, "points")
         entry["states"].attrs["gravity_angle_deg"] = gravity_angle_deg
+        entry["states"].attrs["gravity"] = gravity
         entry["states"].attrs["field_angle_deg"] = FIELD_ANGLE_DEG
         for index, (load, tracked) in enumerate(zip(loads, points, strict=True)):
             rows = {
@@ -77,6 +96,7 @@ def write_points(
                 "point": [name.encode() for name in tracked.names],
                 "x0": tracked.rest_mm[:, 0],
                 "y0": tracked.rest_mm[:, 1],
+                "z0": np.zeros(len(tracked.names)) if tracked.depth_mm is None else tracked.depth_mm,
                 "x": tracked.points_mm[:, 0],
                 "y": tracked.points_mm[:, 1],
                 "sigma": tracked.sigma_mm,
@@ -88,12 +108,14 @@ def write_points(
             append(states["tip_force"], [load.tip_force_N])
             append(states["flags"], [flags_to_text(())])
             append(states["index"], [index])
+        write_tip_force_angles(entry["states"], [load.tip_force_angle_deg for load in loads])
         entry["end_time"][()] = now().encode()
 
 
 def read_points(entry: h5py.Group, states: int) -> tuple[TrackedPoints, ...]:
-    """The tracked points of every state."""
-    table = {name: entry["data"][name][()] for name in POINT_COLUMNS}
+    """The tracked points of every state; in files of earlier releases all lie in mid-depth."""
+    table = {name: entry["data"][name][()] for name in POINT_COLUMNS if name in entry["data"]}
+    depth = table.get("z0", np.zeros(len(table["state"])))
     tracked = []
     for index in range(states):
         here = table["state"] == index
@@ -103,6 +125,7 @@ def read_points(entry: h5py.Group, states: int) -> tuple[TrackedPoints, ...]:
                 np.column_stack([table["x0"][here], table["y0"][here]]),
                 np.column_stack([table["x"][here], table["y"][here]]),
                 table["sigma"][here],
+                depth[here],
             )
         )
     return tuple(tracked)

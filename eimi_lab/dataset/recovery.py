@@ -1,48 +1,225 @@
-"""A crashed or damaged file made whole again: every acknowledged state, in a new file that is closed properly."""
+"""A crashed or damaged file made whole again: whatever of it is readable, in a new file that is closed properly.
+
+Damaged files can keep HDF5 busy without end (a global heap whose object has the size 0), so that another process reads
+them, within limits of time and memory.
+"""
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
+import traceback
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 
-from eimi_lab.dataset.layout import FRAME_COLUMNS, STATE_COLUMNS, flags_from_text, flags_to_text
-from eimi_lab.dataset.reading import Dataset, open_dataset, open_file
-from eimi_lab.errors import tell
+from eimi_lab.dataset.layout import FRAME_COLUMNS, STATE_COLUMNS, append, columns, flags_from_text, flags_to_text
+from eimi_lab.dataset.mending import MendedFile, close_superblock, is_hdf5, mend_chunks, mend_metadata
+from eimi_lab.dataset.reading import Dataset, open_dataset
+from eimi_lab.dataset.recordings import BELONGS_TO, complete_rows, keep_rows
+from eimi_lab.errors import InputError, OwnFault, tell
 from eimi_lab.outputs import whole_file
-from eimi_lab.vision.edge_set import Flag
+from eimi_lab.vision.flags import judge
+from eimi_lab.writer_lock import is_being_written
 
-_REMEDY = "The file was damaged after it was written: measure the state again, and copy datasets to another disk."
+READ_WITHIN_S, BYTES_PER_S = 60.0, 2e6
+MEMORY_BYTES = 4 << 30
+HDF5_RAISES = (OSError, RuntimeError, KeyError, ValueError, TypeError)
+"""What h5py raises on damaged files."""
 
 
 def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Callable[[str], None] = tell) -> int:
-    """Copy what a crashed writer acknowledged to the new file `path`; returns the number of states.
+    """Copy what is readable of a crashed or damaged file to the new file `path`; returns the number of states.
 
-    The copy is read back before it takes its name, frame by frame against their checksums. Damaged frames are left out
-    and their states flagged DROPPED; a state that loses every frame keeps a black one, so that those after it keep
-    their numbers. say: gets one line where frames were damaged. Raises InputError.
+    Single flipped bits are put right by the checksums of HDF5. The copy is read back before it takes its name, frame by
+    frame. Damaged frames are left out and their states flagged DROPPED; a state that loses every frame keeps a black
+    one, so that those after it keep their numbers. say: gets a line of what was mended or lost. Raises InputError, and
+    OwnFault for what nobody thought of.
     """
-    with whole_file(Path(path), force) as temporary:
-        source, finished = open_file(Path(crashed))
-        with source, h5py.File(temporary, "w", libver="latest") as copy:
-            dataset = Dataset(Path(crashed), source, finished)
-            copy.attrs["default"] = "entry"
-            source.copy("entry", copy)
-            if dataset.kind == "frames":
-                _drop_unacknowledged(copy["entry"], len(dataset.states))
-        with open_dataset(temporary) as recovered:
-            states = len(recovered.states)
-            damaged = recovered.damaged_frames() if recovered.kind == "frames" else ()
-        if damaged:
-            with h5py.File(temporary, "r+", libver="latest") as copy:
-                of_states = _drop_damaged(copy["entry"], damaged)
-            say(
-                f"{crashed}: damaged frames left out: {len(damaged)}, of state "
-                f"{', '.join(map(str, of_states))} (counted from 0), flagged DROPPED"
-            )
-        return states
+    crashed, path = Path(crashed), Path(path)
+    if not crashed.is_file():
+        raise InputError(f"{crashed}: is {'a folder' if crashed.is_dir() else 'no file'}; give a dataset to recover")
+    with whole_file(path, force) as temporary:
+        within_s = READ_WITHIN_S + crashed.stat().st_size / BYTES_PER_S
+        command = [sys.executable, "-P", "-m", __name__, str(crashed), str(temporary)]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=within_s, check=False)
+        except subprocess.TimeoutExpired as error:
+            raise InputError(f"{crashed}: is damaged: it could not be read within {within_s:.0f} s") from error
+        if done.returncode:
+            said = done.stderr.strip().rpartition("\n")[2]
+            if done.returncode == 2:
+                raise InputError(said)
+            if done.returncode == 1:
+                raise OwnFault(f"{crashed}: the recovery of it failed", said)
+            raise InputError(f"{crashed}: is damaged: reading it ended another process ({done.returncode})")
+        found = json.loads(done.stdout)
+        for words in found["said"]:
+            say(f"{crashed}: {words}")
+        return int(found["states"])
+
+
+def copy_readable(crashed: Path, path: Path) -> tuple[int, list[str]]:
+    """Copy what is readable over the file `path`; the number of states, and what was mended or lost, in words.
+
+    Raises InputError for what HDF5 cannot read; may never end.
+    """
+    if is_being_written(crashed):
+        with h5py.File(crashed, "r", libver="latest", swmr=True) as source:
+            return _copy(source, crashed, path)
+    file = MendedFile(crashed)
+    if not is_hdf5(file):
+        raise InputError(f"{crashed}: is not an HDF5 file")
+    close_superblock(file)
+    first: Exception | None = None
+    try:
+        states, said = _attempt(file, crashed, path)
+        if not said:
+            return states, said
+    except (InputError, *HDF5_RAISES) as error:  # whatever it was, a flipped bit may be behind it
+        first = error
+    mended = mend_metadata(file) + _mend_all_chunks(file)
+    if mended:
+        states, said = _attempt(file, crashed, path)
+        return states, [f"flipped bits put right: {mended}", *said]
+    if first:
+        raise first
+    return states, said
+
+
+def _attempt(file: MendedFile, crashed: Path, path: Path) -> tuple[int, list[str]]:
+    try:
+        with h5py.File(file, "r") as source:
+            return _copy(source, crashed, path)
+    except MemoryError as error:
+        raise InputError(f"{crashed}: is damaged: it claims more than a memory holds") from error
+    except HDF5_RAISES as error:
+        if not _comes_from_hdf5(error):
+            raise
+        raise InputError(f"{crashed}: is damaged ({' '.join(str(error).split())[:200]})") from error
+
+
+def _comes_from_hdf5(error: BaseException) -> bool:
+    """Whether h5py itself raised it. What is raised elsewhere is no damage that was foreseen."""
+    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+    return "h5py" in Path(frame.f_code.co_filename).parts
+
+
+def _mend_all_chunks(file: MendedFile) -> int:
+    mended = 0
+
+    def mend(name: str, item: h5py.Group | h5py.Dataset) -> None:
+        nonlocal mended
+        if isinstance(item, h5py.Dataset):
+            mended += mend_chunks(file, item)
+
+    with suppress(OSError, RuntimeError, KeyError), h5py.File(file, "r") as source:  # what is worse is told later
+        source.visititems(mend)
+    return mended
+
+
+def _copy(source: h5py.File, crashed: Path, path: Path) -> tuple[int, list[str]]:
+    lost: list[str] = []
+    of_recordings: list[str] = []
+    with h5py.File(path, "w", libver="latest") as copy:
+        copy.attrs["default"] = "entry"
+        _copy_group(source["entry"], copy.create_group("entry"), lost, {})
+        lost += _rebuild_states(copy["entry"])
+        dataset = Dataset(crashed, copy, True)
+        states = len(dataset.states)
+        if dataset.kind == "points":  # or the frames are what is lost
+            dataset.points()
+        else:
+            _drop_unacknowledged(copy["entry"], states)
+            of_recordings = _drop_unreadable(copy["entry"], states)
+    said = [f"left out, unreadable: {', '.join(lost)}"] if lost else []
+    said += of_recordings
+    with open_dataset(path) as recovered:
+        damaged = recovered.damaged_frames() if recovered.kind == "frames" else ()
+    if damaged:
+        with h5py.File(path, "r+", libver="latest") as copy:
+            of_states = _drop_damaged(copy["entry"], damaged)
+        said.append(
+            f"damaged frames left out: {len(damaged)}, of state {', '.join(map(str, of_states))} (counted from 0), "
+            "flagged DROPPED"
+        )
+    return states, said
+
+
+def _copy_group(source: h5py.Group, copy: h5py.Group, lost: list[str], known: dict[int, str]) -> None:
+    """Everything in a group that can be read, one thing under two names once; what cannot goes to `lost`."""
+    _copy_attributes(source, copy, lost)
+    for name in source:
+        place = f"{source.name}/{name}"
+        try:
+            if not isinstance(source.get(name, getlink=True), h5py.HardLink):
+                lost.append(f"{place} (a link to another place)")
+                continue
+            item = source[name]
+            address = h5py.h5o.get_info(item.id).addr
+            if address in known:
+                copy[name] = copy.file[known[address]]
+            elif isinstance(item, h5py.Group):
+                known[address] = f"{copy.name}/{name}"
+                _copy_group(item, copy.create_group(name), lost, known)
+            else:
+                if item.external or item.is_virtual:
+                    lost.append(f"{place} (kept in another file)")
+                    continue
+                h5py.h5o.copy(source.id, name.encode(), copy.id, name.encode())
+                known[address] = f"{copy.name}/{name}"
+        except HDF5_RAISES:
+            lost.append(place)
+            if name in copy:
+                del copy[name]
+
+
+def _copy_attributes(source: h5py.Group, copy: h5py.Group, lost: list[str]) -> None:
+    try:
+        for name, value in source.attrs.items():
+            copy.attrs[name] = value
+    except HDF5_RAISES:
+        lost.append(f"attributes of {source.name}")
+
+
+def _rebuild_states(entry: h5py.Group) -> list[str]:
+    """Put a damaged column of the table of states together from what every frame knows; names of those rebuilt.
+
+    Tip forces and flags stand nowhere else: they are 0 and none. Raises what HDF5 raises where the frames know neither.
+    """
+    if "frames" not in entry["data"] or "states" not in entry:
+        return []
+    damaged = [name for name in STATE_COLUMNS if not _readable(entry["states"], name)]
+    if not damaged:
+        return []
+    data = entry["data"]
+    indices, first = np.unique(data["state"][()], return_index=True)
+    known: dict[str, Any] = {
+        "current": lambda: data["set_current"][()][first],
+        "field": lambda: data["field"][()][first],
+        "tip_force": lambda: np.zeros(len(indices)),
+        "flags": lambda: [flags_to_text(())] * len(indices),
+        "index": lambda: indices,
+    }
+    for name in damaged:
+        values = known[name]()
+        if name in entry["states"]:
+            del entry["states"][name]
+        append(columns(entry["states"], {name: STATE_COLUMNS[name]})[name], values)
+    return [f"entry/states/{name} (put together from the frames)" for name in damaged]
+
+
+def _readable(parent: h5py.Group | h5py.Dataset, part: str | int) -> bool:
+    """Whether a column of a group, or a frame of a stack, can be read."""
+    try:
+        return len(parent[part][()]) >= 0
+    except HDF5_RAISES:
+        return False
 
 
 def _drop_unacknowledged(entry: h5py.Group, states: int) -> None:
@@ -51,6 +228,23 @@ def _drop_unacknowledged(entry: h5py.Group, states: int) -> None:
         entry["states"][name].resize(states, axis=0)
     for name in ("frames", *FRAME_COLUMNS):
         entry["data"][name].resize(frames, axis=0)
+
+
+def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
+    """Leave in each recording what is whole and of an acknowledged state; says what was damaged."""
+    said = []
+    for name in sorted(BELONGS_TO.keys() & entry.keys()):
+        try:
+            rows = complete_rows(entry, name, states)
+            sound = np.array([_readable(entry[name]["frames"], row) for row in rows], dtype=bool)
+            keep_rows(entry, name, rows[sound])
+        except HDF5_RAISES:
+            del entry[name]
+            said.append(f"left out, unreadable: entry/{name}")
+            continue
+        if not sound.all():
+            said.append(f"damaged frames left out of {name}: {int((~sound).sum())}")
+    return said
 
 
 def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
@@ -63,7 +257,7 @@ def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
     for state in of_states:
         rows = np.flatnonzero(of_state == state)
         lost = int((~sound[rows]).sum())
-        flags[state] = flags_to_text((*flags_from_text(flags[state]), Flag("DROPPED", lost, 0, _REMEDY)))
+        flags[state] = flags_to_text(flags_from_text(flags[state]) + judge({"damaged_frames": lost}))
         if lost == len(rows):
             data["frames"][rows[0]] = 0
             sound[rows[0]] = True
@@ -77,3 +271,27 @@ def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
         data[name].resize(len(kept), axis=0)
         data[name][:] = column
     return of_states
+
+
+def limit_memory(most_bytes: int) -> None:
+    """Let this process have no more memory, where the operating system knows such a limit."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    resource.setrlimit(resource.RLIMIT_AS, (most_bytes, most_bytes))
+
+
+def _main(crashed: Path, path: Path) -> None:
+    """Copy in this process, within a limit of memory; the outcome as JSON on standard output."""
+    limit_memory(MEMORY_BYTES + crashed.stat().st_size)  # the file itself is mapped into memory
+    try:
+        states, said = copy_readable(crashed, path)
+    except InputError as error:
+        print(error, file=sys.stderr)
+        sys.exit(2)
+    print(json.dumps({"states": states, "said": said}))
+
+
+if __name__ == "__main__":
+    _main(Path(sys.argv[1]), Path(sys.argv[2]))

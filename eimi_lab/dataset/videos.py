@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
 from numpy.typing import NDArray
 
-from eimi_lab.dataset.grey import grey
 from eimi_lab.errors import InputError
 
 # Otherwise what ffmpeg thinks of a damaged video goes to stderr, beside the one line that tells of it. OpenCV reads
@@ -20,15 +21,23 @@ os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 ENDINGS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".m4v"})
 
 
+def frame_times(path: Path) -> NDArray[np.float64]:
+    """(n,) when each frame is shown, s from the beginning; a phone's are not evenly spaced. Raises InputError."""
+    with _opened(path) as video:
+        times = []
+        while video.grab():
+            times.append(video.get(cv2.CAP_PROP_POS_MSEC) / 1000.0)
+    if not times:
+        raise InputError(f"{path}: holds no frame that OpenCV can read, or is damaged")
+    return np.array(times)
+
+
 def read_video(path: Path, numbers: Sequence[int]) -> Iterator[NDArray[Any]]:
-    """The frames (H, W) of increasing numbers, counted from 0. Raises InputError.
+    """The frames (H, W, 3: blue, green, red) of increasing numbers, counted from 0. Raises InputError.
 
     The video is read from its beginning: to seek lands beside the wanted frame in many a format.
     """
-    video = cv2.VideoCapture(str(path))
-    try:
-        if not video.isOpened():
-            raise InputError(f"{path}: is not a video that OpenCV can read, or is damaged")
+    with _opened(path) as video:
         at = 0
         for number in numbers:
             while at < number and video.grab():
@@ -37,6 +46,15 @@ def read_video(path: Path, numbers: Sequence[int]) -> Iterator[NDArray[Any]]:
             if not there or image is None:
                 raise InputError(f"{path}: ends before frame {number} (counted from 0)")
             at += 1
-            yield grey(image)
+            yield image
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
+    video = cv2.VideoCapture(str(path))
+    try:
+        if not video.isOpened():
+            raise InputError(f"{path}: is not a video that OpenCV can read, or is damaged")
+        yield video
     finally:
         video.release()

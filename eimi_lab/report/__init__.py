@@ -1,9 +1,11 @@
 """The report: one HTML file that holds everything it shows.
 
-shown        the fits of all files, by their names and colours
-simulation   the fits, simulated again for the datasets that are shown
-stress       stress against strain in uniaxial tension, with bands, and the tensile tests themselves
-figures      pictures of one fit: frames, residuals, the search
-law_panels   pictures with a panel a law, of all fits: errors by state, shapes, stress
-page         gathers text, tables and figures and fills page.html
+shown        the fits of all files, by their names, colours and marks
+simulated    the fits, simulated again for the datasets that are shown
+contents     both, as the panels are given them
+findings     what it all comes to: the number, what limits it, whether to believe it
+panel        what a panel is; `panels` holds one a file
+elements     numbered figures and tables, as HTML and as files of their own
+frames, stress, numbers, citation    what panels have in common
+page         fills page.html with the panels
 """

@@ -1,4 +1,4 @@
-"""The fits that a report shows: what each is called, and its colour."""
+"""The fits that a report shows: what each is called, and how it is drawn."""
 
 from __future__ import annotations
 
@@ -6,23 +6,31 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from eimi_lab.identification.fits import read_any_fits
-from eimi_lab.identification.records import FitRecord, TensileRecord
+import numpy as np
 
-# Okabe and Ito's palette, told apart by readers with any colour vision (jfly.uni-koeln.de/color, 2008).
-_PALETTE = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", "#000000", "#F0E442")
+from eimi_fitting.inference.choice_of_law import Choice
+from eimi_lab.drawing import LINES, MARKERS, PALETTE
+from eimi_lab.fits.fits_file import read_fits_file
+from eimi_lab.fits.records import FitRecord, TensileRecord
 
 
 @dataclass(frozen=True)
 class ShownFit:
-    """One fit of a file; origin says what the law was fitted to, and the same origin has the same colour throughout."""
+    """One fit of a file; origin says what the law was fitted to.
+
+    comparison: of the laws of its file. A law has its colour and marker, and an origin its line, throughout a report.
+    """
 
     path: Path
     index: int
     fit: FitRecord | TensileRecord
+    comparison: tuple[Choice, ...]
     origin: str
-    colour: str
+    colour: str = PALETTE[0]
+    marker: str = MARKERS[0]
+    line: Any = LINES[0]
 
     @property
     def label(self) -> str:
@@ -32,19 +40,56 @@ class ShownFit:
 
 def read_shown(paths: Sequence[Path]) -> tuple[ShownFit, ...]:
     """Every fit of the files, named as far as is needed to tell them apart. Raises InputError."""
-    read = [(path, index, fit) for path in paths for index, fit in enumerate(read_any_fits(path))]
-    sections = {section for _, _, fit in read if isinstance(fit, FitRecord) for section in sections_of(fit)}
-    found = [ShownFit(path, index, fit, _origin(fit, len(sections) > 1), "") for path, index, fit in read]
-    for more in (lambda s: s.path.name, lambda s: f"fit {s.index}"):
+    read = [(path, read_fits_file(path)) for path in paths]
+    bending = [fit for _, file in read for fit in file.fits if isinstance(fit, FitRecord)]
+    several = len({section for fit in bending for section in sections_of(fit)}) > 1
+    found = [
+        ShownFit(path, index, fit, file.comparison, _origin(fit, several))
+        for path, file in read
+        for index, fit in enumerate(file.fits)
+    ]
+    for more in (lambda s: s.path.name, lambda s: str(s.path), lambda s: f"fit {s.index}"):
         alike = Counter(shown.label for shown in found)
         found = [replace(s, origin=f"{s.origin}, {more(s)}") if alike[s.label] > 1 else s for s in found]
+    laws = list(dict.fromkeys(shown.fit.model for shown in found))
     origins = list(dict.fromkeys(shown.origin for shown in found))
-    return tuple(replace(s, colour=_PALETTE[origins.index(s.origin) % len(_PALETTE)]) for s in found)
+    return tuple(_drawn(s, laws.index(s.fit.model), origins.index(s.origin)) for s in found)
 
 
 def sections_of(fit: FitRecord) -> tuple[str, ...]:
     """The section assumptions under which a fit took its datasets, each once."""
     return tuple(dict.fromkeys(reference.section for reference in fit.datasets))
+
+
+def chosen(group: Sequence[ShownFit]) -> ShownFit:
+    """The law of the smallest AICc, or else BIC, in the first file that compares; else the smallest misfit."""
+    for shown in group:
+        order = {c.model: (np.inf if c.aicc is None else c.aicc, c.bic) for c in shown.comparison}
+        if order:
+            own = [s for s in group if s.path == shown.path]
+            return min(own, key=lambda s: order[s.fit.model])
+    return min(group, key=_misfit)
+
+
+def leading(every: Sequence[ShownFit], sha256: str) -> ShownFit | None:
+    """The fit that stands for a dataset: the chosen one of those made from it, or else of all of bending, or of all."""
+    bending = [shown for shown in every if isinstance(shown.fit, FitRecord)]
+    own = [s for s in bending if isinstance(s.fit, FitRecord) and sha256 in {d.sha256 for d in s.fit.datasets}]
+    group = own or bending or list(every)
+    return chosen(group) if group else None
+
+
+def _misfit(shown: ShownFit) -> float:
+    return shown.fit.mean_error_mm if isinstance(shown.fit, FitRecord) else shown.fit.rmse_Pa
+
+
+def _drawn(shown: ShownFit, law: int, origin: int) -> ShownFit:
+    return replace(
+        shown,
+        colour=PALETTE[law % len(PALETTE)],
+        marker=MARKERS[law % len(MARKERS)],
+        line=LINES[origin % len(LINES)],
+    )
 
 
 def _origin(fit: FitRecord | TensileRecord, several_sections: bool) -> str:

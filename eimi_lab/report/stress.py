@@ -1,50 +1,87 @@
-"""Stress against strain in uniaxial tension: what each fit says of it, and the tensile tests themselves."""
+"""Stress against strain: what each fit says of it in three ways of stretching, and the tensile tests themselves."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.materials import LAWS
-from eimi_fitting.tensile import engineering_stress
+from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.law import Law
 from eimi_lab.errors import InputError
-from eimi_lab.identification.records import FitRecord, TensileRecord
-from eimi_lab.identification.tensile import read_tensile
+from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.tensile_files import read_tensile
 from eimi_lab.report.shown import ShownFit
 
 Array = NDArray[np.float64]
 
 _LARGEST_STRAIN = 1.0  # drawn; silicones tear at ten times that, and bending reaches a tenth
 _BENDING_ALONE = 3.0  # how far beyond the bent specimen's largest strain to draw where there is no tensile fit
-_SAME_MODULUS = 0.01
-BAND = (
-    "Bands of tensile fits: 95 %, from the covariance of their parameters, as far as their data went. Bands of bending "
-    "fits: the outermost of each parameter at the ends of its 95 % interval, the initial shear modulus held, and of "
-    "that modulus at the ends of its own."
+_DRAWS = 200  # of a fit's, evenly over the modulus: enough for the ends of 95 %
+BAND = "Bands: 95 % of the draws of each fit, of tensile fits as far as their data went."
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A way of stretching an incompressible law, and the stress that its energy gives by the chain rule.
+
+    ratios: of the three logarithmic strains to the first; log, slope: the first one of strains (m,) and its derivative.
+    """
+
+    words: str
+    strain: str
+    ratios: tuple[float, float, float]
+    log: Callable[[Array], Array]
+    slope: Callable[[Array], Array]
+
+    def at_stretch(self, stretch: float) -> float:
+        """The strain at which the largest principal stretch is this."""
+        return stretch - 1 / stretch if self.strain == "shear" else stretch - 1
+
+    def stress_Pa(self, law: Law, parameters: Array, strain: Array) -> Array:
+        """Engineering stress of parameters (..., n) at strains (m,): (..., m)."""
+        stretches = np.exp(np.outer(self.log(strain), self.ratios))
+        _, gradient, _ = law.principal(np.asarray(parameters)[..., None, :], stretches)
+        return np.asarray(gradient @ np.array(self.ratios) * self.slope(strain))
+
+
+def _inverse(strain: Array) -> Array:
+    return np.asarray(1 / (1 + strain))
+
+
+UNIAXIAL = Mode("uniaxial tension", "strain", (1.0, -0.5, -0.5), np.log1p, _inverse)
+PLANAR = Mode("planar tension", "strain", (1.0, -1.0, 0.0), np.log1p, _inverse)
+# A simple shear by s turns, and stretches by exp(h) with 2 sinh(h) = s.
+SHEAR = Mode(
+    "simple shear",
+    "shear",
+    (1.0, -1.0, 0.0),
+    lambda strain: np.arcsinh(0.5 * strain),
+    lambda strain: 0.5 / np.sqrt(1 + 0.25 * strain**2),
 )
+MODES = (UNIAXIAL, PLANAR, SHEAR)
 
 
 @dataclass(frozen=True)
 class StressCurve:
-    """A fit's engineering stress (m,) in Pa at engineering strains (m,), its band (m, 2), how far its data reached."""
+    """A fit's engineering stress (m,) in Pa at strains (m,) in one mode, its band (m, 2), how far its data reached."""
 
     shown: ShownFit
+    mode: Mode
     strain: Array
     stress_Pa: Array
     band_Pa: Array
 
     @property
     def reached(self) -> float:
-        """The largest engineering strain in the fit's data, of a tensile curve in a bending fit as well."""
+        """The strain of this mode at the largest stretch in the fit's data, of a tensile curve in a bending fit too."""
         fit = self.shown.fit
         curves = fit.tensile if isinstance(fit, FitRecord) else ()
-        windows = [np.inf if c.window_percent is None else c.window_percent / 100 for c in curves]
-        return max([fit.max_stretch - 1, *windows])
+        stretch = max([fit.max_stretch, *(1 + curve.largest_strain for curve in curves)])
+        return self.mode.at_stretch(stretch)
 
 
 @dataclass(frozen=True)
@@ -61,71 +98,35 @@ def bending_strain(every: Sequence[ShownFit]) -> float | None:
     return max((s.fit.max_stretch - 1 for s in every if isinstance(s.fit, FitRecord)), default=None)
 
 
-def stress_curves(every: Sequence[ShownFit]) -> list[StressCurve]:
-    """Uniaxial tension up to the largest strain of the tensile fits, or a little beyond what bending reached."""
+def largest_strain(every: Sequence[ShownFit]) -> float:
+    """How far to draw: up to the largest strain of the tensile fits, or a little beyond what bending reached."""
     tensile = [s.fit.max_stretch - 1 for s in every if isinstance(s.fit, TensileRecord)]
-    largest = min(max(tensile), _LARGEST_STRAIN) if tensile else _BENDING_ALONE * (bending_strain(every) or 0.0)
-    strain = np.linspace(0, largest, 201)
-    return [_curve(shown, strain) for shown in every]
+    return min(max(tensile), _LARGEST_STRAIN) if tensile else _BENDING_ALONE * (bending_strain(every) or 0.0)
 
 
-def _curve(shown: ShownFit, strain: Array) -> StressCurve:
+def stress_curve(shown: ShownFit, strain: Array, mode: Mode = UNIAXIAL) -> StressCurve:
+    """A fit's stress at strains (m,), with the band of its draws; without any, the band is NaN."""
     fit = shown.fit
-    law, values = LAWS[fit.model], np.array(fit.values())
-    stress = engineering_stress(law, values, strain)
-    if isinstance(fit, TensileRecord):
-        half = _half_width_of(fit, strain)
-        return StressCurve(shown, strain, stress, np.stack([stress - half, stress + half], axis=1))
-    outermost = engineering_stress(law, np.stack([values, *_ends_of(fit)]), strain)
-    return StressCurve(shown, strain, stress, np.stack([outermost.min(axis=0), outermost.max(axis=0)], axis=1))
-
-
-def _half_width_of(fit: TensileRecord, strain: Array) -> Array:
-    """(m,): half of the 95 % interval of the stress, linearised in the parameters; NaN without their correlation."""
-    if fit.correlation is None:
-        return np.full(len(strain), np.nan)
-    law, values = LAWS[fit.model], np.array(fit.values())
-    half = np.array([0.5 * (q.interval_95[1] - q.interval_95[0]) for q in fit.parameters.values()])
-    step = np.diag(1e-4 * np.maximum(np.abs(values), half))
-    slopes = engineering_stress(law, values + step, strain) - engineering_stress(law, values - step, strain)
-    slopes *= (half / (2 * np.diag(step)))[:, None]
-    return np.sqrt(np.maximum(np.einsum("im,ij,jm->m", slopes, np.array(fit.correlation), slopes), 0.0))
-
-
-def _ends_of(fit: FitRecord) -> list[Array]:
-    """Parameters (n,) with the modulus at an end of its interval, or a parameter, the other moduli scaled to keep it.
-
-    An end that the others cannot make up for within their own intervals is left out.
-    """
-    law, values = LAWS[fit.model], np.array(fit.values())
-    modulus = fit.initial_shear_modulus
-    low, high = np.array([quantity.interval_95 for quantity in fit.parameters.values()]).T
-    moduli = np.array([unit == "Pa" for unit in law.units])
-    ends = [np.where(moduli, end / modulus.value, 1.0) * values for end in modulus.interval_95]
-    for i, side in product(range(len(values)), (low, high)):
-        others = moduli & (np.arange(len(values)) != i)
-        moved = values.copy()
-        moved[i] = side[i]
-        # The initial shear modulus is linear in the moduli.
-        held = float(law.initial_shear_modulus(np.where(others, 0.0, moved)))
-        rest = float(law.initial_shear_modulus(moved)) - held
-        if rest != 0:
-            moved = np.where(others, np.clip((modulus.value - held) / rest * moved, low, high), moved)
-        if abs(float(law.initial_shear_modulus(moved)) / modulus.value - 1) < _SAME_MODULUS:
-            ends.append(moved)
-    return ends
+    law, drawn = LAWS[fit.model], fit.drawn(_DRAWS)
+    stress = mode.stress_Pa(law, np.array(fit.values()), strain)
+    band = np.full((2, len(strain)), np.nan)
+    if len(drawn):
+        band = np.quantile(mode.stress_Pa(law, drawn, strain), [0.025, 0.975], axis=0)
+    return StressCurve(shown, mode, strain, stress, band.T)
 
 
 def tensile_points(every: Sequence[ShownFit], largest_strain: float) -> tuple[list[TensilePoints], list[str]]:
     """The tensile tests behind the fits, each once, and a sentence for each thing that cannot be drawn."""
     points = []
     missing = [
-        f"{s.path} is of an earlier release and holds no correlation of the parameters: no band for {s.label}."
+        f"{s.path} is of an earlier release and holds no draws: no band for {s.label}."
         for s in every
-        if isinstance(s.fit, TensileRecord) and s.fit.correlation is None
+        if not s.fit.draws
     ]
     sources = [(s.fit.source.path, s.fit.source.sha256) for s in every if isinstance(s.fit, TensileRecord)]
-    sources += [(c.path, c.sha256) for s in every if isinstance(s.fit, FitRecord) for c in s.fit.tensile]
+    curves = [c for s in every if isinstance(s.fit, FitRecord) for c in s.fit.tensile]
+    sources += [(c.path, c.sha256) for c in curves if c.path]
+    missing += [f"Not drawn: {name}." for name in dict.fromkeys(c.name for c in curves if not c.path)]
     for name, sha256 in dict.fromkeys(sources):
         path = Path(name)
         try:

@@ -1,57 +1,102 @@
-"""The virtual specimen: its shape in a field, on a mesh finer than any that the fit uses."""
+"""The virtual specimen: the shape of its solid in a field, on a mesh finer than a fit's in all three directions.
+
+The solid is solved in a few fields up to the strongest that the coil can make; between them what depth adds to the
+planar shape is interpolated to better than a micrometre (`eimi_fitting.beam.beside`).
+"""
 
 from __future__ import annotations
+
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.actuation import Loads
-from eimi_fitting.forward import BeamModel, Shapes
-from eimi_fitting.materials import LAWS
-from eimi_fitting.observation import edge_curves, points_on
-from eimi_fitting.specimen import Specimen
+from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.outline import View, outline, points_on
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.laws import LAWS
 from eimi_lab.config.materials import TrueMaterial
 
 Array = NDArray[np.float64]
 
 _SAME_FIELD_MT = 5e-5  # moves the tip by less than a thousandth of a pixel
+_FIELDS = 17  # among which the few that are solved are chosen
+_BACKWARD = 0.05  # of the strongest field: so far the other way the solution is continued
 
 
 class VirtualBeam:
-    """A specimen of a known material that takes its equilibrium shape at once; friction-free and without creep."""
+    """A specimen of a known material that takes its equilibrium shape at once; friction-free and without creep.
+
+    Its section is always the solid, whatever a fit is to take it for. mesh: along, across and more of
+    `SolidModel`; strongest_mT: the largest field that there will be.
+    """
 
     def __init__(
         self,
         specimen: Specimen,
         material: TrueMaterial,
-        mesh: tuple[int, int],
-        gravity_angle_deg: float,
+        mesh: tuple[int, int, int],
+        gravity_angle_deg: float | None,
         field_angle_deg: float,
+        strongest_mT: float,
+        view: View | None = None,
     ) -> None:
-        self._model = BeamModel(specimen, *mesh)
-        self._law = LAWS[material.model]
-        self._parameters = np.array([material.values])
+        self._specimen, self._material, self._mesh = specimen, material, mesh
         self._gravity_angle_deg, self._field_angle_deg = gravity_angle_deg, field_angle_deg
+        self._strongest_mT, self._view = strongest_mT, view
         self._field_mT: float | None = None
-        self._shape: Shapes | None = None
 
     def moves(self, field_mT: float) -> bool:
         """Whether this field bends the beam visibly further than the one of the last outline."""
         return self._field_mT is None or abs(field_mT - self._field_mT) > _SAME_FIELD_MT
 
     def outlines_mm(self, field_mT: float) -> tuple[Array, Array | None]:
-        """Outline of the whole beam (n, 2), clamp-left over the tip to clamp-right, and of the magnet (4, 2)."""
+        """Outlines as they are seen: of the beam (n, 2), clamp-left over tip to clamp-right, of the magnet (4, 2)."""
+        way = -1.0 if field_mT < -_BACKWARD * self._strongest_mT else 1.0
+        material = self._material
+        model, reach_mT = _solved(
+            self._specimen,
+            material.model,
+            tuple(material.values),
+            self._mesh,
+            self._gravity_angle_deg,
+            self._field_angle_deg,
+            way * self._strongest_mT,
+        )
+        if abs(field_mT) > abs(reach_mT):
+            model = model.knowing(None)
         loads = Loads.along(field_mT, self._field_angle_deg, self._gravity_angle_deg)
-        start = self._shape.last if self._shape else None
-        shape = self._model.solve(self._law, self._parameters, loads, start=start)
+        shape = model.solve(LAWS[material.model], np.array([material.values]), loads)
         if not shape.converged[0]:
             raise ArithmeticError(f"the virtual beam finds no equilibrium at {field_mT:g} mT")
-        self._shape, self._field_mT = shape, field_mT
-        left, right = points_on(edge_curves(self._model, shape)[0, 0], 8)
-        spec = self._model.specimen
-        if spec.magnet is None:
+        self._field_mT = field_mT
+        left, right = points_on(outline(model, shape, self._view)[0, 0], 4)
+        magnet = self._specimen.magnet
+        if magnet is None:
             return np.concatenate([left, right[::-1]]), None
-        near, half = spec.flexible_length_mm, 0.5 * spec.magnet.width_mm
-        far = near + spec.magnet.length_mm
-        corners = np.array([[near, -half], [far, -half], [far, half], [near, half]])
-        return np.concatenate([left, right[::-1]]), self._model.carried(shape, corners)[0, 0]
+        near, half = self._specimen.flexible_length_mm, 0.5 * magnet.width_mm
+        far = near + magnet.length_mm
+        corners = np.array([[near, -half, 0.0], [far, -half, 0.0], [far, half, 0.0], [near, half, 0.0]])
+        return np.concatenate([left, right[::-1]]), model.positions(shape, corners)[0, 0, :, :2]
+
+
+@lru_cache(maxsize=16)
+def _solved(
+    specimen: Specimen,
+    law: str,
+    values: tuple[float, ...],
+    mesh: tuple[int, int, int],
+    gravity_angle_deg: float | None,
+    field_angle_deg: float,
+    strongest_mT: float,
+) -> tuple[SolidBeside, float]:
+    """The solid that knows what depth adds up to a field, the strongest one unless it finds no equilibrium there."""
+    beside, reach_mT = SolidBeside(specimen, *mesh), strongest_mT
+    for _ in range(3):
+        loads = Loads.along(np.linspace(0, reach_mT, _FIELDS), field_angle_deg, gravity_angle_deg)
+        effect = beside.solve(LAWS[law], np.array([values]), loads).effect
+        if effect is not None and effect.by_turn:
+            return beside.knowing(effect), reach_mT
+        reach_mT *= 0.5
+    return beside, 0.0

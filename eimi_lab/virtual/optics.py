@@ -10,46 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from eimi_lab.config.simulated_optics import Optics
 from eimi_lab.virtual.raster import coverage
 
 _LUMP_GRID = (9, 12)  # knots of the back-light's lumps over the height and the width of the frame
-
-
-@dataclass(frozen=True)
-class Optics:
-    """Back-light, lens and sensor.
-
-    blur_px: standard deviation of the Gaussian point spread. full_well_e: electrons at full scale.
-    background: the brightest place of the back-light as a share of full scale. vignette: loss in the corners;
-    gradient: loss from one corner to the opposite one; lumps: largest deviation of smooth irregular patches;
-    all as shares of the light. Transmissions are shares of the light behind the body. bits: depth of the
-    image, 8 to 16. gamma: the camera stores light to the power 1 / gamma; 1 is what measurements need.
-    """
-
-    blur_px: float = 1.0
-    full_well_e: float = 10_000.0
-    background: float = 0.85
-    vignette: float = 0.15
-    gradient: float = 0.10
-    lumps: float = 0.0
-    silicone_transmission: float = 0.06
-    magnet_transmission: float = 0.01
-    clamp_transmission: float = 0.0
-    bits: int = 8
-    gamma: float = 1.0
-
-    def __post_init__(self) -> None:
-        shares = ("vignette", "gradient", "lumps", "silicone_transmission", "magnet_transmission")
-        for name in (*shares, "clamp_transmission"):
-            if not 0.0 <= getattr(self, name) < 1.0:
-                raise ValueError(f"{name} is {getattr(self, name)}; it must be at least 0 and below 1")
-        for name in ("full_well_e", "background", "gamma"):
-            if not getattr(self, name) > 0.0:
-                raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
-        if not self.blur_px >= 0.0:
-            raise ValueError(f"blur_px is {self.blur_px}; it must not be negative")
-        if not 8 <= self.bits <= 16:
-            raise ValueError(f"bits is {self.bits}; it must be 8 to 16")
 
 
 @dataclass(frozen=True)
@@ -69,14 +33,12 @@ def make_scene(
     magnet_px: ArrayLike | None = None,
     clamp_px: ArrayLike | None = None,
     oversampling: int = 1,
-    far_px: ArrayLike | None = None,
 ) -> Scene:
     """The part of an image that does not change from frame to frame.
 
     size: (width, height). beam_px: (n, 2) outline of the whole beam, the magnet's block included; it may end
     at the clamp line or run on behind the clamp. magnet_px: outline of the magnet, inside the beam. clamp_px:
-    outline of the clamp, in front of the beam. far_px: outline of the beam's far face where the lens shows both faces;
-    beam_px is then the near one. Raises ValueError where an outline is no polygon.
+    outline of the clamp, in front of the beam. Raises ValueError where an outline is no polygon.
 
     oversampling: the blur is applied to an image so many times finer. At 1 the blur acts on pixels instead of
     before them, which displaces an edge along the pixel rows by up to 0.01 px at a blur of 1 px; at 2 by
@@ -88,8 +50,6 @@ def make_scene(
 
     fine = (size[0] * oversampling, size[1] * oversampling)
     beam = coverage(finer(beam_px), fine).astype(np.float32)
-    if far_px is not None:
-        np.maximum(beam, coverage(finer(far_px), fine).astype(np.float32), out=beam)
     passed: NDArray[Any] = np.ones_like(beam)
     if clamp_px is not None:
         clamp = coverage(finer(clamp_px), fine).astype(np.float32)

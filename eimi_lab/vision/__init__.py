@@ -1,9 +1,10 @@
 """From camera frames to the beam's two edges in millimetres.
 
-`edges.find_edges` is the way in: it finds the beam's silhouette in front of the back-light (silhouette),
-places each edge to a few hundredths of a pixel on profiles along its normals (profiles, uneven_light, curve),
-and says what speaks against the picture (quality, dimensions, response). `beam_frame` holds the map between pixels
-and the beam frame, `board`, `lens` and `known_width` measure that map, `intensity` makes one grey image of a
-state's frames, `overlay` draws the result. `benchmark` and `comparison` measure the error on rendered beams of known
-shape, `flag_cases` renders a picture for every flag; README.md holds the figures.
+`edges` finds them, `following` where there is no back-light, and `calibration` measures the map between pixels and
+millimetres. They stand on what is here: `image_files` reads pictures and `image_sizes` asks how large one says that it
+is, `intensity` makes one image of a state's frames, `projection` one grey value of colours, `beam_frame` holds that
+map. `flags` is the table of all that may be wrong with a state, `frame_checks` asks a state's frames for lost and
+repeated ones, and `settling_statistic` whether the beam was at rest.
+docs/why/edges.md holds the measured figures; `benchmarks/edges.py` prints them and `benchmarks/flag_pictures.py`
+renders a picture for every flag.
 """

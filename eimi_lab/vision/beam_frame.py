@@ -8,13 +8,19 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eimi_fitting.observation import Perspective
+from eimi_fitting.beam.outline import View
 from eimi_lab.config.calibration import Calibration
 
 Array = NDArray[np.float64]
 
 # Undistorting iterates; OpenCV's default of five rounds leaves hundredths of a pixel on a strong lens.
 _UNDISTORT = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 50, 1e-10)
+
+
+def undistorted(points_px: Array, matrix: Array, distortion: Array) -> Array:
+    """(n, 2) px as a lens without distortion would have them; matrix and distortion are OpenCV's."""
+    ideal = cv2.undistortPoints(points_px.reshape(-1, 1, 2), matrix, distortion, None, None, matrix, _UNDISTORT)
+    return np.asarray(ideal, dtype=np.float64).reshape(-1, 2)
 
 
 class BeamFrame:
@@ -58,7 +64,7 @@ class BeamFrame:
         image_points = cv2.projectPoints(rays, still, still, self._matrix, self._distortion)[0]
         return np.asarray(image_points, dtype=np.float64).reshape(-1, 2)
 
-    def perspective(self, depth_mm: float, size: tuple[int, int]) -> Perspective | None:
+    def view(self, depth_mm: float, size: tuple[int, int]) -> View | None:
         """How the lens sees a specimen's depth in images of a width and height; None for one that does not matter.
 
         The optical axis is at the camera matrix's principal point, or amid the image where there is none. Raises
@@ -67,21 +73,14 @@ class BeamFrame:
         if self._stand_off_mm is None:
             return None
         centre = (np.array(size) - 1.0) / 2.0 if self._matrix is None else self._matrix[:2, 2]
-        return Perspective((centre - self._origin) @ self._axes.T / self._scale, self._stand_off_mm, depth_mm)
+        if not 0.5 * depth_mm < self._stand_off_mm:
+            raise ValueError(f"a stand-off of {self._stand_off_mm:g} mm is within the depth of {depth_mm:g} mm")
+        return View((centre - self._origin) @ self._axes.T / self._scale, self._stand_off_mm)
 
     def _undistort(self, points: Array) -> Array:
         if self._matrix is None or len(points) == 0:
             return points
-        ideal = cv2.undistortPoints(
-            points.reshape(-1, 1, 2),
-            self._matrix,
-            self._distortion,
-            None,
-            None,
-            self._matrix,
-            _UNDISTORT,
-        )
-        return np.asarray(ideal, dtype=np.float64).reshape(-1, 2)
+        return undistorted(points, self._matrix, self._distortion)
 
     def _turned(self, from_axis_deg: float) -> float:
         return (self.hand * from_axis_deg + 180.0) % 360.0 - 180.0

@@ -1,4 +1,4 @@
-"""One grey image of what the camera delivered: colour, depth and several frames of a state."""
+"""What the camera delivered as numbers: its depth, its colours, one grey image of them, several frames of a state."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 _FULL_SCALES = (255, 1023, 4095, 16383, 65535)
+_GREY_SHARE = 1 / 64  # of full scale: by so much a compressed grey picture's channels may differ, for rounding
 
 
 def grey(image: ArrayLike) -> NDArray[Any]:
@@ -18,18 +19,59 @@ def grey(image: ArrayLike) -> NDArray[Any]:
     the others hold noise, and a mixture would hide that one of them is clipped. uint8 stays uint8 and the
     rest becomes float32; what is not finite becomes 0. Raises ValueError for an array of another shape.
     """
+    pixels = _channels(image)
+    if pixels.ndim == 3:
+        brightest = np.argmax(pixels[::8, ::8].mean(axis=(0, 1), dtype=np.float64))
+        pixels = pixels[:, :, brightest]
+    return np.ascontiguousarray(pixels)
+
+
+def _channels(image: ArrayLike) -> NDArray[Any]:
+    """(H, W) or (H, W, 3): uint8, or else float32 in which what is not finite is 0. Raises ValueError."""
     pixels = np.asarray(image)
     if pixels.ndim == 3 and pixels.size:
-        colours = pixels[:, :, :3]
-        brightest = np.argmax(colours[::8, ::8].mean(axis=(0, 1), dtype=np.float64))
-        pixels = colours[:, :, brightest]
-    if pixels.ndim != 2:
+        pixels = pixels[:, :, :3] if pixels.shape[2] >= 3 else pixels[:, :, 0]
+    elif pixels.ndim != 2:
         raise ValueError(f"an image has two dimensions, or three with the colours last, not {pixels.shape}")
     if pixels.dtype == np.uint8:
         return np.ascontiguousarray(pixels)
     if pixels.dtype.kind == "f":
         pixels = np.nan_to_num(pixels, posinf=0.0, neginf=0.0)
     return np.ascontiguousarray(pixels, dtype=np.float32)
+
+
+def camera_grey(image: NDArray[Any]) -> NDArray[Any]:
+    """(H, W) or (H, W, 3) to (H, W) by the rule of `grey`, of the image's own type: the camera's depth is kept."""
+    return grey(image).astype(image.dtype, copy=False)
+
+
+def mean_grey(image: NDArray[Any]) -> NDArray[Any]:
+    """(H, W): the mean of the colours, to compare frames with one another; grey values stay as they are.
+
+    `camera_grey` may take another channel for the next frame, where two are about as bright.
+    """
+    return image if image.ndim == 2 else image.mean(axis=2, dtype=np.float32)
+
+
+def is_coloured(image: NDArray[Any]) -> bool:
+    """Whether an image (H, W) or (H, W, 3) has colours, and not but one grey value in all of its channels."""
+    if image.ndim == 2:
+        return False
+    apart = np.ptp(image.astype(np.int32), axis=2).max(initial=0)
+    return bool(apart > _GREY_SHARE * np.iinfo(image.dtype).max)
+
+
+def in_channels(image: NDArray[Any], coloured: bool) -> NDArray[Any]:
+    """An image (H, W) or (H, W, 3) with three channels if coloured, and else with one; but no colour is given up."""
+    if coloured:
+        return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
+    return image if image.ndim == 2 or is_coloured(image) else image[..., 0]
+
+
+def eight_bit(image: ArrayLike) -> NDArray[np.uint8]:
+    """An image of any depth as grey values 0..255 of 255, to be drawn on or searched by OpenCV, (height, width)."""
+    pixels = grey(image)
+    return np.rint(pixels * (255.0 / full_scale(pixels))).astype(np.uint8)
 
 
 def full_scale(image: NDArray[Any]) -> float:
@@ -39,7 +81,7 @@ def full_scale(image: NDArray[Any]) -> float:
 
 
 def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
-    """Mean of a state's frames, (height, width) float32, in the frames' own grey levels.
+    """Mean of a state's frames, (height, width) or (height, width, 3) float32, in the frames' own grey levels.
 
     Averaging n frames before the search lowers the noise by the root of n and costs one search instead of n.
     Raises ValueError when there is no frame, or when the frames differ in size.
@@ -47,7 +89,7 @@ def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
     total: NDArray[np.float32] | None = None
     count = 0
     for frame in frames:
-        pixels = grey(frame)
+        pixels = _channels(frame)
         if total is None:
             total = pixels.astype(np.float32)
         elif pixels.shape != total.shape:
@@ -69,11 +111,11 @@ class FieldCorrection:
     """
 
     def __init__(self, dark: ArrayLike | None, flat: ArrayLike | None) -> None:
-        """Images (height, width) without light and of the bare back-light, one of them or both.
+        """Images without light and of the bare back-light, one of them or both; each colour corrects its own.
 
         Raises ValueError for images that differ in size, a flat field no brighter than the dark frame, or neither.
         """
-        images = [None if image is None else grey(image).astype(np.float32) for image in (dark, flat)]
+        images = [None if image is None else _channels(image).astype(np.float32) for image in (dark, flat)]
         given = [image for image in images if image is not None]
         if not given:
             raise ValueError("neither a dark frame nor a flat field is given")
@@ -83,14 +125,14 @@ class FieldCorrection:
         self._gain: NDArray[np.float32] = np.ones_like(given[0])
         if images[1] is not None:
             light = images[1] - self._dark
-            middle = float(np.median(light))
-            if not middle > 0.0 or (light < 0.05 * middle).mean() > 0.01:
+            middle = np.median(light, axis=(0, 1))  # of each colour: a lamp is as yellow afterwards as before
+            if (middle <= 0.0).any() or ((light < 0.05 * middle).mean(axis=(0, 1)) > 0.01).any():
                 raise ValueError("the flat field is dark in places, and can correct nothing there")
             self._gain = (middle / np.maximum(light, 0.05 * middle)).astype(np.float32)
 
     def apply(self, image: ArrayLike) -> NDArray[np.float32]:
-        """The corrected image (height, width). Raises ValueError for an image of another size."""
-        pixels = grey(image)
+        """The corrected image, with the colours that it has. Raises ValueError for an image of another size."""
+        pixels = _channels(image)
         if pixels.shape != self._dark.shape:
             raise ValueError(f"the image has the shape {pixels.shape}, dark frame and flat field {self._dark.shape}")
         largest = full_scale(pixels)

@@ -1,30 +1,79 @@
 """Materials, finite elements and identification for soft beams: values in, values out.
 
-The beam
-specimen                    what it is made of and where its magnet sits
-materials, stability        hyperelastic laws and their derivatives; up to which stretch one is Drucker-stable
-grid, mesh, element         quadrilaterals with quadratic displacement and linear pressure, for a whole batch
-rigid, actuation, pressure  a rigid magnet in the silicone; its torque, gravity and other loads; pressure on a face
-band, system, solid         the linear algebra of a batch, and Newton's method over it
-forward, sensitivity        many candidates at once through all states; the derivatives of their edges
+laws         hyperelastic laws: energies, stability, bounds of a search, tensile fits, material cards
+beam         specimen and loads in, the beam's shape in every state out, for many candidates at once
+inference    from measured edges to a law and what it is worth
 
-The identification
-observation, experiment     simulated edges and points, their distance to the measured ones; candidates judged by it
-search_space, nuisance      the unknowns: of the law, and beside it
-tensile_evidence, problem   tensile curves beside the edges; all the evidence as one number a candidate
-coarse, search, polish      CMA-ES on a coarse mesh, then Gauss-Newton on a finer one
-mesh_error                  what a still finer one changes
-identification              all of it in order, from experiments to a fit
-bootstrap                   experiments with their states drawn again
-
-What a fit is worth
-correlation, linearised     how many points count as one; the evidence about the optimum as a quadratic
-uncertainty, profile        intervals; their ends where the objective is no quadratic
-directions, credibility     what the data fix, in words; fits that nobody should believe
-model_choice                which law the data support
-
-tensile                     the conventional route: least squares on a tensile curve
-export                      a law as a material card of other programs
-
-Knows no files and no instruments; needs numpy, scipy and cma alone.
+The names below are what a user needs; each is loaded when it is first asked for. Knows no files and no instruments;
+needs numpy, scipy and cma alone.
 """
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from eimi_fitting.beam.loads import Loads
+    from eimi_fitting.beam.model import BeamModel
+    from eimi_fitting.beam.specimen import Magnet, Specimen
+    from eimi_fitting.inference.experiment import Experiment
+    from eimi_fitting.inference.identification import Fit, identify
+    from eimi_fitting.inference.measurements import EdgeObservation, PointObservation
+    from eimi_fitting.inference.quantity import Quantity
+    from eimi_fitting.inference.tensile_curves import TensileCurve
+    from eimi_fitting.inference.unknowns import Prior
+    from eimi_fitting.laws import LAWS
+    from eimi_fitting.laws.cards import Material, material_card
+    from eimi_fitting.laws.tensile import fit_tensile
+
+_HOMES = {
+    "LAWS": "laws",
+    "BeamModel": "beam.model",
+    "EdgeObservation": "inference.measurements",
+    "Experiment": "inference.experiment",
+    "Fit": "inference.identification",
+    "Loads": "beam.loads",
+    "Magnet": "beam.specimen",
+    "Material": "laws.cards",
+    "PointObservation": "inference.measurements",
+    "Prior": "inference.unknowns",
+    "Quantity": "inference.quantity",
+    "Specimen": "beam.specimen",
+    "TensileCurve": "inference.tensile_curves",
+    "fit_tensile": "laws.tensile",
+    "identify": "inference.identification",
+    "material_card": "laws.cards",
+}
+
+__all__ = [
+    "LAWS",
+    "BeamModel",
+    "EdgeObservation",
+    "Experiment",
+    "Fit",
+    "Loads",
+    "Magnet",
+    "Material",
+    "PointObservation",
+    "Prior",
+    "Quantity",
+    "Specimen",
+    "TensileCurve",
+    "fit_tensile",
+    "identify",
+    "material_card",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """The public name, from the module that holds it (PEP 562)."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,4 +1,4 @@
-"""The driver that the README shows is a working one, and is found without touching this package."""
+"""The driver that the documentation shows is a working one, and is found without touching this package."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eimi_drivers.emulators import CoilSupply, serve_pty
 from eimi_drivers.interfaces import InstrumentError, Limits, PowerSupply, ReplyNotUnderstood
 from eimi_drivers.supplies import SUPPLIES, open_supply
 
-README = Path(__file__).parents[2] / "drivers" / "README.md"
+PAGE = Path(__file__).parents[2] / "docs" / "howto" / "add_a_supply.md"
 
 
 class AimTtiDialect:
@@ -51,7 +51,7 @@ class AimTtiDialect:
 
 
 def blocks(language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+    return re.findall(rf"```{language}\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
 
 
 def install(folder: Path, group: str, points: dict[str, str]) -> None:
@@ -64,8 +64,8 @@ def install(folder: Path, group: str, points: dict[str, str]) -> None:
 
 
 @pytest.fixture
-def readme_driver(monkeypatch, tmp_path):
-    """The README's driver in a package of its own, installed as the README says."""
+def shown_driver(monkeypatch, tmp_path):
+    """The shown driver in a package of its own, installed as it is said there."""
     code = next(block for block in blocks("python") if "class AimTtiSupply" in block)
     table = next(block for block in blocks("toml") if "entry-points" in block)
     assert len([line for line in (code + table).splitlines() if line.strip()]) <= 40
@@ -77,10 +77,10 @@ def readme_driver(monkeypatch, tmp_path):
     sys.modules.pop("aim_tti", None)
 
 
-def test_the_driver_in_the_readme_works(readme_driver):
+def test_the_driver_in_the_readme_works(shown_driver):
     coil = CoilSupply(WallClock(), max_current_A=2.0, time_constant_s=1e-5)
     with serve_pty(AimTtiDialect(coil)) as port:
-        supply = open_supply(readme_driver, port, Limits(current_A=3.0, voltage_V=12.0))
+        supply = open_supply(shown_driver, port, Limits(current_A=3.0, voltage_V=12.0))
         assert isinstance(supply, PowerSupply)
         assert supply.identify().text == "THURLBY THANDAR, CPX400DP, 0, 1.0"
         supply.set_voltage(12.0)
@@ -96,25 +96,25 @@ def test_the_driver_in_the_readme_works(readme_driver):
     assert not coil.state.output
 
 
-def test_nonsense_is_not_understood_by_the_driver_in_the_readme(readme_driver):
+def test_nonsense_is_not_understood_by_the_driver_in_the_readme(shown_driver):
     class Nonsense:
         def receive(self, data: bytes) -> bytes:
             return b"\n"
 
     with serve_pty(Nonsense()) as port:
-        supply = open_supply(readme_driver, port, Limits(current_A=3.0, voltage_V=12.0))
+        supply = open_supply(shown_driver, port, Limits(current_A=3.0, voltage_V=12.0))
         for act in (supply.identify, supply.measure, supply.output_on):
             with pytest.raises(ReplyNotUnderstood):
                 act()
         supply.close()
 
 
-def test_announced_drivers_are_listed_beside_those_of_the_package(readme_driver, monkeypatch):
-    assert readme_driver in SUPPLIES
-    assert list(SUPPLIES)[-1] == readme_driver
+def test_announced_drivers_are_listed_beside_those_of_the_package(shown_driver, monkeypatch):
+    assert shown_driver in SUPPLIES
+    assert list(SUPPLIES)[-1] == shown_driver
     assert len(SUPPLIES) == len(list(SUPPLIES))
     monkeypatch.setattr(discovery, "list_basler_cameras", tuple)
-    assert any(readme_driver in note for note in discovery.discover().notes)
+    assert any(shown_driver in note for note in discovery.discover().notes)
 
 
 def test_a_driver_that_cannot_be_imported_names_what_is_wrong(monkeypatch, tmp_path):

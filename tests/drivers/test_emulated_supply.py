@@ -170,3 +170,33 @@ def test_the_inductance_shows_in_the_voltage():
     coil.set_current(0.0)
     clock.sleep(0.1)
     assert coil.read().voltage_V == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("driver", "messages"),
+    [
+        (
+            "scpi",
+            {
+                ":SOURce:VOLTage 12": b"",
+                "source:voltage:level:immediate:amplitude?": b"1.200000E+01\n",
+                "SOUR:CURR:LEV 0.5": b"",
+                "CURRENT?": b"5.000000E-01\n",
+                "OUTPut:STATe ON": b"",
+                "OUTPut?": b"1\n",
+                "MEASure:CURRent:DC?": b"0.000000E+00\n",
+                "SYSTem:ERRor:NEXT?": b'0,"No error"\n',
+                "VOLTA?": b"",
+                "SYST:ERR?": b'-113,"Undefined header"\n',
+            },
+        ),
+        ("keysight-e364x", {"VOLTage:PROTection 13": b"", ":VOLT:PROT:LEV?": b"1.300000E+01\n"}),
+        ("rs-hmp", {"INSTrument:NSELect 1": b"", "INST:NSEL?": b"1\n", "VOLTage:PROTection:LEVel 13": b""}),
+        ("rigol-dp800", {":INST:NSEL 1": b"", ":OUTPut:OCP:VALue 1": b"", ":OUTP:OCP:VAL?": b"1.0000\n"}),
+        ("keysight-e36312a", {"SOURce:VOLTage 12, (@1)": b"", "VOLTage? (@1)": b"1.200000E+01\n"}),
+    ],
+)
+def test_scpi_is_understood_in_long_and_in_short(driver, messages):
+    instrument = emulate(driver, CoilSupply(SimulatedClock()))
+    for message, answer in messages.items():
+        assert instrument.receive(f"{message}\n".encode()) == answer, message

@@ -105,11 +105,17 @@ def test_genesys_errors_are_reported(bench_of):
         supply.measure()
 
 
-@pytest.mark.parametrize("driver", ["rigol-dp800", "rs-hmp", "genesys"])
-def test_over_voltage_protection_lies_above_the_limits_and_trips_beyond(bench_of, driver):
+@pytest.mark.parametrize(
+    ("driver", "level_V"),
+    [
+        *((driver, 13.2) for driver in ("rigol-dp800", "rs-hmp", "keysight-e364x", "keysight-e3632a")),
+        ("genesys", 13.53),  # 5 % of its 30 V above the limit
+    ],
+)
+def test_over_voltage_protection_lies_above_the_limits_and_trips_beyond(bench_of, driver, level_V):
     bench = bench_of(f"{driver} in process")
     bench.energise()
-    assert bench.coil.state.trip_voltage_V == pytest.approx(13.2)
+    assert bench.coil.state.trip_voltage_V == pytest.approx(level_V)
     bench.coil.set_voltage(20.0)  # as at the front panel
     bench.coil.set_current(4.0)
     bench.clock.sleep(1.0)
@@ -162,3 +168,43 @@ def test_a_refused_channel_leaves_the_port_free(bench_of):
     with pytest.raises(InstrumentError, match="there is no channel 31"):
         open_supply("genesys", f"{port.address}#31", LIMITS)
     open_supply("genesys", f"{port.address}#6", LIMITS).close()
+
+
+@pytest.mark.parametrize(("ovp_V", "set_V"), [(3.0, 1.0), (33.0, 28.0)])
+def test_a_genesys_takes_the_limits_whatever_its_protection_was_before(ovp_V, set_V):
+    clock = SimulatedClock()
+    coil = CoilSupply(clock)
+    dialect = GenesysDialect(coil)
+    link = InProcessTransport(dialect, clock)
+    for message in ("ADR 6", "RMT REM", f"PV {set_V}", f"OVP {ovp_V}"):
+        link.write(f"{message}\r".encode())
+        assert link.read(16, 1.0, b"\r") == b"OK\r"
+    link.write(b"PV 30\r")
+    assert link.read(16, 1.0, b"\r") == (b"E01\r" if ovp_V == 3.0 else b"OK\r")
+    supply = SUPPLIES["genesys"](link, LIMITS, clock)
+    supply.set_voltage(12.0)
+    supply.set_current(0.5)
+    supply.set_output(True)
+    assert dialect.ovp_V == pytest.approx(13.53)
+    supply.safe_off()
+    link.write(b"OVP 12.5\r")  # less than the voltage and 5 % of 30 V
+    assert link.read(16, 1.0, b"\r") == b"E04\r"
+
+
+def test_a_genesys_that_refuses_says_why():
+    clock = SimulatedClock()
+    dialect = GenesysDialect(CoilSupply(clock))
+    dialect.uvl_V = 13.0
+    supply = SUPPLIES["genesys"](InProcessTransport(dialect, clock), LIMITS, clock)
+    with pytest.raises(
+        InstrumentError, match=r"PV 12\.00 with error E02: the voltage is below the under-voltage limit"
+    ):
+        supply.set_voltage(12.0)
+
+
+def test_an_e364x_knows_no_over_current_protection():
+    clock = SimulatedClock()
+    link = InProcessTransport(emulate("keysight-e364x", CoilSupply(clock)), clock)
+    link.write(b"CURR:PROT:STAT ON\n")
+    with pytest.raises(InstrumentError, match="-113 Undefined header"):
+        SUPPLIES["keysight-e364x"](link, LIMITS, clock).check()

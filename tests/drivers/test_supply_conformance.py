@@ -157,7 +157,7 @@ def test_a_cut_line_is_reported_with_its_cause(bench):
 
 def test_a_set_point_beyond_the_instrument_is_not_taken_for_set(bench):
     bench.coil.max_current_A = 0.5
-    with pytest.raises(InstrumentError, match=r"reads back 0 A|-222 Data out of range|E01"):
+    with pytest.raises(InstrumentError, match=r"reads back 0 A|-222 Data out of range|C05"):
         bench.supply.set_current(0.7)
 
 

@@ -35,6 +35,7 @@ STAGES = {
     "korad": {"zero": (b"ISET1",), "off": (b"OUT0",), "verify": (b"STATUS?",)},
     "scpi": {"zero": (b"CURR",), "off": (b"OUTP 0",), "verify": (b"OUTP?",)},
     "keysight-e36312a": {"zero": (b"CURR",), "off": (b"OUTP 0",), "verify": (b"OUTP?",)},
+    "keysight-e3632a": {"zero": (b"CURR ", b"CURR?"), "off": (b"OUTP 0",), "verify": (b"OUTP?",)},
     "keysight-e364x": {"zero": (b"CURR ", b"CURR?"), "off": (b"OUTP 0",), "verify": (b"OUTP?",)},
     "rigol-dp800": {"zero": (b":SOUR:CURR",), "off": (b":OUTP OFF",), "verify": (b":OUTP?",)},
     "siglent-spd": {"zero": (b"CH1:CURR",), "off": (b"OUTP CH1,OFF",), "verify": (b"SYST:STAT?",)},

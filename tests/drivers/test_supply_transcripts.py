@@ -38,8 +38,13 @@ class Transcript:
         assert not unsent, f"these messages were never sent: {unsent}"
 
 
-def scpi(select: str = "", **strings: str) -> list[tuple[str, str]]:
-    """The exchanges of a run with a one-channel SCPI supply, with the strings of its family."""
+def scpi(
+    select: str = "",
+    armed: tuple[tuple[str, str], ...] = (),
+    disarmed: tuple[tuple[str, str], ...] = (),
+    **strings: str,
+) -> list[tuple[str, str]]:
+    """The exchanges of a run with a one-channel SCPI supply, with the strings of its family and its watchdog."""
     family = {
         "volt": "VOLT 12.00",
         "volt?": "VOLT?",
@@ -73,6 +78,7 @@ def scpi(select: str = "", **strings: str) -> list[tuple[str, str]]:
         *no_error,
         *channel(family["curr?"], "0.700"),
         *(channel(family["protect"]) if family["protect"] else []),
+        *armed,
         *channel(family["on"]),
         *no_error,
         *channel(family["out?"], family["is_on"]),
@@ -86,6 +92,7 @@ def scpi(select: str = "", **strings: str) -> list[tuple[str, str]]:
         *channel(family["curr?"], "0.000"),
         *channel(family["off"]),
         *channel(family["out?"], family["is_off"]),
+        *disarmed,
     ]
 
 
@@ -106,8 +113,46 @@ SCPI_TRANSCRIPTS = {
             "none": '+0,"No error"',
         }
     ),
+    "keysight-n6700": scpi(
+        armed=(
+            ("OUTP:PROT:WDOG:DEL 10", ""),
+            ("OUTP:PROT:WDOG 1", ""),
+            ("SYST:ERR?", '+0,"No error"'),
+            ("OUTP:PROT:WDOG:DEL?", "+10"),
+            ("OUTP:PROT:WDOG?", "1"),
+        ),
+        disarmed=(("OUTP:PROT:WDOG 0", ""), ("SYST:ERR?", '+0,"No error"')),
+        **{
+            "volt": "VOLT 12.00, (@1)",
+            "volt?": "VOLT? (@1)",
+            "curr": "CURR 0.700, (@1)",
+            "zero": "CURR 0.000, (@1)",
+            "curr?": "CURR? (@1)",
+            "protect": "OUTP 0, (@1)|OUTP:PROT:CLE (@1)|CURR:PROT:STAT 0, (@1)|VOLT:PROT 13.20, (@1)",
+            "on": "OUTP 1, (@1)",
+            "off": "OUTP 0, (@1)",
+            "out?": "OUTP? (@1)",
+            "meas_curr?": "MEAS:CURR? (@1)",
+            "meas_volt?": "MEAS:VOLT? (@1)",
+            "trip?": "STAT:QUES:COND? (@1)",
+            "no_trip": "128",
+            "none": '+0,"No error"',
+        },
+    ),
     "keysight-e364x": scpi(
-        **{"protect": "CURR:PROT:CLE|CURR:PROT:STAT ON", "trip?": "CURR:PROT:TRIP?", "none": '+0,"No error"'}
+        **{
+            "protect": "VOLT:PROT:CLE|VOLT:PROT 13.20|VOLT:PROT:STAT ON",
+            "trip?": "VOLT:PROT:TRIP?",
+            "none": '+0,"No error"',
+        }
+    ),
+    "keysight-e3632a": scpi(
+        **{
+            "protect": "CURR:PROT:CLE|CURR:PROT 1.100|CURR:PROT:STAT ON|"
+            "VOLT:PROT:CLE|VOLT:PROT 13.20|VOLT:PROT:STAT ON",
+            "trip?": "CURR:PROT:TRIP?|VOLT:PROT:TRIP?",
+            "none": '+0,"No error"',
+        }
     ),
     "rigol-dp800": scpi(
         ":INST:NSEL 1",
@@ -167,9 +212,16 @@ SCPI_TRANSCRIPTS = {
 
 GENESYS = [
     *(("ADR 6", "OK"), ("RMT REM", "OK"), ("IDN?", "LAMBDA,GEN40-38")),
-    *(("PV 12.00", "OK"), ("PV?", "12.000"), ("PV?", "12.000")),
+    *(("OVM", "OK"), ("PV 12.00", "OK"), ("PV?", "12.000"), ("PV?", "12.000")),
     *(("PC 0.70", "OK"), ("PC?", "00.700"), ("PC?", "00.700")),
-    *(("FLD OFF", "OK"), ("OVP 13.20", "OK"), ("OUT ON", "OK"), ("OUT?", "ON"), ("OUT?", "ON")),
+    *(
+        ("FLD OFF", "OK"),
+        ("IDN?", "LAMBDA,GEN40-38"),
+        ("OVP 14.04", "OK"),
+        ("OUT ON", "OK"),
+        ("OUT?", "ON"),
+        ("OUT?", "ON"),
+    ),
     *(("MC?", "00.699"), ("MV?", "02.800")),
     ("STT?", "MV(02.800),PV(12.000),MC(00.699),PC(00.700),SR(02),FR(00)"),
     *(("OUT?", "ON"), ("PC 0.00", "OK"), ("PC?", "00.000"), ("PC?", "00.000")),

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-FITTING = Path(__file__).parents[2] / "fitting"
+ROOT = Path(__file__).parents[2]
 
 
 def test_felupe_gives_the_same_curve():
     pytest.importorskip("felupe", reason="FElupe is not installed (pip install -e '.[bench]')")
     pytest.importorskip("tensortrax", reason="tensortrax is not installed (pip install -e '.[bench]')")
     run = subprocess.run(
-        [sys.executable, "-m", "benchmarks.peer", "--short"], cwd=FITTING, capture_output=True, text=True, check=True
+        [sys.executable, "-m", "benchmarks.peer", "--short"], cwd=ROOT, capture_output=True, text=True, check=True
     )
     worst = [float(x) for x in re.findall(r"FElupe .* at most ([0-9.]+) %", run.stdout)]
     assert len(worst) == 2  # Neo-Hookean and Ogden

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from eimi_fitting.actuation import Loads
-from eimi_fitting.bootstrap import resampled
-from eimi_fitting.experiment import Experiment
-from eimi_fitting.forward import BeamModel
-from eimi_fitting.observation import EdgeObservation, PointObservation
-from eimi_fitting.specimen import Specimen
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.inference.bootstrap import resampled
+from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.measurements import EdgeObservation, PointObservation
 
 STATES = 8
 

@@ -10,11 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eimi_fitting import element
-from eimi_fitting.element import Batch, Operators
-from eimi_fitting.materials import LAWS
-from eimi_fitting.mesh import Mesh, grid_mesh
-from eimi_fitting.specimen import Section
+from eimi_fitting.beam import element
+from eimi_fitting.beam.element import Batch, Operators
+from eimi_fitting.beam.mesh import Mesh, grid_mesh
+from eimi_fitting.laws import LAWS, Section
 
 EXAMPLES = {
     "neo-hookean": [1.0],
@@ -25,7 +24,7 @@ EXAMPLES = {
 SECTIONS = get_args(Section)
 H = 1e-5
 
-every_law = pytest.mark.parametrize("name", LAWS)
+every_law = pytest.mark.parametrize("name", EXAMPLES)
 every_section = pytest.mark.parametrize("section", SECTIONS)
 random_deformations = given(seed=st.integers(0, 10**6))
 

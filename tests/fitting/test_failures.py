@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eimi_fitting.actuation import Loads
-from eimi_fitting.band import factorise
-from eimi_fitting.forward import BeamModel
-from eimi_fitting.materials import LAWS
-from eimi_fitting.solid import Status
-from eimi_fitting.specimen import Magnet, PressureFace, Specimen
-from eimi_fitting.system import System
+from eimi_fitting.beam.band import factorise
+from eimi_fitting.beam.equilibrium import Status
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.specimen import Magnet, PressureFace, Specimen
+from eimi_fitting.beam.system import System
+from eimi_fitting.laws import LAWS
 
 NEO = LAWS["neo-hookean"]
 SOUND = {
@@ -49,7 +49,7 @@ def check_is_a_result(shapes):
 
 
 @pytest.mark.parametrize("specimen", SPECIMENS)
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", SOUND)
 @pytest.mark.parametrize("factor", [1.0, -10.0])
 def test_hopeless_candidates_alone_and_as_neighbours(specimen, name, factor):
     model, law = BeamModel(SPECIMENS[specimen], 6), LAWS[name]
@@ -75,10 +75,10 @@ def test_hopeless_candidates_alone_and_as_neighbours(specimen, name, factor):
 @pytest.mark.parametrize("specimen", SPECIMENS)
 def test_a_nan_in_any_parameter_is_a_status(specimen):
     model = BeamModel(SPECIMENS[specimen], 6)
-    for name, law in LAWS.items():
+    for name in SOUND:
         crowd = np.tile(SOUND[name], (len(SOUND[name]) + 1, 1)).astype(float)
         np.fill_diagonal(crowd, np.nan)
-        shapes = model.solve(law, crowd, Loads.along(FIELD))
+        shapes = model.solve(LAWS[name], crowd, Loads.along(FIELD))
         check_is_a_result(shapes)
         assert shapes.converged.tolist() == [False] * len(SOUND[name]) + [True]
         assert shapes.iterations[:-1].sum() == 0

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from eimi_fitting.actuation import Loads
-from eimi_fitting.forward import BeamModel
-from eimi_fitting.materials import LAWS
-from eimi_fitting.solid import Status
-from eimi_fitting.specimen import Magnet, Specimen
+from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.equilibrium import Status
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.solid_model import SolidModel
+from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.laws import LAWS
 
 NEO = LAWS["neo-hookean"]
 MU = np.array([[0.05e6]])
@@ -135,6 +138,15 @@ def test_a_candidate_does_not_feel_its_neighbours():
     assert not together.converged[5:].any()
     assert np.isfinite(together.displacement).all()
     assert np.isfinite(together.max_stretch).all()
+
+
+def test_a_model_of_either_kind_reaches_another_process():
+    loads = Loads.along(np.array([2.0]))
+    specimen, _ = magnet_tipped()
+    for model in (BeamModel(specimen, 6, 1), SolidModel(specimen, 6, 1), SolidBeside(specimen, 6, 1)):
+        sent = pickle.loads(on_the_way := pickle.dumps(model))
+        assert len(on_the_way) < 1000
+        assert (sent.solve(NEO, MU, loads).displacement == model.solve(NEO, MU, loads).displacement).all()
 
 
 def test_impossible_loads_end_as_a_status():

@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
-from eimi_fitting.actuation import Loads
-from eimi_fitting.element import Batch
-from eimi_fitting.forward import BeamModel
-from eimi_fitting.materials import LAWS
-from eimi_fitting.mesh import mapped_mesh
-from eimi_fitting.pressure import FollowerPressure
-from eimi_fitting.solid import Solid, SolidLoads, Status
-from eimi_fitting.specimen import STANDARD_GRAVITY, Magnet, PressureFace, Specimen
+from eimi_fitting.beam.element import Batch
+from eimi_fitting.beam.equilibrium import Solid, SolidLoads, Status
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.mesh import mapped_mesh
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.pressure import FollowerPressure
+from eimi_fitting.beam.specimen import STANDARD_GRAVITY, Magnet, PressureFace, Specimen
+from eimi_fitting.laws import LAWS
 
 NEO = LAWS["neo-hookean"]
 MU = np.array([[0.05e6]])

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from eimi_fitting import element
-from eimi_fitting.actuation import Loads
-from eimi_fitting.element import Batch
-from eimi_fitting.forward import BeamModel
-from eimi_fitting.materials import LAWS, NeoHookean
-from eimi_fitting.mesh import grid_mesh
-from eimi_fitting.observation import EdgeObservation, edge_curves, points_on, signed_distance
-from eimi_fitting.solid import Solid, SolidLoads, Status
-from eimi_fitting.specimen import Magnet, PressureFace, Specimen
+from eimi_fitting.beam import element
+from eimi_fitting.beam.element import Batch
+from eimi_fitting.beam.equilibrium import Solid, SolidLoads, Status
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.mesh import grid_mesh
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.specimen import Magnet, PressureFace, Specimen
+from eimi_fitting.inference.measurements import EdgeObservation, edge_curves, points_on, signed_distance
+from eimi_fitting.laws import LAWS, NeoHookean
 
 NEO = LAWS["neo-hookean"]
 MU = np.array([[46e3]])

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eimi_fitting.actuation import Loads
-from eimi_fitting.forward import BeamModel
-from eimi_fitting.materials import LAWS
-from eimi_fitting.observation import (
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.measurements import (
     EdgeObservation,
     PointObservation,
     edge_curves,
     points_on,
     signed_distance,
 )
-from eimi_fitting.specimen import Magnet, Specimen
+from eimi_fitting.laws import LAWS
 
 SPECIMEN = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
+
+
+ARRAYS = ("displacement", "rigid", "status", "iterations", "max_stretch")
+"""Of shapes, by candidate and state."""
 
 
 def arc(radius: float, segments: int = 12, angle: float = 1.2) -> np.ndarray:
@@ -88,3 +94,20 @@ def test_points_of_each_state_are_compared_in_their_own_state():
     misfit = observed.misfit(model, shapes)
     assert misfit.error_mm[0] == pytest.approx([0.03, 0.04], abs=1e-12)
     assert np.all(misfit.error_mm[1] != misfit.error_mm[0])
+
+
+def test_many_states_are_compared_as_each_alone_is():
+    """They are taken in blocks; a point that only some states have is found in these."""
+    model = BeamModel(Specimen(50.0, 2.0, 4.0, 1.0, "plane-stress"))
+    loads = Loads.along(np.zeros(35), 90.0, 90.0, np.linspace(0, 2e-6, 35))
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[4e4], [8e4]]), loads)
+    rng = np.random.default_rng(0)
+    points = edge_curves(model, shapes)[0, :, :, 3:9, 1] + 0.01 * rng.standard_normal((35, 2, 6, 2))
+    rest = np.column_stack([np.linspace(10, 48, 5), np.zeros(5)]) + 0.5 * rng.integers(0, 2, (35, 1, 1))
+    moved = rest + 0.01 * rng.standard_normal((35, 5, 2))
+    for seen in (EdgeObservation(points, np.ones((35, 2, 6))), PointObservation(rest, moved, np.ones((35, 5)))):
+        every = seen.misfit(model, shapes)
+        for k in (0, 15, 16, 34):
+            own = {name: value[:, [k]] for name, value in vars(shapes).items() if name in ARRAYS}
+            alone = seen.of_states(np.array([k])).misfit(model, replace(shapes, **own))
+            assert every.residuals[:, k] == pytest.approx(alone.residuals[:, 0], abs=1e-12)

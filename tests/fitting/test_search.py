@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from eimi_fitting.experiment import DISCARDED_MM
-from eimi_fitting.observation import Misfit
-from eimi_fitting.polish import polish
-from eimi_fitting.search import Generation, OtherSearch, Told, search
+from eimi_fitting.inference.experiment import DISCARDED_MM
+from eimi_fitting.inference.measurements import Misfit
+from eimi_fitting.inference.polish import polish
+from eimi_fitting.inference.search import Generation, Objectives, OtherSearch, search
 
 Array = NDArray[np.float64]
 OPTIMUM = np.array([0.3, 0.62, 0.45])
@@ -45,7 +45,7 @@ def rastrigin(units: Array) -> Values:
 @pytest.mark.parametrize("n", [1, 2, 3])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_one_run_comes_near_enough_for_the_polish_and_says_why_it_stopped(n, seed):
-    seen: list[tuple[Generation, Told]] = []
+    seen: list[tuple[Generation, Objectives]] = []
     found = search(valley, n, seed=seed, progress=lambda *generation: seen.append(generation))
     assert np.abs(found.unit - OPTIMUM[:n]).max() < 0.01
     (run,) = found.runs
@@ -54,7 +54,7 @@ def test_one_run_comes_near_enough_for_the_polish_and_says_why_it_stopped(n, see
     assert run.generations == len(found.history)
     assert found.evaluations == run.generations * run.population
     assert found.objective_mm == run.best_mm == found.history[-1].best_mm
-    assert found.unconverged == sum(generation.discarded for generation in found.history)
+    assert found.discarded.unconverged == sum(generation.discarded for generation in found.history)
     assert all(
         later.best_mm <= earlier.best_mm for earlier, later in zip(found.history, found.history[1:], strict=False)
     )
@@ -72,7 +72,7 @@ def test_a_beam_that_hardly_moved_is_searched_as_thoroughly(seed):
     assert len(found.history) > 3
 
 
-@pytest.mark.parametrize("bipop", [False, True])
+@pytest.mark.parametrize("bipop", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_restarts_find_the_optimum_among_many_minima_that_one_run_misses(bipop):
     alone = [search(rastrigin, 2, seed=seed).objective_mm for seed in range(1, 4)]
     assert max(alone) > 0.5  # the nearest local minima are about 1 above the optimum
@@ -102,7 +102,7 @@ def test_populations_double_and_small_ones_get_no_more_than_as_much_again():
 
 
 def test_told_again_it_goes_on_bit_for_bit_and_evaluates_only_what_is_new():
-    told: list[Told] = []
+    told: list[Objectives] = []
     whole = search(rastrigin, 3, seed=4, restarts=2, bipop=True, progress=lambda _, values: told.append(values))
     for known in (0, 1, len(told) // 2, len(told) - 1, len(told)):
         evaluated = []
@@ -120,7 +120,7 @@ def test_told_again_it_goes_on_bit_for_bit_and_evaluates_only_what_is_new():
 
 def test_what_another_search_was_told_is_refused():
     with pytest.raises(OtherSearch, match="generation 1 has 12 candidates, that to be replayed 3"):
-        search(rastrigin, 2, replay=[Told((1.0, 2.0, 3.0), 0, 0)])
+        search(rastrigin, 2, replay=[Objectives((1.0, 2.0, 3.0), 0, 0)])
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def test_polish_ends_at_the_best_place_within_the_bounds():
     first = (np.array([0.0, 0.4]) @ slopes @ slopes[0]) / (slopes[0] @ slopes[0]) + 0.2
     polished = polish(model, np.array([0.5, 0.5]))
     assert polished.unit == pytest.approx([first, 1.0], abs=5e-5)
-    assert polished.after_mm < polished.before_mm
+    assert polished.polish.mean_error_after_mm < polished.polish.mean_error_before_mm
 
 
 @pytest.mark.parametrize("start", [0.1, 0.5])

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eimi_fitting.actuation import Loads
-from eimi_fitting.element import Batch
-from eimi_fitting.forward import BeamModel
-from eimi_fitting.materials import LAWS
-from eimi_fitting.mesh import Mesh, mapped_mesh, shape_functions
-from eimi_fitting.solid import Configuration, Solid, SolidLoads, Status
-from eimi_fitting.specimen import Magnet, Specimen
+from eimi_fitting.beam.element import Batch
+from eimi_fitting.beam.equilibrium import Configuration, Solid, SolidLoads, Status
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.mesh import Mesh, mapped_mesh, shape_functions
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.laws import LAWS
 
 NEO = LAWS["neo-hookean"]
 

@@ -21,12 +21,16 @@ from eimi_drivers.interfaces import Frame, Identity, Limits
 from eimi_drivers.supplies.korad import KoradSupply
 from eimi_drivers.supplies.transport import InProcessTransport
 from eimi_lab import cli
-from eimi_lab.acquisition.bench import Bench
+from eimi_lab.acquisition.open_bench import Bench
 from eimi_lab.acquisition.run import acquire
+from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.protocol import Protocol, load_protocol
 from eimi_lab.config.rig import Rig, load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
+from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.dataset.writing import DatasetWriter
+from eimi_lab.vision.check import Flag
 
 SPECIMEN = """
 [specimen]
@@ -84,15 +88,21 @@ def draw(seed: int, shift_px: float = 0.0) -> NDArray[np.uint8]:
     return np.clip(image + rng.normal(0, 2, image.shape), 0, 255).astype(np.uint8)
 
 
+@pytest.fixture(scope="session")
+def texts() -> dict[str, str]:
+    """The TOML files of the small bench, by what they are."""
+    return {"specimen": SPECIMEN, "calibration": CALIBRATION, "protocol": PROTOCOL}
+
+
 @pytest.fixture
-def files(tmp_path: Path) -> Path:
+def files(tmp_path: Path, texts: dict[str, str]) -> Path:
     """A folder with specimen.toml, calibration.toml and protocol.toml of the small bench."""
-    for name, text in {"specimen": SPECIMEN, "calibration": CALIBRATION, "protocol": PROTOCOL}.items():
+    for name, text in texts.items():
         (tmp_path / f"{name}.toml").write_text(text)
     return tmp_path
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def frame() -> Callable[..., NDArray[np.uint8]]:
     """Draws a frame from a seed and a shift in pixels."""
     return draw
@@ -208,3 +218,23 @@ def setup(files: Path, frame: Callable[..., np.ndarray]) -> Setup:
         load_rig(files / "rig.toml"),
         files / "run.h5",
     )
+
+
+@pytest.fixture
+def dataset(files: Path) -> Path:
+    """Two states of a beam that stands still, drawn at 8 px/mm, one of them with a flag from its run."""
+    header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
+    rng = np.random.default_rng(0)
+    image = np.full((96, 128), 210.0)
+    image[:8] = 4.0
+    image[:88, 56:72] = 16.0  # 10 mm by 2 mm from a clamp at the 8th row, edges at 55.5 and 71.5
+    image = cv2.GaussianBlur(image, (0, 0), 1.0)
+    with DatasetWriter(files / "run.h5", header, Frame(image.astype(np.uint8), 0, 0.0)) as writer:
+        for k in range(2):
+            frames = [
+                Frame(np.rint(image + rng.normal(0, 1.5, image.shape)).clip(0, 255).astype(np.uint8), n, 0.0)
+                for n in range(3)
+            ]
+            flags = (Flag("NOT_SETTLED", 2.0, 1.2, "Wait."),) if k else ()
+            writer.append_state(frames, current_A=k / 10, field_mT=0.47 * k, flags=flags)
+    return files / "run.h5"

@@ -25,9 +25,9 @@ from eimi_lab.acquisition.dry_run import dry_run
 from eimi_lab.acquisition.live_view import Live
 from eimi_lab.acquisition.run import check_request
 from eimi_lab.config.protocol import Protocol
-from eimi_lab.config.reading import parse
 from eimi_lab.config.rig import CoilRating, load_rig
 from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.errors import InputError
 from eimi_lab.stopping import Stopped
@@ -48,6 +48,27 @@ def test_a_run_stores_every_state_and_ends_with_the_coil_off(setup: Any) -> None
             assert state.measured_A == pytest.approx(state.current_A, abs=0.003)
 
 
+def test_a_colour_camera_comes_to_rest_and_its_colours_are_kept(setup: Any) -> None:
+    """Two colours as bright as each other, of which now the one and now the other is a little brighter."""
+    grey = setup.camera.draw
+
+    def coloured(seed: int, shift_px: float = 0.0) -> np.ndarray:
+        noise = np.random.default_rng(seed).normal(0, 2, (96, 128, 3))
+        drawn = np.dstack([0.6 * grey(seed, shift_px), 200.0 - 0.5 * grey(0, shift_px), 0.9 * grey(1, shift_px)])
+        drawn[..., 1] += drawn[..., 2].mean() - drawn[..., 1].mean()
+        return np.clip(np.rint(drawn + noise), 0, 255).astype(np.uint8)
+
+    setup.camera.draw = coloured
+    setup.run()
+    with open_dataset(setup.path) as dataset:
+        assert dataset.frame_format()[0] == (96, 128, 3)
+        assert all(state.flags == () for state in dataset.states)
+        blue, green, red = dataset.images(0)[0].reshape(-1, 3).mean(axis=0)
+    assert blue < 0.75 * red
+    assert green == pytest.approx(red, rel=0.02)
+    assert setup.camera.number < 200  # 245 where the channel is chosen anew for each frame
+
+
 def test_frames_are_taken_of_a_beam_at_rest(setup: Any) -> None:
     setup.run()
     with open_dataset(setup.path) as dataset:
@@ -59,7 +80,7 @@ def test_frames_are_taken_of_a_beam_at_rest(setup: Any) -> None:
 
 def test_the_current_moves_no_faster_than_the_ramp(setup: Any, files: Path) -> None:
     slow = setup.protocol.text.replace("rate_A_per_s = 10.0", "rate_A_per_s = 0.05").replace(
-        "step_A = 0.1\ntol", "step_A = 0.02\ntol"
+        "step_A = 0.1\ntol", "step_A = 0.02\ndown_within_s = 10.0\ntol"
     )
     setup.protocol = parse(Protocol, slow, "slow")
     history: list[tuple[float, float]] = []
@@ -75,6 +96,26 @@ def test_the_current_moves_no_faster_than_the_ramp(setup: Any, files: Path) -> N
     assert max(step for _, step in steps) == pytest.approx(0.02)
     assert max(step / seconds for seconds, step in steps if step) <= 0.05 * 1.001
     assert history[-1][1] == 0.0
+
+
+@pytest.mark.parametrize("rate_A_per_s", [0.05, 10.0])
+def test_the_way_down_is_over_within_its_budget_on_a_slow_supply(setup: Any, rate_A_per_s: float) -> None:
+    text = setup.protocol.text.replace("rate_A_per_s = 10.0", f"rate_A_per_s = {rate_A_per_s}").replace(
+        "step_A = 0.1\ntol", "step_A = 0.001\ndown_within_s = 1.5\ntol"
+    )
+    setup.protocol = parse(Protocol, text, "slow")
+    clock, history = setup.bench.clock, [(0.0, 0.0)]
+    take = setup.coil.set_current
+
+    def watch(current_A: float) -> bool:
+        history.append((clock.now(), current_A))
+        return take(current_A)
+
+    setup.coil.set_current = watch  # type: ignore[method-assign]
+    setup.run()
+    assert setup.is_off()
+    down = [at for (_, before_A), (at, after_A) in pairwise(history) if after_A < before_A]
+    assert down[-1] - down[0] <= 1.5 + 2 * 0.5  # and the two set-points that are under way then
 
 
 def test_a_beam_that_never_rests_is_flagged_and_kept(setup: Any) -> None:

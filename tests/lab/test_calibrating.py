@@ -10,14 +10,14 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.edges import CALIBRATION, NOMINAL, SPECIMEN, bend
+from benchmarks.flag_pictures import photograph
 from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.virtual.optics import expose, make_scene
 from eimi_lab.vision.beam_frame import BeamFrame
-from eimi_lab.vision.benchmark import CALIBRATION, NOMINAL, SPECIMEN, bend
-from eimi_lab.vision.board import Board, print_board
-from eimi_lab.vision.flag_cases import photograph
-from eimi_lab.vision.lens import calibrate_lens
-from eimi_lab.vision.plumb_line import measure_plumb_line
+from eimi_lab.vision.calibration.board import Board, print_board
+from eimi_lab.vision.calibration.lens import calibrate_lens
+from eimi_lab.vision.calibration.plumb_line import measure_plumb_line
 
 SIZE = (480, 384)
 FOCAL = 1100.0
@@ -89,15 +89,15 @@ def test_lens_scale_and_orientation_from_charuco(run, charuco_views, tmp_path):
     assert run("calibrate", *views, *BOARD, *COMMON, "-o", output) == (0, "")
     found = load_calibration(output)
     uncertain = found.uncertainty
-    focal, stated = found.camera_matrix[0][0], uncertain.focal_length_px
+    focal, stated = found.camera_matrix[0][0], uncertain["focal_length_px"]
     assert focal == pytest.approx(FOCAL, abs=min(4 * stated, 10.0))
     truth = FOCAL / STAND_OFF
     assert found.pixels_per_mm == pytest.approx(truth, rel=0.002)
-    assert abs(found.pixels_per_mm - truth) < 3 * uncertain.pixels_per_mm
-    assert uncertain.pixels_per_mm < 0.003 * truth
+    assert abs(found.pixels_per_mm - truth) < 3 * uncertain["pixels_per_mm"]
+    assert uncertain["pixels_per_mm"] < 0.003 * truth
     assert found.axis_angle_deg == pytest.approx(91.2, abs=0.03)
     assert found.field_angle_deg == pytest.approx(1.2, abs=0.03)
-    assert found.stand_off_mm == pytest.approx(STAND_OFF, abs=4 * uncertain.stand_off_mm)
+    assert found.stand_off_mm == pytest.approx(STAND_OFF, abs=4 * uncertain["stand_off_mm"])
     # Through the map that everything else uses: a length on the board, wherever it lies in the image.
     on_board, image = CHARUCO.find(cv2.imread(str(views[0]), cv2.IMREAD_GRAYSCALE))
     places = BeamFrame(found).to_mm(image)
@@ -115,7 +115,7 @@ def test_every_kind_of_board_gives_the_scale(run, tmp_path, kind):
     found = load_calibration(output)
     truth = FOCAL / STAND_OFF
     assert found.pixels_per_mm == pytest.approx(truth, rel=0.0015)
-    assert abs(found.pixels_per_mm - truth) < 3 * found.uncertainty.pixels_per_mm
+    assert abs(found.pixels_per_mm - truth) < 3 * found.uncertainty["pixels_per_mm"]
     assert found.axis_angle_deg == pytest.approx(88.0, abs=0.05)
     assert found.camera_matrix is None
 
@@ -142,7 +142,7 @@ def test_the_beam_itself_as_a_ruler(run, tmp_path, lit):
     assert found.clamp_midpoint_px == pytest.approx(CALIBRATION.clamp_midpoint_px, abs=0.2)
     assert found.axis_angle_deg == pytest.approx(90.0, abs=0.02)
     # The caliper's 0.05 mm of 3 mm is what the scale is worth, whatever the pixels say.
-    assert found.uncertainty.pixels_per_mm == pytest.approx(25.0 * 0.05 / 3.0, rel=0.01)
+    assert found.uncertainty["pixels_per_mm"] == pytest.approx(25.0 * 0.05 / 3.0, rel=0.01)
     assert run("segment", tmp_path / "nowhere.h5")[0] == 2
 
 
@@ -200,7 +200,7 @@ def test_clamp_and_gravity_from_pictures_of_their_own(run, tmp_path):
     found = load_calibration(output)
     assert found.clamp_midpoint_px == pytest.approx(CALIBRATION.clamp_midpoint_px, abs=0.2)
     assert found.gravity_angle_deg == pytest.approx(91.3, abs=0.002)
-    assert found.uncertainty.gravity_angle_deg < 0.002
+    assert found.uncertainty["gravity_angle_deg"] < 0.002
     assert found.axis_angle_deg == 90.0
     status, said = run("calibrate", *arguments, "-o", tmp_path / "other.toml")
     assert (status, "--beam goes with --specimen" in said) == (2, True)
@@ -213,7 +213,7 @@ def test_a_ruler(run, tmp_path):
     assert run("calibrate", tmp_path / "ruler.png", *ends, *COMMON, "-o", tmp_path / "c.toml") == (0, "")
     found = load_calibration(tmp_path / "c.toml")
     assert found.pixels_per_mm == pytest.approx(12.5)
-    assert found.uncertainty.pixels_per_mm == pytest.approx(np.sqrt(2) / 20, rel=0.01)
+    assert found.uncertainty["pixels_per_mm"] == pytest.approx(np.sqrt(2) / 20, rel=0.01)
     assert found.calibrated_on == date(2020, 1, 1)
     assert found.age_days(datetime(2020, 1, 11, 12, tzinfo=UTC)) == pytest.approx(10.5)
 

@@ -16,7 +16,7 @@ from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings
 from eimi_drivers.clock import WallClock
 from eimi_drivers.emulators import CoilSupply, emulate, serve_tcp
 from eimi_drivers.interfaces import InstrumentError
-from eimi_lab.acquisition.bench import open_bench
+from eimi_lab.acquisition.open_bench import open_bench
 from eimi_lab.acquisition.run import acquire
 from eimi_lab.config.rig import Rig, load_rig
 from eimi_lab.errors import InputError

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eimi_fitting.specimen import VACUUM_PERMEABILITY
+from eimi_fitting.beam.specimen import VACUUM_PERMEABILITY
 from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.config.materials import load_materials
 from eimi_lab.config.protocol import Protocol, load_protocol
-from eimi_lab.config.reading import Document, parse
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
+from eimi_lab.config.toml import Document, parse
 from eimi_lab.errors import InputError
 
 SHIPPED = Path(str(package_files("eimi_lab.protocols")))
@@ -83,8 +83,8 @@ def test_magnetised_silicone_and_a_magnet_before_the_tip_reach_the_mechanics() -
     assert mechanics.flexible_length_mm == 24.5
 
 
-def test_the_specimen_of_the_real_beam_loads(real_beam: Path) -> None:
-    mechanics = load_specimen(real_beam / "specimen.toml").mechanics()
+def test_the_specimen_of_the_real_beam_loads(measured: Path) -> None:
+    mechanics = load_specimen(measured / "real_beam" / "specimen.toml").mechanics()
     assert (mechanics.length_mm, mechanics.section, mechanics.tip_load_mm) == (100.0, "plane-stress", (100.0, 15.0))
 
 
@@ -117,7 +117,7 @@ def refuse(model: type[Document], shipped: Document, old: str, new: str) -> str:
         ("length_mm = 30.0", "length_mm = 3.5", None),
         ("length_mm = 30.0", "length_mm = 4.0", "magnet.length_mm = 4 must be less than specimen.length_mm = 4"),
         ("width_mm = 3.0", "width_mm = 2.0", "magnet.width_mm = 3 must not exceed specimen.width_mm = 2"),
-        ('"plane-strain"', '"plane"', "specimen.section = 'plane' should be 'plane-strain' or 'plane-stress'"),
+        ('"solid"', '"plane"', "specimen.section = 'plane' should be 'solid', 'plane-strain' or 'plane-stress'"),
         ("density_kg_m3", "# density_kg_m3", "specimen.density_kg_m3 is missing"),
         ("[specimen]", "[specimen", None),
         ("[magnet]", "[magnet]\ntip_offset_mm = -1.0", "magnet.tip_offset_mm = -1.0 should be greater than or equal"),
@@ -158,7 +158,7 @@ def test_a_bad_specimen_is_told_in_one_line(old: str, new: str, told: str | None
         ("step_A = 0.1", "step_A = -0.1", "current.step_A = -0.1 should be greater than 0"),
         ("step_A = 0.1", "step_A = 1e-9", "[current] step_A = 1E-9 gives more than 1000 states"),
         ("stop_A = 1.5", "stop_A = 0.0", "[current] stop_A = 0.0 is start_A"),
-        ("stop_A = 1.5", "stop_A = 1.7", "current goes to 1.7 A, which exceeds limits.current_A = 1.6"),
+        ("stop_A = 1.5", "stop_A = 1.7", "current.stop_A goes to 1.7 A, which exceeds limits.current_A = 1.6"),
         ("start_A = 0.0", "values_A = [0.0, 0.1]", "[current] needs start_A, stop_A and step_A, or values_A alone"),
         ("[settle]", "[setle]", "setle is not a known key; did you mean settle?"),
         ("[ramp]", "[limits.ramp]", "limits.ramp is not a known key"),
@@ -196,7 +196,7 @@ def test_a_bad_calibration_is_told_in_one_line(files: Path, line: str, told: str
     ("old", "new", "told"),
     [
         ('driver = "virtual"', 'driver = "kord"', "supply.driver = 'kord' is not a driver; there are korad, scpi"),
-        ('driver = "virtual"', 'driver = "korad"', "supply.driver and camera.driver must both be 'virtual'"),
+        ('driver = "virtual"', 'driver = "korad"', "camera.source = 'virtual' must be where an emulated"),
         ("blur_px", "blur_pixels", "virtual.optics.blur_pixels is not a known key; did you mean blur_px?"),
         ("virtual_materials", "butter", "materials = 'butter.toml': no such file beside the rig"),
     ],

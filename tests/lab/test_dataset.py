@@ -16,13 +16,14 @@ from eimi_drivers.interfaces import Frame, Identity
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.specimen import load_specimen
-from eimi_lab.dataset.edges import write_edges
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recovery import recover
+from eimi_lab.dataset.stored_edges import write_edges
 from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.errors import InputError
-from eimi_lab.vision.edge_set import EdgePoints, EdgeSet, Flag
+from eimi_lab.vision.check import Flag
+from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 
 NOT_SETTLED = Flag("NOT_SETTLED", 1.7, 1.2, "Wait longer: 30 s were not enough.")
 
@@ -96,12 +97,14 @@ def test_colour_and_sixteen_bits(files: Path, frame: Callable[..., np.ndarray]) 
             writer.append_state([Frame(frame(0), 1, 0.0)], current_A=0.1, field_mT=0.47)
     with open_dataset(files / "deep.h5") as dataset:
         assert np.array_equal(dataset.images(0)[0], deep)
-    grey = frame(0)
-    colour = np.dstack([grey, grey, grey])
+    colour = np.dstack([frame(0), frame(1), frame(2)])  # blue, green, red
     with DatasetWriter(files / "colour.h5", header(files), Frame(colour, 0, 0.0)) as writer:
         writer.append_state([Frame(colour, 0, 0.0)], current_A=0.0, field_mT=0.0)
     with open_dataset(files / "colour.h5") as dataset:
-        assert np.array_equal(dataset.images(0)[0], grey)
+        assert np.array_equal(dataset.images(0)[0], colour)
+    with h5py.File(files / "colour.h5") as file:  # as NeXus has it
+        assert file["entry/data/frames"].attrs["interpretation"] == "rgb-image"
+        assert np.array_equal(file["entry/data/frames"][0, ..., 0], frame(2))
 
 
 def test_a_file_is_never_overwritten_unless_forced(files: Path, frame: Callable[..., np.ndarray]) -> None:
@@ -154,16 +157,16 @@ def test_edges_come_back_and_replace_earlier_ones(files: Path, frame: Callable[.
         assert dataset.edges() is None  # those of three states are not those of four
 
 
-def test_a_flipped_bit_in_a_frame_is_noticed(files: Path, frame: Callable[..., np.ndarray]) -> None:
+def test_a_damaged_frame_is_noticed_and_left_out(files: Path, frame: Callable[..., np.ndarray]) -> None:
     path = files / "run.h5"
     write_states(path, files, frame, 2)
     with h5py.File(path, "r") as file:
         where = file["entry/data/frames"].id.get_chunk_info(3)
     with path.open("r+b") as raw:
         raw.seek(where.byte_offset + where.size // 2)
-        byte = raw.read(1)[0]
-        raw.seek(-1, os.SEEK_CUR)
-        raw.write(bytes([byte ^ 4]))
+        found = raw.read(8)
+        raw.seek(-8, os.SEEK_CUR)
+        raw.write(bytes(byte ^ 0x5A for byte in found))
     with open_dataset(path) as dataset:
         dataset.images(0)
         with pytest.raises(InputError, match=r"run\.h5: frame 1 of the 2 of state 1 .* is damaged"):
@@ -187,9 +190,16 @@ def test_damaged_tables_are_told_in_one_line(files: Path, frame: Callable[..., n
     with path.open("r+b") as raw:
         raw.seek(where.byte_offset)
         raw.write(bytes([255]) * where.size)
-    with pytest.raises(InputError, match=r"run\.h5: the tables of its states are damaged \(.+\); take another copy"):
-        recover(path, files / "whole.h5")
-    assert not (files / "whole.h5").exists()
+    with (
+        pytest.raises(InputError, match=r"run\.h5: the tables of its states are damaged \(.+\); `eimi recover`"),
+        open_dataset(path),
+    ):
+        pass
+    said: list[str] = []
+    assert recover(path, files / "whole.h5", say=said.append) == 2
+    assert "entry/states/field (put together from the frames)" in said[0]
+    with open_dataset(files / "whole.h5") as whole:
+        assert [state.field_mT for state in whole.states] == [0.0, 0.47]
 
 
 def test_a_state_that_lost_every_frame_keeps_its_place(files: Path, frame: Callable[..., np.ndarray]) -> None:

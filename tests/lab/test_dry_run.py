@@ -13,7 +13,7 @@ from eimi_drivers.interfaces import InstrumentError
 from eimi_drivers.supplies import SUPPLIES
 from eimi_lab.acquisition.dry_run import dry_run
 from eimi_lab.config.protocol import Protocol
-from eimi_lab.config.reading import parse
+from eimi_lab.config.toml import parse
 
 
 def tell(setup: Any, driver: str, address: str) -> list[str]:
@@ -107,3 +107,25 @@ class Ours(SupplyBase):
     assert sum(" stored: " in line for line in told) == len(setup.protocol.currents_A)
     assert told[-1].startswith("duration: ")
     sys.modules.pop("some_lab_supply", None)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("frames_per_state = 2", "frames_per_state = 1000000000", "frames_per_state = 1000000000 should be less than"),
+        ("step_A = 0.1\ntol", "step_A = 1e-9\ntol", "ramp.step_A = 1e-09 should be greater than"),
+        ("start_A = 0.0\nstop_A = 0.3\nstep_A = 0.1", "values_A = [" + "0.1, " * 100_000 + "]", "at most 1000 values"),
+        ("stop_A = 0.3\nstep_A = 0.1", "stop_A = 0.3\nstep_A = 1e-9", "gives more than 1000 states"),
+    ],
+)
+def test_what_no_run_could_ever_do_is_refused_in_one_short_line(
+    files: Path, run: Any, old: str, new: str, said: str
+) -> None:
+    path = files / "protocol.toml"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    status, told = run("acquire", path, "--specimen", files / "specimen.toml", "--rig", "virtual", "--dry-run")
+    assert (status, told.count("\n")) == (2, 1)
+    assert said in told
+    assert len(told) < 400

@@ -9,13 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eimi_fitting.actuation import Loads
-from eimi_fitting.forward import BeamModel
-from eimi_fitting.materials import LAWS
-from eimi_fitting.specimen import Specimen
-from eimi_fitting.tensile import engineering_stress
-from eimi_lab.identification.fit_summary import remarks
-from eimi_lab.identification.fits import read_any_fits
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.inference.choice_of_law import Candidate, choose
+from eimi_fitting.inference.tensile_curves import TensileCurve
+from eimi_fitting.laws import LAWS, SOLVERS
+from eimi_fitting.laws.tensile import engineering_stress
+from eimi_lab.fits.evidence import load_evidence
+from eimi_lab.fits.fit_summary import comparison_table, remarks
+from eimi_lab.fits.fits_file import read_any_fits, write_fits
+from eimi_lab.fits.fitting import fit_evidence
+from eimi_lab.report.page import write_report
 
 SPECIMEN = """
 [specimen]
@@ -104,18 +109,79 @@ def test_a_curve_that_contradicts_the_edges_is_doubted(tmp_path: Path, run) -> N
         status, told = run("fit", tmp_path / "strip.h5", "--model", "neo-hookean", *tensile)
         assert status == 0, told
         (fit,) = read_any_fits(tmp_path / f"{unit}.json")
-        assert any("curve.csv and the edges contradict each other" in line for line in remarks(fit)) == doubted
+        said = [line for line in remarks(fit) if "contradict each other" in line]
+        assert [str(tmp_path / "curve.csv") in line for line in said] == [True] * doubted
+        (written,) = json.loads((tmp_path / f"{unit}.json").read_text())["fits"]
+        assert [doubt["curve"] for doubt in written["doubts"] if "contradict" in doubt["words"]] == [0] * doubted
     validated = ("--fit", tmp_path / "kPa.json", "-o", tmp_path / "validation.json")
     assert run("validate", tmp_path / "strip.h5", *validated)[0] == 0
     (validation,) = json.loads((tmp_path / "validation.json").read_text())["validations"]
     assert validation["fit"]["kind"] == "bending and tensile"
 
 
+def test_a_curve_from_a_notebook_is_recorded_and_counts(tmp_path: Path, run) -> None:
+    import_points(tmp_path, run)
+    evidence = load_evidence(tmp_path / "strip.h5")
+    strain = np.linspace(0.02, 0.5, 30)
+    stress = engineering_stress(LAWS["mooney-rivlin"], np.array([[16e3, 7e3]]), strain)[0]
+    curve = TensileCurve(strain, stress + np.random.default_rng(1).normal(0, 150, 30))
+    fits = [fit_evidence([evidence], model, tensile=[curve]) for model in ("neo-hookean", "mooney-rivlin")]
+    content = write_fits(tmp_path / "fits.json", fits)
+    for fit in read_any_fits(tmp_path / "fits.json"):
+        (own,) = fit.tensile
+        assert (own.path, own.rows, own.largest_strain, own.weight) == (None, 30, 0.5, 1.0)
+        assert any("(from no file): RMSE" in line for line in remarks(fit))
+    # The edges alone do not tell the two laws apart.
+    plain, law = content.comparison
+    assert (law.model, law.aicc) == ("mooney-rivlin", 0.0)
+    assert plain.aicc > 10
+    other = fit_evidence([evidence], "neo-hookean", tensile=[TensileCurve(strain[:-1], curve.stress_Pa[:-1])])
+    assert write_fits(tmp_path / "other.json", [other, fits[1]]).comparison == ()  # another curve: no common data
+    write_report(tmp_path / "report.html", [tmp_path / "strip.h5"], [tmp_path / "fits.json"])
+    assert "(from no file)" in (tmp_path / "report.html").read_text()
+
+
+def test_a_law_for_which_the_data_are_too_few_has_no_weight_in_the_table() -> None:
+    laws = choose([Candidate("ogden", 6, ((8.0, 0.02),), 0.02), Candidate("neo-hookean", 1, ((8.0, 0.02),))])
+    _, few, alone, sentence = comparison_table(laws)
+    assert few.split()[2:] == ["too", "few", few.split()[4], "-", "20.00", "µm"]
+    assert alone.split()[4:] == ["-", "-"]
+    assert "worth 8 independent points, too few for an AICc of ogden; so there are no weights." in sentence
+
+
+def test_what_is_not_measured_looks_it_wherever_it_goes(tmp_path: Path, run) -> None:
+    """The card of every program that has the law, stderr, the notebook's table, pandas and the report."""
+    import_points(tmp_path, run, change=lambda places: 1.005 * places)
+    fits = tmp_path / "fits.json"
+    assert run("fit", tmp_path / "strip.h5", "--model", "mooney-rivlin", "-o", fits)[0] == 0
+    (fit,) = read_any_fits(fits)
+    assert fit.identifiability.held_by_bounds == fit.held_by_bounds() == ("C10", "C01")
+    low, high = fit.parameters["C10"].interval_95
+    for solver in SOLVERS:
+        card = tmp_path / f"{solver}.txt"
+        given = ("--model", "mooney-rivlin", "--to", solver, "--bulk-ratio", "2000")
+        status, told = run("export", fits, *given, "-o", card)
+        assert status == 0
+        for text in (card.read_text(), told):
+            assert "not measured" in text
+            assert "C10, C01" in text
+            assert "times the uncertainty that the measured places state" in text
+            assert f"Largest stretch in the data {fit.max_stretch:.3f}" in text
+            assert fit.modulus_in_words() in text
+        assert f"C10 95 % interval {low:.6g} to {high:.6g} Pa, not measured" in card.read_text()
+    assert fit._repr_html_().count("<td>not measured</td>") == 2
+    assert "Doubt: " in fit._repr_html_()
+    pytest.importorskip("pandas")
+    assert fit.to_pandas().held_by_bounds.tolist() == [True, True, False]
+    write_report(tmp_path / "report.html", [tmp_path / "strip.h5"], [fits])
+    assert (tmp_path / "report.html").read_text().count('<span class="held">not measured</span>') == 2
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
         (("--free", "moment"), "--free moment: should be a standard deviation such as moment=0.02"),
-        (("--free", "scale=0.1"), "--free scale=0.1: should be a standard deviation such as moment=0.02"),
+        (("--free", "section=0.1"), "--free section=0.1: should be a standard deviation such as moment=0.02"),
         (("--free", "roll=-1"), "--free roll=-1: should be roll=NUMBER above 0, at most 45 (degrees)"),
         (("--free", "moment=2"), "--free moment=2: should be moment=NUMBER above 0, at most 0.5 (relative)"),
         (("--free", "roll=0.1", "--free", "roll=0.2"), "--free roll=0.2: roll is given twice"),
@@ -165,7 +231,7 @@ def garbled_state(places):
     ("change", "state"),
     [
         (garbled_state, "state 2"),
-        (lambda places: places * [1, -1], "state"),
+        (lambda places: places * [1, -1], "no material explains this: as stated"),
         (lambda places: 1.5 * places, "state"),
         (lambda places: places + np.random.default_rng(0).normal(0, 4, places.shape), "state"),
     ],
@@ -186,7 +252,9 @@ def test_a_doubt_stands_in_the_result(tmp_path: Path, run) -> None:
     status, told = run("fit", tmp_path / "strip.h5", "--model", "neo-hookean", "-o", tmp_path / "fits.json")
     assert status == 0, told
     (fit,) = json.loads((tmp_path / "fits.json").read_text())["fits"]
-    (doubt,) = fit["doubts"]
-    assert (doubt["dataset"], doubt["state"]) == (0, None)
-    assert "times the uncertainty that the measured places state" in doubt["words"]
+    for doubt in fit["doubts"]:
+        assert (doubt["dataset"], doubt["state"]) == (0, None)
+    far, scale = (doubt["words"] for doubt in fit["doubts"])
+    assert "times the uncertainty that the measured places state" in far
+    assert "% off in scale in all states alike" in scale
     assert json.loads((tmp_path / "fits.json").read_text())["comparison"] == []

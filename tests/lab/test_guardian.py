@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -13,7 +16,8 @@ from eimi_drivers.clock import WallClock
 from eimi_drivers.emulators.faults import Fault, FaultyInstrument
 from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
 from eimi_drivers.emulators.supply import CoilSupply
-from eimi_drivers.interfaces import InstrumentError
+from eimi_drivers.interfaces import InstrumentError, Limits
+from eimi_drivers.supplies.supply_names import open_supply
 from eimi_lab.acquisition.guardian import Guardian, Ward, guarding
 
 PATIENCE_S = 20.0
@@ -91,7 +95,7 @@ def test_signals_do_not_end_it() -> None:
 def test_a_busy_port_is_tried_again() -> None:
     bench = Bench("korad")
     with bench.ward() as ward:
-        busy = ward.open()
+        busy = open_supply(ward.driver, ward.address, Limits(ward.current_A, ward.voltage_V))
         with guarding(ward) as guardian:
             guardian.arm()
         WallClock().sleep(0.5)
@@ -144,3 +148,78 @@ def test_a_run_without_its_guardian_is_told() -> None:
         wait_for(guardian)
         with pytest.raises(InstrumentError, match="guardian process ended"):
             guardian.check()
+
+
+def test_a_run_that_stands_still_is_taken_over_and_told(capfd: pytest.CaptureFixture[str]) -> None:
+    bench = Bench("korad")
+    with bench.ward() as ward, guarding(ward) as guardian:
+        busy = open_supply(ward.driver, ward.address, Limits(ward.current_A, ward.voltage_V))
+        guardian.arm()
+        for _ in range(60):  # longer than one may stand still, but it moves on
+            guardian.beat()
+            guardian.check()
+            WallClock().sleep(0.1)
+        assert bench.heard == []
+        assert wait_for(guardian) == 0  # and now it stands still, with the port locked
+        assert bench.is_off()
+        with pytest.raises(InstrumentError, match="stood still for more than 5 s"):
+            guardian.check()
+        busy.close()
+        guardian.disarm()
+    assert "the run stood still for more than 5 s; " in capfd.readouterr().err
+
+
+def test_a_run_may_announce_that_it_takes_longer() -> None:
+    bench = Bench("korad")
+    with bench.ward() as ward, guarding(ward) as guardian:
+        guardian.arm()
+        guardian.allow(60.0)
+        WallClock().sleep(6.5)
+        guardian.check()
+        guardian.disarm()
+    assert bench.heard == []
+
+
+def test_a_guardian_that_is_stopped_is_told_and_still_does_its_work() -> None:
+    bench = Bench("korad")
+    with bench.ward() as ward:
+        with guarding(ward) as guardian:
+            guardian.arm()
+            os.kill(guardian._process.pid, signal.SIGSTOP)
+            WallClock().sleep(2.0)
+            with pytest.raises(InstrumentError, match="does not answer"):
+                guardian.check()
+        assert wait_for(guardian) == 0
+    assert bench.is_off()
+
+
+def test_a_line_that_is_dropped_does_not_end_it() -> None:
+    bench = Bench("scpi")
+    bench.line.inject(Fault.DROP)
+    with bench.ward() as ward:
+        with guarding(ward) as guardian:
+            guardian.arm()
+        assert wait_for(guardian) == 0
+    assert bench.is_off()
+
+
+def test_it_says_what_is_so(capfd: pytest.CaptureFixture[str]) -> None:
+    bench = Bench("korad")
+    with bench.ward() as ward:
+        with guarding(ward) as guardian:
+            guardian.arm()  # a run that goes on to its own end, and leaves the coil on
+        wait_for(guardian)
+    assert f"the run could not switch off itself; {ward.address}: the coil was switched off" in capfd.readouterr().err
+
+
+def test_a_run_killed_before_its_guardian_is_ready_leaves_no_word() -> None:
+    ward = json.dumps({"driver": "korad", "address": "/dev/nowhere", "current_A": 1.0, "voltage_V": 10.0})
+    command = [sys.executable, "-P", "-m", "eimi_lab.acquisition.guardian_process", ward]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as guardian:
+        assert guardian.stdin is not None
+        assert guardian.stdout is not None
+        assert guardian.stderr is not None
+        guardian.stdout.close()  # long before it has imported what it needs
+        guardian.stdin.close()
+        assert guardian.stderr.read() == b""
+        assert guardian.wait(30) == 0

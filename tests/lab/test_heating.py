@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eimi_lab.acquisition.coil import REACHED_WITHIN_S
-from eimi_lab.acquisition.heating import FRAME_WITHIN_S, hottest, refuse_overheating
+from eimi_lab.acquisition.heating import FRAME_WITHIN_S, STORED_WITHIN_S, hottest, refuse_overheating
 from eimi_lab.config.protocol import Currents, Protocol, Ramp, Settle, SupplyLimits
 from eimi_lab.config.rig import CoilRating
 from eimi_lab.errors import InputError
@@ -29,15 +29,15 @@ def protocol(currents_A: list[float], timeout_s: float = 30.0) -> Protocol:
 
 def test_one_current_warms_exponentially() -> None:
     rating = CoilRating(continuous_current_A=1.0, thermal_time_constant_s=100.0)
-    held_s = 30.0 + REACHED_WITHIN_S + 2 * FRAME_WITHIN_S
+    held_s = 30.0 + REACHED_WITHIN_S + 2 * FRAME_WITHIN_S + 12 * STORED_WITHIN_S
     found = hottest(protocol([0.0, 2.0]), rating)
-    assert found.state == 1
+    assert found.stage == "state 1 (2 A)"
     assert found.share == pytest.approx(4 * (1 - math.exp(-held_s / 100.0)), rel=1e-3)
 
 
 def test_a_coil_cools_after_the_peak_of_a_sweep() -> None:
     rating = CoilRating(continuous_current_A=1.0, thermal_time_constant_s=10.0)
-    assert hottest(protocol([0.0, 0.5, 1.5, 0.5, 0.0]), rating).state == 2
+    assert hottest(protocol([0.0, 0.5, 1.5, 0.5, 0.0]), rating).stage == "state 2 (1.5 A)"
 
 
 @given(st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=20), st.floats(1.0, 1e4))

@@ -1,4 +1,4 @@
-"""A short kill campaign; `python tests/kill_campaign.py --runs 500` is the long one."""
+"""A short kill campaign; `python -m benchmarks.kill_campaign --runs 500` is the long one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 SEED = 18  # its first run is killed by SIGKILL with the output on
-CAMPAIGN = Path(__file__).parents[1] / "kill_campaign.py"
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize(("runs", "seed"), [(1, SEED), pytest.param(40, 5, marks=pytest.mark.slow)])
@@ -17,7 +17,8 @@ def test_killed_runs_leave_the_coil_off_and_their_states_stored(runs: int, seed:
     # How soon the coil is off is the script's to tell, not a test's: a busy machine is no defect.
     command = [
         sys.executable,
-        str(CAMPAIGN),
+        "-m",
+        "benchmarks.kill_campaign",
         "--runs",
         str(runs),
         "--seed",
@@ -27,6 +28,6 @@ def test_killed_runs_leave_the_coil_off_and_their_states_stored(runs: int, seed:
         "--resumed",
         "1",
     ]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=40 * runs + 60, check=False)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=40 * runs + 60, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert f"runs with a fault: 0 of {runs}" in done.stdout

@@ -15,11 +15,15 @@ import pytest
 
 from eimi_drivers.cameras.settings import CameraSettings
 from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.specimen import load_specimen
-from eimi_lab.dataset.edges import write_edges
-from eimi_lab.dataset.importing import import_frames, import_points
+from eimi_lab.config.toml import parse
+from eimi_lab.dataset.importing import import_frames
 from eimi_lab.dataset.recovery import recover
-from eimi_lab.vision.edge_set import EdgePoints, EdgeSet, Flag
+from eimi_lab.dataset.stored_edges import write_edges
+from eimi_lab.dataset.tracked.points_csv import import_points
+from eimi_lab.vision.check import Flag
+from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 
 validate = pytest.importorskip("nexusformat.nexus.validate", reason="needs `pip install nexusformat`")
 
@@ -50,6 +54,8 @@ def test_the_checker_is_awake(setup: Any) -> None:
 def test_an_acquired_dataset_is_without_fault(setup: Any) -> None:
     settings = CameraSettings(exposure_s=0.01, gain=6.0, gamma=1.0, region=(0, 0, 128, 96), bit_depth=8)
     setup.bench = replace(setup.bench, camera_settings=settings)
+    between = "release = { seconds = 0.1 }\nconditioning = { cycles = 2, current_A = 0.3 }\n"
+    setup.protocol = parse(Protocol, between + setup.protocol.text, "p")
     setup.run(note="first cast")
     assert faults(setup.path) == NO_FAULT
     put_edges(setup.path, 4)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from eimi_lab.virtual.optics import Optics, expose, make_scene, render
+from eimi_lab.config.simulated_optics import Optics
+from eimi_lab.virtual.optics import expose, make_scene, render
 
 SIZE = (200, 160)
 FLAT = Optics(vignette=0.0, gradient=0.0)

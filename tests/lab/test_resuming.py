@@ -11,29 +11,31 @@ import pytest
 
 from eimi_drivers.interfaces import Identity, InstrumentDisconnected
 from eimi_lab.config.protocol import Protocol
-from eimi_lab.config.reading import parse
 from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.errors import InputError
 
 
-def interrupt(setup: Any, after_A: float) -> None:
-    """Run until the set-point `after_A` comes up, then fail."""
+def interrupt(setup: Any, after_A: float) -> list[str]:
+    """Run until the set-point `after_A` comes up, then fail; what was remarked."""
 
     def fail(number: int) -> None:
         if setup.coil.state.set_current_A == after_A:
             raise InstrumentDisconnected("memory: unplugged")
 
     setup.camera.event = fail
+    remarks: list[str] = []
     with pytest.raises(InstrumentDisconnected):
-        setup.run()
+        setup.run(remark=remarks.append)
     setup.camera.event = lambda number: None
+    return remarks
 
 
 def test_a_run_that_ended_early_is_resumed_at_the_next_state(setup: Any) -> None:
-    interrupt(setup, after_A=0.2)
-    before = setup.stored()
-    assert before == [0.0, 0.1]
+    told = interrupt(setup, after_A=0.2)
+    assert told[-1] == f"2 of 4 states are in {setup.path}, and the same command with --resume goes on from there"
+    assert setup.stored() == [0.0, 0.1]
     set_points: list[float] = []
     setup.camera.event = lambda number: set_points.append(setup.coil.state.set_current_A)
     said = setup.run(resume=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eimi_lab.acquisition.settling import edge_band, measure_noise
+from eimi_lab.vision.settling_statistic import edge_band, measure_noise
 
 
 def camera(rng: np.random.Generator, shift_px: float, electrons: float = 10_000.0) -> np.ndarray:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from eimi_lab.vision.benchmark import NOMINAL, measure, measure_other, overall
-from eimi_lab.vision.comparison import METHODS
+from benchmarks.edge_methods import METHODS
+from benchmarks.edges import NOMINAL, measure, measure_other, overall
 
 # Bias and RMS in px known from the same frames and other implementations.
 KNOWN = {"Otsu + contours": (-0.64, 0.71), "marching squares": (-0.175, 0.18), "Devernay": (0.0, 0.010)}

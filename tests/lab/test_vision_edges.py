@@ -7,10 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from eimi_lab.config.specimen import Magnet, SpecimenFile
-from eimi_lab.virtual.optics import expose, make_scene
-from eimi_lab.vision.beam_frame import BeamFrame
-from eimi_lab.vision.benchmark import (
+from benchmarks.edges import (
     BESIDE,
     CALIBRATION,
     CONDITIONS,
@@ -25,7 +22,10 @@ from eimi_lab.vision.benchmark import (
     overall,
     with_silicone_beside,
 )
-from eimi_lab.vision.edges import find_edges
+from eimi_lab.config.specimen import Magnet, SpecimenFile
+from eimi_lab.virtual.optics import expose, make_scene
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.intensity import FieldCorrection, state_mean
 
 

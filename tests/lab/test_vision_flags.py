@@ -1,29 +1,85 @@
 """Every flag has a picture that raises it, and a run of ordinary frames raises none."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from benchmarks.edges import CALIBRATION, NOMINAL, SPECIMEN, bend, make_bent_scene
+from benchmarks.flag_pictures import BEAM, CASES, Case, photograph, table, twisted
 from eimi_drivers.interfaces import Frame
-from eimi_lab.dataset.state_checks import state_flags
+from eimi_lab.dataset.layout import flags_from_text, flags_to_text
 from eimi_lab.virtual.optics import expose
-from eimi_lab.vision.benchmark import CALIBRATION, NOMINAL, SPECIMEN, bend, make_bent_scene
-from eimi_lab.vision.dimensions import stiffening_by_twist
-from eimi_lab.vision.edges import find_edges
-from eimi_lab.vision.flag_cases import BEAM, CASES, Case, photograph, twisted
+from eimi_lab.vision import flags
+from eimi_lab.vision.check import Check, Flag, Severity, leaves_out
+from eimi_lab.vision.edges.dimensions import stiffening_by_twist
+from eimi_lab.vision.edges.finding import find_edges
+from eimi_lab.vision.flags import CHECKS, judge
+from eimi_lab.vision.frame_checks import state_flags
 
 LISTED = {
     *("SATURATED", "LOW_CONTRAST", "DEFOCUS", "EDGE_RESIDUAL", "TOUCHES_FRAME", "MULTI_CONTOUR"),
     *("HOLE_OR_REFLECTION", "CLAMP_NOT_FOUND", "CORNER_AMBIGUOUS", "WIDTH_ANOMALY", "LENGTH_ANOMALY"),
     *("CALIBRATION_STALE", "GAMMA", "TWIST", "NOT_SETTLED", "DROPPED", "DUPLICATE"),
 }
-ALONE = LISTED - {"LOW_CONTRAST", "EDGE_RESIDUAL", "TOUCHES_FRAME", "CORNER_AMBIGUOUS"}
+ALONE = set(CASES) - {
+    *("LOW_CONTRAST", "EDGE_RESIDUAL", "TOUCHES_FRAME", "CORNER_AMBIGUOUS"),
+    *("TOO_NARROW", "NOT_FOLLOWED", "ROOT_AMBIGUOUS"),  # of photographs, in which there is no silhouette either
+}
 
 
 def test_no_flag_is_without_its_picture():
-    assert set(CASES) == LISTED
+    names = {check.name for check in CHECKS}
+    assert set(CASES) == names >= LISTED
+    assert len({check.finding for check in CHECKS}) == len(CHECKS)
+    assert sorted(check.name for check in CHECKS if check.picture) == sorted(names)
+
+
+def test_the_documentation_has_the_table_of_flags():
+    assert table() in (Path(__file__).parents[2] / "docs" / "why" / "edges.md").read_text(encoding="utf-8")
+
+
+def test_a_flag_is_one_entry_of_the_table(monkeypatch):
+    hot = Check(name="HOT", finding="coil_temperature", quantity="degrees", limit=80.0, remedy="Let {what} cool.")
+    cold = replace(hot, name="COLD", finding="room_temperature", limit=10.0, below=True)
+    with pytest.raises(KeyError, match="coil_temperature"):
+        judge({"coil_temperature": 90.0})
+    monkeypatch.setattr(flags, "CHECKS", (*CHECKS, hot, cold))
+    monkeypatch.setattr(flags, "CHECK_OF", {check.finding: check for check in flags.CHECKS})
+    words = {"what": "the coil"}
+    assert judge({"coil_temperature": 90.0}, words=words) == (Flag("HOT", 90.0, 80.0, "Let the coil cool."),)
+    assert [flag.name for flag in judge({"room_temperature": 9.0, "blur_px": 9.0}, words=words)] == ["DEFOCUS", "COLD"]
+    assert judge({"coil_temperature": 80.0, "room_temperature": 10.0}) == ()
+    assert judge({"coil_temperature": 90.0}, {"coil_temperature": 95.0}) == ()
+
+
+def test_how_grave_a_flag_is_and_what_it_adds():
+    """Notes add nothing; doubt adds as much as was measured; beyond a second limit nothing is used."""
+    [clipped] = judge({"saturated_share": 1.0})
+    assert (clipped.severity, leaves_out([clipped])) == (Severity.DOUBTFUL, False)
+    assert clipped.widens_mm(25.0, 3.0, 5.0) > 0.26 / 25.0  # what the table of errors has for a clipped back-light
+    [bent] = judge({"gamma": 2.2})
+    assert bent.widens_mm(25.0, 3.0, 5.0) > 0.45 / 25.0
+    words = {"even_turn": "", "twist_effect": ""}
+    [near], [far] = judge({"width_deviation": 0.1}, words=words), judge({"width_deviation": 0.2}, words=words)
+    assert (near.severity, near.widens_mm(25.0, 3.0, 5.0)) == (Severity.DOUBTFUL, pytest.approx(0.15))
+    assert (far.severity, far.widens, leaves_out([near, far])) == (Severity.UNUSABLE, 0.0, True)
+    [turned] = judge({"twist_deg": 2.0}, words=words)
+    assert turned.widens_mm(25.0, 3.0, 5.0) == pytest.approx(2.5 * np.sin(np.radians(2.0)))
+    [stale] = judge({"clamp_offset_mm": 0.4})
+    assert stale.widens_mm(25.0, 3.0, 5.0) == 0.4
+    [dim], [none] = judge({"contrast": 0.1}), judge({"contrast": 0.0})
+    assert (dim.severity, none.severity) == (Severity.NOTE, Severity.UNUSABLE)
+    assert judge({"repeated_images": 1}, words={"image": "x"})[0].severity is Severity.UNUSABLE
+
+
+def test_flags_are_stored_with_their_severity_and_old_ones_read():
+    flags_found = judge({"saturated_share": 0.5, "blur_px": 9.0})
+    assert flags_from_text(flags_to_text(flags_found)) == flags_found
+    [old] = flags_from_text(b'[["DEFOCUS", 3.0, 2.5, "Focus."]]')
+    assert old == Flag("DEFOCUS", 3.0, 2.5, "Focus.", Severity.UNUSABLE)
 
 
 @pytest.mark.parametrize("name", sorted(CASES))

@@ -30,16 +30,20 @@ import numpy as np
 from eimi_drivers.interfaces import Frame
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
+from eimi_lab.config.protocol import load_protocol
 from eimi_lab.dataset.layout import Header
+from eimi_lab.dataset.recordings import Moment
 from eimi_lab.dataset.writing import DatasetWriter
 
 folder, states, frames = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
-header = Header(load_specimen(folder / "specimen.toml"), load_calibration(folder / "calibration.toml"))
+header = Header(load_specimen(folder / "specimen.toml"), load_calibration(folder / "calibration.toml"),
+                load_protocol(folder / "protocol.toml"))
 image = lambda k: np.random.default_rng(k).integers(0, 255, {SHAPE}).astype(np.uint8)
 with DatasetWriter(folder / "run.h5", header, Frame(image(0), 0, 0.0)) as writer:
     trace = os.open(os.environ["TRACE"], os.O_WRONLY | os.O_APPEND)
     for k in range(states):
-        writer.append_state([Frame(image(k), n, 0.0) for n in range(frames)], current_A=k / 10, field_mT=k * 0.47)
+        taken = [Frame(image(k), n, 0.0) for n in range(frames)]
+        writer.append_state(taken, current_A=k / 10, field_mT=k * 0.47, transient=[Moment(taken[0], 1.0, 0.5, k / 10)])
         os.write(trace, b"A" + bytes(16))
 """
 
@@ -91,6 +95,9 @@ def test_at_every_write_boundary_each_acknowledged_state_can_be_read(
             for k in range(len(dataset.states)) if states < 10 else range(max(0, acknowledged - 1), acknowledged):
                 expected = np.random.default_rng(k).integers(0, 255, SHAPE).astype(np.uint8)
                 assert np.array_equal(dataset.images(k), np.stack([expected] * frames))
+                transient = dataset.transient(k)
+                assert transient is not None
+                assert np.array_equal(transient.images, expected[None])
     assert acknowledged == states
     assert boundaries > 20 * states
     assert bytes(built) == (files / "run.h5").read_bytes()

@@ -5,8 +5,8 @@
 a camera; `opening` knows the drivers by name.
 """
 
+from eimi_drivers.cameras.camera_names import CAMERAS, open_camera
 from eimi_drivers.cameras.image_series import list_images
-from eimi_drivers.cameras.opening import CAMERAS, open_camera
 from eimi_drivers.cameras.settings import CameraSettings
 
 __all__ = ["CAMERAS", "CameraSettings", "list_images", "open_camera"]

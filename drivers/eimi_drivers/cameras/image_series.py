@@ -10,7 +10,7 @@ import cv2
 from numpy.typing import NDArray
 
 from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings
-from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentError, ReplyNotUnderstood
+from eimi_drivers.interfaces import EndOfPlayback, InstrumentError, ReplyNotUnderstood
 
 IMAGE_SUFFIXES = frozenset({".png", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".jpg", ".jpeg"})
 
@@ -39,6 +39,21 @@ def list_images(source: str | Path) -> tuple[Path, ...]:
     return tuple(sorted(found, key=lambda path: natural_key(path.name)))
 
 
+def recording_length(source: str) -> int | None:
+    """How many frames a recording has, a video as its head tells it; None for a device, or where there is nothing."""
+    if source.isdecimal():
+        return None
+    if images := list_images(source):
+        return len(images)
+    if not Path(source).is_file():
+        return None
+    video = cv2.VideoCapture(source)
+    try:
+        return int(video.get(cv2.CAP_PROP_FRAME_COUNT)) if video.isOpened() else None
+    finally:
+        video.release()
+
+
 def refuse_on_recording(recording: str, settings: CameraSettings) -> None:
     """Raises InstrumentError when there is a setting that a recording cannot have."""
     if names := ", ".join(settings.chosen()):
@@ -60,10 +75,10 @@ class ImageSeries:
     def read(self) -> tuple[NDArray[Any], float]:
         """The next image, and its place in the series for a time stamp, since an image file has none.
 
-        Raises InstrumentDisconnected after the last, ReplyNotUnderstood for a file that is no image.
+        Raises EndOfPlayback after the last, ReplyNotUnderstood for a file that is no image.
         """
         if self._next == len(self._paths):
-            raise InstrumentDisconnected(f"{self._paths[0].parent}: end of playback after {self._next} images")
+            raise EndOfPlayback(f"{self._paths[0].parent}: end of playback after {self._next} images")
         path = self._paths[self._next]
         image = cv2.imread(str(path), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR)
         if image is None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from eimi_drivers.cameras.image_series import ImageSeries, list_images, refuse_on_recording
 from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings
 from eimi_drivers.interfaces import (
+    EndOfPlayback,
     Frame,
     Identity,
     InstrumentDisconnected,
@@ -103,7 +104,7 @@ class _Capture:
         # OpenCV may go on reporting success after a camera is unplugged; its device node does go.
         if not success or (self._node and not self._node.exists()):
             end = "no more frames: unplugged?" if self._is_device else f"end of playback after {self._count} frames"
-            raise InstrumentDisconnected(f"{self._name}: {end}")
+            raise (InstrumentDisconnected if self._is_device else EndOfPlayback)(f"{self._name}: {end}")
         self._count += 1
         if self._is_device:
             return image, self._stamp() or time.monotonic()

@@ -18,6 +18,7 @@ class Fault(Enum):
     PARTIAL = "the message is obeyed but the second half of the answer is lost"
     SLOW = "the message is obeyed but the answer comes late"
     DISCONNECT = "the line is cut, for good"
+    DROP = "the line is cut once, and can be opened anew"
 
 
 class FaultyInstrument:
@@ -46,6 +47,9 @@ class FaultyInstrument:
         if fault is Fault.DISCONNECT or self._cut:
             self._cut = True
             raise ConnectionResetError("the line was cut")
+        if fault is Fault.DROP:
+            self._fault = None
+            raise ConnectionResetError("the line was dropped")
         if fault is Fault.SILENCE:
             return b""
         answer = self._instrument.receive(data)

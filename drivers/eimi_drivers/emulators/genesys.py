@@ -4,9 +4,24 @@ from __future__ import annotations
 
 from eimi_drivers.emulators.supply import CoilSupply
 
-OUT_OF_RANGE = "E01"
+ABOVE_RANGE = "E01"
+BELOW_UVL = "E02"
+OVP_TOO_LOW = "E04"
+UVL_TOO_HIGH = "E06"
+OUT_OF_RANGE = "C05"
 ILLEGAL_COMMAND = "C01"
 ILLEGAL_PARAMETER = "C03"
+
+_FIXED = {
+    "REV?": "1U1K5:4.3",
+    "SN?": "0000000-0001",
+    "DATE?": "2020/01/01",
+    "AST?": "OFF",
+    "FILTER?": "18",
+    "FBD?": "0",
+    "MS?": "1",
+    "MDAV?": "0",
+}
 
 
 class GenesysDialect:
@@ -15,13 +30,16 @@ class GenesysDialect:
     Where the front panel is locked, setters are answered `OK` and not obeyed.
     """
 
-    identification = "LAMBDA,GEN40-38"
+    identification = "LAMBDA,GEN30-50"
 
     def __init__(self, supply: CoilSupply, unit: int = 6) -> None:
         self.supply = supply
         self.unit = unit
+        self.ovp_V = self.highest_ovp_V = 1.1 * supply.max_voltage_V
+        self.uvl_V = 0.0
         self._addressed = False
-        self._remote = False
+        self._mode = "LOC"
+        self._last = ""
         self._unfinished = b""
 
     def receive(self, data: bytes) -> bytes:
@@ -31,6 +49,7 @@ class GenesysDialect:
         return b"".join(answer.encode("ascii") + b"\r" for answer in answers if answer)
 
     def _answer(self, line: str) -> str:
+        line = self._last = self._last if line == "\\" else line
         header, _, argument = line.partition(" ")
         if header == "ADR":
             self._addressed = argument == str(self.unit)
@@ -59,6 +78,18 @@ class GenesysDialect:
                 return f"{max(supply.read().current_A, 0.0):06.3f}"
             case "STT?":
                 return self._status()
+            case "OVP?":
+                return f"{self.ovp_V:06.3f}"
+            case "UVL?":
+                return f"{self.uvl_V:06.3f}"
+            case "RMT?":
+                return self._mode
+            case "DVC?":
+                return ", ".join(self._tell(part) for part in ("MV?", "PV?", "MC?", "PC?", "OVP?", "UVL?"))
+            case "FLD?":
+                return "ON" if state.armed else "OFF"
+            case _ if question in _FIXED:
+                return _FIXED[question]
         return ILLEGAL_COMMAND
 
     def _status(self) -> str:
@@ -73,29 +104,53 @@ class GenesysDialect:
 
     def _obey(self, header: str, argument: str) -> str:
         if header == "RMT":
-            self._remote = argument in {"REM", "LLO"}
+            mode = {"0": "LOC", "1": "REM", "2": "LLO"}.get(argument, argument)
+            if mode not in {"LOC", "REM", "LLO"}:
+                return ILLEGAL_PARAMETER
+            self._mode = mode
             return "OK"
-        if not self._remote:
+        if self._mode == "LOC":
             return ILLEGAL_COMMAND
         supply = self.supply
         match header, argument:
-            case "OUT", "ON" | "OFF":
-                taken = supply.switch(argument == "ON")
-            case "FLD", "ON" | "OFF":
-                taken = supply.arm(argument == "ON")
-            case "PV" | "PC" | "OVP", _:
+            case "OUT", "ON" | "OFF" | "1" | "0":
+                taken = supply.switch(argument in {"ON", "1"})
+            case "FLD", "ON" | "OFF" | "1" | "0":
+                taken = supply.arm(argument in {"ON", "1"})
+            case "OVM", "":
+                return self._set("OVP", self.highest_ovp_V)
+            case "PV" | "PC" | "OVP" | "UVL", _:
                 try:
-                    value = float(argument)
+                    return self._set(header, float(argument))
                 except ValueError:
                     return ILLEGAL_PARAMETER
-                taken = self._set(header, value)
             case _:
                 return ILLEGAL_COMMAND
         return "OK" if taken or supply.locked else OUT_OF_RANGE
 
-    def _set(self, header: str, value: float) -> bool:
-        if header == "PV":
-            return self.supply.set_voltage(value)
-        if header == "PC":
-            return self.supply.set_current(value)
-        return value > 0 and self.supply.set_trip_levels(voltage_V=value)
+    def _set(self, header: str, value: float) -> str:
+        """Take a set-point, unless another one is in its way (the user manual's table of programming errors)."""
+        supply, set_V = self.supply, self.supply.state.set_voltage_V
+        if header == "PV" and value > min(1.05 * supply.max_voltage_V, 0.95 * self.ovp_V):
+            return ABOVE_RANGE
+        if header == "PV" and value < self.uvl_V:
+            return BELOW_UVL
+        if header == "OVP" and value < set_V + 0.05 * supply.max_voltage_V:
+            return OVP_TOO_LOW
+        if header == "UVL" and value > set_V:
+            return UVL_TOO_HIGH
+        if header == "OVP" and value > self.highest_ovp_V:
+            return OUT_OF_RANGE
+        if supply.locked:
+            return "OK"
+        match header:
+            case "PV":
+                taken = supply.set_voltage(value)
+            case "PC":
+                taken = supply.set_current(value)
+            case "OVP":
+                self.ovp_V = value
+                taken = supply.set_trip_levels(voltage_V=value)
+            case _:
+                self.uvl_V, taken = value, value >= 0
+        return "OK" if taken else OUT_OF_RANGE

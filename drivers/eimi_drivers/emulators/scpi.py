@@ -12,6 +12,17 @@ COMMAND_PROTECTED = '-203,"Command protected"'
 OUT_OF_RANGE = '-222,"Data out of range"'
 HARDWARE_MISSING = '-241,"Hardware missing"'
 
+_SHORT = {
+    long.upper(): long.rstrip("abcdefghijklmnopqrstuvwxyz")
+    for long in (
+        *("SOURce", "VOLTage", "CURRent", "OUTPut", "MEASure", "SYSTem", "ERRor", "PROTection", "STATe", "TRIPped"),
+        *("CLEar", "INSTrument", "NSELect", "LEVel", "IMMediate", "AMPLitude", "FUNCtion", "LIMit", "POSitive"),
+        *("NEGative", "GENeral", "VALue", "SCALar", "STATus", "VERSion", "QUEStion"),
+    )
+}
+_OPTIONAL = frozenset({"SOUR", "LEV", "IMM", "AMPL", "SCAL", "DC", "NEXT", "STAT"})
+"""Words that a message may leave out, where the instrument knows it without them (SCPI-99, volume 1, 6.2.1)."""
+
 _SWITCH = {"1": True, "ON": True, "0": False, "OFF": False}
 
 
@@ -40,6 +51,17 @@ class ScpiDialect:
             "MEAS:VOLT?": lambda: f"{supply.read().voltage_V:.6E}",
             "MEAS:CURR?": lambda: f"{supply.read().current_A:.6E}",
             "OUTP?": lambda: "1" if supply.output_on() else "0",
+            "*OPC?": lambda: "1",
+            "*ESR?": lambda: "0",
+            "*STB?": lambda: "0",
+            "*OPT?": lambda: "0",
+            "*TST?": lambda: "0",
+            "MEAS:POWE?": lambda: f"{supply.read().voltage_V * supply.read().current_A:.6E}",
+            "VOLT? MIN": lambda: "0.000000E+00",
+            "CURR? MIN": lambda: "0.000000E+00",
+            "VOLT? MAX": lambda: f"{supply.max_voltage_V:.6E}",
+            "CURR? MAX": lambda: f"{supply.max_current_A:.6E}",
+            "SYST:VERS?": lambda: "1999.0",
         }
         self.commands: dict[str, Callable[[str], bool]] = {
             "*CLS": self._clear_errors,
@@ -61,13 +83,24 @@ class ScpiDialect:
         header, _, argument = line.partition(" ")
         return header, argument.strip()
 
+    def _shortened(self, line: str) -> str:
+        """A line with its header as the tables know it: long words cut short, and those left out that may be."""
+        header, space, argument = line.removeprefix(":").partition(" ")
+        mark = "?" if header.endswith("?") else ""
+        words = [_SHORT.get(word, word) for word in header.removesuffix("?").split(":")]
+        for known in (words, [word for word in words if word not in _OPTIONAL]):
+            if (short := ":".join(known) + mark) in self.questions or short in self.commands:
+                return short + space + argument
+        return ":".join(words) + mark + space + argument
+
     def _answer(self, line: str) -> str | None:
         if not line:
             return None
         try:
-            header, argument = self._parse(line)
-            if header in self.questions and not argument:
-                return self.questions[header]()
+            header, argument = self._parse(self._shortened(line))
+            question = f"{header} {argument}".strip()
+            if question in self.questions:
+                return self.questions[question]()
             if header not in self.commands:
                 raise Refused(UNDEFINED_HEADER)
             if not self.commands[header](argument):

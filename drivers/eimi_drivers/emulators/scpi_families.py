@@ -26,9 +26,10 @@ class KeysightE36312ADialect(_SeveralChannels):
     """Channels are named in each message by a list, `(@1)`."""
 
     identification = "Keysight Technologies,E36312A,EMULATED,1.0"
+    all_channels: tuple[str, ...] = ("*", "SYST:")
 
     def _parse(self, line: str) -> tuple[str, str]:
-        if line.startswith(("*", "SYST:")):
+        if line.startswith(self.all_channels):
             return super()._parse(line)
         match = re.fullmatch(r"(\S+?\?) \(@(\d)\)|(\S+) (\S+), ?\(@(\d)\)", line)
         if match is None:
@@ -37,18 +38,113 @@ class KeysightE36312ADialect(_SeveralChannels):
         return match[1] or match[3], match[4] or ""
 
 
-class KeysightE364xDialect(ScpiDialect):
-    """One channel with over-current protection, whose level stays at the supply's largest current."""
+class KeysightN6700Dialect(KeysightE36312ADialect):
+    """As above, with a watchdog for all outputs; what it has switched off still calls itself on (`OUTP?`).
 
-    identification = "Agilent Technologies,E3632A,0,1.1-5.0-1.0"
+    `watch` lets it act; whoever wants it to act between messages calls it then.
+    """
+
+    identification = "Keysight Technologies,N6702C,EMULATED,E.02.08"
+    all_channels = ("*", "SYST:", "OUTP:PROT:WDOG")
+
+    def __init__(self, supply: CoilSupply, channel: int = 1) -> None:
+        super().__init__(supply, channel)
+        self._watchdog_s, self._watching, self._programmed_on = 60.0, False, False
+        self._heard_s = supply.clock.now()
+        self.questions["OUTP?"] = lambda: str(int(supply.output_on() or self._programmed_on))
+        self.questions["STAT:QUES:COND?"] = lambda: str(2048 if supply.state.tripped else 0)
+        self.questions["OUTP:PROT:WDOG?"] = lambda: str(int(self._watching))
+        self.questions["OUTP:PROT:WDOG:DEL?"] = lambda: f"{self._watchdog_s:.0f}"
+        self.commands["OUTP"] = self._switch
+        self.commands["OUTP:PROT:CLE"] = self._clear
+        self.commands["OUTP:PROT:WDOG"] = self._arm_watchdog
+        self.commands["OUTP:PROT:WDOG:DEL"] = self._set_watchdog
+        self.commands["CURR:PROT:STAT"] = lambda argument: not switch(argument)
+        self.commands["VOLT:PROT"] = lambda argument: supply.set_trip_levels(voltage_V=number(argument))
+
+    def receive(self, data: bytes) -> bytes:
+        """Every message holds the watchdog off."""
+        self.watch()
+        self._heard_s = self.supply.clock.now()
+        return super().receive(data)
+
+    def watch(self) -> None:
+        """Switch off where nobody was heard for too long."""
+        if self._watching and self.supply.output_on() and self.supply.clock.now() - self._heard_s > self._watchdog_s:
+            self._programmed_on = True
+            self.supply.trip()
+
+    def _parse(self, line: str) -> tuple[str, str]:
+        if match := re.fullmatch(r"(OUTP:PROT:CLE) \(@(\d)\)", line):
+            self._on_the_coil(match[2])
+            return match[1], ""
+        return super()._parse(line)
+
+    def _switch(self, argument: str) -> bool:
+        if self.supply.state.tripped:
+            self._programmed_on = switch(argument)
+            return True
+        return self.supply.switch(switch(argument))
+
+    def _clear(self, argument: str) -> bool:
+        on, self._programmed_on = self._programmed_on, False
+        return self.supply.clear_trip() and (not on or self.supply.switch(True))
+
+    def _arm_watchdog(self, argument: str) -> bool:
+        self._watching = switch(argument)
+        return True
+
+    def _set_watchdog(self, argument: str) -> bool:
+        self._watchdog_s = number(argument)
+        return 1 <= self._watchdog_s <= 3600
+
+
+class KeysightE364xDialect(ScpiDialect):
+    """Over-voltage protection with a level; over-current protection there is none."""
+
+    identification = "Agilent Technologies,E3640A,0,1.7-5.0-1.0"
 
     def __init__(self, supply: CoilSupply) -> None:
         super().__init__(supply)
+        self._ovp_V = 1.1 * supply.max_voltage_V
+        self._ovp = True
+        supply.set_trip_levels(voltage_V=self._ovp_V)
+        self.questions["VOLT:PROT?"] = lambda: f"{self._ovp_V:.6E}"
+        self.questions["VOLT:PROT:STAT?"] = lambda: str(int(self._ovp))
+        self.questions["VOLT:PROT:TRIP?"] = lambda: str(int(supply.state.tripped))
+        self.commands["VOLT:PROT:CLE"] = lambda argument: supply.clear_trip()
+        self.commands["VOLT:PROT"] = lambda argument: self._set_ovp(number(argument), self._ovp)
+        self.commands["VOLT:PROT:STAT"] = lambda argument: self._set_ovp(self._ovp_V, switch(argument))
+
+    def _set_ovp(self, level_V: float, on: bool) -> bool:
+        if not 0 < level_V <= 1.1 * self.supply.max_voltage_V:
+            return False
+        self._ovp_V, self._ovp = level_V, on
+        return self.supply.set_trip_levels(voltage_V=level_V if on else float("inf"))
+
+
+class KeysightE3632ADialect(KeysightE364xDialect):
+    """The same, and over-current protection with a level, too."""
+
+    identification = "HEWLETT-PACKARD,E3632A,0,1.1-5.0-1.0"
+
+    def __init__(self, supply: CoilSupply) -> None:
+        super().__init__(supply)
+        self._ocp_A = 1.1 * supply.max_current_A
+        self._ocp = True
+        supply.set_trip_levels(current_A=self._ocp_A)
+        self.questions["CURR:PROT?"] = lambda: f"{self._ocp_A:.6E}"
+        self.questions["CURR:PROT:STAT?"] = lambda: str(int(self._ocp))
         self.questions["CURR:PROT:TRIP?"] = lambda: str(int(supply.state.tripped))
         self.commands["CURR:PROT:CLE"] = lambda argument: supply.clear_trip()
-        self.commands["CURR:PROT:STAT"] = lambda argument: supply.set_trip_levels(
-            current_A=supply.max_current_A if switch(argument) else float("inf")
-        )
+        self.commands["CURR:PROT"] = lambda argument: self._set_ocp(number(argument), self._ocp)
+        self.commands["CURR:PROT:STAT"] = lambda argument: self._set_ocp(self._ocp_A, switch(argument))
+
+    def _set_ocp(self, level_A: float, on: bool) -> bool:
+        if not 0 < level_A <= 1.1 * self.supply.max_current_A:
+            return False
+        self._ocp_A, self._ocp = level_A, on
+        return self.supply.set_trip_levels(current_A=level_A if on else float("inf"))
 
 
 class _ChannelSelected(_SeveralChannels):
@@ -59,6 +155,7 @@ class _ChannelSelected(_SeveralChannels):
     def __init__(self, supply: CoilSupply, channel: int = 1) -> None:
         super().__init__(supply, channel)
         self._selected = "2" if channel == 1 else "1"
+        self.questions["INST:NSEL?"] = lambda: self._selected
         self.commands["INST:NSEL"] = self._select
 
     def _select(self, argument: str) -> bool:
@@ -83,6 +180,9 @@ class RigolDp800Dialect(_ChannelSelected):
         self.questions["OUTP?"] = lambda: "ON" if supply.output_on() else "OFF"
         self.questions["OUTP:MODE?"] = lambda: "CV" if supply.constant_voltage() else "CC"
         self.questions["OUTP:OCP:QUES?"] = lambda: "YES" if supply.state.tripped else "NO"
+        self.questions["OUTP:OVP:VAL?"] = lambda: f"{supply.state.trip_voltage_V:.4f}"
+        self.questions["OUTP:OCP:VAL?"] = lambda: f"{self._ocp_A:.4f}"
+        self.questions["OUTP:OCP:STAT?"] = lambda: "OFF" if supply.state.trip_current_A == float("inf") else "ON"
         self.commands["OUTP:OVP:VAL"] = lambda argument: supply.set_trip_levels(voltage_V=number(argument))
         self.commands["OUTP:OCP:VAL"] = self._set_ocp
         self.commands["OUTP:OCP:STAT"] = lambda argument: supply.set_trip_levels(
@@ -92,9 +192,6 @@ class RigolDp800Dialect(_ChannelSelected):
     def _set_ocp(self, argument: str) -> bool:
         self._ocp_A = number(argument)
         return self._ocp_A > 0
-
-    def _parse(self, line: str) -> tuple[str, str]:
-        return super()._parse(line.removeprefix(":").removeprefix("SOUR:"))
 
 
 class SiglentSpdDialect(_SeveralChannels):
@@ -107,6 +204,7 @@ class SiglentSpdDialect(_SeveralChannels):
         super().__init__(supply, channel)
         del self.questions["OUTP?"]
         self.questions["SYST:STAT?"] = self._status
+        self.questions["INST?"] = lambda: f"CH{self.channel}"
 
     def _status(self) -> str:
         independent = 0x04
@@ -122,7 +220,7 @@ class SiglentSpdDialect(_SeveralChannels):
         if match := re.fullmatch(r"CH(\d)(?:,(ON|OFF))?", argument):
             self._on_the_coil(match[1])
             return header, match[2] or ""
-        if not header.startswith(("*", "SYST:")):
+        if not header.startswith(("*", "SYST:", "INST")):
             raise Refused(MISSING_PARAMETER)
         return header, argument
 
@@ -138,6 +236,13 @@ class RohdeSchwarzHmpDialect(_ChannelSelected):
         self._channel_on = self._general = False
         self.questions["OUTP:GEN?"] = lambda: str(int(self._general))
         self.questions["VOLT:PROT:TRIP?"] = lambda: str(int(supply.state.tripped))
+        self.questions["OUTP:SEL?"] = lambda: str(int(self._channel_on))
+        self.questions["APPL?"] = lambda: f"{supply.state.set_voltage_V:.3f},{supply.state.set_current_A:.4f}"
+        self.questions["VOLT:STEP?"] = lambda: "1.000"
+        self.questions["CURR:STEP?"] = lambda: "0.1000"
+        self.questions["ARB:REP?"] = lambda: "0"
+        self.commands["OUTP:SEL"] = self._switch_channel
+        self.questions["VOLT:PROT:LEV?"] = lambda: f"{supply.state.trip_voltage_V:.3f}"
         self.commands["OUTP"] = self._switch_channel
         self.commands["OUTP:GEN"] = self._switch_general
         self.commands["VOLT:PROT:LEV"] = lambda argument: supply.set_trip_levels(voltage_V=number(argument))
@@ -163,7 +268,11 @@ class KepcoBopDialect(ScpiDialect):
         self._mode = "VOLT"
         self._limits_A = {"POS": supply.max_current_A, "NEG": supply.max_current_A}
         self._bounds_V = {"POS": supply.max_voltage_V, "NEG": supply.max_voltage_V}
-        del self.commands["VOLT"], self.questions["VOLT?"]
+        del self.commands["VOLT"]
+        self.questions["VOLT?"] = lambda: "0.000E+00"  # of voltage mode, which no coil is driven in
+        self.questions["DIAG:TST?"] = lambda: "0"
+        self.commands["SYST:BEEP"] = lambda argument: True
+        self.questions["FUNC:MODE?"] = lambda: {"VOLT": "0", "CURR": "1"}[self._mode]
         self.commands["FUNC:MODE"] = self._set_mode
         self.commands["CURR"] = self._set_current
         for side in ("POS", "NEG"):

@@ -15,20 +15,24 @@ from eimi_drivers.emulators.scpi import ScpiDialect
 from eimi_drivers.emulators.scpi_families import (
     KepcoBopDialect,
     KeysightE364xDialect,
+    KeysightE3632ADialect,
     KeysightE36312ADialect,
+    KeysightN6700Dialect,
     RigolDp800Dialect,
     RohdeSchwarzHmpDialect,
     SiglentSpdDialect,
 )
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import InstrumentError, Limits, PowerSupply
-from eimi_drivers.supplies.opening import supply_driver
+from eimi_drivers.supplies.supply_names import supply_driver
 from eimi_drivers.supplies.transport import InProcessTransport, Responder, split_address
 
 DIALECTS: dict[str, Callable[..., Responder]] = {
     "korad": KoradDialect,
     "scpi": ScpiDialect,
     "keysight-e36312a": KeysightE36312ADialect,
+    "keysight-n6700": KeysightN6700Dialect,
+    "keysight-e3632a": KeysightE3632ADialect,
     "keysight-e364x": KeysightE364xDialect,
     "rigol-dp800": RigolDp800Dialect,
     "siglent-spd": SiglentSpdDialect,

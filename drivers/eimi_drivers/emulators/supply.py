@@ -13,6 +13,7 @@ COPPER_PER_K = 0.00393
 """Temperature coefficient of the resistance of annealed copper at 20 °C (IEC 60028)."""
 
 HUNTING_HZ = 0.7
+LEAST_A = 1e-12  # below this the current has come to rest: no meter answers 1E-200
 
 
 @dataclass(frozen=True)
@@ -160,7 +161,8 @@ class CoilSupply:
 
     def _settling_current_A(self) -> float:
         target_A = self._target_A(self.resistance_ohm())
-        return target_A + (self.state.coil_current_A - target_A) * math.exp(-self._age_s() / self._time_constant_s)
+        left_A = (self.state.coil_current_A - target_A) * math.exp(-self._age_s() / self._time_constant_s)
+        return target_A + (left_A if abs(left_A) > LEAST_A else 0.0)
 
     def _target_A(self, resistance_ohm: float) -> float:
         if not self.state.output:

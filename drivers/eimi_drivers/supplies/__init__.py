@@ -6,6 +6,6 @@
 the drivers by name.
 """
 
-from eimi_drivers.supplies.opening import SUPPLIES, open_supply
+from eimi_drivers.supplies.supply_names import SUPPLIES, open_supply
 
 __all__ = ["SUPPLIES", "open_supply"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from contextlib import suppress
 from decimal import ROUND_DOWN, Decimal
 from typing import ClassVar, TypeVar
 
@@ -32,6 +33,11 @@ LATE_ANSWER_S = 1.0
 PROTECTION_MARGIN = 1.1
 """An instrument's own protection is set this far above the limits: it is for a regulator that has failed."""
 
+WATCHDOG_S = 10
+"""A supply's own watchdog switches off after so long without a message; a run sends one every 2 s at least."""
+
+STAYS_ON = "nothing switches the output off, it stays as it was set"
+
 _NUMBER = re.compile(rb"[ \t\r\n]*[+-]?(\d{1,12}\.?\d{0,12}|\.\d{1,12})([eE][+-]?\d{1,2})?[ \t\r\n\0]*")
 _NOT_A_MEASUREMENT = 1e30
 """SCPI answers 9.91E+37 for "not a number" and 9.9E+37 for infinity (SCPI-99, volume 1, 7.2.1)."""
@@ -48,6 +54,7 @@ class SupplyBase(ABC):
     bipolar: whether negative currents can be set.
     channels: the first and the last channel that an address may name after `#`; default_channel: the one
     used when it names none. read_backs: how often in a row a read-back must be right to be believed.
+    without_contact: what becomes of the output when the cable is pulled or the computer dies, in words.
     """
 
     name: ClassVar[str]
@@ -57,6 +64,7 @@ class SupplyBase(ABC):
     channels: ClassVar[tuple[int, int]] = (1, 1)
     default_channel: ClassVar[int] = 1
     read_backs: ClassVar[int] = 1
+    without_contact: str = STAYS_ON
 
     def __init__(self, link: Transport, limits: Limits, clock: Clock) -> None:
         """Sends nothing. Raises InstrumentError when the address names a channel that there is not."""
@@ -119,6 +127,12 @@ class SupplyBase(ABC):
     def _protect(self) -> None:  # noqa: B027  not every instrument has protections to set
         """Set the instrument's own protections; called before the output is switched on."""
 
+    def _arm_watchdog(self) -> None:  # noqa: B027  few instruments have one
+        """Let the instrument switch off by itself when nothing is heard for `WATCHDOG_S`; before the output is on."""
+
+    def _disarm_watchdog(self) -> None:  # noqa: B027
+        """The output is off: nobody has to be heard any more."""
+
     def set_voltage(self, voltage_V: float) -> None:
         """Set the compliance voltage and read it back. Raises SetPointRefused, SetPointNotTaken."""
         self._refuse_outside("voltage", voltage_V, 0.0, self.limits.voltage_V, "V")
@@ -134,9 +148,12 @@ class SupplyBase(ABC):
         """Switch the output and verify it. Raises SetPointNotTaken."""
         if on:
             self._protect()
+            self._arm_watchdog()
         self._send_output(on)
         self._raise_reported_errors()
         self._verify_output(on)
+        if not on:
+            self._disarm_watchdog()
         self._switched_on = on
 
     def check(self) -> None:
@@ -145,29 +162,48 @@ class SupplyBase(ABC):
         if cause := self._trip():
             raise ProtectionTripped(f"{self._link.address}: {cause}")
         if self._switched_on and not self._enabled():
-            raise ProtectionTripped(f"{self._link.address}: the output went off by itself: a protection tripped")
+            raise ProtectionTripped(
+                f"{self._link.address}: the output is off and this run did not switch it off: a protection that it "
+                "does not report, or somebody at its front panel"
+            )
 
     def safe_off(self) -> None:
         """Program zero, switch off, verify; each stage is tried whatever became of the others.
 
-        Raises SwitchOffFailed with the outcome of every stage when one failed.
+        Where one failed the line is opened anew and all are tried again. Raises SwitchOffFailed with the outcome of
+        every stage when one failed then, too.
         """
+        failed = self._try_to_switch_off()
+        if failed:
+            with suppress(InstrumentError):
+                self._link.reopen()
+            failed = self._try_to_switch_off()
+        if failed:
+            raise failed from failed.__cause__
+        with suppress(InstrumentError):
+            self._disarm_watchdog()
+        self._switched_on = False
+
+    def _try_to_switch_off(self) -> SwitchOffFailed | None:
         stages: tuple[tuple[str, Callable[[], None]], ...] = (
             ("zero", lambda: self._program_current(0.0)),
             ("off", lambda: self._send_output(False)),
             ("verify", lambda: self._verify_output(False)),
         )
-        outcomes, failures = [], []
+        outcomes: list[str] = []
+        first: Exception | None = None
         for stage, act in stages:
             try:
                 act()
                 outcomes.append(f"{stage}: done")
-            except InstrumentError as error:
+            except Exception as error:  # a mistake in a driver must not keep the stages after it from being tried
                 outcomes.append(f"{stage}: failed ({type(error).__name__}: {error})")
-                failures.append(error)
-        if failures:
-            raise SwitchOffFailed(f"{self._link.address}: {'; '.join(outcomes)}") from failures[0]
-        self._switched_on = False
+                first = first or error
+        if first is None:
+            return None
+        failed = SwitchOffFailed(f"{self._link.address}: {'; '.join(outcomes)}")
+        failed.__cause__ = first
+        return failed
 
     def close(self) -> None:
         """Release the port. Does not switch off: safe_off does."""

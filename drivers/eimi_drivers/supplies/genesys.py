@@ -15,7 +15,7 @@ from eimi_drivers.interfaces import (
     Limits,
     Reading,
 )
-from eimi_drivers.supplies.base import PROTECTION_MARGIN, SupplyBase
+from eimi_drivers.supplies.base import PROTECTION_MARGIN, STAYS_ON, SupplyBase
 from eimi_drivers.supplies.transport import SerialTransport, Transport
 
 LONGEST_LINE = 128
@@ -32,6 +32,26 @@ FAULTS = {
 }
 """Bits of the fault register, `FR` of `STT?`. Bit 0x40, the output being off, is no fault."""
 
+REFUSALS = {
+    "E01": "the voltage is above the range, or above 95 % of the over-voltage protection",
+    "E02": "the voltage is below the under-voltage limit (UVL)",
+    "E04": "the over-voltage protection is below the voltage set and 5 % of the rating",
+    "E06": "the under-voltage limit is above the voltage set",
+    "E07": "the output cannot be switched on during a fault",
+    "C01": "it does not know this message",
+    "C02": "a parameter is missing",
+    "C03": "the parameter is wrong",
+    "C04": "the checksum is wrong",
+    "C05": "it is out of range",
+}
+"""TDK-Lambda, Genesys user manual 83-507-013, tables 7-1 and 7-2; the same in those of the 2.4 kW (83-517-000), 3.3
+kW (83-503-001) and 10/15 kW series (83-532-002, tables 8-1 and 8-2).
+
+They give the order of voltage and over-voltage protection: E01 refuses a voltage above 95 % of the OVP, E04 one below
+the voltage set and 5 % of the rating. So a rising voltage wants the OVP out of its way first, and set after it.
+"""
+
+_RATING = re.compile(r"GENH?(\d+(?:\.\d+)?)-")
 _REFUSAL = re.compile(rb"[EC]\d\d\s*")
 _FAULT_REGISTER = re.compile(rb".*\bFR\(([0-9a-fA-F]{1,2})\)\s*", re.DOTALL)
 
@@ -50,6 +70,9 @@ class GenesysSupply(SupplyBase):
     read_backs = 2
     channels = (0, 30)
     default_channel = 6
+    without_contact = (
+        f"{STAYS_ON}; a Genesys+ has a watchdog in its front panel's menu (manual GH10-100, 5.10), a run bears 10 s"
+    )
 
     def __init__(self, link: Transport, limits: Limits, clock: Clock) -> None:
         super().__init__(link, limits, clock)
@@ -91,7 +114,8 @@ class GenesysSupply(SupplyBase):
         reply = self._exchange(question)
         if _REFUSAL.fullmatch(reply):
             text = reply.strip().decode("ascii")
-            raise InstrumentError(f"{self._link.address}: the instrument answers {question} with error {text}")
+            means = f": {REFUSALS[text]}" if text in REFUSALS else ""
+            raise InstrumentError(f"{self._link.address}: the instrument answers {question} with error {text}{means}")
         return reply
 
     def _raise_unless_ok(self, message: str, reply: bytes) -> None:
@@ -114,9 +138,22 @@ class GenesysSupply(SupplyBase):
 
     def _protect(self) -> None:
         self._command("FLD OFF")
-        self._command(f"OVP {self.limits.voltage_V * PROTECTION_MARGIN:.2f}")
+        self._command(f"OVP {self._ovp_V():.2f}")
+
+    def _ovp_V(self) -> float:
+        """Above the limit by the margin, and by 5 % of the rating, below which the supply refuses it (E04)."""
+        identity = self.identify().text
+        rating = _RATING.search(identity)
+        if rating is None:
+            raise InstrumentError(
+                f"{self._link.address}: its rating is not to be read from {identity!r}, such as GEN40-38, and without "
+                "it the over-voltage protection cannot be set"
+            )
+        limit_V = self.limits.voltage_V
+        return max(PROTECTION_MARGIN * limit_V, limit_V + 0.051 * float(rating[1]))
 
     def _send_voltage(self, text: str) -> None:
+        self._command("OVM")  # a low OVP from before would refuse the voltage (E01); `_protect` sets it anew
         self._command(f"PV {text}")
 
     def _send_current(self, text: str) -> None:

@@ -1,6 +1,7 @@
 """Kepco BOP bipolar supplies, in current mode, over SCPI.
 
-Source: Kepco BOP 1KW operator manual, appendix B. It advises against `OUTP OFF` on inductive loads, since
+Source: appendix B of the operator manuals of BOP-MG 1KW (firmware 2.01 to 4.11) and BOP-GL 1KW (3.05 and higher), whose
+commands VOLT:PROT and CURR:LIM are the same. It advises against `OUTP OFF` on inductive loads, since
 nothing then holds the load's current; and the power-up default of the output is on.
 """
 

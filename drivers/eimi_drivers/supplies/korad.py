@@ -81,9 +81,11 @@ class KoradSupply(SupplyBase):
         if not self._switched_on:
             return
         status = self._status()
-        if not status & OUTPUT_BIT or status & PROTECTION_BITS & ~self._armed_bits:
+        tripped = status & PROTECTION_BITS & ~self._armed_bits
+        if tripped or not status & OUTPUT_BIT:
             raise ProtectionTripped(
-                f"{self._link.address}: a protection tripped: status byte {status:#04x}, "
+                f"{self._link.address}: {'' if tripped else 'perhaps '}a protection tripped"
+                f"{'' if tripped else ', or somebody switched the output off'}: status byte {status:#04x}, "
                 f"output {'on' if status & OUTPUT_BIT else 'off'}"
             )
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 import re
 from typing import ClassVar
 
-from eimi_drivers.interfaces import Identity, InstrumentError, Reading
-from eimi_drivers.supplies.base import PROTECTION_MARGIN, SupplyBase
+from eimi_drivers.interfaces import Identity, InstrumentError, Reading, SetPointNotTaken
+from eimi_drivers.supplies.base import PROTECTION_MARGIN, STAYS_ON, WATCHDOG_S, SupplyBase
 from eimi_drivers.supplies.scpi_profiles import Profile
-from eimi_drivers.supplies.transport import Transport, VisaTransport
+from eimi_drivers.supplies.transport import Transport, open_visa
 
 LONGEST_LINE = 4096
 LONGEST_ERROR_QUEUE = 50
@@ -32,8 +32,8 @@ class ScpiSupply(SupplyBase):
 
     @classmethod
     def connect(cls, address: str) -> Transport:
-        """Open the VISA resource."""
-        return VisaTransport(address)
+        """Open the VISA resource, or the serial line."""
+        return open_visa(address)
 
     def identify(self) -> Identity:
         """Ask *IDN?."""
@@ -109,12 +109,37 @@ class ScpiSupply(SupplyBase):
             raise InstrumentError(f"{self._link.address}: the instrument reports: {'; '.join(reported)}")
 
     def _trip(self) -> str:
-        question = self.profile.trip
-        return f"a protection tripped ({question})" if question and self._ask_whether(question) else ""
+        tripped = [question for question in self.profile.trip if self._ask_whether(question)]
+        if tripped:
+            return f"a protection tripped ({', '.join(tripped)})"
+        if not self.profile.trip_register:
+            return ""
+        register = int(self._ask_value(self.profile.trip_register))
+        return ", ".join(words for bit, words in self.profile.trip_bits if register & bit)
 
     def _protect(self) -> None:
         if self.profile.protect:
             self._send_channel(*self.profile.protect)
+
+    def _arm_watchdog(self) -> None:
+        watchdog = self.profile.watchdog
+        if watchdog is None:
+            return
+        for message in watchdog.arm:
+            self._send(message.format(seconds=WATCHDOG_S))
+        self._raise_reported_errors()
+        for question, expected in watchdog.verify:
+            answer = self._number(question, self._ask(question))
+            if answer != (WATCHDOG_S if expected is None else expected):
+                raise SetPointNotTaken(
+                    f"{self._link.address}: its watchdog of {WATCHDOG_S} s did not take: {question} is answered "
+                    f"{answer:g}"
+                )
+
+    def _disarm_watchdog(self) -> None:
+        if self.profile.watchdog is not None:
+            self._send(self.profile.watchdog.disarm)
+            self._raise_reported_errors()
 
     def _send_voltage(self, text: str) -> None:
         self._send_channel(self.profile.set_voltage, value=text)
@@ -140,5 +165,10 @@ def scpi_driver(family: Profile) -> type[ScpiSupply]:
         name = family.driver
         profile = family
         channels = family.channels
+        without_contact = (
+            f"the supply's own watchdog switches every output off {WATCHDOG_S} s after the last message"
+            if family.watchdog
+            else STAYS_ON
+        )
 
     return FamilySupply

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import os
 import re
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from types import SimpleNamespace
 from typing import Any, Protocol
 
 import pyvisa
@@ -22,9 +24,19 @@ except ImportError:  # Windows has no termios, and pyserial does without it ther
 
 from eimi_drivers.interfaces import Clock, InstrumentDisconnected, InstrumentError, InstrumentTimeout
 
+_sharing = False
+
+
+def share_ports() -> None:
+    """From here on this process opens ports that another one has locked: for one that has to switch off."""
+    global _sharing
+    _sharing = True
+
+
 WRITE_TIMEOUT_S = 2.0
 OPEN_TIMEOUT_S = 3.0
 
+_VISA_SERIAL = re.compile(r"ASRL(.+?)(?:::INSTR)?", re.IGNORECASE)
 _CHANNEL = re.compile(r"(.*)#(\d{1,3})")
 
 
@@ -45,6 +57,9 @@ class Transport(Protocol):
         Raises InstrumentTimeout when neither has come within `timeout_s`.
         """
 
+    def reopen(self) -> None:
+        """Close and open anew, for a line that has failed. Raises InstrumentError."""
+
     def close(self) -> None:
         """Release the connection."""
 
@@ -63,20 +78,36 @@ def _no_answer(address: str, timeout_s: float, received: bytes = b"") -> Instrum
 class SerialTransport:
     """A serial port (8 data bits, no parity, 1 stop bit) through pyserial.
 
-    The address is a port such as `/dev/ttyUSB0` or `COM3`, or a pyserial URL such as `socket://host:port`.
-    The port is locked, so that two programs cannot talk to one supply at once.
+    The address is a port such as `/dev/ttyUSB0` or `COM3`, the same as VISA writes it (`ASRL/dev/ttyUSB0::INSTR`,
+    `ASRL3::INSTR`), or a pyserial URL such as `socket://host:port`. The port is locked, so that two programs cannot
+    talk to one supply at once.
     """
 
     def __init__(self, address: str, baud_rate: int = 9600) -> None:
         self.address = address
+        self._baud_rate = baud_rate
+        self._open()
+
+    def _open(self) -> None:
+        place = split_address(self.address)[0]
+        visa = _VISA_SERIAL.fullmatch(place)
+        port = visa[1] if visa else place
         with self._errors_named():
             self._port = serial.serial_for_url(
-                split_address(address)[0],
-                baudrate=baud_rate,
+                f"COM{port}" if port.isdecimal() else port,
+                baudrate=self._baud_rate,
                 timeout=0,
                 write_timeout=WRITE_TIMEOUT_S,
-                exclusive=True,
+                exclusive=None if _sharing else True,
             )
+
+    def reopen(self) -> None:
+        """See `Transport.reopen`. Not a pseudo-terminal: one that is gone may be another program's by now."""
+        if "/dev/pts/" in self.address:
+            return
+        with suppress(InstrumentError):
+            self.close()
+        self._open()
 
     @contextmanager
     def _errors_named(self) -> Iterator[None]:
@@ -117,43 +148,73 @@ def visa_library() -> str:
     return os.environ.get("PYVISA_LIBRARY", "@py")
 
 
+def open_visa(address: str) -> Transport:
+    """A VISA resource, or a bare serial port. Raises InstrumentError.
+
+    A serial line needs no VISA where that is pyvisa-py, which does not lock it.
+    """
+    place = split_address(address)[0]
+    is_serial = "::" not in place or _VISA_SERIAL.fullmatch(place) is not None
+    return SerialTransport(address) if is_serial and visa_library() == "@py" else VisaTransport(address)
+
+
 class VisaTransport:
     """Any VISA resource through PyVISA, with its backend in Python, `@py`: no vendor library is needed.
 
     Where one is installed, the environment variable PYVISA_LIBRARY (PyVISA's own) chooses it: `@ivi`.
-    `TCPIP::host::port::SOCKET`, `TCPIP::host::INSTR`, `USB0::…::INSTR` (needs PyUSB),
-    `ASRL/dev/ttyUSB0::INSTR`; a bare serial port is taken as the last.
+    `TCPIP::host::port::SOCKET`, `TCPIP::host::INSTR`, `USB0::…::INSTR` (needs PyUSB). A line that has failed is opened
+    anew with the next message.
     """
 
     def __init__(self, address: str) -> None:
         self.address = address
-        place = split_address(address)[0]
+        self._failed = False
+        self._open()
+
+    def _open(self) -> None:
+        place = split_address(self.address)[0]
         name = place if "::" in place else f"ASRL{place.removeprefix('COM')}::INSTR"
+        if visa_library() == "@py":
+            _wait_by_the_monotonic_clock()
         try:
             self._resource: Any = pyvisa.ResourceManager(visa_library()).open_resource(
                 name, open_timeout=round(OPEN_TIMEOUT_S * 1000)
             )
         except Exception as error:  # the backend raises bare Exception for a host that it cannot reach
-            raise InstrumentDisconnected(f"{address}: cannot be opened: {error}") from error
+            raise InstrumentDisconnected(
+                f"{self.address}: cannot be opened: {error or type(error).__name__}"
+            ) from error
         # Sockets and serial lines are streams: a late answer to an earlier question is still in there. The
         # other resources keep messages apart, and reading when nothing was asked is an error to them.
         self._is_stream = name.upper().startswith("ASRL") or name.upper().endswith("::SOCKET")
         try:
             self._discard_unread()  # a refused TCP connection shows at the first transfer, not at opening
         except InstrumentError:
-            self.close()
+            with suppress(InstrumentError):
+                self.close()
             raise
+        self._failed = False
+
+    def reopen(self) -> None:
+        """See `Transport.reopen`."""
+        with suppress(InstrumentError):
+            self.close()
+        self._open()
 
     @contextmanager
     def _errors_named(self, timeout_s: float = WRITE_TIMEOUT_S) -> Iterator[None]:
         try:
             yield
+        except InstrumentError:
+            raise
         except pyvisa.errors.VisaIOError as error:
             if error.error_code == pyvisa.constants.StatusCode.error_timeout:
                 raise _no_answer(self.address, timeout_s) from error
+            self._failed = True
             raise InstrumentDisconnected(f"{self.address}: {error}") from error
-        except (OSError, pyvisa.errors.Error) as error:
-            raise InstrumentDisconnected(f"{self.address}: {error}") from error
+        except Exception as error:  # a dropped HiSLIP link is a RuntimeError, VXI-11 has exceptions of its own
+            self._failed = True
+            raise InstrumentDisconnected(f"{self.address}: {error or type(error).__name__}") from error
 
     def _discard_unread(self) -> None:
         if not self._is_stream:
@@ -168,6 +229,8 @@ class VisaTransport:
 
     def write(self, message: bytes) -> None:
         """See `Transport.write`."""
+        if self._failed:
+            self.reopen()
         self._discard_unread()
         with self._errors_named():
             self._resource.timeout = round(WRITE_TIMEOUT_S * 1000)
@@ -184,6 +247,15 @@ class VisaTransport:
         """Close the resource; closing twice is allowed."""
         with self._errors_named():
             self._resource.close()
+
+
+def _wait_by_the_monotonic_clock() -> None:
+    """pyvisa-py ends its waits by the wall clock: one that is set back makes them last as much longer."""
+    from pyvisa_py import sessions, tcpip
+    from pyvisa_py.protocols import rpc
+
+    for module in (sessions, tcpip, rpc):
+        module.time = SimpleNamespace(time=time.monotonic, sleep=time.sleep)
 
 
 class Responder(Protocol):
@@ -228,6 +300,9 @@ class InProcessTransport:
             self._clock.sleep(timeout_s)
             raise _no_answer(self.address, timeout_s, received)
         return received
+
+    def reopen(self) -> None:
+        """See `Transport.reopen`."""
 
     def close(self) -> None:
         """Nothing to release."""

@@ -1,0 +1,35 @@
+"""Measuring scripts: each prints figures that the documentation states. `python -m benchmarks.NAME` in the top folder;
+`python -m benchmarks` runs those of docs/benchmarks.md.
+
+speed               what one simulated curve costs, and how cost grows
+peer, felupe_beam   the same curve in FElupe
+solid               the solid model: orders of convergence, what the plane leaves out, cost
+solid_mesh          what the mesh of the solid leaves in the modulus
+hidden_solids       fits of hidden solids under every section, and the bias foretold
+mesh_convergence    error of the tip against the mesh
+edges               error of the edges on rendered frames
+real_pictures       edges of other people's photographs against traced ones
+photographs         error of the edges in rendered photographs of coloured beams
+flag_pictures       a picture for every flag
+report_pictures     a report in a browser, wide and narrow, and on paper
+seeds               error of the modulus by law and seed
+coverage            how many 95 % intervals hold the truth
+plan                what a planned choice of states is worth, and whether it comes out as foretold
+second_worker       what a second worker brings to many fits
+storage             frames stored a second
+first_frame         from the start of the program to the first frame
+kill_campaign       runs killed at random moments: the coil off, states kept
+off_campaign        every fault that can keep a coil on, at full current; with `spoilt_bench`, `spoilt_run`,
+                    `emulated_supply`
+fuzz_files          mutated HDF5 and TOML files: no traceback, no hang
+numbers             results of whole cases before and after a change
+timing              seconds, as the others take them
+
+All figures are of one thread: more do not help matrices this small.
+"""
+
+import os
+
+# In time here, before any of the scripts has loaded numpy.
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
+    os.environ[_variable] = "1"

@@ -1,0 +1,128 @@
+"""All benchmarks with one command: ``python -m benchmarks [--short] [-o docs/benchmarks.md]``.
+
+Each runs in a process of its own, one after another; what it prints is its table. ``--short`` takes reduced sizes, for
+a look within a quarter of an hour; ``--only NAME`` one of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from datetime import date
+from importlib.metadata import version
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """One script: what its table says, the page that has its figures, and its arguments, all and for a short run."""
+
+    name: str
+    script: str
+    words: str
+    page: str
+    arguments: tuple[str, ...] = ()
+    short: tuple[str, ...] = ()
+
+
+ALL = (
+    Benchmark(
+        "forward", "speed", "What one simulated curve of 16 field states costs, and how the cost grows.", "why/speed.md"
+    ),
+    Benchmark(
+        "mesh", "mesh_convergence", "How far the tip of a 30 x 3 mm beam is off, by the mesh.", "why/verification.md"
+    ),
+    Benchmark(
+        "solid",
+        "solid",
+        "The solid in three dimensions: patches, orders of convergence, cost.",
+        "why/section.md",
+        short=("--short",),
+    ),
+    Benchmark("edges", "edges", "Error of the edges on rendered beams of known shape.", "why/edges.md"),
+    Benchmark(
+        "storage", "storage", "Acquisition: frames stored a second, with compression and checksum.", "why/safety.md"
+    ),
+    Benchmark(
+        "start", "first_frame", "Acquisition: from the start of the program to the first frame.", "why/safety.md"
+    ),
+    Benchmark(
+        "fit",
+        "seeds",
+        "Error of the identified modulus, in per cent of the truth, by law and seed.",
+        "why/statistics.md",
+    ),
+    Benchmark(
+        "coverage",
+        "coverage",
+        "How many of the 95 % intervals hold the truth, and how wide they are over what would hold 95 %.",
+        "why/statistics.md",
+        short=("--experiments", "48"),
+    ),
+    Benchmark(
+        "plan",
+        "plan",
+        "Half-widths in per cent of the 95 % interval of the modulus: what a plan foretold, and what came out.",
+        "why/planning.md",
+        short=("--experiments", "1"),
+    ),
+)
+
+
+def section(benchmark: Benchmark, short: bool) -> tuple[str, bool]:
+    """A benchmark's part of the page, and whether it ended well."""
+    own = benchmark.short if short else benchmark.arguments
+    command = ["-m", f"benchmarks.{benchmark.script}", *own]
+    print(f"{benchmark.name}: python {' '.join(command)}", flush=True)
+    begun = time.perf_counter()
+    done = subprocess.run([sys.executable, *command], capture_output=True, text=True, check=False)
+    print(f"{done.stdout}{done.stderr}  ({time.perf_counter() - begun:.0f} s)\n", flush=True)
+    table = done.stdout.strip()
+    shown = table if table.startswith("|") else f"```text\n{table}\n```"
+    return f"## {benchmark.name}\n\n{benchmark.words} `python {' '.join(command)}`\n\n{shown}\n", done.returncode == 0
+
+
+def heading() -> str:
+    """All benchmarks with their pages."""
+    rows = "".join(
+        f"| {b.name} | {b.words} | `python -m benchmarks.{b.script}` | [{Path(b.page).stem}]({b.page}) |\n" for b in ALL
+    )
+    return (
+        "# Benchmarks\n\nAll with one command, `python -m benchmarks -o docs/benchmarks.md`, which writes it;\n"
+        "`--short` takes reduced sizes, `--only NAME` one of them. The pages named here have the figures and what\n"
+        "they mean.\n\n"
+        "| name | what | alone | figures |\n| --- | --- | --- | --- |\n" + rows
+    )
+
+
+def environment() -> str:
+    """What was measured with, without naming a machine."""
+    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy"))
+    return f"One thread; Python {platform.python_version()}, {packages}; {date.today().isoformat()}.\n"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--short", action="store_true")
+    parser.add_argument("--only", choices=[benchmark.name for benchmark in ALL], action="append")
+    parser.add_argument("-o", "--output", type=Path)
+    options = parser.parse_args()
+    chosen = [benchmark for benchmark in ALL if not options.only or benchmark.name in options.only]
+    parts, failed = [heading(), environment()], []
+    for benchmark in chosen:
+        text, well = section(benchmark, options.short)
+        parts.append(text)
+        failed += [] if well else [benchmark.name]
+        if options.output:  # after each: the whole takes long, and may be stopped
+            options.output.write_text("\n".join(parts), encoding="utf-8")
+    if failed:
+        print(f"failed: {', '.join(failed)}")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,68 @@
+"""An emulated supply in a process of its own, whose coil can be watched and whose line can be spoilt from outside.
+
+    python -m benchmarks.emulated_supply korad pty
+
+It prints its address, then a line for every change of output or set-point: seconds of the monotonic clock, which all
+processes of a machine share, 1 or 0, amperes. A line on its standard input spoils the line to it: `silence`, `late`
+(every answer by 0.4 s), `cut` (at the next message, once), `none`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+from eimi_drivers.clock import WallClock
+from eimi_drivers.emulators.faults import Fault, FaultyInstrument
+from eimi_drivers.emulators.hislip import serve_hislip
+from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
+from eimi_drivers.emulators.supply import CoilSupply
+
+WATCH_EVERY_S = 0.002
+LATE_S = 0.4
+
+
+SERVE = {"pty": serve_pty, "tcp": serve_tcp, "hislip": serve_hislip}
+
+
+def main() -> None:
+    """Serve until standard input ends."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("driver")
+    parser.add_argument("transport", choices=SERVE)
+    chosen = parser.parse_args()
+    coil = CoilSupply(WallClock())
+    instrument = emulate(chosen.driver, coil)
+    line = FaultyInstrument(instrument, late_s=LATE_S)
+    threading.Thread(target=_watch, args=(coil, getattr(instrument, "watch", None)), daemon=True).start()
+    with SERVE[chosen.transport](line) as address:
+        print(address, flush=True)
+        for said in sys.stdin:
+            match said.strip():
+                case "silence":
+                    line.inject(Fault.SILENCE)
+                case "late":
+                    line.inject(Fault.SLOW)
+                case "cut":
+                    line.inject(Fault.DROP)
+                case _:
+                    line.inject(None)
+
+
+def _watch(coil: CoilSupply, watchdog: Callable[[], None] | None) -> None:
+    before: tuple[bool, float] | None = None
+    while True:
+        if watchdog:
+            watchdog()
+        now = (coil.state.output, coil.state.set_current_A)
+        if now != before:
+            print(f"{time.monotonic():.4f} {int(now[0])} {now[1]:g}", flush=True)
+            before = now
+        time.sleep(WATCH_EVERY_S)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,185 @@
+"""The magnet-tipped beam in FElupe (Dutzler, github.com/adtzlr/felupe), set up as well as its elements allow.
+
+FElupe assembles forces and tangents of the flexible part; the magnet is exact here as in `eimi_fitting`: the last
+column of points is condensed onto two translations and a rotation, with their geometric stiffness. Newton's method is
+the ordinary one, each state starts from the one before (polynomial extrapolation makes it diverge), and a state that
+does not converge is reached in halves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import felupe
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
+
+from eimi_fitting.beam.mesh import graded, grid_mesh
+from eimi_fitting.beam.specimen import STANDARD_GRAVITY, Specimen
+
+Array = NDArray[np.float64]
+
+# Bulk over shear modulus. Eight-point elements take more iterations with 5000 and come no nearer to the reference.
+BULK_RATIO = {"bilinear": 5000.0, "serendipity": 1000.0}
+_MOST_ITERATIONS, _MOST_HALVINGS = 30, 4
+
+
+@dataclass(frozen=True)
+class Elements:
+    """kind: "bilinear" (mean dilatation, `SolidBodyNearlyIncompressible`, which FElupe's documentation advises) or
+    "serendipity" (eight points, 2 x 2 Gauss points); along x across of them; graded as `eimi_fitting` grades its own.
+    """
+
+    kind: str
+    along: int
+    across: int
+    graded: bool
+
+    @property
+    def text(self) -> str:
+        """For a table."""
+        return f"{self.kind} {self.along} x {self.across}, {'graded' if self.graded else 'equal'}"
+
+
+@dataclass(frozen=True)
+class Curve:
+    """tip: (K, 2) mm; iterations: tangents in all."""
+
+    tip: Array
+    iterations: int
+
+
+class NoEquilibrium(Exception):
+    """Newton's method failed, cuts included."""
+
+
+def _points(elements: Elements, length: float, width: float) -> tuple[Array, NDArray[np.intp]]:
+    """Points and cells in FElupe's order."""
+    finer = (10.0, 5.0) if elements.graded else (0.0, 0.0)
+    x = graded(length, elements.along, 0.5 * width, *finer)
+    mesh = grid_mesh(x, np.linspace(-0.5 * width, 0.5 * width, elements.across + 1))
+    corners_then_sides = [0, 6, 8, 2, 3, 7, 5, 1]
+    local = corners_then_sides[:4] if elements.kind == "bilinear" else corners_then_sides
+    used, cells = np.unique(mesh.elements[:, local], return_inverse=True)
+    return mesh.nodes[used], cells.reshape(-1, len(local))
+
+
+def _material(law: str, parameters: Array) -> tuple[Any, float]:
+    """Isochoric material (MPa) and its initial shear modulus. Raises ValueError for a law that is not compared."""
+    if law == "neo-hookean":
+        return felupe.NeoHooke(mu=parameters[0]), float(parameters[0])
+    if law == "ogden":  # FElupe's moduli are mu_p alpha_p / 2
+        mu, alpha = 0.5 * parameters[0::2] * parameters[1::2], parameters[1::2]
+        return felupe.Hyperelastic(felupe.ogden, mu=list(mu), alpha=list(alpha)), float(mu.sum())
+    raise ValueError(f"{law} is not compared")
+
+
+class Beam:
+    """A specimen with a magnet and one material, gravity along the beam, field (mT) across it."""
+
+    def __init__(self, specimen: Specimen, elements: Elements, law: str, parameters_MPa: Array) -> None:
+        magnet = specimen.magnet
+        assert magnet is not None
+        self.length = specimen.flexible_length_mm
+        points, cells = _points(elements, self.length, specimen.width_mm)
+        material, mu = _material(law, parameters_MPa)
+        if elements.kind == "bilinear":
+            self.region = felupe.RegionQuad(felupe.Mesh(points, cells, "quad"))
+        else:
+            mesh = felupe.Mesh(points, cells, "quad8")
+            self.region = felupe.RegionQuadraticQuad(mesh, quadrature=felupe.GaussLegendre(order=1, dim=2))
+        self.field = felupe.FieldContainer([felupe.FieldPlaneStrain(self.region, dim=2)])
+        bulk = BULK_RATIO[elements.kind] * mu
+        if elements.kind == "bilinear":
+            self.body = felupe.SolidBodyNearlyIncompressible(material, self.field, bulk=bulk)
+        elif law == "neo-hookean":
+            self.body = felupe.SolidBody(felupe.NeoHooke(mu=mu, bulk=bulk), self.field)
+        else:
+            self.body = felupe.SolidBody(material & felupe.Volumetric(bulk=bulk), self.field)
+        weight = felupe.SolidBodyForce(self.field, values=[1e-9 * specimen.density_kg_m3 * STANDARD_GRAVITY, 0.0])
+        self.weight = weight.assemble.vector().toarray().ravel()
+        block = magnet.length_mm * specimen.width_mm * specimen.depth_mm
+        own = magnet.length_mm * magnet.width_mm * magnet.depth_mm
+        mass = 1e-9 * (own * magnet.density_kg_m3 + (block - own) * specimen.density_kg_m3) / specimen.depth_mm
+        self.magnet_weight = mass * STANDARD_GRAVITY
+        self.magnet_length = magnet.length_mm
+        self.moment = magnet.moment_A_m2 / specimen.depth_mm  # N mm per mm of depth and mT
+        self.tied = np.flatnonzero(points[:, 0] > self.length - 1e-9)
+        self.arms = points[self.tied] - [self.length, 0.0]
+        free = np.setdiff1d(np.flatnonzero(points[:, 0] > 1e-9), self.tied)
+        self.count, self.free = len(points), free
+        dofs = (2 * free[:, None] + np.arange(2)).ravel()
+        self.n = len(dofs)  # then follow the translations and the rotation of the magnet
+        shape = (2 * self.count, self.n + 3)
+        self.selection = sparse.csr_matrix((np.ones(self.n), (dofs, np.arange(self.n))), shape=shape)
+
+    def _place(self, x: Array) -> Array:
+        displacement = np.zeros((self.count, 2))
+        displacement[self.free] = x[: self.n].reshape(-1, 2)
+        c, s = np.cos(x[-1]), np.sin(x[-1])
+        displacement[self.tied] = x[-3:-1] + self.arms @ np.array([[c - 1, s], [-s, c - 1]])
+        return displacement
+
+    def _step(self, x: Array, field_mT: float) -> Array:
+        """One Newton step at ``x``, which the field container already holds."""
+        self.field[0].values[:] = self._place(x)
+        out_of_balance = self.weight - self.body.assemble.vector(self.field).toarray().ravel()
+        stiffness = self.body.assemble.matrix()
+        c, s = np.cos(x[-1]), np.sin(x[-1])
+        slope = self.arms @ np.array([[-s, c], [-c, -s]])
+        n, rows = self.n, 2 * self.tied
+        turning = sparse.csr_matrix(
+            (
+                np.concatenate([np.ones(2 * len(rows)), slope[:, 0], slope[:, 1]]),
+                (np.concatenate([rows, rows + 1] * 2), np.repeat([n, n + 1, n + 2, n + 2], len(rows))),
+            ),
+            shape=self.selection.shape,
+        )
+        tie = self.selection + turning
+        right = tie.T @ out_of_balance
+        right[-3] += self.magnet_weight
+        lever = 0.5 * self.magnet_length * self.magnet_weight
+        right[-1] += self.moment * field_mT * c - lever * s
+        pull = out_of_balance.reshape(-1, 2)[self.tied]
+        curvature = self.arms @ np.array([[-c, -s], [s, -c]])
+        turning_stiffness = self.moment * field_mT * s + lever * c - np.sum(pull * curvature)
+        added = sparse.csc_matrix(([turning_stiffness], ([n + 2], [n + 2])), shape=(n + 3, n + 3))
+        return np.asarray(spsolve((tie.T @ stiffness @ tie).tocsc() + added, right))
+
+    def _equilibrium(self, x: Array, field_mT: float, tolerance_mm: float) -> tuple[Array | None, int]:
+        for iteration in range(_MOST_ITERATIONS):
+            step = self._step(x, field_mT)
+            largest = np.abs(step).max()
+            if not largest < 10 * self.length:
+                return None, iteration + 1
+            x = x + step
+            if largest < tolerance_mm:
+                return x, iteration + 1
+        return None, _MOST_ITERATIONS
+
+    def curve(self, fields_mT: Array, tolerance_mm: float) -> Curve:
+        """Through the fields in order, until no unknown moves by the tolerance. Raises NoEquilibrium."""
+        x, before, spent, tips = np.zeros(self.n + 3), 0.0, 0, []
+        for target in fields_mT:
+            size = target - before
+            now = before
+            while True:
+                kept = self.body.checkpoint()
+                found, iterations = self._equilibrium(x, now + size, tolerance_mm)
+                spent += iterations
+                if found is None:
+                    self.body.restore(kept)
+                    size /= 2
+                    if size < (target - before) / 2**_MOST_HALVINGS:
+                        raise NoEquilibrium(f"at {now + size:g} mT")
+                    continue
+                x, now = found, now + size
+                if now >= target - 1e-12:
+                    break
+            before = target
+            reach = self.length + x[-3] + self.magnet_length * np.cos(x[-1])
+            tips.append([reach, x[-2] + self.magnet_length * np.sin(x[-1])])
+        return Curve(np.array(tips), spent)

@@ -1,0 +1,250 @@
+"""Kills acquisitions at random moments and counts what became of the coil and of the data.
+
+    python -m benchmarks.kill_campaign --runs 500
+
+Each run is a whole `eimi acquire` on an emulated supply behind a pseudo-terminal, with a recording as its camera. The
+emulator lives in this process, so that it outlives the run and its coil can be watched. TERM, HUP, INT or KILL comes at
+a random moment between the run's first message to the supply and its end. Exit status 0 when nothing was found wrong.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from eimi_drivers.clock import WallClock
+from eimi_drivers.emulators.serve import emulate, serve_pty
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.supplies.transport import Responder
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.dataset.recovery import recover
+
+CURRENTS_A = [0.0, 0.1, 0.2, 0.3]
+FRAMES, HEIGHT, WIDTH = 2, 48, 64
+PICTURES, NAMES = 16, 4000  # a recording is played as fast as it is asked for, on a quick machine 100 images a state
+SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGKILL)
+DRIVERS = ("scpi", "korad")  # the quick one first, for short campaigns
+WATCH_EVERY_S = 0.002
+GIVE_UP_AFTER_S = 60.0
+BEFORE_ANY = "stopped before a file was begun"
+
+FILES = {
+    "specimen.toml": """
+[specimen]
+name = "small"
+material = "Dragon Skin 10"
+length_mm = 10.0
+width_mm = 2.0
+depth_mm = 2.0
+density_kg_m3 = 1070.0
+section = "plane-strain"
+""",
+    "calibration.toml": """
+pixels_per_mm = 4.0
+coil_constant_mT_per_A = 4.7
+clamp_midpoint_px = [32.0, 4.0]
+axis_angle_deg = 90.0
+gravity_angle_deg = 90.0
+field_angle_deg = 0.0
+""",
+    "protocol.toml": f"""
+name = "short"
+material = "Dragon Skin 10"
+frames_per_state = {FRAMES}
+current = {{ values_A = {CURRENTS_A} }}
+ramp = {{ rate_A_per_s = 10.0, step_A = 0.3, tolerance_A = 0.02 }}
+limits = {{ current_A = 1.0, voltage_V = 10.0 }}
+settle = {{ noise_ratio = 1.5, pairs = 2, drift_window_s = 0.02, timeout_s = 5.0 }}
+""",
+}
+
+
+class Heard:
+    """An emulated instrument that notes when it was spoken to first."""
+
+    def __init__(self, instrument: Responder) -> None:
+        self._instrument = instrument
+        self.first = threading.Event()
+
+    def receive(self, data: bytes) -> bytes:
+        """Pass the message on."""
+        self.first.set()
+        return self._instrument.receive(data)
+
+
+@dataclass
+class RunEnd:
+    """How a run ended. on_for_s: how long after the signal the output was last seen on, 0 when it never was."""
+
+    status: int
+    lines: list[str]
+    lasted_s: float
+    on_for_s: float = 0.0
+
+    @property
+    def acknowledged(self) -> int:
+        return sum(line.startswith("acquire ") for line in self.lines)
+
+
+def make_bench(folder: Path) -> None:
+    """Write the TOML files and the recording of a beam at rest."""
+    recording = folder / "recording"
+    recording.mkdir()
+    across = np.abs(np.arange(WIDTH) - WIDTH / 2)
+    for number in range(PICTURES):
+        noise = np.random.default_rng(number).normal(0, 2, (HEIGHT, WIDTH))
+        image = 30 + 170 / (1 + np.exp(-(across - 4) / 0.7)) + noise
+        cv2.imwrite(str(recording / f"f_{number}.png"), np.clip(image, 0, 255).astype(np.uint8))
+    for number in range(PICTURES, NAMES):
+        os.link(recording / f"f_{number % PICTURES}.png", recording / f"f_{number}.png")
+    for name, text in FILES.items():
+        (folder / name).write_text(text)
+
+
+def run(
+    folder: Path, address: str, heard: Heard, coil: CoilSupply, driver: str, kill: tuple[int, float] | None, *more: str
+) -> RunEnd:
+    """Acquire; `kill` is a signal and the seconds after the first message at which it is sent."""
+    (folder / "rig.toml").write_text(f"""
+name = "emulated"
+calibration = "calibration.toml"
+supply = {{ driver = "{driver}", address = "{address}", limits = {{ current_A = 1.0, voltage_V = 10.0 }} }}
+camera = {{ driver = "opencv", source = "recording" }}
+""")
+    command = [sys.executable, "-m", "eimi_lab", "acquire", "protocol.toml", "--specimen", "specimen.toml"]
+    process = subprocess.Popen(
+        [*command, "--rig", "rig.toml", "-o", "run.h5", *more],
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    lines: list[str] = []
+    assert process.stderr is not None
+    reader = threading.Thread(target=lines.extend, args=(process.stderr,), daemon=True)
+    heard.first.clear()
+    reader.start()
+    if not heard.first.wait(GIVE_UP_AFTER_S):
+        process.kill()
+        raise RuntimeError(f"the run never spoke to the supply: {lines}")
+    began = time.monotonic()
+    on_for_s = 0.0
+    if kill:
+        number, after_s = kill
+        time.sleep(after_s)
+        process.send_signal(number)
+        sent = time.monotonic()
+        while reader.is_alive() and time.monotonic() - sent < GIVE_UP_AFTER_S:  # run and guardian hold the other end
+            if coil.state.output:
+                on_for_s = time.monotonic() - sent
+            time.sleep(WATCH_EVERY_S)
+    reader.join(GIVE_UP_AFTER_S)
+    return RunEnd(process.wait(GIVE_UP_AFTER_S), [line.rstrip() for line in lines], time.monotonic() - began, on_for_s)
+
+
+def stored(path: Path) -> list[float | None]:
+    """The currents of a dataset's states; every frame is read against its checksum."""
+    with open_dataset(path) as dataset:
+        for state in dataset.states:
+            assert dataset.images(state.index).shape == (FRAMES, HEIGHT, WIDTH)
+        return [state.current_A for state in dataset.states]
+
+
+def faults_of(ended: RunEnd, coil: CoilSupply, folder: Path, off_within_s: float) -> list[str]:
+    """What was wrong after a killed run."""
+    faults = []
+    if coil.state.output or coil.state.set_current_A:
+        faults.append("the coil was left on")
+    elif ended.on_for_s > off_within_s:
+        faults.append(f"the coil was off only after {ended.on_for_s:.2f} s")
+    path, whole = folder / "run.h5", folder / "whole.h5"
+    if not path.exists():
+        return faults + (["acknowledged states have no file"] if ended.acknowledged else [])
+    recover(path, whole)
+    found = stored(whole)
+    if found != CURRENTS_A[: len(found)] or len(found) < ended.acknowledged:
+        faults.append(f"{ended.acknowledged} states acknowledged, {found} recovered")
+    return faults
+
+
+def campaign(runs: int, resumed: float, seed: int, off_within_s: float) -> int:
+    """Do it, print the figures, and return the number of runs with a fault."""
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):  # a run heeds no signal that it finds ignored
+        signal.signal(number, signal.SIG_DFL)
+    random = np.random.default_rng(seed)
+    counts: Counter[str] = Counter()
+    on_for_s: list[float] = []
+    lasting_s: dict[str, float] = {}
+    drivers = DRIVERS[:runs]
+    for index in range(-len(drivers), runs):  # the first, one a driver, run to their end and show how long that is
+        driver = drivers[index % len(drivers)]
+        with tempfile.TemporaryDirectory() as name:
+            folder, coil = Path(name), CoilSupply(WallClock())
+            make_bench(folder)
+            heard = Heard(emulate(driver, coil))
+            with serve_pty(heard) as address:
+                if index < 0:
+                    unharmed = run(folder, address, heard, coil, driver, None)
+                    lasting_s[driver] = unharmed.lasted_s
+                    if unharmed.status != 0 or stored(folder / "run.h5") != CURRENTS_A:
+                        raise RuntimeError(f"not even a run that nobody kills is complete: {unharmed.lines[-1:]}")
+                    continue
+                number = SIGNALS[int(random.integers(len(SIGNALS)))]
+                after_s = float(random.uniform(0, lasting_s[driver]))
+                ended = run(folder, address, heard, coil, driver, (number, after_s))
+                faults = faults_of(ended, coil, folder, off_within_s)
+                on_for_s.append(ended.on_for_s)
+                counts[number.name] += 1
+                counts["files recovered"] += (folder / "whole.h5").exists()
+                counts[BEFORE_ANY] += not (folder / "run.h5").exists()
+                counts["killed with the output on"] += ended.on_for_s > 0
+                counts["states acknowledged"] += ended.acknowledged
+                if (folder / "run.h5").exists() and random.random() < resumed:
+                    counts["resumed"] += 1
+                    again = run(folder, address, heard, coil, driver, None, "--resume")
+                    if again.status == 0 and stored(folder / "run.h5") == CURRENTS_A and not coil.state.output:
+                        counts["resumed and complete"] += 1
+                    else:
+                        faults.append(f"resuming ended with {again.status}: {again.lines[-1:]}")
+        counts["runs"] += 1
+        print(f"\r{index + 1} of {runs}", end="", file=sys.stderr, flush=True)
+        if faults:
+            counts["runs with a fault"] += 1
+            print(f"run {index}, {driver}, {number.name} after {after_s:.3f} s: {'; '.join(faults)}", flush=True)
+            print("\n".join(f"    {line}" for line in ended.lines), flush=True)
+    print(", ".join(f"{counts[number.name]} {number.name}" for number in SIGNALS))
+    print(f"coil off within {off_within_s:g} s: {sum(t <= off_within_s for t in on_for_s)} of {counts['runs']}", end="")
+    print(f"; {counts['killed with the output on']} found it on; longest {max(on_for_s):.2f} s", end="")
+    print(f", median of those {np.median([t for t in on_for_s if t] or [0.0]):.2f} s")
+    print(f"files recovered: {counts['files recovered']}; {BEFORE_ANY}: {counts[BEFORE_ANY]}")
+    print(f"states acknowledged: {counts['states acknowledged']}")
+    print(f"resumed and complete: {counts['resumed and complete']} of {counts['resumed']}")
+    print(f"runs with a fault: {counts['runs with a fault']} of {counts['runs']}")
+    return counts["runs with a fault"]
+
+
+def main() -> None:
+    """Do what was asked for and exit."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=500)
+    parser.add_argument("--resumed", type=float, default=0.5, help="the share of runs with a file that are resumed")
+    parser.add_argument("--off-within", type=float, default=1.0, help="seconds; later is a fault")
+    parser.add_argument("--seed", type=int, default=1)
+    chosen = parser.parse_args()
+    sys.exit(1 if campaign(chosen.runs, chosen.resumed, chosen.seed, chosen.off_within) else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,168 @@
+"""The results of the demonstration and of eight end-to-end cases, to be the same before and after a change.
+
+    python -m benchmarks.numbers -o before.json [--quick]
+    python -m benchmarks.numbers --against before.json [--rtol 1e-9] [--quick] [-o after.json]
+
+The cases are four specimens, once of a hidden Neo-Hookean material with all laws fitted, once of a hidden Yeoh material
+with Yeoh and Ogden. Of each it keeps the edges, every number and word of fits.json and the errors that `eimi validate`
+finds. Against an earlier file it prints each quantity's largest relative difference, the quantities that only one of
+both has and the words that differ. Exit status 1 when anything differs by more than --rtol or is gone, 0 when not.
+--quick is the quick demonstration alone; otherwise it takes some minutes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from eimi_lab.notebook import open_dataset
+
+RIGS = Path(__file__).parents[1] / "protocols" / "rigs"
+SPECIMENS = ("type1", "type2", "type3", "type4")
+HIDDEN = {
+    "neo-hookean": ("mu_Pa = 46390.0", ("neo-hookean", "mooney-rivlin", "yeoh", "ogden")),
+    "yeoh": ("C10_Pa = 19530.0, C20_Pa = 7410.0, C30_Pa = -3117.0", ("yeoh", "ogden")),
+}
+# These tell of a run, not of a result.
+OF_THE_RUN = {"wall_s", "sha256", "path", "dataset", "versions"}
+
+Json = Any
+
+
+def eimi(folder: Path, *arguments: str | Path) -> None:
+    """Run a command of the suite in a folder; ends the script where that fails."""
+    command = [sys.executable, "-m", "eimi_lab", *map(str, arguments)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode:
+        sys.exit(f"eimi {' '.join(map(str, arguments))}: {done.stderr}")
+
+
+def demonstration(folder: Path, *more: str) -> dict[str, Json]:
+    """Results of `eimi demo`."""
+    eimi(folder, "demo", "-o", "demo", *more)
+    return results(folder, Path("demo") / "dataset.h5", Path("demo") / "fits.json")
+
+
+def case(folder: Path, specimen: str, hidden: str) -> dict[str, Json]:
+    """Results of a protocol taken with a hidden material and fitted."""
+    parameters, models = HIDDEN[hidden]
+    for file in RIGS.glob("virtual*.toml"):
+        (folder / file.name).write_bytes(file.read_bytes())
+    (folder / "virtual_materials.toml").write_text(
+        f'[silicone."Dragon Skin 10"]\nmodel = "{hidden}"\nparameters = {{ {parameters} }}\n', encoding="utf-8"
+    )
+    eimi(folder, "acquire", "dragon_skin_10", "--specimen", specimen, "--rig", folder / "virtual.toml", "-o", "run.h5")
+    eimi(folder, "fit", "run.h5", *(w for model in models for w in ("--model", model)), "-o", "fits.json")
+    return results(folder, Path("run.h5"), Path("fits.json"))
+
+
+def results(folder: Path, dataset: Path, fits: Path) -> dict[str, Json]:
+    """Edges of a dataset, fits and validations, as JSON holds them; fits by their laws."""
+    eimi(folder, "validate", dataset, "--fit", fits, "-o", "validation.json")
+    with open_dataset(folder / dataset) as opened:
+        edges = [
+            {side: getattr(found, side).points_mm.tolist() for side in ("left", "right")}
+            for found in opened.edges() or ()
+        ]
+    told = json.loads((folder / fits).read_text(encoding="utf-8"))
+    validations = json.loads((folder / "validation.json").read_text(encoding="utf-8"))["validations"]
+    fits_of_file = {fit["model"]: fit for fit in told.pop("fits")}
+    return {
+        "edges": edges,
+        "fits": fits_of_file,
+        **told,
+        "validations": dict(zip(fits_of_file, validations, strict=True)),
+    }
+
+
+def measure(quick: bool) -> dict[str, Json]:
+    """Results of every case, by its name."""
+    every: dict[str, Json] = {}
+    for case_name, options in {"quick demonstration": ["--quick"], "demonstration": []}.items():
+        if options or not quick:
+            print(case_name, file=sys.stderr, flush=True)
+            with tempfile.TemporaryDirectory() as name:
+                every[case_name] = demonstration(Path(name), *options)
+    for hidden, specimen in [] if quick else [(h, s) for h in HIDDEN for s in SPECIMENS]:
+        print(f"{hidden}, {specimen}", file=sys.stderr, flush=True)
+        with tempfile.TemporaryDirectory() as name:
+            every[f"{hidden}, {specimen}"] = case(Path(name), specimen, hidden)
+    return every
+
+
+def leaves(node: Json, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Json]]:
+    """Every number or word with the keys that lead to it; a list of numbers is one leaf, for it has one scale."""
+    if isinstance(node, dict):
+        for key, value in node.items():
+            if key not in OF_THE_RUN:
+                yield from leaves(value, (*path, key))
+    elif isinstance(node, list) and not all(isinstance(value, int | float) for value in node):
+        for index, value in enumerate(node):
+            yield from leaves(value, (*path, str(index)))
+    else:
+        yield path, node
+
+
+def difference(before: Json, after: Json) -> float:
+    """The largest, relative to the largest number of a list; infinite between words or lists that are not alike."""
+    if before == after:
+        return 0.0
+    one, other = (value if isinstance(value, list) else [value] for value in (before, after))
+    if len(one) != len(other) or not all(type(value) in (int, float) for value in (*one, *other)):
+        return float("inf")
+    scale = max(abs(value) for value in (*one, *other))
+    return max(abs(a - b) for a, b in zip(one, other, strict=True)) / scale
+
+
+def quantity(path: tuple[str, ...]) -> str:
+    """What the numbers of all cases, laws and states are listed under: the path without these."""
+    rest = path[1:]
+    named = rest[:1] + rest[2:] if rest[0] in ("fits", "validations") else rest
+    return ".".join(key for key in named if not key.isdigit())
+
+
+def compare(before: dict[str, Json], after: dict[str, Json], rtol: float) -> bool:
+    """Print what differs; whether nothing is gone or differs by more than rtol."""
+    first, second = dict(leaves(before)), dict(leaves(after))
+    largest: dict[str, tuple[float, tuple[str, ...]]] = {}
+    for path in first.keys() & second.keys():
+        found = difference(first[path], second[path])
+        if found >= largest.get(quantity(path), (-1.0, path))[0]:
+            largest[quantity(path)] = found, path
+    for name, (found, path) in sorted(largest.items(), key=lambda item: (-item[1][0], item[0])):
+        where = f"  {', '.join(path)}: {first[path]} and {second[path]}"[:160] if found > rtol else ""
+        print(f"{found:9.1e}  {name}{where}")
+    for words, paths in (("gone", first.keys() - second.keys()), ("new", second.keys() - first.keys())):
+        for name in sorted({quantity(path) for path in paths}):
+            print(f"{words:>9}  {name}")
+    return first.keys() <= second.keys() and all(found <= rtol for found, _ in largest.values())
+
+
+def main() -> None:
+    """Measure, write, compare."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--output", type=Path)
+    parser.add_argument("--against", type=Path)
+    parser.add_argument("--rtol", type=float, default=1e-9)
+    parser.add_argument("--quick", action="store_true")
+    asked = parser.parse_args()
+    if asked.output is None and asked.against is None:
+        parser.error("give -o FILE, --against FILE or both")
+    before = json.loads(asked.against.read_text(encoding="utf-8")) if asked.against else None
+    after = measure(asked.quick)
+    if asked.output:
+        asked.output.write_text(json.dumps(after), encoding="utf-8")
+    if before is not None:
+        if asked.quick:
+            before = {name: before[name] for name in after}
+        sys.exit(0 if compare(before, json.loads(json.dumps(after)), asked.rtol) else 1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,275 @@
+"""Every way in which a run can be kept from switching its coil off, tried on runs at full current, and timed.
+
+    python -m benchmarks.off_campaign --trials 5
+
+Each trial is a whole `eimi acquire` with the ramp, settling and limits of a shipped protocol, at its full 1.5 A, on an
+emulated supply in another process, behind a pseudo-terminal, TCP or HiSLIP. Once the current is set, at a random
+moment, the fault comes. Told are how long the output stayed on from then, or from when the supply answered again; the
+states that were acknowledged and are not in the file; and whether it was said in words. Exit status 0 when no trial
+went wrong. `--fault NAME` tries one alone, `--list` tells them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.spoilt_bench import Supply, Trial, make_bench, wait_until
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.dataset.recovery import recover
+
+
+@dataclass(frozen=True)
+class Fault:
+    """act: brings it about, and gives the moment from which the time to off counts.
+
+    said: what has to stand in the run's words. off_within_s: what is promised. unread: see `Trial`.
+    """
+
+    name: str
+    driver: str
+    transport: str
+    act: Callable[[Trial], float]
+    said: str
+    off_within_s: float
+    unread: bool = False
+
+
+def _silent_for(trial: Trial, seconds: float, then: Callable[[], object]) -> float:
+    trial.supply.tell("silence")
+    time.sleep(0.1)
+    then()
+    time.sleep(seconds)
+    trial.supply.tell("none")
+    return time.monotonic()
+
+
+def _cut(trial: Trial, number: signal.Signals) -> float:
+    trial.supply.tell("cut")
+    time.sleep(0.05)
+    return trial.send(number)
+
+
+def _slow(trial: Trial) -> float:
+    trial.supply.tell("late")
+    time.sleep(0.5)
+    return trial.send(signal.SIGTERM)
+
+
+def _refused_then_stopped(trial: Trial) -> float:
+    trial.send(signal.SIGTSTP)
+    wait_until(lambda: any("Ctrl-Z" in line for line in trial.lines), "no word of Ctrl-Z")
+    return trial.send(signal.SIGINT)
+
+
+def _second_run(trial: Trial) -> float:
+    stored = trial.acknowledged()
+    second = trial.start("second.h5")
+    assert second.stderr is not None
+    trial.lines += [f"second: {line.rstrip()}" for line in second.stderr]
+    trial.lines.append(f"second: status {second.wait(60)}")
+    wait_until(lambda: trial.acknowledged() > stored, "the first run did not go on")
+    return trial.send(signal.SIGTERM)
+
+
+def _signal_guardian(trial: Trial, number: signal.Signals) -> float:
+    os.kill(trial.guardian, number)
+    return time.monotonic()
+
+
+def _dead_computer(trial: Trial) -> float:
+    for process in (trial.guardian, trial.process.pid):
+        os.kill(process, signal.SIGKILL)
+    return time.monotonic()
+
+
+def _pulled_cable(trial: Trial) -> float:
+    trial.supply.tell("silence")
+    return time.monotonic()
+
+
+def _step_clock(trial: Trial) -> float:
+    return _silent_for(trial, 3.0, lambda: trial.spoil("clock"))
+
+
+STOPPED = "stopped by SIG"
+TOOK_OVER = "stood still for more than 5 s.*switched off"
+DIED = "the run died; .*: the coil was switched off"
+FAULTS = (
+    *(
+        Fault(f"{number.name} {transport} {driver}", driver, transport, lambda t, n=number: t.send(n), said, within)
+        for driver, transport in (("korad", "pty"), ("genesys", "pty"), ("scpi", "pty"), ("scpi", "tcp"))
+        for number, said, within in (
+            (signal.SIGINT, STOPPED, 4.0),
+            (signal.SIGTERM, STOPPED, 4.0),
+            (signal.SIGHUP, STOPPED, 4.0),
+            (signal.SIGKILL, DIED, 3.0),
+            (signal.SIGSTOP, TOOK_OVER, 9.0),
+        )
+    ),
+    Fault("two Ctrl-C", "korad", "pty", lambda t: t.send(signal.SIGINT, signal.SIGINT, pause_s=0.1), STOPPED, 2.5),
+    Fault("Ctrl-Z", "scpi", "tcp", _refused_then_stopped, "Ctrl-Z is refused", 4.0),
+    Fault("grab never returns", "korad", "pty", lambda t: t.spoil("grab"), "did not come back from grab", 10.0),
+    Fault("flush never returns", "scpi", "tcp", lambda t: t.spoil("flush"), "did not come back from flush", 10.0),
+    Fault("grab keeps Python's lock", "korad", "pty", lambda t: t.spoil("grab-locked"), TOOK_OVER, 9.0),
+    Fault(
+        "grab never returns, Ctrl-C",
+        "scpi",
+        "tcp",
+        lambda t: (t.spoil("grab"), t.send(signal.SIGINT))[1],
+        STOPPED,
+        4.0,
+    ),
+    Fault("close never returns", "scpi", "tcp", lambda t: (t.spoil("close"), t.send(signal.SIGINT))[1], STOPPED, 4.0),
+    Fault("stderr unread", "korad", "pty", lambda t: t.send(signal.SIGTERM), "", 4.0, unread=True),
+    Fault("stderr unread, killed", "scpi", "tcp", lambda t: t.send(signal.SIGKILL), "", 3.0, unread=True),
+    Fault(
+        "guardian killed", "korad", "pty", lambda t: _signal_guardian(t, signal.SIGKILL), "guardian process ended", 6.0
+    ),
+    Fault("guardian stopped", "scpi", "tcp", lambda t: _signal_guardian(t, signal.SIGSTOP), "does not answer", 6.0),
+    Fault("line cut, stopped", "scpi", "tcp", lambda t: _cut(t, signal.SIGTERM), "", 6.0),
+    Fault("line cut, killed", "scpi", "tcp", lambda t: _cut(t, signal.SIGKILL), DIED, 6.0),
+    Fault("line cut, stopped, HiSLIP", "scpi", "hislip", lambda t: _cut(t, signal.SIGTERM), "", 6.0),
+    Fault("line cut, killed, HiSLIP", "scpi", "hislip", lambda t: _cut(t, signal.SIGKILL), DIED, 6.0),
+    Fault(
+        "silent for 3 s, killed",
+        "korad",
+        "pty",
+        lambda t: _silent_for(t, 3.0, lambda: t.send(signal.SIGKILL)),
+        DIED,
+        5.0,
+    ),
+    Fault("silent for 15 s", "scpi", "tcp", lambda t: _silent_for(t, 15.0, lambda: None), "", 6.0),
+    Fault("clock steps back, silent for 3 s", "scpi", "tcp", _step_clock, "", 6.0),
+    Fault("slow supply", "korad", "pty", _slow, STOPPED, 8.0),
+    Fault("cable pulled", "keysight-n6700", "tcp", _pulled_cable, "no complete answer", 13.0),
+    Fault("computer dead", "keysight-n6700", "tcp", _dead_computer, "", 13.0),
+    Fault("second acquire", "scpi", "pty", _second_run, "second: status 1", 4.0),
+    Fault("second acquire, Korad", "korad", "pty", _second_run, "second: status 1", 4.0),
+)
+
+
+@dataclass
+class Outcome:
+    """What became of a trial: seconds with the output on, states acknowledged and lost, and what was wrong."""
+
+    on_for_s: float
+    acknowledged: int
+    lost: int
+    wrong: list[str]
+
+
+def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
+    """One trial."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        make_bench(folder)
+        supply = Supply(fault.driver, fault.transport)
+        trial = Trial(folder, supply, fault.unread)
+        wrong: list[str] = []
+        try:
+            trial.begin()
+            time.sleep(after_s)
+            began = fault.act(trial)
+            try:
+                wait_until(lambda: not supply.on(), "the coil was left on")
+                on_for_s = max(0.0, supply.off_s() - began)
+            except RuntimeError as error:
+                on_for_s = time.monotonic() - began
+                wrong.append(str(error))
+            supply.tell("none")
+            if trial.process.poll() is None and "SIGSTOP" in fault.name:
+                trial.process.send_signal(signal.SIGCONT)
+            trial.end()
+            if supply.on():
+                wrong.append("the coil is on again")
+        finally:
+            if trial.process.poll() is None:
+                trial.process.kill()
+                trial.process.wait()
+            supply.close()
+        if on_for_s > fault.off_within_s * patience:
+            wrong.append(f"off only after {on_for_s:.2f} s")
+        if not re.search(fault.said, "\n".join(trial.lines), re.DOTALL):
+            wrong.append(f"no word of {fault.said!r}")
+        if "Traceback" in "\n".join(trial.lines):
+            wrong.append("a traceback")
+        stored = _stored(folder)
+        lost = max(0, trial.acknowledged() - stored)
+        if wrong:
+            wrong += [f"    {line}" for line in trial.lines[-12:]]
+        return Outcome(on_for_s, trial.acknowledged(), lost, wrong)
+
+
+def _stored(folder: Path) -> int:
+    path = folder / "run.h5"
+    if not path.exists():
+        return 0
+    recover(path, folder / "whole.h5", say=lambda words: None)
+    with open_dataset(folder / "whole.h5") as dataset:
+        for state in dataset.states:
+            dataset.images(state.index)
+        return len(dataset.states)
+
+
+def campaign(faults: list[Fault], trials: int, seed: int, patience: float) -> int:
+    """Try each so often, print the figures, and return the number of trials that went wrong."""
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM, signal.SIGTSTP):
+        signal.signal(number, signal.SIG_DFL)  # a run heeds no signal that it finds ignored
+    random = np.random.default_rng(seed)
+    everything: list[Outcome] = []
+    print(f"{'fault':34s} {'trials':>6s} {'off':>4s} {'longest s':>9s} {'median s':>9s} {'states':>6s} {'lost':>4s}")
+    for fault in faults:
+        outcomes = []
+        for _ in range(trials):
+            outcomes.append(attempt(fault, float(random.uniform(0, 2.5)), patience))
+            for line in outcomes[-1].wrong:
+                print(f"{fault.name}: {line}", flush=True)
+        everything += outcomes
+        print(_row(fault.name, outcomes), flush=True)
+    print(_row("all", everything))
+    wrong = sum(bool(outcome.wrong or outcome.lost) for outcome in everything)
+    print(f"trials with a fault: {wrong} of {len(everything)}")
+    return wrong
+
+
+def _row(name: str, outcomes: list[Outcome]) -> str:
+    off = sum("the coil was left on" not in outcome.wrong for outcome in outcomes)
+    on_for_s = [outcome.on_for_s for outcome in outcomes]
+    states, lost = sum(o.acknowledged for o in outcomes), sum(o.lost for o in outcomes)
+    return (
+        f"{name:34s} {len(outcomes):6d} {off:4d} {max(on_for_s):9.2f} {np.median(on_for_s):9.2f} {states:6d} {lost:4d}"
+    )
+
+
+def main() -> None:
+    """Do what was asked for and exit."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--trials", type=int, default=5, help="of each fault")
+    parser.add_argument("--fault", action="append", help="one by its name; may be repeated")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--patience", type=float, default=1.0, help="times the promised seconds; later is a fault")
+    parser.add_argument("--list", action="store_true", help="tell the faults")
+    chosen = parser.parse_args()
+    if chosen.list:
+        print("\n".join(fault.name for fault in FAULTS))
+        return
+    known = {fault.name: fault for fault in FAULTS}
+    if unknown := set(chosen.fault or []) - known.keys():
+        parser.error(f"there is no {', '.join(unknown)}; see --list")
+    faults = [known[name] for name in chosen.fault] if chosen.fault else list(FAULTS)
+    sys.exit(1 if campaign(faults, chosen.trials, chosen.seed, chosen.patience) else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,226 @@
+"""Figures of the live page: from a frame to the screen, from STOP to the coil's being off, memory while it streams.
+
+`python -m benchmarks.page_delays` measures the first two on an emulated supply, with every core kept busy beside it,
+and takes some minutes; `--stream 20` streams for so many minutes and tells every process's memory each minute. Needs
+the
+extras `page` and `test`, and a Chromium. Times are by one clock: a frame's when the run gets it, the screen's when the
+server hears that the browser has drawn it; STOP's when the key goes down, and off when the emulated output is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import cv2
+import numpy as np
+
+from eimi_drivers.clock import WallClock
+from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_lab.config.protocol import load_protocol
+from eimi_lab.config.specimen import load_specimen
+
+SIZE_PX = (1280, 1024)
+SUPPLIES = ("scpi", "korad")
+PICTURES = 6
+CALIBRATION = """
+pixels_per_mm = 25.0
+coil_constant_mT_per_A = 4.7
+clamp_midpoint_px = [640.0, 80.0]
+axis_angle_deg = 90.0
+gravity_angle_deg = 90.0
+field_angle_deg = 0.0
+"""
+
+
+def draw(number: int) -> np.ndarray:
+    """A dark beam of the width of type1 below a clamp, before a bright noisy background, bent a little by number."""
+    rng = np.random.default_rng(number)
+    wide, high = SIZE_PX
+    y, x = np.mgrid[0:high, 0:wide].astype(np.float32)
+    middle = 640 + number * 12 * ((y - 80) / 700) ** 2
+    half = 0.5 * 25 * load_specimen("type1").specimen.width_mm
+    dark = np.clip(half + 0.5 - np.abs(x - middle), 0, 1) * ((y > 80) & (y < 80 + 25 * 40))
+    dark = np.maximum(dark, (y < 80) & (np.abs(x - 640) < 300))
+    image = 210 - 180 * dark + rng.normal(0, 2, dark.shape)
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
+def write_bench(folder: Path, driver: str, address: str, states: int) -> None:
+    """A rig of an emulated supply and a camera that plays pictures, and a protocol of so many states at 1.5 A."""
+    (folder / "shots").mkdir(exist_ok=True)
+    for number in range(PICTURES):
+        cv2.imwrite(str(folder / "shots" / f"f_{number}.png"), draw(number))
+    (folder / "calibration.toml").write_text(CALIBRATION)
+    (folder / "rig.toml").write_text(f"""
+name = "emulated"
+calibration = "calibration.toml"
+supply = {{ driver = "{driver}", address = "{address}", limits = {{ current_A = 2.0, voltage_V = 30.0 }} }}
+[camera]
+driver = "opencv"
+source = "{folder / "shots"}"
+playback = {{ picture_a_state = true, loop = true }}
+""")
+    text = load_protocol("dragon_skin_10").text
+    before, _, after = text.partition("[current]")
+    rest = after[after.index("\n[") :]
+    currents = ", ".join(["0.0", *(["1.5", "1.4"] * (states // 2))])
+    (folder / "protocol.toml").write_text(f"{before}[current]\nvalues_A = [{currents}]\n{rest}")
+    (folder / "beam.toml").write_text(load_specimen("type1").text)
+
+
+@contextmanager
+def busy(processes: int) -> Iterator[None]:
+    """So many processes that want a core each."""
+    workers = [multiprocessing.get_context("spawn").Process(target=_spin, daemon=True) for _ in range(processes)]
+    for worker in workers:
+        worker.start()
+    try:
+        yield
+    finally:
+        for worker in workers:
+            worker.kill()
+
+
+def _spin() -> None:
+    while True:
+        pass
+
+
+@contextmanager
+def opened(folder: Path) -> Iterator[tuple[Any, subprocess.Popen[str]]]:
+    """The page of a folder in a headless browser."""
+    from playwright.sync_api import sync_playwright
+
+    command = [sys.executable, "-m", "eimi_lab", "dashboard", str(folder)]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    assert server.stdout is not None
+    address = server.stdout.readline().strip()
+    try:
+        with sync_playwright() as driver:
+            own = shutil.which("chromium") or shutil.which("chromium-browser")
+            args = ["--no-sandbox"] if os.geteuid() == 0 else []
+            page = driver.chromium.launch(executable_path=own, args=args).new_page()
+            page.set_default_timeout(120_000)
+            page.goto(address)
+            yield page, server
+    finally:
+        server.terminate()
+        server.wait(60)
+
+
+def start(page: Any, dataset: str) -> None:
+    """Begin a run, and wait until it has a current."""
+    page.locator("#protocol option").first.wait_for(state="attached")
+    page.get_by_label("Dataset to write").fill(dataset)
+    page.get_by_role("button", name="Start").click()
+    page.get_by_text("COIL ON").wait_for()
+
+
+def frame_to_screen_s(page: Any) -> list[float]:
+    """Of the last frames, as the server has it."""
+    return page.request.get(f"{page.url.partition('#')[0]}api/figures").json()["frame_to_screen_s"]
+
+
+def stops(driver: str, runs: int) -> tuple[list[float], list[float]]:
+    """Seconds from the key to the output's being off, and from a frame to the screen."""
+    coil, off = CoilSupply(WallClock()), list[float]()
+    switch: Callable[[bool], bool] = coil.switch
+
+    def noted(on: bool) -> bool:
+        obeyed = switch(on)
+        if not on:
+            off.append(time.monotonic())
+        return obeyed
+
+    coil.switch = noted  # type: ignore[method-assign]
+    serving = serve_pty if driver == "korad" else serve_tcp
+    took, ages = [], []
+    with TemporaryDirectory() as name, serving(emulate(driver, coil)) as address:
+        folder = Path(name)
+        write_bench(folder, driver, address, states=200)
+        with opened(folder) as (page, _), busy(os.cpu_count() or 1):
+            for run in range(runs):
+                start(page, f"run_{run}.h5")
+                page.wait_for_timeout(6000 + 370 * run)  # another moment of the run each time
+                off.clear()
+                pressed = time.monotonic()
+                page.keyboard.press("Escape")
+                page.get_by_text("confirmed after").wait_for()
+                assert not coil.state.output
+                took.append(off[0] - pressed)
+                print(f"{driver}: off after {took[-1]:.3f} s", flush=True)
+                page.get_by_role("button", name="Start").wait_for()
+            ages = frame_to_screen_s(page)
+    return took, ages
+
+
+def memory_MB(server: int) -> dict[str, float]:
+    """Resident memory of the server and of each process that it began, MB."""
+    found = {}
+    for status in Path("/proc").glob("[0-9]*/status"):
+        try:
+            lines = dict(line.split(":", 1) for line in status.read_text().splitlines() if ":" in line)
+            command = status.with_name("cmdline").read_bytes().replace(b"\0", b" ").decode()
+        except OSError:  # it ended meanwhile
+            continue
+        own = int(lines["Pid"]) == server
+        if own or int(lines["PPid"]) == server:
+            what = "server" if own else next((w for w in ("acquire", "eye", "spawn") if w in command), "other")
+            found[what] = int(lines.get("VmRSS", "0 kB").split()[0]) / 1e3
+    return found
+
+
+def stream(minutes: float) -> None:
+    """Tell memory once a minute while a run goes on and its pictures are shown."""
+    coil = CoilSupply(WallClock())
+    with TemporaryDirectory() as name, serve_tcp(emulate("scpi", coil)) as address:
+        folder = Path(name)
+        write_bench(folder, "scpi", address, states=900)
+        with opened(folder) as (page, server):
+            start(page, "run.h5")
+            until = time.monotonic() + 60 * minutes
+            while True:
+                ages = frame_to_screen_s(page)
+                told = ", ".join(f"{what} {size:.0f}" for what, size in sorted(memory_MB(server.pid).items()))
+                left = (until - time.monotonic()) / 60
+                print(f"{minutes - left:5.1f} min: {told} MB; {len(ages)} frames kept for the figures", flush=True)
+                if left <= 0:
+                    break
+                page.wait_for_timeout(1000 * min(60, max(1, 60 * left)))
+            page.keyboard.press("Escape")
+            page.get_by_text("confirmed after").wait_for()
+
+
+def main() -> None:
+    """Print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=6, help="that are stopped, for each supply")
+    parser.add_argument("--stream", type=float, default=0.0, help="minutes of streaming, in place of that")
+    asked = parser.parse_args()
+    if asked.stream:
+        stream(asked.stream)
+        return
+    for driver in SUPPLIES:
+        took, ages = stops(driver, asked.runs)
+        print(
+            f"{driver}: STOP to off, {len(took)} runs: median {statistics.median(took):.3f} s, most {max(took):.3f} s"
+        )
+        median, late = statistics.median(ages), float(np.quantile(ages, 0.95))
+        print(f"{driver}: frame to screen, {len(ages)} frames: median {median:.3f} s, 95 % within {late:.3f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,95 @@
+"""The same curve in FElupe and in `eimi_fitting`: seconds and errors against one fine reference, and their ratio.
+
+    pip install -e '.[bench]'; python -m benchmarks.peer [--short]
+
+One process, one thread, the same beam, material and 16 field states. The reference is `eimi_fitting` on 80 x 10
+elements; the finest FElupe mesh of the table shows that FElupe goes to the same limit.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.speed import EXAMPLES, SPECIMEN, TOLERANCE_MM, cost_s, population
+from benchmarks.timing import fastest
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.laws import LAWS
+from eimi_fitting.units import moduli_in_MPa
+
+Array = NDArray[np.float64]
+
+FIELDS_MT = np.linspace(0, 7.05, 16)
+TIP = np.array([[30.0, 0.0]])
+ACCURACY_PERCENT = 0.05
+# Ordinary Newton is not yet near its solution when it moves by less than our 0.01 mm: states end up to 0.45 mm off.
+FELUPE_TOLERANCE_MM = 1e-3
+
+
+def errors(tip: Array, reference: Array) -> tuple[float, float]:
+    """Tip error in % of the last state's deflection: at the last state, and the largest of all states."""
+    off = np.linalg.norm(tip - reference, axis=1)
+    deflection = np.linalg.norm(reference[-1] - TIP[0])
+    return 100 * off[-1] / deflection, 100 * off.max() / deflection
+
+
+def main() -> None:
+    """Print every figure; with --short one coarse mesh, once."""
+    try:
+        import felupe
+
+        from benchmarks.felupe_beam import Beam, Elements, NoEquilibrium
+    except ImportError:
+        sys.exit("FElupe is not installed: pip install -e '.[bench]' in the folder of pyproject.toml")
+    warnings.simplefilter("ignore")  # of states that ordinary Newton passes on its way to a cut
+    short = "--short" in sys.argv
+    print(f"FElupe {felupe.__version__}, numpy {np.__version__}, one thread, {len(FIELDS_MT)} states")
+    bilinear = [(60, 6, False), (60, 6, True), (100, 10, True), (240, 24, True)]
+    serendipity = [(13, 1, True), (26, 2, True), (39, 3, True)]
+    rows = [Elements("bilinear", *m) for m in bilinear] + [Elements("serendipity", *m) for m in serendipity]
+    for name, chosen in (("neo-hookean", rows), ("ogden", [rows[0], rows[2], *rows[-2:]])):
+        law, loads = LAWS[name], Loads.along(FIELDS_MT)
+        parameters = np.array(EXAMPLES[name])
+        fine = BeamModel(SPECIMEN, *((26, 3) if short else (80, 10)))
+        reference = fine.positions(fine.solve(law, parameters[None], loads), TIP)[0, :, 0]
+        model, candidates = BeamModel(SPECIMEN), population(name, 16)
+        own = model.solve(law, parameters[None], loads, tolerance_mm=TOLERANCE_MM)
+        last, largest = errors(model.positions(own, TIP)[0, :, 0], reference)
+        repeats, in_MPa = (1 if short else 15), moduli_in_MPa(parameters, law.units)
+        batch = cost_s(model, law, candidates, loads, repeats) / 16
+        alone = cost_s(model, law, parameters, loads, repeats)
+        print(
+            f"{name}\n  eimi_fitting 13 x 1: {1e3 * batch:.2f} ms a candidate of 16, {1e3 * alone:.1f} ms alone; "
+            f"tip off by {last:.3f} %, at most {largest:.3f} %"
+        )
+        best: dict[str, tuple[float, Elements]] = {}
+        for elements in chosen[-1:] if short else chosen:
+            try:
+                seconds, curve = fastest(
+                    lambda n=name, e=elements, p=in_MPa: Beam(SPECIMEN, e, n, p).curve(FIELDS_MT, FELUPE_TOLERANCE_MM),
+                    1 if short or elements.along * elements.across > 1000 else 5,
+                )
+            except NoEquilibrium as failure:
+                print(f"  FElupe {elements.text}: no equilibrium {failure}")
+                continue
+            last, largest = errors(curve.tip, reference)
+            print(
+                f"  FElupe {elements.text}: {seconds:.3f} s, {curve.iterations} iterations; tip off by {last:.3f} %, "
+                f"at most {largest:.3f} %; ratio {seconds / batch:.0f} in a batch, {seconds / alone:.0f} alone",
+                flush=True,
+            )
+            if largest <= ACCURACY_PERCENT and seconds < best.get(elements.kind, (np.inf, elements))[0]:
+                best[elements.kind] = seconds, elements
+        for seconds, elements in best.values():
+            print(
+                f"  at equal accuracy ({ACCURACY_PERCENT} % in every state): FElupe {elements.text} takes "
+                f"{seconds / batch:.0f} times a candidate in a batch, {seconds / alone:.0f} times one alone"
+            )
+
+
+if __name__ == "__main__":
+    main()

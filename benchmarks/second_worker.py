@@ -1,0 +1,43 @@
+"""What a second worker brings: a grid of fits by one process and by two, in turn.
+
+    python -m benchmarks.second_worker DATASET.h5 [--fits 48]
+
+The time of the two counts their start.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+from functools import partial
+
+from benchmarks.timing import timed
+from eimi_lab.fits.evidence import load_evidence
+from eimi_lab.fits.fit_grid import fit_grid, grid
+from eimi_lab.fits.workers import processes
+
+ROUNDS = 3
+
+
+def main() -> None:
+    """Print the seconds of each round and the ratio of the medians."""
+    parser = argparse.ArgumentParser(description="fits by one process and by two")
+    parser.add_argument("dataset")
+    parser.add_argument("--fits", type=int, default=48)
+    asked = parser.parse_args()
+    tasks = grid(["neo-hookean"], [load_evidence(asked.dataset)], [1], bootstrap=asked.fits - 1)
+    seconds: dict[int, list[float]] = {1: [], 2: []}
+    results = []
+    for _ in range(ROUNDS):
+        for workers, executor in ((1, None), (2, partial(processes, 2))):
+            took_s, (fit,) = timed(partial(fit_grid, tasks, {}, executor=executor))
+            seconds[workers].append(took_s)
+            results.append([fit.parameters, fit.bootstrap and [r.parameters for r in fit.bootstrap.replicates]])
+            print(f"{workers} worker{'s' * (workers - 1)}: {seconds[workers][-1]:.1f} s", flush=True)
+    one, two = statistics.median(seconds[1]), statistics.median(seconds[2])
+    same = all(result == results[0] for result in results)
+    print(f"{len(tasks)} fits: {one:.1f} s by one, {two:.1f} s by two: x {one / two:.2f}; the same results: {same}")
+
+
+if __name__ == "__main__":
+    main()

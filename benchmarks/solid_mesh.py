@@ -1,0 +1,56 @@
+"""What the mesh leaves in the modulus, of the solid alone and with the change of the plane's mesh added to it.
+
+python -m benchmarks.solid_mesh [--short] [NAME...]
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.hidden_solids import HIDDEN, SPECIMENS
+from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.laws import LAWS
+
+LAW = LAWS["neo-hookean"]
+PARAMETERS = np.array([HIDDEN["neo-hookean"]])
+LOADS = Loads.along(np.linspace(0.0, 7.05, 5))
+FINEST = (36, 4, 1)
+MESHES = ((20, 2, 0), (20, 3, 0), (26, 2, 0), (26, 3, 0), (26, 3, 1))
+
+
+def planar(specimen: Specimen, along: int, across: int, factor: float = 1.0) -> np.ndarray:
+    """(K,): how far the tip is turned in plane stress."""
+    model = BeamModel(replace(specimen, section="plane-stress"), along, across)
+    return model.tip_angle_deg(model.solve(LAW, factor * PARAMETERS, LOADS))[0]
+
+
+def solid(specimen: Specimen, mesh: tuple[int, int, int]) -> np.ndarray:
+    """(K,): likewise of the solid."""
+    model = SolidBeside(specimen, *mesh)
+    return model.tip_angle_deg(model.solve(LAW, PARAMETERS, LOADS, tolerance_mm=1e-4))[0]
+
+
+def main() -> None:
+    """In per cent of the modulus, in the state that turns it farthest; with --short one specimen and mesh."""
+    short = "--short" in sys.argv
+    names = [a for a in sys.argv[1:] if not a.startswith("-")] or list(SPECIMENS)
+    for name in names[:1] if short else names:
+        specimen = SPECIMENS[name]
+        finer = planar(specimen, 52, 6)
+        a_percent = (planar(specimen, 26, 3, 1.01) - planar(specimen, 26, 3))[-1]
+        reference = solid(specimen, (26, 3, 0) if short else FINEST)
+        for mesh in MESHES[:1] if short else MESHES:
+            own = solid(specimen, mesh)
+            summed = own + finer - planar(specimen, *mesh[:2])
+            alone, both = ((turn - reference)[-1] / a_percent for turn in (own, summed))
+            print(f"{name:8s} {mesh}  the solid alone {alone:+.3f} %, with the plane's mesh {both:+.3f} %", flush=True)
+
+
+if __name__ == "__main__":
+    main()

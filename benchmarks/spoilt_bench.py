@@ -1,0 +1,206 @@
+"""A whole run at full current on an emulated supply in another process, for `off_campaign` to spoil."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from benchmarks.kill_campaign import FILES, HEIGHT, PICTURES, WIDTH
+from eimi_lab.config.protocol import load_protocol
+
+SHIPPED = "dragon_skin_10"
+FULL_A = 1.5
+STATES = 8
+NAMES = 6000
+WAIT_AT_MOST_S = 120.0
+
+
+class Supply:
+    """An emulated supply in a process of its own, and what it told of its coil."""
+
+    def __init__(self, driver: str, transport: str) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "benchmarks.emulated_supply", driver, transport],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert self._process.stdout is not None
+        self.driver, self.transport = driver, transport
+        self.told: list[tuple[float, bool, float]] = []
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        lines = [self._process.stdout.readline().strip() for _ in range(2)]  # in either order
+        self.address = next(line for line in lines if not re.match(r"\d+\.\d{4} ", line))
+        if driver not in {"korad", "genesys"} and transport == "pty":
+            self.address = f"ASRL{self.address}::INSTR"
+        self._listener.start()
+
+    def _listen(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            at, on, current_A = line.split()
+            self.told.append((float(at), on == "1", float(current_A)))
+
+    def tell(self, word: str) -> None:
+        """Spoil the line, or mend it."""
+        assert self._process.stdin is not None
+        print(word, file=self._process.stdin, flush=True)
+
+    def on(self) -> bool:
+        """Whether the output is on."""
+        return bool(self.told) and self.told[-1][1]
+
+    def at_full(self) -> bool:
+        """Whether the full current is set, and on."""
+        return self.on() and self.told[-1][2] >= FULL_A - 1e-6
+
+    def off_s(self) -> float:
+        """When it was switched off last."""
+        return self.told[-1][0]
+
+    def close(self) -> None:
+        """End the process."""
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        self._process.wait(10)
+
+
+@dataclass
+class Trial:
+    """A run on its bench. unread: standard error goes into a pipe that is full and that nobody reads."""
+
+    folder: Path
+    supply: Supply
+    unread: bool = False
+    lines: list[str] = field(default_factory=list)
+
+    def begin(self) -> None:
+        """Start the run, and wait until the full current is set."""
+        self.process = self.start("run.h5", unread=self.unread)
+        if not self.unread:
+            self._reader = threading.Thread(target=self._read, daemon=True)
+            self._reader.start()
+        wait_until(self.supply.at_full, f"the run never came to {FULL_A} A: {self.lines}")
+        self.guardian = self._find_guardian()
+
+    def start(self, output: str, unread: bool = False) -> subprocess.Popen[str]:
+        """Another run on the same supply."""
+        at = f'driver = "{self.supply.driver}", address = "{self.supply.address}"'
+        (self.folder / "rig.toml").write_text(f"""
+name = "emulated"
+calibration = "calibration.toml"
+supply = {{ {at}, limits = {{ current_A = 1.6, voltage_V = 24 }} }}
+camera = {{ driver = "opencv", source = "recording" }}
+""")
+        command = [sys.executable, "-m", "benchmarks.spoilt_run", "acquire", "protocol.toml", "--rig", "rig.toml"]
+        here = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+        error_end: int = subprocess.PIPE
+        if unread:
+            self._pipe, error_end = os.pipe()
+            os.set_blocking(error_end, False)
+            try:
+                while os.write(error_end, b"." * 4096):
+                    pass
+            except BlockingIOError:
+                os.set_blocking(error_end, True)
+        process = subprocess.Popen(
+            [*command, "--specimen", "specimen.toml", "-o", output],
+            cwd=self.folder,
+            env=os.environ | {"PYTHONPATH": here},
+            stdout=subprocess.DEVNULL,
+            stderr=error_end,
+            text=True,
+        )
+        if unread:
+            os.close(error_end)
+        return process
+
+    def _read(self) -> None:
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            self.lines.append(line.rstrip())
+
+    def send(self, *numbers: signal.Signals, pause_s: float = 0.0) -> float:
+        """Send signals to the run; when the first was sent."""
+        began = time.monotonic()
+        for number in numbers:
+            self.process.send_signal(number)
+            time.sleep(pause_s)
+        return began
+
+    def spoil(self, name: str) -> float:
+        """Let the camera or the clock go wrong; when it did."""
+        (self.folder / name).touch()
+        began = time.monotonic()
+        if name not in {"clock", "close"}:
+            wait_until((self.folder / "reached").exists, f"{name} was never called")
+        return began
+
+    def _find_guardian(self) -> int:
+        children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
+        return next(int(c) for c in children if b"guardian_process" in Path(f"/proc/{c}/cmdline").read_bytes())
+
+    def acknowledged(self) -> int:
+        """The states that the run told of."""
+        return sum(line.startswith("acquire ") for line in self.lines)
+
+    def end(self) -> int:
+        """Let the run end, one that cannot by SIGKILL, and its guardian after it; its status."""
+        try:
+            status = self.process.wait(20)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            status = self.process.wait(20)
+        wait_until(lambda: not alive(self.guardian), "the guardian never ended")
+        if not self.unread:
+            self._reader.join(10)
+        else:
+            os.close(self._pipe)
+        return status
+
+
+def wait_until(true: Callable[[], bool], otherwise: str) -> None:
+    """Wait; raises RuntimeError where it never comes true."""
+    until = time.monotonic() + WAIT_AT_MOST_S
+    while not true():
+        if time.monotonic() > until:
+            raise RuntimeError(otherwise)
+        time.sleep(0.005)
+
+
+def alive(process: int) -> bool:
+    """Whether a process is there, and is more than the entry of one that has ended."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+def make_bench(folder: Path) -> None:
+    """A specimen, a calibration, the shipped protocol at its full current alone, and a recording of a beam at rest."""
+    text = load_protocol(SHIPPED).text
+    begin, end = text.index("[current]"), text.index("[ramp]")
+    currents = f"[current]\nvalues_A = {[0.0] + [FULL_A] * (STATES - 1)}\n\n"
+    (folder / "protocol.toml").write_text(text[:begin] + currents + text[end:])
+    for name in ("specimen.toml", "calibration.toml"):
+        (folder / name).write_text(FILES[name])
+    recording = folder / "recording"
+    recording.mkdir()
+    across = np.abs(np.arange(WIDTH) - WIDTH / 2)
+    for number in range(PICTURES):
+        noise = np.random.default_rng(number).normal(0, 2, (HEIGHT, WIDTH))
+        image = 30 + 170 / (1 + np.exp(-(across - 4) / 0.7)) + noise
+        cv2.imwrite(str(recording / f"f_{number}.png"), np.clip(image, 0, 255).astype(np.uint8))
+    for number in range(PICTURES, NAMES):
+        os.link(recording / f"f_{number % PICTURES}.png", recording / f"f_{number}.png")

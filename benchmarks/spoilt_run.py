@@ -1,0 +1,59 @@
+"""`eimi` with a camera of 30 frames a second that can be spoilt from outside, by files beside the recording.
+
+    python -m benchmarks.spoilt_run acquire protocol.toml …
+
+`grab`, `flush` or `close` as a file's name: that call never comes back. `grab-locked`: nor does it, and it keeps
+Python's lock, so that nothing else of the program runs either. `clock`: the wall clock steps back by two minutes.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+import threading
+import time
+from pathlib import Path
+
+from eimi_drivers.cameras.opencv import OpenCVCamera
+from eimi_drivers.interfaces import Frame
+from eimi_lab.cli import main
+
+FRAME_S = 1 / 30
+STEP_S = 120.0
+FOR_EVER_S = 3600
+
+
+def spoil(beside: Path) -> None:
+    """Put the faults into the camera's class and the clock."""
+    grab, flush, close, wall = OpenCVCamera.grab, OpenCVCamera.flush, OpenCVCamera.close, time.time
+
+    def block(what: str) -> None:
+        if (beside / what).exists():
+            (beside / "reached").touch()
+            threading.Event().wait()
+
+    def spoilt_grab(camera: OpenCVCamera, timeout_s: float) -> Frame:
+        time.sleep(FRAME_S)
+        block("grab")
+        if (beside / "grab-locked").exists():
+            (beside / "reached").touch()
+            ctypes.PyDLL(None).sleep(FOR_EVER_S)
+        return grab(camera, timeout_s)
+
+    def spoilt_flush(camera: OpenCVCamera) -> None:
+        block("flush")
+        flush(camera)
+
+    def spoilt_close(camera: OpenCVCamera) -> None:
+        block("close")
+        close(camera)
+
+    OpenCVCamera.grab = spoilt_grab  # type: ignore[method-assign]
+    OpenCVCamera.flush = spoilt_flush  # type: ignore[method-assign]
+    OpenCVCamera.close = spoilt_close  # type: ignore[method-assign]
+    time.time = lambda: wall() - (STEP_S if (beside / "clock").exists() else 0.0)
+
+
+if __name__ == "__main__":
+    spoil(Path.cwd())
+    sys.exit(main())

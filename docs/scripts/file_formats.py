@@ -1,0 +1,296 @@
+"""Write docs/file_formats.md from the models: every key of every file that a person edits.
+
+    python docs/scripts/file_formats.py
+
+A key's meaning is the text below its field, its unit the end of its name, its example what the shipped files have.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import inspect
+import re
+import textwrap
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import UnionType
+from typing import Any, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+from eimi_fitting.inference.sources import SOURCES, File
+from eimi_lab.config.calibration import Calibration
+from eimi_lab.config.materials import TrueMaterials
+from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.rig import Rig
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.config.toml import Document
+from eimi_lab.config.uncertainty import FOCAL_LENGTH, keys_of
+from eimi_lab.dataset.csv_tables import Column
+from eimi_lab.dataset.state_loads import FRAME_COLUMNS, LOAD_COLUMNS, STATE_COLUMNS
+from eimi_lab.dataset.tracked.points_csv import COLUMNS as POINT_COLUMNS
+from eimi_lab.dataset.tracked.points_csv import OPTIONAL_COLUMNS
+from eimi_lab.fits.tensile_files import COLUMNS as TENSILE_COLUMNS
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "file_formats.md"
+
+# Longest first: an ending is that of a name, not of a longer ending.
+UNITS = {
+    "_mT_per_A": "mT/A",
+    "_A_per_s": "A/s",
+    "_kA_per_m": "kA/m",
+    "_kg_m3": "kg/m³",
+    "pixels_per_mm": "px/mm",
+    "_percent": "%",
+    "_ohm": "ohm",
+    "_deg": "degrees",
+    "_kPa": "kPa",
+    "_MPa": "MPa",
+    "_Pa": "Pa",
+    "_mm": "mm",
+    "_mT": "mT",
+    "_px": "px",
+    "_T": "T",
+    "_A": "A",
+    "_V": "V",
+    "_N": "N",
+    "_e": "electrons",
+    "_s": "s",
+    "seconds": "s",
+    "region": "px",
+}
+
+# Where examples are looked for, the first that has a key is taken.
+EXAMPLES: dict[type[Document], tuple[str, ...]] = {
+    SpecimenFile: ("specimens/bench_example.toml", "first/specimen.toml"),
+    Calibration: ("rigs/bench_example_calibration.toml", "first/calibration.toml"),
+    Protocol: ("dragon_skin_10.toml",),
+    Rig: ("rigs/bench_example.toml", "rigs/virtual.toml"),
+    TrueMaterials: ("rigs/virtual_materials.toml",),
+}
+# What no shipped file shows.
+FURTHER_EXAMPLES = {
+    "current.values_A": "[0.0, 0.2, 0.5]",
+    "current.up_and_down": "true",
+    "telecentric": "true",
+    "calibrated_on": "2026-11-20",
+    "uncertainty.magnet_tip_offset_mm": "0.05",
+    f"uncertainty.{FOCAL_LENGTH}": "12.0",
+}
+
+# The files that have a table [uncertainty].
+STATING: dict[type[Document], File] = {SpecimenFile: "specimen", Calibration: "calibration", Rig: "rig"}
+HEADER = "\n| key | unit | default | meaning | example |\n| --- | --- | --- | --- | --- |\n"
+
+INTRODUCTION = """# File formats
+
+Every key of every file that a person edits. This page is written by `docs/scripts/file_formats.py` from the models that
+check the files, so that it says what the program does. `eimi init FOLDER` writes the first files with comments.
+
+- A key's name ends in its unit.
+- An unknown key, a wrong type or a value out of range is answered in one line: file, key, value and what would
+  be right. All keys that are missing are named at once.
+- A default of "required" means that the file has to have the key, once its table is there.
+- The beam frame: origin at the middle of the clamp line, x along the undeformed beam away from the clamp, y positive
+  toward the positive coil field. The picture: x to the right, y down, angles clockwise from +x.
+
+What a run leaves behind, the dataset and `fits.json`, is described under [The format](why/format.md).
+"""
+
+TABLES = """
+## Tables
+
+Columns may be in any order. Cells are separated by commas, or by semicolons or tabs as a spreadsheet does it; then a
+decimal comma is read too.
+"""
+
+
+def page() -> str:
+    """The whole page."""
+    parts = [INTRODUCTION]
+    for title, model, words in (
+        ("specimen.toml", SpecimenFile, "A beam of soft material, perhaps with a magnet at its tip."),
+        (
+            "calibration.toml",
+            Calibration,
+            "Where the beam is in the picture, how large a millimetre is, what an ampere does.",
+        ),
+        ("protocol.toml", Protocol, "The currents that a run goes through, and what has to hold at each."),
+        ("rig.toml", Rig, "Which supply and which camera, and where they are."),
+        ("materials.toml", TrueMaterials, "What the specimens of a virtual rig are made of. No fit reads it."),
+    ):
+        parts.append(f"\n## {title}\n\n{words}\n" + _document(model))
+    parts.append(TABLES)
+    parts.append(
+        _table("states.csv", "What acts in each picture or state.", FRAME_COLUMNS | STATE_COLUMNS | LOAD_COLUMNS)
+    )
+    parts.append(_table("points.csv", "Tracked points instead of pictures.", POINT_COLUMNS | OPTIONAL_COLUMNS))
+    words = (
+        "A tensile test: one column of strain and one of stress. The files of the Soft Robotics Materials Database "
+        "(Marechal et al. 2020) are read as they are."
+    )
+    parts.append(_table("A tensile test's CSV", words, TENSILE_COLUMNS))
+    return "".join(parts)
+
+
+def _document(model: type[Document]) -> str:
+    examples = _examples(EXAMPLES[model])
+    text = ""
+    for name, table in _tables(model):
+        rows = [_row(table, key, name, examples) for key in _keys(table)]
+        if not rows:
+            continue
+        heading = f"\n### `[{name}]`\n" if name else ""
+        text += heading + HEADER + "".join(rows)
+    if model in STATING:
+        text += _uncertainties(STATING[model], examples)
+    return text
+
+
+def _uncertainties(file: File, examples: Mapping[str, str]) -> str:
+    """The table [uncertainty], whose keys are those of the registry of sources."""
+    meanings = {key: f"Of the {SOURCES[source].words}." for key, source in keys_of(file).items()}
+    if file == "calibration":
+        meanings[FOCAL_LENGTH] = "Of the focal length, which `eimi calibrate` writes."
+    rows = "".join(
+        f"| `{key}` | {_unit(key)} | not known | {meaning} | `{_example(f'uncertainty.{key}', examples)}` |\n"
+        for key, meaning in meanings.items()
+    )
+    return "\n### `[uncertainty]`\n\nStandard uncertainties. 0 says that a value is exact.\n" + HEADER + rows
+
+
+def _example(path: str, examples: Mapping[str, str]) -> str:
+    found = examples.get(path) or FURTHER_EXAMPLES.get(path)
+    if not found:
+        raise ValueError(f"{path} has no example: put one into a shipped file")
+    return found
+
+
+def _tables(model: type, name: str = "") -> Iterator[tuple[str, type]]:
+    """The tables of a document by their names, itself first."""
+    yield name, model
+    for key, annotation in _keys(model).items():
+        inner = next((kind for kind in _kinds(annotation) if _is_table(kind)), None)
+        if inner and not issubclass(inner, Document):
+            named = f"{key}.NAME" if get_origin(annotation) is dict else key
+            yield from _tables(inner, f"{name}.{named}" if name else named)
+
+
+def _kinds(annotation: Any) -> Iterator[Any]:
+    yield annotation
+    for inner in get_args(annotation):
+        yield from _kinds(inner)
+
+
+def _is_table(kind: Any) -> bool:
+    return isinstance(kind, type) and (issubclass(kind, BaseModel) or dataclasses.is_dataclass(kind))
+
+
+def _keys(table: type) -> dict[str, Any]:
+    if issubclass(table, BaseModel):
+        return {name: field.annotation for name, field in table.model_fields.items()}
+    return {field.name: field.type for field in dataclasses.fields(table)}
+
+
+def _row(table: type, key: str, name: str, examples: Mapping[str, str]) -> str:
+    path = f"{name}.{key}" if name else key
+    meaning = _meanings(table)[key]
+    choices = _choices(_keys(table)[key])
+    if choices:
+        meaning += f" One of {choices}."
+    shown = examples.get(path) or _shown(_default_value(table, key))
+    if _holds_table(table, key) and not shown.startswith(('"', "{")):
+        example = "a table of its own"
+    else:
+        example = f"`{shown or _example(path, examples)}`"
+    cells = [f"`{key}`", _unit(key), _default(table, key), meaning, example]
+    return f"| {' | '.join(cells)} |\n"
+
+
+def _holds_table(table: type, key: str) -> bool:
+    return key == "uncertainty" or any(_is_table(kind) for kind in _kinds(_keys(table)[key]))
+
+
+def _choices(annotation: Any) -> str:
+    literals = [
+        str(value)
+        for kind in _kinds(annotation)
+        if get_origin(kind) not in (Union, UnionType) and str(get_origin(kind)).endswith("Literal")
+        for value in get_args(kind)
+    ]
+    return ", ".join(f'`"{value}"`' for value in dict.fromkeys(literals))
+
+
+def _default_value(table: type, key: str) -> Any:
+    if issubclass(table, BaseModel):
+        return table.model_fields[key].default
+    return next(field.default for field in dataclasses.fields(table) if field.name == key)
+
+
+def _default(table: type, key: str) -> str:
+    value = _default_value(table, key)
+    if value is PydanticUndefined:
+        return "required"
+    return "none" if value is None else f"`{_shown(value)}`"
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_shown, value))}]"
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, BaseModel):
+        return f"{{ {', '.join(f'{name} = {_shown(inner)}' for name, inner in value)} }}"
+    if _is_table(type(value)):
+        return "those below"
+    return "" if value is None or value is PydanticUndefined else f"{value:g}"
+
+
+def _unit(key: str) -> str:
+    return next((unit for ending, unit in UNITS.items() if key.endswith(ending)), "")
+
+
+def _meanings(table: type) -> dict[str, str]:
+    """The text below each field of a class."""
+    (node,) = ast.parse(textwrap.dedent(inspect.getsource(table))).body
+    assert isinstance(node, ast.ClassDef)
+    found = {}
+    for field, below in zip(node.body, node.body[1:], strict=False):
+        if isinstance(field, ast.AnnAssign) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
+            assert isinstance(field.target, ast.Name)
+            found[field.target.id] = " ".join(str(below.value.value).split())
+    return found
+
+
+def _examples(names: tuple[str, ...]) -> dict[str, str]:
+    """Key and value of each line of shipped files, those in comments too."""
+    found: dict[str, str] = {}
+    for name in names:
+        table = ""
+        for line in (ROOT / "protocols" / name).read_text(encoding="utf-8").splitlines():
+            line = line.removeprefix("# ")
+            if header := re.match(r"\[([\w.\" -]+)\]", line):
+                table = re.sub(r'"[^"]*"', "NAME", header.group(1)) + "."
+            elif pair := re.match(r"(\w+) = ([^?#]+?)\s*(#.*)?$", line):
+                key, value = table + pair.group(1), pair.group(2)
+                found.setdefault(key, value)
+                for inner in re.finditer(r"[{,] (\w+) = ([^,}]+?) ?(?=[,}])", value) if value.startswith("{") else ():
+                    found.setdefault(f"{key}.{inner.group(1)}", inner.group(2))
+    return found
+
+
+def _table(title: str, words: str, columns: Mapping[str, Column]) -> str:
+    rows = "".join(
+        f"| `{name}` | {_unit(name)} | {column.default or 'none'} | {column.meaning} | `{column.example}` |\n"
+        for name, column in columns.items()
+    )
+    return f"\n### {title}\n\n{words}\n{HEADER.replace('key', 'column')}{rows}"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,41 @@
+"""Write docs/gallery.md: every script of examples/ with what it says of itself, its text and its picture.
+
+python docs/scripts/gallery.py
+"""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "gallery.md"
+
+INTRODUCTION = """# Gallery
+
+Ten short scripts. Each runs on its own, needs no instrument and prints a few numbers, such as
+`python examples/01_bend_a_beam.py`.
+The pictures are drawn by `docs/scripts/gallery_pictures.py`.
+
+Two notebooks: [Bend a beam](notebooks/bend_a_beam.ipynb) and [Fit tracked points](notebooks/fit_tracked_points.ipynb).
+"""
+
+
+def page() -> str:
+    """The whole page."""
+    return INTRODUCTION + "".join(map(_entry, sorted((ROOT / "examples").glob("[0-9]*.py"))))
+
+
+def _entry(script: Path) -> str:
+    text = script.read_text(encoding="utf-8")
+    words = ast.get_docstring(ast.parse(text)) or ""
+    title = script.stem[3:].replace("_", " ").capitalize()
+    code = text.split('"""', 2)[2].strip()
+    return (
+        f"\n## {title}\n\n{words}\n\n![{title}](gallery/{script.stem}.png)\n\n"
+        f"`examples/{script.name}`\n\n```python\n{code}\n```\n"
+    )
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

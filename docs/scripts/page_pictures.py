@@ -1,0 +1,164 @@
+"""Draw the pictures of the live page: `python docs/scripts/page_pictures.py`, in a headless Chromium, without a bench.
+
+The rig is the virtual one, made smaller, on an emulated supply. Look at every picture before it is kept.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import cv2
+from PIL import Image
+from playwright.sync_api import Browser, sync_playwright
+
+from eimi_drivers.clock import WallClock
+from eimi_drivers.emulators.coil_line import serve_coil
+from eimi_drivers.emulators.serve import emulate, serve_tcp
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_lab.config.protocol import load_protocol
+from eimi_lab.config.rig import load_rig
+from eimi_lab.config.specimen import load_specimen
+from eimi_lab.dataset.reading import open_dataset
+
+FOLDER = Path(__file__).parents[1] / "page"
+SIZE = {"width": 1280, "height": 720}
+WITHOUT_FOLDER = """(body, place) => {
+  const texts = document.createTreeWalker(body, NodeFilter.SHOW_TEXT);
+  while (texts.nextNode()) {
+    const node = texts.currentNode;
+    if (node.data.includes(place)) node.data = node.data.replace(/\\S*\\/(my_runs)/, "$1");
+  }
+}"""
+SCALE = 2  # the small rig's pictures have a half of the pixels of the virtual one's, either way
+
+
+def small_bench(folder: Path, supply: str, coil: str) -> None:
+    """The virtual rig with pictures of a quarter of the size and a coarse beam in the coil of an emulated supply."""
+    rig = load_rig("virtual")
+    assert rig.virtual is not None
+    wide, high = (side // SCALE for side in rig.virtual.frame_size_px)
+    text = rig.text.replace("mesh = [30, 3, 2]", "mesh = [14, 1, 1]").replace("[1280, 1024]", f"[{wide}, {high}]")
+    clamp = [place / SCALE for place in rig.calibration.clamp_midpoint_px]
+    calibration = rig.calibration.text.replace("pixels_per_mm = 25.0", f"pixels_per_mm = {25.0 / SCALE}")
+    calibration = calibration.replace("clamp_midpoint_px = [640.0, 80.0]", f"clamp_midpoint_px = {clamp}")
+    (folder / "virtual_calibration.toml").write_text(calibration)
+    text = text.replace('driver = "virtual"\naddress = "virtual"', f'driver = "scpi"\naddress = "{supply}"')
+    text = text.replace('source = "virtual"', f'source = "{coil}"')
+    (folder / "emulated_rig.toml").write_text(
+        text + "\n[coil]\ncontinuous_current_A = 2.0\nthermal_time_constant_s = 300.0\n"
+    )
+    (folder / "virtual_materials.toml").write_text(rig.virtual.materials.text)
+    protocol = re.sub(r"drift_window_s = \S+", "drift_window_s = 2.5", load_protocol("dragon_skin_10_quick").text)
+    (folder / "protocol.toml").write_text(protocol)
+    (folder / "beam.toml").write_text(load_specimen("type1").text)
+
+
+def keep(page: Any, name: str) -> None:
+    """The window as it is, but for where the temporary folder was."""
+    page.locator("body").evaluate(WITHOUT_FOLDER, tempfile.gettempdir())
+    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    picture.quantize(128, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
+        FOLDER / f"{name}.png", optimize=True
+    )
+
+
+def of_the_bench(browser: Browser, address: str) -> None:
+    """Idle, running and stopped."""
+    page = browser.new_page(viewport=SIZE)
+    page.set_default_timeout(120_000)
+    page.goto(address)
+    page.locator("#protocol option").first.wait_for(state="attached")
+    page.get_by_label("Note").fill("third casting, from the left")
+    page.get_by_role("button", name="Dry run").click()
+    page.get_by_text("duration:").first.wait_for()
+    keep(page, "idle")
+    page.get_by_role("button", name="Start").click()
+    page.locator("#modulus-plot circle.dot").first.wait_for()
+    keep(page, "running")
+    page.keyboard.press("Escape")
+    page.get_by_text("confirmed after").wait_for()
+    page.get_by_role("button", name="Start").wait_for()
+    page.wait_for_timeout(1500)
+    keep(page, "stopped")
+    page.get_by_label("go on with that dataset").check()
+    page.get_by_role("button", name="Start").click()
+    page.get_by_text("6 of 6").wait_for()
+    page.get_by_role("button", name="Start").wait_for()
+    page.close()
+
+
+def of_a_fit(browser: Browser, address: str) -> None:
+    """A run that is fitted, and its report."""
+    page = browser.new_page(viewport={**SIZE, "height": 1100})
+    page.set_default_timeout(300_000)
+    page.goto(f"{address}#runs")
+    page.get_by_role("button", name="run.h5").click()
+    page.locator("#run-plot circle.dot >> nth=5").wait_for()
+    page.get_by_role("button", name="Fit", exact=True).click()
+    page.get_by_role("link", name="Report", exact=True).wait_for()
+    page.get_by_role("slider").press("End")
+    page.wait_for_timeout(1500)
+    keep(page, "fit")
+    page.close()
+
+
+def of_own_pictures(browser: Browser, address: str, folder: Path) -> None:
+    """Calibrating by hand, in dark colours, with the run's frames for own pictures."""
+    (folder / "my_pictures").mkdir()
+    with open_dataset(folder / "run.h5") as dataset:
+        for state in dataset.states:
+            cv2.imwrite(str(folder / f"my_pictures/shot_{state.index}.png"), dataset.images(state.index)[0])
+    page = browser.new_page(viewport=SIZE, color_scheme="dark")
+    page.set_default_timeout(120_000)
+    page.goto(f"{address}#pictures")
+    page.get_by_role("button", name="shot_4.png").click()
+    values = {"#scale": "12.5", "#clamp-x": "320", "#clamp-y": "40", "#coil-constant": "4.7"}
+    for place, value in values.items():
+        page.fill(place, value)
+    for number in range(6):
+        page.get_by_label(f"current of shot_{number}.png").fill(f"{0.3 * number:.1f}")
+    page.get_by_role("button", name="clamp's middle").focus()
+    page.locator("#by-hand polyline.edge >> nth=1").wait_for(state="attached")
+    page.wait_for_timeout(1500)
+    keep(page, "calibrating_by_hand")
+    page.close()
+
+
+def main() -> None:
+    """Write all pictures."""
+    FOLDER.mkdir(exist_ok=True)
+    emulated = CoilSupply(WallClock())
+    with (
+        TemporaryDirectory() as name,
+        serve_tcp(emulate("scpi", emulated)) as supply,
+        serve_coil(emulated) as coil,
+    ):
+        folder = Path(name) / "my_runs"
+        folder.mkdir()
+        small_bench(folder, supply, coil)
+        command = [sys.executable, "-m", "eimi_lab", "dashboard", str(folder)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server, sync_playwright() as driver:
+            assert server.stdout is not None
+            address = server.stdout.readline().strip()
+            own = shutil.which("chromium") or shutil.which("chromium-browser")
+            args = ["--no-sandbox"] if os.geteuid() == 0 else []
+            browser = driver.chromium.launch(executable_path=own, args=args)
+            try:
+                of_the_bench(browser, address)
+                of_a_fit(browser, address)
+                of_own_pictures(browser, address, folder)
+            finally:
+                server.terminate()
+
+
+if __name__ == "__main__":
+    main()

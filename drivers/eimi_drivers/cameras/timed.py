@@ -1,0 +1,109 @@
+"""A deadline for every call of a camera, held from outside: a driver's own timeout is worth as much as the driver."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from eimi_drivers.cameras.camera_names import SetCamera
+from eimi_drivers.interfaces import Frame, Identity, InstrumentTimeout
+
+OPEN_WITHIN_S = 60.0  # a network camera is looked for
+ANSWER_WITHIN_S = 5.0
+GRACE_S = 0.5
+"""Beyond the timeout that a camera is given for a frame."""
+
+LOOK_EVERY_S = 0.1
+
+_Answer = TypeVar("_Answer")
+
+_callers: list[threading.Thread] = []
+
+
+def calls_under_way() -> bool:
+    """Whether a camera's driver has not come back from a call; the last one is given a moment to."""
+    for caller in _callers:
+        caller.join(LOOK_EVERY_S)
+    return any(caller.is_alive() for caller in _callers)
+
+
+class TimedCamera:
+    """A camera whose calls are made by a thread of its own.
+
+    One that does not come back in time is an InstrumentTimeout, and so is every call after it: the thread is lost, and
+    the process can end without it. `meanwhile` is called again and again during a call, in the caller's thread, and may
+    raise; the call itself goes on then, and the next one waits for it.
+    """
+
+    def __init__(self, name: str, open_it: Callable[[], SetCamera]) -> None:
+        """Open it. Raises what `open_it` raises, and InstrumentTimeout."""
+        self.meanwhile: Callable[[], None] = _nothing
+        self._name = name
+        self._lost = ""
+        self._calls: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
+        caller = threading.Thread(target=self._make_calls, name=f"calls of {name}", daemon=True)
+        _callers.append(caller)
+        caller.start()
+        try:
+            self._camera = self._within(OPEN_WITHIN_S, "being opened", open_it)
+        except BaseException:
+            self._calls.put(None)
+            raise
+        self.settings = self._camera.settings
+
+    def identify(self) -> Identity:
+        """See `Camera.identify`."""
+        return self._within(ANSWER_WITHIN_S, "identify", self._camera.identify)
+
+    def flush(self) -> None:
+        """See `Camera.flush`."""
+        self._within(ANSWER_WITHIN_S, "flush", self._camera.flush)
+
+    def grab(self, timeout_s: float) -> Frame:
+        """See `Camera.grab`."""
+        return self._within(timeout_s + GRACE_S, "grab", lambda: self._camera.grab(timeout_s))
+
+    def close(self) -> None:
+        """See `Camera.close`. Nothing is left to be done for one that is lost."""
+        try:
+            if not self._lost:
+                self._within(ANSWER_WITHIN_S, "close", self._camera.close)
+        finally:
+            self._calls.put(None)
+
+    def _make_calls(self) -> None:
+        while call := self._calls.get():
+            call()
+
+    def _within(self, seconds: float, what: str, call: Callable[[], _Answer]) -> _Answer:
+        if self._lost:
+            raise InstrumentTimeout(self._lost)
+        answers: queue.SimpleQueue[tuple[_Answer | None, BaseException | None]] = queue.SimpleQueue()
+
+        def answer() -> None:
+            try:
+                answers.put((call(), None))
+            except BaseException as error:  # whatever it is, it is the caller's to handle
+                answers.put((None, error))
+
+        self._calls.put(answer)
+        until = time.monotonic() + seconds
+        while True:
+            try:
+                found, error = answers.get(timeout=LOOK_EVERY_S)
+            except queue.Empty:
+                if time.monotonic() >= until:
+                    self._lost = f"{self._name}: its driver did not come back from {what} within {seconds:g} s"
+                    raise InstrumentTimeout(self._lost) from None
+                self.meanwhile()
+                continue
+            if error is not None:
+                raise error
+            return found  # type: ignore[return-value]
+
+
+def _nothing() -> None:
+    """For a call that nobody waits beside."""

@@ -1,0 +1,77 @@
+"""Cycles before the run, in which a silicone that was never stretched so far softens (Mullins), and what they changed.
+
+The first time that a filled rubber or a silicone is stretched it is stiffer than ever after, up to that stretch
+(L. Mullins, Rubber Chem. Technol. 42 (1969) 339). A run whose specimen had no cycles before measures a mixture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S, wait_until_settled
+from eimi_lab.acquisition.stepping import Stepping
+from eimi_lab.config.protocol import Conditioning
+from eimi_lab.dataset.recordings import CONDITIONING, Moment
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.edges.finding import find_edges
+from eimi_lab.vision.intensity import mean_grey
+
+SEEN_PX = 0.2
+"""A tip that moves by less is told as one that stayed: its corners are found to about a tenth of a pixel."""
+
+Shape = tuple[int, Moment]
+"""The cycle, counted from 1, and the frame of the beam at rest in it."""
+
+
+def condition(run: Stepping, rule: Conditioning, stop_if_asked: Callable[[], None]) -> None:
+    """Go through the cycles; store the beam at rest before them, loaded in the first and last, and after; tell of it.
+
+    Raises InstrumentError, StorageFailed, Stopped.
+    """
+    shapes = [(1, _at_rest(run, stop_if_asked))]
+    for cycle in range(1, rule.cycles + 1):
+        for current_A in (rule.current_A, 0.0):
+            run.coil.ramp_to(current_A, stop_if_asked)
+            run.coil.wait_until_reached(stop_if_asked)
+            if cycle == rule.cycles or (cycle == 1 and current_A):
+                shapes.append((cycle, _at_rest(run, stop_if_asked)))
+            run.coil.supply.check()
+    run.store(CONDITIONING, [cycle for cycle, _ in shapes], [moment for _, moment in shapes])
+    run.remark(_what_changed(run, shapes, stop_if_asked))
+
+
+def _at_rest(run: Stepping, stop_if_asked: Callable[[], None]) -> Moment:
+    wait_until_settled(run.camera, run.clock, run.protocol.settle, run.noise, stop_if_asked)
+    run.camera.flush()
+    frame = run.camera.grab(GRAB_TIMEOUT_S)
+    at_s = run.clock.now()
+    return Moment(frame, at_s, at_s - run.coil.changed_s, run.coil.asked_A)
+
+
+def _what_changed(run: Stepping, shapes: list[Shape], stop_if_asked: Callable[[], None]) -> str:
+    """How far the last shape is from the first at each current, in words: by the tip, else by the whole image."""
+    words = []
+    for current_A in sorted({moment.set_A for _, moment in shapes}, key=abs, reverse=True):
+        of_current = [(cycle, moment.frame) for cycle, moment in shapes if moment.set_A == current_A]
+        if len(of_current) < 2:
+            continue
+        (first, before), (_, after) = of_current[0], of_current[-1]
+        images = mean_grey(before.image), mean_grey(after.image)
+        tips = []
+        for image in images:
+            stop_if_asked()
+            tips.append(find_edges(image, run.calibration, run.specimen).corners_px[2:].mean(axis=0))
+        moved_px = float(np.hypot(*(tips[1] - tips[0])))
+        then = f"in cycle {first}" if current_A else "before cycle 1"
+        if not np.isfinite(moved_px):
+            ratio = run.noise.difference_ratio(*images)
+            told = f"no tip is found; the image differs from that {then} by {ratio:.3g} times what noise alone would"
+        elif moved_px < SEEN_PX:
+            told = f"the tip is where it was {then}, to {SEEN_PX} px"
+        else:
+            moved_mm = float(np.hypot(*np.diff(BeamFrame(run.calibration).to_mm(tips), axis=0)[0]))
+            told = f"the tip is {moved_mm:.3g} mm ({moved_px:.1f} px) from where it was {then}"
+        words.append(f"at {current_A:g} A {told}")
+    return f"conditioning, {shapes[-1][0]} cycles: {'; '.join(words)}"

@@ -1,0 +1,162 @@
+"""The guardian process itself: it waits for the end or the standstill of the run, and then switches off.
+
+Until then it touches no port. What it needs it has imported before it says that it is ready, and the run switches the
+output on only after that.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import select
+import signal
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from eimi_drivers.interfaces import Limits, PowerSupply, SwitchOffFailed
+from eimi_drivers.supplies.supply_names import open_supply
+from eimi_drivers.supplies.transport import share_ports
+from eimi_lab.acquisition.guardian import (
+    ALLOW,
+    ARM,
+    BEAT,
+    DISARM,
+    HERE,
+    READY,
+    SILENT_FOR_S,
+    STILL_FOR_S,
+    TAKE_OVER,
+    TAKING_OVER,
+    Ward,
+)
+from eimi_lab.stderr import never_blocking
+
+TRY_FOR_S = 3600.0  # a cable may be put back; a person who was told will have come by then
+TRY_AGAIN_AFTER_S, TRY_AGAIN_LATER_S = 0.1, 1.0
+TELL_EVERY_S = 60.0
+FROM_RUN, TO_RUN = 0, 1
+
+DIED = "the run died"
+STANDS_STILL = f"the run stood still for more than {STILL_FOR_S:g} s"
+ASKED = "the run could not switch off itself"
+
+
+def stand_guard(ward: Ward) -> None:
+    """Wait until it is needed, if ever, and switch off."""
+    for name in ("SIGINT", "SIGHUP", "SIGTERM", "SIGPIPE"):  # it ends when the run does, no sooner
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    run = os.getppid()
+    os.set_blocking(TO_RUN, False)
+    _say(READY)
+    if reason := _wait_until_needed():
+        if reason == STANDS_STILL:
+            share_ports()  # the run has them locked
+            _say(TAKING_OVER)
+        _tell(switch_off(ward, reason, run))
+
+
+def _wait_until_needed() -> str:
+    """Why the coil has to be switched off, in words; empty where the run ended well."""
+    armed, patience_s, heard_s, unfinished = False, STILL_FOR_S, time.monotonic(), b""
+    while True:
+        if select.select([FROM_RUN], [], [], SILENT_FOR_S / 4)[0]:
+            data = os.read(FROM_RUN, 4096)
+            if not data:
+                return DIED if armed else ""
+            heard_s = time.monotonic()
+            *messages, unfinished = (unfinished + data).split(b"\n")
+            for message in messages:
+                patience_s = STILL_FOR_S
+                if message in {ARM, DISARM}:
+                    armed = message == ARM
+                elif message == TAKE_OVER:
+                    return ASKED
+                elif message.startswith(ALLOW):
+                    patience_s = float(message.removeprefix(ALLOW))
+                else:
+                    assert message == BEAT
+        elif armed and time.monotonic() - heard_s > patience_s:
+            return STANDS_STILL
+        _say(HERE)
+
+
+def switch_off(ward: Ward, reason: str, run: int) -> str:
+    """Ramp down, zero, off, verify, again and again until the supply says that it is off; what came of it, in words.
+
+    A run that stands still keeps its connection, and some supplies serve one at a time: where the first attempt fails,
+    that process, `run`, is ended.
+    """
+    began = time.monotonic()
+    told_s = began - TELL_EVERY_S + 2.0
+    pause_s = TRY_AGAIN_AFTER_S
+    while True:
+        try:
+            without_ramp = _try_once(ward)
+            return f"{reason}; {ward.address}: the coil was switched off{without_ramp}"
+        except Exception as error:  # a library's mistake must not leave the coil on
+            why = " ".join(f"{type(error).__name__}: {error}".split())
+        emulated = re.search(r"/dev/pts/\d+", ward.address)
+        if emulated and not Path(emulated[0]).exists():
+            return f"{reason}; {ward.address} is gone, and the emulated supply with it"
+        if reason == STANDS_STILL and os.getppid() == run:
+            _tell(f"{reason} and holds the line to {ward.address}: it is ended ({why})")
+            with suppress(ProcessLookupError):
+                os.kill(run, signal.SIGKILL)
+            reason += " and was ended"
+            continue
+        if time.monotonic() - began > TRY_FOR_S:
+            return f"{reason}; THE COIL MAY STILL BE ON, switch it off by hand, nobody tries any more: {why}"
+        if time.monotonic() - told_s > TELL_EVERY_S:
+            told_s = time.monotonic()
+            where = f"{reason}; THE COIL MAY STILL BE ON, switch it off by hand"
+            _tell(f"{where}; process {os.getpid()} goes on trying: {why}")
+        time.sleep(pause_s)
+        pause_s = min(2 * pause_s, TRY_AGAIN_LATER_S)
+
+
+def _try_once(ward: Ward) -> str:
+    """Open, half way toward zero, off, close; why there was no ramp, in words.
+
+    Raises whatever went wrong before the supply said that it is off.
+    """
+    supply = open_supply(ward.driver, ward.address, Limits(ward.current_A, ward.voltage_V))
+    try:
+        without_ramp = _ramp_down(supply)
+        try:
+            supply.safe_off()
+        except SwitchOffFailed as error:
+            if supply.output_on():
+                raise
+            return f", and says so; not every stage went well ({error})"
+        return without_ramp
+    finally:
+        with suppress(Exception):
+            supply.close()
+
+
+def _ramp_down(supply: PowerSupply) -> str:
+    """Half way toward zero. The beam's swing no longer matters and time does: the supply is spared half the leap."""
+    try:
+        supply.set_current(supply.measure().current_A / 2)
+    except Exception as error:  # as above; the stages that follow matter more
+        return f", straight to zero ({' '.join(str(error).split())})"
+    return ""
+
+
+def _say(message: bytes) -> None:
+    with suppress(OSError):  # the run is gone, or does not listen
+        os.write(TO_RUN, message)
+
+
+def _tell(words: str) -> None:
+    with suppress(OSError):  # the terminal may be gone with the run
+        print(f"eimi guardian: {words}", file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    with never_blocking():
+        stand_guard(Ward(**json.loads(sys.argv[1])))

@@ -1,0 +1,106 @@
+"""The instruments that a rig names, opened for one run and closed after it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings
+from eimi_drivers.interfaces import Camera, Clock, InstrumentError, PowerSupply
+from eimi_lab.acquisition.guardian import Guardian, Ward, guarding
+from eimi_lab.acquisition.playback import Cue
+from eimi_lab.config.protocol import SupplyLimits
+from eimi_lab.config.rig import Rig
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.errors import tell
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A supply, a camera and their time. truth is what a virtual rig is made of, None on a real bench.
+
+    guardian: switches the supply off if the run dies; a virtual one dies with the run.
+    camera_settings: what the camera read back after it was set up. cue: where the run says at which state it is.
+    """
+
+    supply: PowerSupply
+    camera: Camera
+    clock: Clock
+    truth: dict[str, Any] | None = None
+    guardian: Guardian | None = None
+    camera_settings: CameraSettings = NO_SETTINGS
+    cue: Cue = field(default_factory=Cue)
+
+
+@contextmanager
+def open_bench(
+    rig: Rig, specimen: SpecimenFile, limits: SupplyLimits, transcript: Path | None = None
+) -> Iterator[Bench]:
+    """Open the rig's instruments within the stricter of the rig's limits and `limits`. Raises InstrumentError.
+
+    transcript: a new file for every exchange with the supply; a virtual one has none.
+
+    Leaving closes them; it does not switch off: `switching_off` does.
+    """
+    stricter = rig.supply.limits.stricter(limits)
+    if rig.simulated:
+        from eimi_lab.virtual.virtual_rig import open_virtual_rig
+
+        limited = rig.model_copy(update={"supply": rig.supply.model_copy(update={"limits": stricter})})
+        supply, camera, clock, truth = open_virtual_rig(limited, specimen)
+        with closing(supply), closing(camera):
+            yield Bench(supply, camera, clock, truth)
+        return
+    from eimi_drivers.cameras.timed import TimedCamera
+    from eimi_drivers.clock import WallClock
+    from eimi_drivers.interfaces import InstrumentDisconnected, Limits
+    from eimi_drivers.supplies.supply_names import open_supply
+    from eimi_lab.acquisition.cameras import open_rig_camera
+
+    wall, cue = WallClock(), Cue()
+    ward = Ward(rig.supply.driver, rig.supply.address, stricter.current_A, stricter.voltage_V)
+    with ExitStack() as opened:
+        guardian = opened.enter_context(guarding(ward))
+        try:
+            supply = opened.enter_context(
+                closing(
+                    open_supply(ward.driver, ward.address, Limits(ward.current_A, ward.voltage_V), wall, transcript)
+                )
+            )
+            eye = TimedCamera(f"camera {rig.camera.source}", lambda: open_rig_camera(rig, specimen, wall, cue))
+            opened.callback(_close_or_tell, eye)
+        except InstrumentDisconnected as error:
+            raise InstrumentDisconnected(f"{error}; {_attached()}") from error
+        yield Bench(supply, eye, wall, _truth(rig, specimen), guardian, eye.settings, cue)
+
+
+def _truth(rig: Rig, specimen: SpecimenFile) -> dict[str, Any] | None:
+    """What the beam is made of, if it is virtual."""
+    if rig.virtual is None:
+        return None
+    from eimi_lab.virtual.virtual_rig import truth_of
+
+    return truth_of(rig, specimen)
+
+
+def _close_or_tell(camera: Camera) -> None:
+    """By now the coil is off and the states are stored: a camera that cannot be closed is no reason to fail."""
+    try:
+        camera.close()
+    except InstrumentError as error:
+        tell(f"warning: {error}")
+
+
+def _attached() -> str:
+    """What could have been meant, for a person whose rig names something that is not there."""
+    from eimi_drivers.discovery import list_cameras, list_serial_ports
+
+    ports = ", ".join(found.address for found in list_serial_ports()) or "none"
+    cameras = ", ".join(found.address for found in list_cameras()) or "none"
+    return (
+        f"serial ports here: {ports}; cameras here: {cameras}; `eimi instruments` tells more, and --rig virtual needs "
+        "no instrument"
+    )

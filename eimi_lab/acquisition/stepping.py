@@ -1,0 +1,88 @@
+"""One state after another: ramp, wait for the current and for the beam, take the frames, store them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from eimi_drivers.interfaces import Clock
+from eimi_lab.acquisition.capture import capture
+from eimi_lab.acquisition.coil import Coil
+from eimi_lab.acquisition.guardian import Guardian
+from eimi_lab.acquisition.live_view import WatchedCamera
+from eimi_lab.acquisition.settling import wait_until_settled
+from eimi_lab.acquisition.transients import Transient
+from eimi_lab.config.calibration import Calibration
+from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.dataset.recordings import Moment
+from eimi_lab.dataset.writing import DatasetWriter
+from eimi_lab.vision.settling_statistic import Noise
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stepping:
+    """A run that is under way.
+
+    began_s: the clock when the run began, earlier sessions included. remark: gets what is to be told, a line each.
+    """
+
+    protocol: Protocol
+    specimen: SpecimenFile
+    calibration: Calibration
+    coil: Coil
+    camera: WatchedCamera
+    clock: Clock
+    guardian: Guardian | None
+    noise: Noise
+    writer: DatasetWriter
+    began_s: float
+    remark: Callable[[str], None]
+
+    def go_back_to(self, state: int, stop_if_asked: Callable[[], None]) -> None:
+        """Come to a state through those before it: a beam that remembers has to come the same way again."""
+        for current_A in self.protocol.currents_A[:state]:
+            self.coil.ramp_to(current_A, stop_if_asked)
+
+    def take(self, state: int, stop_if_asked: Callable[[], None]) -> str:
+        """Take and store the next state; what came of it, in words. Raises InstrumentError, StorageFailed, Stopped."""
+        current_A, protocol = self.protocol.currents_A[state], self.protocol
+        self.camera.at(state, current_A)
+        self.coil.ramp_to(current_A, stop_if_asked)
+        self.coil.wait_until_reached(stop_if_asked)
+        transient = Transient(protocol.transients.frames_per_state, protocol.settle.timeout_s, self.coil)
+        settled = wait_until_settled(self.camera, self.clock, protocol.settle, self.noise, stop_if_asked, transient.see)
+        self.coil.supply.check()
+        taken = capture(
+            self.camera, self.clock, protocol.frames_per_state, self.coil.measured_A, self.noise, stop_if_asked
+        )
+        flags = settled.flags + taken.flags
+        self.writer.append_state(
+            taken.frames,
+            current_A=current_A,
+            field_mT=current_A * self.calibration.coil_constant_mT_per_A,
+            measured_A=taken.measured_A,
+            time_s=[at_s - self.began_s for at_s in taken.time_s],
+            tip_force_N=self.protocol.tip_force_N,
+            flags=flags,
+            transient=self._on_the_run(transient.moments),
+        )
+        flagged = "".join(f", {flag.name}" for flag in flags)
+        return f"{current_A:g} A, settled after {settled.waited_s:.1f} s{flagged}"
+
+    def store(self, recording: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
+        """Store frames between states, with the state or cycle of each. Raises StorageFailed."""
+        if moments:
+            self.writer.append_recording(recording, belongs_to, self._on_the_run(moments))
+
+    def what_is_stored(self) -> str:
+        """How many states are in the file, and how the run is gone on with, in words."""
+        total, stored, path = len(self.protocol.currents_A), self.writer.stored, self.writer.path
+        if not stored:
+            return "no state was stored yet, so that there is no file"
+        if stored == total:
+            return f"all {total} states are in {path}"
+        return f"{stored} of {total} states are in {path}, and the same command with --resume goes on from there"
+
+    def _on_the_run(self, moments: Sequence[Moment]) -> list[Moment]:
+        return [replace(moment, time_s=moment.time_s - self.began_s) for moment in moments]

@@ -1,0 +1,198 @@
+"""From a TOML file to a checked model, and from whatever is wrong with it to one line."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import tomllib
+from dataclasses import fields, is_dataclass
+from datetime import date
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError
+
+from eimi_lab.errors import InputError
+
+
+class Table(BaseModel):
+    """A TOML table: no unknown keys, no text where a number belongs, no infinities, not changed after reading."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Document(Table):
+    """A whole TOML file; `text` is what it was read from, empty for one that was made in Python."""
+
+    _text: str = PrivateAttr(default="")
+
+    @property
+    def text(self) -> str:
+        return self._text
+
+
+SPREADSHEETS = frozenset({".xlsx", ".xls", ".ods", ".numbers"})
+
+AnyDocument = TypeVar("AnyDocument", bound=Document)
+
+
+def locate(name: str | Path, folder: str = "") -> Path:
+    """The file that a path, or the name of a shipped file in `protocols/<folder>`, stands for.
+
+    A bare name without an ending is looked up among the shipped files; anything else is a path. Raises InputError.
+    """
+    path = Path(name)
+    if path.is_file():
+        return path
+    shipped = Path(str(files("eimi_lab.protocols"))) / folder
+    if path.name == str(name) and path.suffix in ("", ".toml"):
+        candidate = shipped / f"{path.stem}.toml"
+        if candidate.is_file():
+            return candidate
+    if path.is_dir():
+        raise InputError(f"{name}: is a folder, not a TOML file")
+    known = ", ".join(sorted(file.stem for file in shipped.glob("*.toml")))
+    raise InputError(f"{name}: no such file, and no shipped file of that name; shipped are {known}")
+
+
+def read_text(path: Path) -> str:
+    """The text of a UTF-8 file. Raises InputError."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        if path.suffix.lower() in SPREADSHEETS:
+            raise InputError(f"{path}: is a spreadsheet; save its table as CSV") from error
+        raise InputError(f"{path}: is not UTF-8 text (byte {error.start})") from error
+
+
+def parse(model: type[AnyDocument], text: str, origin: str | Path) -> AnyDocument:
+    """Check TOML text against a model; `origin` is the file's name for error messages. Raises InputError."""
+    return check(model, parse_table(text, origin), text, origin)
+
+
+def to_toml(document: Document) -> str:
+    """A document as TOML text that reads back as the same, without what nobody stated."""
+    table = document.model_dump(exclude_unset=True, exclude_none=True)
+    return "\n".join(_lines(table, "")) + "\n"
+
+
+def _lines(table: dict[str, Any], name: str) -> list[str]:
+    lines = [f"[{name}]"] if name else []
+    lines += [f"{key} = {_toml(value)}" for key, value in table.items() if not isinstance(value, dict)]
+    for key, value in table.items():
+        if isinstance(value, dict):
+            lines += ["", *_lines(value, f"{name}.{key}" if name else key)]
+    return lines
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    return value.isoformat() if isinstance(value, date) else json.dumps(value)
+
+
+def parse_table(text: str, origin: str | Path) -> dict[str, Any]:
+    """TOML text as a dictionary. Raises InputError."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{origin}: is not valid TOML: {error}") from error
+
+
+# What only one kind of file has, by the name of its model.
+_KINDS = {
+    "specimen": ("SpecimenFile", "a specimen"),
+    "pixels_per_mm": ("Calibration", "a calibration"),
+    "frames_per_state": ("Protocol", "a protocol"),
+    "supply": ("Rig", "a rig"),
+}
+
+
+def check(model: type[AnyDocument], table: dict[str, Any], text: str, origin: str | Path) -> AnyDocument:
+    """Check a table against a model and let the result remember its text. Raises InputError."""
+    try:
+        document = model.model_validate(table)
+    except ValidationError as error:
+        for key, (name, kind) in _KINDS.items():
+            if key in table and key not in model.model_fields and name != model.__name__:
+                raise InputError(f"{origin}: is {kind}, and was given in another file's place") from error
+        raise InputError(f"{origin}: {_one_line(model, error)}") from error
+    document._text = text
+    return document
+
+
+LONGEST_SHOWN = 20  # values of a list
+
+# An unknown key in a table that is a pydantic model, and in one that is a dataclass.
+UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
+
+
+def _one_line(model: type[BaseModel], error: ValidationError) -> str:
+    """The one fault worth telling first: a misspelt key explains the missing one beside it."""
+    faults = error.errors(include_url=False)
+    fault = next((f for f in faults if f["type"] in UNKNOWN), faults[0])
+    location = tuple(str(part) for part in fault["loc"])
+    key = ".".join(location)
+    value = fault["input"]
+    match fault["type"]:
+        case unknown if unknown in UNKNOWN:
+            return f"{key} is not a known key; {_near(location[-1], _known_keys(model, location[:-1]))}"
+        case "missing" if isinstance(fault["loc"][-1], int):
+            return f"{'.'.join(location[:-1])} should have more values than {location[-1]}"
+        case "too_long":
+            most, found = fault["ctx"]["max_length"], fault["ctx"]["actual_length"]
+            shown = _shown(value) if len(value) <= LONGEST_SHOWN else "a list"
+            return f"{key} = {shown} should have at most {most} values, not {found}"
+        case "tuple_type":
+            return f"{key} = {_shown(value)} should be a list in brackets"
+        case "missing":
+            missing = [_missing(model, other["loc"]) for other in faults if _is_missing_key(other)]
+            return f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
+        case "value_error":
+            reason = str(fault["ctx"]["error"])
+            if isinstance(value, dict):
+                return f"[{key}] {reason}" if key else reason
+            return f"{key} = {_shown(value)} {reason}"
+        case "literal_error":
+            return f"{key} = {_shown(value)} should be {fault['ctx']['expected']}"
+        case _:
+            return f"{key} = {_shown(value)} {fault['msg'].removeprefix('Input ')}"
+
+
+def _is_missing_key(fault: Any) -> bool:
+    return fault["type"] == "missing" and isinstance(fault["loc"][-1], str)
+
+
+def _missing(model: type[BaseModel], location: tuple[int | str, ...]) -> str:
+    parts = tuple(map(str, location))
+    return f"the table [{'.'.join(parts)}]" if _known_keys(model, parts) else ".".join(parts)
+
+
+def _near(key: str, known: list[str]) -> str:
+    near = difflib.get_close_matches(key, known, n=1)
+    return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+
+
+def _shown(value: object) -> str:
+    """A value as TOML writes it."""
+    if isinstance(value, dict):
+        return "a table"
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+def _known_keys(table: Any, location: tuple[str, ...]) -> list[str]:
+    """The keys of the table at a location below a model; none where there is no table."""
+    for part in location:
+        field = table.model_fields.get(part) if isinstance(table, type) and issubclass(table, BaseModel) else None
+        annotation = field.annotation if field else None
+        table = next((kind for kind in (annotation, *get_args(annotation)) if _is_table(kind)), None)
+    if table is None:
+        return []
+    return [field.name for field in fields(table)] if is_dataclass(table) else list(table.model_fields)
+
+
+def _is_table(kind: Any) -> bool:
+    return isinstance(kind, type) and (issubclass(kind, BaseModel) or is_dataclass(kind))

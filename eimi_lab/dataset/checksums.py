@@ -1,0 +1,107 @@
+"""The checksum of HDF5's metadata: Bob Jenkins' lookup3, `hashlittle` with 0 to begin with (public domain, 2006).
+
+See HDF5 File Format Specification 3.0, appendix B. Many blocks of one length are done at once, which is what a search
+for a flipped bit needs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Words = NDArray[np.uint32]
+
+
+def lookup3(block: bytes) -> int:
+    """The checksum of one block."""
+    return int(lookup3_of_many(_words(np.frombuffer(block, np.uint8)[None, :]), len(block))[0])
+
+
+def _words(blocks: NDArray[np.uint8]) -> Words:
+    """Blocks (m, n) as little-endian words (m, k) of a length that is a multiple of 12 bytes, filled up with zeros."""
+    length = blocks.shape[1]
+    padded = np.zeros((len(blocks), max(12, -(-length // 12) * 12)), np.uint8)
+    padded[:, :length] = blocks
+    return padded.view("<u4")
+
+
+def lookup3_of_many(words: Words, length: int) -> Words:
+    """The checksums (m,) of blocks (m, k) in words, each `length` bytes long, one byte at least."""
+    begin = np.uint32((0xDEADBEEF + length) & 0xFFFFFFFF)
+    a, b, c = (np.full(len(words), begin) for _ in range(3))
+    last = words.shape[1] - 3
+    for at in range(0, last + 3, 3):
+        a, b, c = a + words[:, at], b + words[:, at + 1], c + words[:, at + 2]
+        if at < last:
+            a, b, c = _mixed(a, b, c)
+    return _final(a, b, c)
+
+
+def _turned(x: Words, bits: int) -> Words:
+    return (x << np.uint32(bits)) | (x >> np.uint32(32 - bits))
+
+
+def _mixed(a: Words, b: Words, c: Words) -> tuple[Words, Words, Words]:
+    a, c = (a - c) ^ _turned(c, 4), c + b
+    b, a = (b - a) ^ _turned(a, 6), a + c
+    c, b = (c - b) ^ _turned(b, 8), b + a
+    a, c = (a - c) ^ _turned(c, 16), c + b
+    b, a = (b - a) ^ _turned(a, 19), a + c
+    c, b = (c - b) ^ _turned(b, 4), b + a
+    return a, b, c
+
+
+def _final(a: Words, b: Words, c: Words) -> Words:
+    c = (c ^ b) - _turned(b, 14)
+    a = (a ^ c) - _turned(c, 11)
+    b = (b ^ a) - _turned(a, 25)
+    c = (c ^ b) - _turned(b, 16)
+    a = (a ^ c) - _turned(c, 4)
+    b = (b ^ a) - _turned(a, 14)
+    return (c ^ b) - _turned(b, 24)
+
+
+def flipped_bit(block: bytes, stored: int) -> int | None:
+    """The one bit of a block, counted from its first byte's lowest, whose flip brings the checksum to `stored`."""
+    plain = np.frombuffer(block, np.uint8)
+    length = len(plain)
+    for first in range(0, length, 128):  # bytes, 1024 bits at a time
+        places = np.repeat(np.arange(first, min(first + 128, length)), 8)
+        variants = np.tile(plain, (len(places), 1))
+        variants[np.arange(len(places)), places] ^= np.tile(1 << np.arange(8), len(places) // 8).astype(np.uint8)
+        found = np.flatnonzero(lookup3_of_many(_words(variants), length) == stored)
+        if len(found):
+            return 8 * first + int(found[0])
+    return None
+
+
+def fletcher32(chunk: bytes) -> int:
+    """The checksum of HDF5's filter fletcher32: both sums of big-endian words of 16 bits, modulo 65535."""
+    words = _big_endian(chunk)
+    first = int(words.sum()) % 65535
+    second = int((words * np.arange(len(words), 0, -1)).sum() % 65535)
+    # Sums are folded, not divided, in HDF5: a multiple of 65535 is 65535 there, and 0 where every word is 0.
+    return (second or 65535 * bool(words.any())) << 16 | (first or 65535 * bool(words.any()))
+
+
+def _big_endian(chunk: bytes) -> NDArray[np.int64]:
+    return np.frombuffer(chunk + b"\0" * (len(chunk) % 2), ">u2").astype(np.int64)
+
+
+def flipped_bit_of_chunk(raw: bytes) -> int | None:
+    """The one bit of a chunk, its checksum at its end included, whose flip makes both agree."""
+    stored, found = int.from_bytes(raw[-4:], "little"), fletcher32(raw[:-4])
+    if (stored ^ found).bit_count() == 1:
+        return 8 * (len(raw) - 4) + (stored ^ found).bit_length() - 1
+    words = _big_endian(raw[:-4])
+    weights = np.arange(len(words), 0, -1)
+    change = (stored & 0xFFFF) - (found & 0xFFFF), (stored >> 16) - (found >> 16)
+    for bit in range(16):
+        sign = np.where(words >> bit & 1, -1, 1)
+        fits = ((sign << bit) - change[0]) % 65535 == 0
+        fits &= (weights * (sign << bit) - change[1]) % 65535 == 0
+        for word in np.flatnonzero(fits).tolist():
+            place = 2 * word + (1 if bit < 8 else 0)
+            if place < len(raw) - 4:
+                return 8 * place + bit % 8
+    return None

@@ -1,0 +1,93 @@
+"""Dark frame and flat field, kept beside the frames that they correct, so that no later segmentation forgets them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.dataset.layout import group, to_stored
+from eimi_lab.dataset.rewriting import rewritten
+from eimi_lab.dataset.stored_edges import drop_edges
+from eimi_lab.errors import InputError
+from eimi_lab.vision.image_files import described, read_image
+from eimi_lab.vision.intensity import FieldCorrection, in_channels
+
+GROUP = "correction"
+BRIGHTEST_DARK = 0.5  # of the back-light's counts; what a dark frame has beyond that is light
+
+Images = Mapping[str, NDArray[Any]]
+"""Images (H, W) or (H, W, 3) under the names "dark" and "flat", either or both or none."""
+
+
+def read_correction_images(dark: Path | None, flat: Path | None) -> dict[str, NDArray[Any]]:
+    """Read a dark frame and a flat field from files. Raises InputError for images that can correct nothing."""
+    images = {name: read_image(path) for name, path in (("dark", dark), ("flat", flat)) if path is not None}
+    try:
+        correction_by(images)
+    except ValueError as error:
+        raise InputError(f"{flat or dark}: {error}") from error
+    return images
+
+
+def correction_by(images: Images) -> FieldCorrection | None:
+    """What these images correct; None for none. Raises ValueError for images that can correct nothing."""
+    return FieldCorrection(images.get("dark"), images.get("flat")) if images else None
+
+
+def check_like(images: Images, frame: NDArray[Any]) -> None:
+    """Raise InputError where an image differs from a frame in size or depth, or a dark frame was taken with light."""
+    for name, image in images.items():
+        if (image.shape, image.dtype) != (frame.shape, frame.dtype):
+            raise InputError(f"--{name}: is {described(image)}; the frames are {described(frame)}")
+    if "dark" in images:
+        dark, lit = float(np.median(images["dark"])), float(np.percentile(frame, 99))
+        if dark > BRIGHTEST_DARK * lit:
+            raise InputError(
+                f"--dark: has {dark:g} counts (median) where the frames' back-light has {lit:g}; take it without light"
+            )
+
+
+def store_correction(path: str | Path, images: Images) -> None:
+    """Keep images in a dataset of frames, each in place of an earlier one of its name.
+
+    Edges that were found without them are removed. Raises InputError for images that do not fit the frames.
+    """
+    path = Path(path)
+    with rewritten(path, 2 * sum(image.nbytes for image in images.values())) as entry:
+        if "frames" not in entry["data"]:
+            raise InputError(f"{path}: holds tracked points, which need no segmentation")
+        frame = to_stored(entry["data/frames"][0])
+        images = {name: in_channels(image, frame.ndim == 3) for name, image in images.items()}
+        check_like(images, frame)
+        kept = {**stored_correction(entry), **images}
+        try:
+            correction_by(kept)
+        except ValueError as error:
+            raise InputError(f"{path}: {error}") from error
+        _remove(entry)
+        store = group(entry, GROUP, "NXcollection")
+        for name, image in kept.items():
+            store.create_dataset(name, data=to_stored(image), compression="gzip", shuffle=True, fletcher32=True)
+            store[name].attrs["units"] = "counts"
+
+
+def forget_correction(path: str | Path) -> None:
+    """Remove dark frame and flat field from a dataset, and the edges found with them. Raises InputError."""
+    with rewritten(Path(path)) as entry:
+        _remove(entry)
+
+
+def stored_correction(entry: h5py.Group) -> dict[str, NDArray[Any]]:
+    """The images that a dataset keeps."""
+    return {name: to_stored(image[()]) for name, image in entry[GROUP].items()} if GROUP in entry else {}
+
+
+def _remove(entry: h5py.Group) -> None:
+    drop_edges(entry)
+    if GROUP in entry:
+        del entry[GROUP]

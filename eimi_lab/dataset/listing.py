@@ -1,0 +1,153 @@
+"""Which pictures a table of states lists: image files, or frames of a video by number or by time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_drivers.cameras.image_series import natural_key
+from eimi_lab.dataset.csv_tables import Row, read_table
+from eimi_lab.dataset.state_loads import FRAME_COLUMNS, LOAD_COLUMNS
+from eimi_lab.dataset.videos import ENDINGS as VIDEOS
+from eimi_lab.dataset.videos import frame_times, read_video
+from eimi_lab.errors import InputError
+from eimi_lab.vision.image_files import ENDINGS as IMAGES
+from eimi_lab.vision.image_files import find_images, read_image
+
+
+@dataclass(frozen=True)
+class ListedFrame:
+    """A picture with its row. path: of the image; of a frame of a video the video's, and the number as a name in it.
+
+    time_s: in the video, NaN where no times were asked for.
+    """
+
+    path: Path
+    row: Row
+    time_s: float = float("nan")
+
+
+@dataclass(frozen=True)
+class Listing:
+    """The listed pictures in the order in which they were taken, and those of the folder that no row lists."""
+
+    source: Path
+    frames: tuple[ListedFrame, ...]
+    left_out: tuple[Path, ...] = ()
+
+    def images(self) -> Iterator[NDArray[Any]]:
+        """The images one after another, as they are asked for; again from the first at each call. Raises InputError."""
+        if is_video(self.source):
+            return read_video(self.source, [int(frame.path.name) for frame in self.frames])
+        return (read_image(frame.path) for frame in self.frames)
+
+    def files(self) -> list[Path]:
+        """The files that they are in."""
+        return [self.source] if is_video(self.source) else [frame.path for frame in self.frames]
+
+
+def is_video(path: Path) -> bool:
+    """Whether a file is a video, by its name."""
+    return path.suffix.lower() in VIDEOS
+
+
+def is_image(path: Path) -> bool:
+    """Whether a file is an image, by its name."""
+    return path.suffix.lower() in IMAGES
+
+
+def list_frames(source: Path, states: Path) -> Listing:
+    """What states.csv lists of a folder of images, an image or a video. Raises InputError.
+
+    A row names an image by its path from states.csv on, or in the folder in full, without its ending, or by the number
+    at its end; a frame of a video by its number, counted from 0, or by its time_s.
+    """
+    if not is_video(source):
+        return _listed_images(source, read_table(states, ["frame"], LOAD_COLUMNS))
+    rows = read_table(states, [], [*FRAME_COLUMNS, *LOAD_COLUMNS])
+    if ("frame" in rows[0].cells) == ("time_s" in rows[0].cells):
+        raise InputError(f"{states}: row 1: needs one of the columns frame and time_s, for frames of {source.name}")
+    return _listed_numbers(source, rows) if "frame" in rows[0].cells else _listed_times(source, rows)
+
+
+def _listed_images(source: Path, rows: list[Row]) -> Listing:
+    images = [source] if source.is_file() else find_images(source)
+    matched: dict[Path, ListedFrame] = {}
+    missing: list[Row] = []
+    for row in rows:
+        found = _named(row.text("frame"), images) or _beside(row)
+        if not found:
+            missing.append(row)
+            continue
+        if len(found) > 1:
+            raise row.fault("frame", f"one image; {', '.join(image.name for image in found)} all fit")
+        known = matched.get(found[0].resolve())
+        if known:
+            raise row.fault("frame", f"listed once; row {known.row.line} is the same image")
+        matched[found[0].resolve()] = ListedFrame(found[0], row)
+    if missing:
+        more = f"; nor of that in rows {some([str(row.line) for row in missing[1:]])}" if missing[1:] else ""
+        where = images[0].parent if source.is_dir() else f"{source}, or a path from {rows[0].path.name} on"
+        raise missing[0].fault("frame", f"an image in {where}; there is none of that name{more}")
+    frames = sorted(matched.values(), key=lambda frame: (natural_key(frame.path.name), str(frame.path)))
+    return Listing(source, tuple(frames), tuple(image for image in images if image.resolve() not in matched))
+
+
+def _named(name: str, images: list[Path]) -> list[Path]:
+    found = [image for image in images if name in (image.name, image.stem)]
+    if not found and name.isascii() and name.isdigit():
+        found = [image for image in images if last_number(image.stem) == int(name)]
+    return found
+
+
+def _beside(row: Row) -> list[Path]:
+    """The image to which a row's path leads from the table on."""
+    image = row.path.parent / Path(row.text("frame").replace("\\", "/"))
+    try:
+        return [image] if is_image(image) and image.is_file() else []
+    except (OSError, ValueError):  # no name for a file
+        return []
+
+
+def last_number(stem: str) -> int | None:
+    """The number at the end of a file's name without its ending."""
+    found = re.search(r"[0-9]+$", stem)
+    return int(found.group()) if found else None
+
+
+def some(words: list[str]) -> str:
+    """A list that stays one line, however long it is."""
+    return ", ".join(words[:5]) + (f" and {len(words) - 5} more" if len(words) > 5 else "")
+
+
+def _listed_numbers(video: Path, rows: list[Row]) -> Listing:
+    return _in_video(video, "frame", [(row.count("frame"), float("nan"), row) for row in rows])
+
+
+def _listed_times(video: Path, rows: list[Row]) -> Listing:
+    wanted = [row.number("time_s") for row in rows]
+    for row, time_s in zip(rows, wanted, strict=True):
+        if time_s < 0:
+            raise row.fault("time_s", "0 or more, seconds from the video's beginning")
+    times = frame_times(video)
+    end_s = times[-1] + (times[-1] - times[-2] if len(times) > 1 else 0.0)
+    for row, time_s in zip(rows, wanted, strict=True):
+        if time_s > end_s:
+            raise row.fault("time_s", f"within {video.name}, which ends at {end_s:.3f} s")
+    nearest = [int(np.argmin(np.abs(times - time_s))) for time_s in wanted]
+    return _in_video(video, "time_s", [(n, float(times[n]), row) for n, row in zip(nearest, rows, strict=True)])
+
+
+def _in_video(video: Path, column: str, listed: list[tuple[int, float, Row]]) -> Listing:
+    by_number: dict[int, ListedFrame] = {}
+    for number, time_s, row in listed:
+        if number in by_number:
+            raise row.fault(column, f"listed once; row {by_number[number].row.line} is the same frame")
+        by_number[number] = ListedFrame(video / str(number), row, time_s)
+    return Listing(video, tuple(frame for _, frame in sorted(by_number.items())))

@@ -1,0 +1,67 @@
+"""What acts in each state, by a table of states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from eimi_lab.config.calibration import Calibration
+from eimi_lab.dataset.csv_tables import Column, Row
+from eimi_lab.dataset.points import Load
+from eimi_lab.errors import InputError
+
+FRAME_COLUMNS = {
+    "frame": Column(
+        "A picture: its path from states.csv on, its name in the folder with or without the ending, or the number at "
+        "its end. A frame of a video, from 0, or one as a tracking tool counts it.",
+        "shot_07.png",
+    ),
+    "time_s": Column("In place of frame: seconds from the beginning of a video or of tracks that have times.", "12.5"),
+}
+STATE_COLUMNS = {"state": Column("In place of frame: the state's number in points.csv.", "0")}
+LOAD_COLUMNS = {
+    "current_A": Column("Through the coil. Either this or field_mT.", "0.3"),
+    "field_mT": Column("At the magnet. Either this or current_A; without a coil 0.", "1.41"),
+    "tip_force_N": Column("A weight or a force at the tip.", "0.049", "0"),
+    "tip_force_angle_deg": Column("Its direction in the beam frame, from +x toward +y.", "0", "along gravity"),
+}
+
+
+def load_of(row: Row, calibration: Calibration | None) -> Load:
+    """What acts in the state of a row. Raises InputError."""
+    has_current, has_field = "current_A" in row.cells, "field_mT" in row.cells
+    if has_current == has_field:
+        wrong = "both current_A and field_mT" if has_current else "neither current_A nor field_mT"
+        raise InputError(f"{row.path}: row 1: has {wrong}; give one of them")
+    force = row.number("tip_force_N") if "tip_force_N" in row.cells else 0.0
+    angle = row.number("tip_force_angle_deg") if row.cells.get("tip_force_angle_deg") else None
+    if has_field:
+        field = row.number("field_mT")
+        return Load(field / calibration.coil_constant_mT_per_A if calibration else None, field, force, angle)
+    current = row.number("current_A")
+    if calibration:
+        return Load(current, current * calibration.coil_constant_mT_per_A, force, angle)
+    if current:
+        raise row.fault("current_A", "0, or field_mT be given instead: tracked points come without a coil constant")
+    return Load(current, 0.0, force, angle)
+
+
+def numbered_loads(rows: list[Row]) -> dict[int, Load]:
+    """What acts in each state of tracked points, by the states' numbers. Raises InputError."""
+    loads: dict[int, Load] = {}
+    for row in rows:
+        state = row.count("state")
+        if state in loads:
+            raise row.fault("state", "a state that was not listed before")
+        loads[state] = load_of(row, None)
+    return dict(sorted(loads.items()))
+
+
+def check_directions(states: Path, loads: Sequence[Load], gravity_angle_deg: float | None) -> None:
+    """Raise InputError for a tip force of no direction: without gravity's there is none but its own."""
+    for load in loads:
+        if gravity_angle_deg is None and load.tip_force_N and load.tip_force_angle_deg is None:
+            raise InputError(
+                f"{states}: tip_force_N = {load.tip_force_N:g} has no direction: without gravity it needs a column "
+                "tip_force_angle_deg, in the beam frame, from +x toward +y"
+            )

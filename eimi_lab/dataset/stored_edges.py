@@ -1,0 +1,94 @@
+"""The edges that segmentation found, stored beside the frames that they came from."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from eimi_lab.dataset.default_plots import write_plots
+from eimi_lab.dataset.layout import PROGRAM, flags_from_text, flags_to_text, get_text, group, note, now, put_text
+from eimi_lab.dataset.rewriting import rewritten
+from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
+from eimi_lab.vision.projection import Projection
+
+GROUP = "segmentation"
+OF_A_STATE_BYTES = 512
+"""Of its flags in words, its corners, its tip."""
+
+
+def write_edges(path: str | Path, edge_sets: Sequence[EdgeSet], projection: Projection | None = None) -> None:
+    """Store one edge set a state, in place of earlier ones, and by what projection of colour they were found.
+
+    Raises InputError for a file that is still being written or whose writer crashed, ValueError for a wrong number of
+    edge sets.
+    """
+    path = Path(path)
+    points = [edge for edge_set in edge_sets for edge in (edge_set.left, edge_set.right)]
+    size = 2 * sum(edge.points_mm.nbytes + edge.sigma_mm.nbytes for edge in points)  # as edges, and as what is plotted
+    with rewritten(path, size + OF_A_STATE_BYTES * len(edge_sets)) as entry:
+        states = len(entry["states/index"])
+        if states != len(edge_sets):
+            raise ValueError(f"{path}: {len(edge_sets)} edge sets for {states} states")
+        drop_edges(entry)
+        process = group(entry, GROUP, "NXprocess")
+        _write(process, edge_sets)
+        write_plots(entry, process, edge_sets)
+        if projection is not None:
+            note(process, "projection", projection.to_json(), "application/json")
+
+
+def drop_edges(entry: h5py.Group) -> None:
+    """Remove the stored edges, where there are any; the frames are what a viewer then shows first."""
+    if GROUP in entry:
+        del entry[GROUP]
+        entry.attrs["default"] = "data"
+
+
+def _write(process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
+    put_text(process, "program", PROGRAM)
+    put_text(process, "version", version(PROGRAM))
+    put_text(process, "date", now())
+    edges = group(process, "edges", "NXcollection")
+    for side in ("left", "right"):
+        every = [getattr(edge_set, side) for edge_set in edge_sets]
+        store = group(edges, side, "NXcollection")
+        store["count"] = np.array([len(edge.sigma_mm) for edge in every], dtype=np.int64)
+        store["points"] = np.concatenate([edge.points_mm.reshape(-1, 2) for edge in every])
+        store["sigma"] = np.concatenate([edge.sigma_mm for edge in every])
+        store["points"].attrs["units"] = store["sigma"].attrs["units"] = "mm"
+    edges["corners"] = np.stack([edge_set.corners_px for edge_set in edge_sets])
+    edges["corners"].attrs["units"] = "pixel"
+    ages = [edge_set.calibration_age_days for edge_set in edge_sets]
+    edges["calibration_age"] = np.array([np.nan if age is None else age for age in ages])
+    edges["calibration_age"].attrs["units"] = "day"
+    put_text(edges, "calibration_digest", json.dumps([edge_set.calibration_digest for edge_set in edge_sets]))
+    put_text(edges, "flags", json.dumps([flags_to_text(edge_set.flags).decode() for edge_set in edge_sets]))
+
+
+def read_edges(entry: h5py.Group) -> tuple[EdgeSet, ...]:
+    """The stored edge sets."""
+    edges = entry[GROUP]["edges"]
+    left, right = _read_side(edges["left"]), _read_side(edges["right"])
+    flags = [flags_from_text(text.encode()) for text in json.loads(bytes(edges["flags"][()]))]
+    digests = json.loads(bytes(edges["calibration_digest"][()]))
+    ages = [None if np.isnan(age) else float(age) for age in edges["calibration_age"][()]]
+    corners = edges["corners"][()]
+    return tuple(EdgeSet(*parts) for parts in zip(left, right, flags, corners, digests, ages, strict=True))
+
+
+def read_projection(entry: h5py.Group) -> Projection | None:
+    """By what projection of colour the stored edges were found; None for frames without colours."""
+    if GROUP not in entry or "projection" not in entry[GROUP]:
+        return None
+    return Projection.from_json(get_text(entry[GROUP]["projection"], "data"))
+
+
+def _read_side(store: h5py.Group) -> list[EdgePoints]:
+    bounds = np.cumsum(store["count"][()])[:-1]
+    points, sigma = np.split(store["points"][()], bounds), np.split(store["sigma"][()], bounds)
+    return [EdgePoints(p, s) for p, s in zip(points, sigma, strict=True)]

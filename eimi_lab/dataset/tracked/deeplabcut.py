@@ -1,0 +1,43 @@
+"""DeepLabCut's CSV of a video: header rows scorer, (individuals,) bodyparts, coords; then a row a frame.
+
+Source of the format: DeepLabCut, `deeplabcut/pose_estimation_tensorflow/predict_videos.py` and its documentation
+"Standard DeepLabCut user guide" (x, y in pixels from the upper left corner, and likelihood).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from eimi_lab.dataset.tracked.numbers_table import numbers, read_cells, refused
+from eimi_lab.dataset.tracked.tracks import Tracks
+
+LEAST_LIKELIHOOD = 0.6  # DeepLabCut's own default, `pcutoff`: a place that is less sure counts as not seen
+_HEADER = ("scorer", "individuals", "bodyparts", "coords")
+
+
+def read_deeplabcut(path: Path) -> Tracks:
+    """The body parts, one that several animals have under each one's name. Raises InputError."""
+    rows = read_cells(path, ",")
+    header = {cells[0]: cells[1:] for _, cells in rows[:4] if cells[0] in _HEADER}
+    body = [(line, cells) for line, cells in rows if cells[0] not in _HEADER]
+    if not {"bodyparts", "coords"} <= header.keys() or not body:
+        raise refused(path, "DeepLabCut", "the first rows should begin with scorer, bodyparts and coords")
+    parts, coords = header["bodyparts"], header["coords"]
+    if animals := header.get("individuals"):
+        parts = [
+            part if animal == "single" else f"{animal} {part}" for animal, part in zip(animals, parts, strict=True)
+        ]
+    width = len(coords) + 1
+    if bad := [line for line, cells in body if len(cells) != width or not cells[0].isdigit()]:
+        raise refused(path, "DeepLabCut", f"line {bad[0]} should have a frame's number and {width - 1} cells")
+    table = np.array([numbers(path, line, cells[1:]) for line, cells in body])
+    columns = {(part, coord): table[:, k] for k, (part, coord) in enumerate(zip(parts, coords, strict=True))}
+    names = tuple(part for part in dict.fromkeys(parts) if (part, "x") in columns and (part, "y") in columns)
+    places = np.stack([np.stack([columns[name, "x"], columns[name, "y"]], axis=-1) for name in names], axis=1)
+    for k, name in enumerate(names):
+        if (name, "likelihood") in columns:
+            places[~(columns[name, "likelihood"] >= LEAST_LIKELIHOOD), k] = np.nan
+    frames = np.array([int(cells[0]) for _, cells in body])
+    return Tracks(names=names, frames=frames, places=places, unit="px", image_axes=True)

@@ -1,0 +1,89 @@
+"""DICe's text output of subsets: DICe_solution_N.txt, one a frame (SUBSET_ID first) or one a subset (FRAME first).
+
+Source of the format: `Schema::write_output` in DICe_Schema.cpp and the files under tests/examples/*/gold of
+github.com/dicengine/dice: lines of "***" perhaps, the columns' names, then numbers. Coordinates are pixels of the
+reference picture, the first one's centre being 0, 0, with y down; SIGMA is the standard deviation of a displacement,
+negative where the correlation failed.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_drivers.cameras.image_series import natural_key
+from eimi_lab.dataset.tracked.numbers_table import numbers, read_cells, refused
+from eimi_lab.dataset.tracked.tracks import Tracks
+from eimi_lab.errors import InputError
+
+_NEEDED = ("COORDINATE_X", "COORDINATE_Y", "DISPLACEMENT_X", "DISPLACEMENT_Y")
+Columns = dict[str, NDArray[np.float64]]
+
+
+def read_dice(path: Path) -> Tracks:
+    """One file, or all of a folder that are named like DICe's. Raises InputError."""
+    files = sorted(path.glob("*_[0-9]*.txt"), key=lambda file: natural_key(file.name)) if path.is_dir() else [path]
+    if not files:
+        raise InputError(f"{path}: holds no files of DICe, such as DICe_solution_0.txt")
+    tables = [(file, _read(file)) for file in files]
+    of_subsets = ["FRAME" in table for _, table in tables]
+    if all(of_subsets):
+        return _joined(
+            [(f"subset {_number(file)}", frame, row) for file, t in tables for frame, row in _rows(t, "FRAME")]
+        )
+    if any(of_subsets):
+        raise InputError(
+            f"{path}: holds files of single frames (SUBSET_ID) and of single subsets (FRAME); give one kind"
+        )
+    return _joined(
+        [(f"subset {subset}", _number(file), row) for file, t in tables for subset, row in _rows(t, "SUBSET_ID")]
+    )
+
+
+def _read(path: Path) -> Columns:
+    (_, header), *body = read_cells(path, ", ", comment="***")
+    header = [column for column in header if column]
+    if not set(_NEEDED) <= set(header) or not {"SUBSET_ID", "FRAME"} & set(header) or not body:
+        raise refused(path, "DICe", f"its columns should be SUBSET_ID or FRAME, {', '.join(_NEEDED)} and others")
+    rows = [(line, [cell for cell in row if cell]) for line, row in body]
+    if bad := [line for line, row in rows if len(row) != len(header)]:
+        raise refused(path, "DICe", f"line {bad[0]} should have {len(header)} numbers, as there are columns")
+    table = np.array([numbers(path, line, row) for line, row in rows])
+    return {column: table[:, k] for k, column in enumerate(header)}
+
+
+def _rows(table: Columns, key: str) -> list[tuple[int, NDArray[np.float64]]]:
+    """Every row by its number: reference place, displacement, and standard deviation (NaN where none is written)."""
+    sigma = table.get("SIGMA", np.full(len(table[key]), np.nan))
+    rows = np.column_stack([*(table[column] for column in _NEEDED), sigma])
+    return [(int(number), row) for number, row in zip(table[key], rows, strict=True)]
+
+
+def _number(file: Path) -> int:
+    found = re.search(r"_(\d+)$", file.stem)
+    return int(found.group(1)) if found else 0
+
+
+def _joined(rows: list[tuple[str, int, NDArray[np.float64]]]) -> Tracks:
+    names = tuple(dict.fromkeys(name for name, _, _ in rows))
+    frames = sorted({frame for _, frame, _ in rows})
+    at_name, at_frame = {name: k for k, name in enumerate(names)}, {frame: k for k, frame in enumerate(frames)}
+    values = np.full((len(frames), len(names), 5), np.nan)
+    for name, frame, row in rows:
+        values[at_frame[frame], at_name[name]] = row
+    rest, sigma = values[..., :2], values[..., 4]
+    places = rest + values[..., 2:4]
+    places[sigma < 0.0] = np.nan  # where it failed
+    known = np.isfinite(sigma).any()
+    return Tracks(
+        names=names,
+        frames=np.array(frames),
+        places=places,
+        rest=np.nanmean(rest, axis=0),
+        sigma=np.where(sigma > 0.0, sigma, np.nan) if known else None,
+        unit="px",
+        image_axes=True,
+    )

@@ -1,0 +1,75 @@
+"""DLTdv's exported points: PREFIXxypts.csv or .tsv of one camera in pixels, or PREFIXxyzpts.csv in three dimensions.
+
+Source of the format: DLTdv7.m (the part that saves: columns pt1_cam1_X, pt1_cam1_Y, …, a row a frame, NaN for what
+was not digitised) and DLTdv8a_internal/sparseSave.m (a title, the size, then row, column and value) of
+github.com/tlhedrick/dltdv. Pixels count from 1; versions up to 7 have y upward from the lower edge of the picture and
+version 8 has it downward, which the file does not say: a clamp and an axis given in the file's own axes serve for both.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.config.toml import read_text
+from eimi_lab.dataset.tracked.numbers_table import numbers, read_cells, refused
+from eimi_lab.dataset.tracked.tracks import Tracks
+from eimi_lab.errors import InputError
+
+_NAME = re.compile(r"(pt\d+)(?:_cam(\d+))?_([XYZ])")
+_MOST_CELLS = 100_000_000
+
+
+def read_dltdv(path: Path) -> Tracks:
+    """The points of one camera, or those in three dimensions. Frames count from 1. Raises InputError."""
+    lines = read_text(path).splitlines()
+    if len(lines) > 1 and re.fullmatch(r"\d+\t\d+\t\d+", lines[1].strip()):
+        columns, table = _sparse(path, lines)
+    else:
+        (_, header), *body = read_cells(path)
+        columns = header
+        if bad := [line for line, cells in body if len(cells) != len(header)]:
+            raise refused(path, "DLTdv", f"line {bad[0]} should have {len(header)} cells, as the first has")
+        table = np.array([numbers(path, line, cells) for line, cells in body]).reshape(len(body), len(header))
+    return _tracks(path, columns, table)
+
+
+def _tracks(path: Path, columns: list[str], table: NDArray[np.float64]) -> Tracks:
+    named = [_NAME.fullmatch(column) for column in columns]
+    if not all(named) or not len(table):
+        raise refused(path, "DLTdv", "its columns should be named pt1_cam1_X, pt1_cam1_Y, … or pt1_X, pt1_Y, pt1_Z, …")
+    keys = [match.groups() for match in named if match]
+    cameras = {camera for _, camera, _ in keys}
+    if len(cameras) > 1:
+        raise InputError(
+            f"{path}: has points of {len(cameras)} cameras; give the columns of one in a file of its own, or the "
+            "xyzpts.csv in which they were joined"
+        )
+    (camera,) = cameras
+    axes = ("X", "Y") if camera else ("X", "Y", "Z")
+    of = {(point, axis): k for k, (point, _, axis) in enumerate(keys)}
+    names = tuple(dict.fromkeys(point for point, _, _ in keys))
+    if missing := [f"{point}_{axis}" for point in names for axis in axes if (point, axis) not in of]:
+        raise refused(path, "DLTdv", f"the column {missing[0]} is missing")
+    places = np.stack([np.stack([table[:, of[name, axis]] for axis in axes], axis=-1) for name in names], axis=1)
+    return Tracks(names=names, frames=np.arange(1, len(table) + 1), places=places, unit="px" if camera else None)
+
+
+def _sparse(path: Path, lines: list[str]) -> tuple[list[str], NDArray[np.float64]]:
+    """What sparseSave wrote: the columns' names (of one camera) and a dense table, NaN where nothing was stored."""
+    rows, columns, stored = (int(cell) for cell in lines[1].split("\t"))
+    entries = [line.split("\t") for line in lines[2:] if line.strip()]
+    if len(entries) != stored or any(len(entry) != 3 for entry in entries) or rows * columns > _MOST_CELLS:
+        raise refused(path, "DLTdv", f"below its size there should be {stored} lines of row, column and value")
+    if columns % 2:
+        raise InputError(f"{path}: has {columns} columns; those of one camera come in pairs")
+    table = np.full((rows, columns), np.nan)
+    for line, entry in enumerate(entries, 3):
+        row, column, value = numbers(path, line, entry)
+        if not (1 <= row <= rows and 1 <= column <= columns):
+            raise refused(path, "DLTdv", f"line {line} has no place in {rows} rows and {columns} columns")
+        table[int(row) - 1, int(column) - 1] = value
+    return [f"pt{k // 2 + 1}_cam1_{'XY'[k % 2]}" for k in range(columns)], table

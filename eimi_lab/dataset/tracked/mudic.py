@@ -1,0 +1,87 @@
+"""µDIC's saved results (`muDIC.IO.save`, a pickle): the nodes of its mesh in every picture, in pixels.
+
+Source of the format: muDIC/IO/readWriteUtils.py and class DICOutput in muDIC/solver/correlate.py of
+github.com/PolymerGuy/muDIC: xnodesT and ynodesT are (nodes, frames). A pickle can run any program when it is loaded.
+This one is read without: what is not an array is put aside unread.
+"""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eimi_lab.dataset.tracked.numbers_table import refused
+from eimi_lab.dataset.tracked.tracks import Tracks
+
+_ARRAYS = {
+    (module, name)
+    for module in (
+        "numpy",
+        "numpy.core.multiarray",
+        "numpy._core.multiarray",
+        "numpy._core.numeric",
+        "numpy.core.numeric",
+    )
+    for name in ("ndarray", "dtype", "_reconstruct", "scalar", "_frombuffer")
+}
+
+
+def read_mudic(path: Path) -> Tracks:
+    """The mesh's nodes; frame 0 is the reference. Raises InputError."""
+    try:
+        with path.open("rb") as file:
+            saved = _Harmless(file).load()
+        x, y = (np.asarray(saved.__dict__[name], dtype=np.float64) for name in ("xnodesT", "ynodesT"))
+    except Exception as error:  # a pickle that is damaged, or of something else, fails in any way
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        raise refused(path, "µDIC", f"it should be what muDIC.IO.save wrote of its results ({reason})") from error
+    if x.ndim != 2 or x.shape != y.shape or not x.size:
+        raise refused(path, "µDIC", f"xnodesT and ynodesT should be (nodes, frames), not {x.shape} and {y.shape}")
+    places = np.stack([x.T, y.T], axis=-1)
+    names = tuple(f"node {k}" for k in range(len(x)))
+    return Tracks(names=names, frames=np.arange(len(places)), places=places, rest=places[0], unit="px", image_axes=True)
+
+
+class _Inert:
+    """In place of everything that is not an array: takes what it is given, and does nothing."""
+
+    def __new__(cls, *arguments: Any, **named: Any) -> _Inert:
+        return object.__new__(cls)
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        pass
+
+    def __call__(self, *arguments: Any, **named: Any) -> _Inert:
+        return self
+
+    def __setstate__(self, state: Any) -> None:
+        if isinstance(state, dict):
+            self.__dict__.update({key: value for key, value in state.items() if isinstance(value, np.ndarray)})
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        pass
+
+    def append(self, value: Any) -> None:
+        """A list's elements."""
+
+    def extend(self, values: Any) -> None:
+        """A list's elements."""
+
+
+def _create_array(make: Any, arguments: Any, state: Any, attributes: Any = None) -> Any:
+    """An array as dill, with which µDIC saves, writes it down: its making, and what was in it."""
+    array = make(*arguments)
+    array.__setstate__(state)
+    return array
+
+
+class _Harmless(pickle.Unpickler):
+    def find_class(self, module: str, name: str) -> Any:
+        if module.startswith("dill.") and name == "_create_array":
+            return _create_array
+        if (module, name) in _ARRAYS:
+            return super().find_class(module, name)
+        return _Inert

@@ -1,0 +1,89 @@
+"""points.csv: tracked points in millimetres of the beam frame, a row for each point of each state."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.dataset.csv_tables import Column, Row, read_table
+from eimi_lab.dataset.layout import Header
+from eimi_lab.dataset.points import NAME_BYTES, TrackedPoints, write_points
+from eimi_lab.dataset.state_loads import LOAD_COLUMNS, STATE_COLUMNS, check_directions, numbered_loads
+from eimi_lab.errors import InputError
+from eimi_lab.outputs import whole_file
+
+COLUMNS = {
+    "state": Column("The state's number, as in states.csv.", "0", "required"),
+    "point": Column("The point's name, the same in every state.", "marker1", "required"),
+    "x0_mm": Column("Its place at rest, in the beam frame: along the beam from the clamp.", "25.0", "required"),
+    "y0_mm": Column(
+        "Its place at rest: across the beam from the middle, positive toward the positive field.", "0.0", "required"
+    ),
+    "x_mm": Column("Its place in this state.", "21.73", "required"),
+    "y_mm": Column("Its place in this state.", "9.42", "required"),
+    "sigma_mm": Column("Standard uncertainty of each coordinate.", "0.02", "required"),
+}
+DEPTH = "z_mm"
+OPTIONAL_COLUMNS = {DEPTH: Column("Its depth at rest, from mid-depth.", "2.5", "0")}
+ON_THE_BEAM_MM = 1e-6  # rounding in a table
+
+
+def import_points(
+    points: Path,
+    states: Path,
+    specimen: SpecimenFile,
+    gravity_angle_deg: float | None,
+    path: Path,
+    force: bool = False,
+    gravity: bool = True,
+) -> int:
+    """Make a dataset of tracked points; returns the number of states. Raises InputError.
+
+    gravity: whether the weight bends the beam; gravity_angle_deg is then also the direction of tip forces without one.
+    """
+    with whole_file(path, force) as temporary:
+        loads = numbered_loads(read_table(states, STATE_COLUMNS, LOAD_COLUMNS))
+        by_state: dict[int, list[Row]] = {state: [] for state in loads}
+        for row in read_table(points, COLUMNS, OPTIONAL_COLUMNS):
+            state = row.count("state")
+            if state not in by_state:
+                raise row.fault("state", f"one of the states in {states}")
+            if any(other.text("point") == row.text("point") for other in by_state[state]):
+                raise InputError(f"{points}: row {row.line}: point {row.text('point')} is twice in state {state}")
+            by_state[state].append(row)
+        for state, rows in by_state.items():
+            if not rows:
+                raise InputError(f"{points}: has no point of state {state}, which is in {states}")
+        tracked = [_tracked(rows, specimen) for rows in by_state.values()]
+        every = list(loads.values())
+        check_directions(states, every, gravity_angle_deg)
+        write_points(temporary, Header(specimen=specimen), gravity_angle_deg or 0.0, every, tracked, gravity)
+        return len(loads)
+
+
+def _tracked(rows: list[Row], specimen: SpecimenFile) -> TrackedPoints:
+    beam = specimen.specimen
+    for row in rows:
+        if not -ON_THE_BEAM_MM <= row.number("x0_mm") <= beam.length_mm + ON_THE_BEAM_MM:
+            raise row.fault("x0_mm", f"on the beam, from 0 to length_mm = {beam.length_mm:g}")
+        if abs(row.number("y0_mm")) > beam.width_mm / 2 + ON_THE_BEAM_MM:
+            raise row.fault("y0_mm", f"on the beam, within half of width_mm = {beam.width_mm:g}")
+        if abs(_depth(row)) > beam.depth_mm / 2 + ON_THE_BEAM_MM:
+            raise row.fault(DEPTH, f"in the beam, within half of depth_mm = {beam.depth_mm:g}")
+        if row.number("sigma_mm") <= 0:
+            raise row.fault("sigma_mm", "greater than 0")
+        if len(row.text("point").encode()) > NAME_BYTES:
+            raise row.fault("point", f"a name of at most {NAME_BYTES} bytes")
+    return TrackedPoints(
+        tuple(row.text("point") for row in rows),
+        np.array([[row.number("x0_mm"), row.number("y0_mm")] for row in rows]),
+        np.array([[row.number("x_mm"), row.number("y_mm")] for row in rows]),
+        np.array([row.number("sigma_mm") for row in rows]),
+        np.array([_depth(row) for row in rows]),
+    )
+
+
+def _depth(row: Row) -> float:
+    return row.number(DEPTH) if row.cells.get(DEPTH) else 0.0

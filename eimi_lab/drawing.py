@@ -1,0 +1,78 @@
+"""How every picture of results looks: one style, one palette, figures that show themselves in a notebook."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+# Okabe and Ito's palette, told apart by readers with any colour vision (jfly.uni-koeln.de/color, 2008); the pair that
+# looks like red and green comes last. Black is for what was measured.
+PALETTE = ("#0072B2", "#E69F00", "#CC79A7", "#56B4E9", "#D55E00", "#009E73", "#F0E442")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+LINES = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 3)))
+MEASURED = "#000000"
+IN_ORDER = "cividis"  # colours of an ordered quantity (Nunez, Anderton, Renslow 2018, PLoS ONE 13:e0199239)
+OF_TWO_SIGNS = "PuOr"  # and of one that may be negative (colorbrewer2.org, safe for colour vision)
+
+WIDTH_IN = 7.1  # an A4 page between margins of 15 mm: type is as large in print as it says
+STYLE: Any = {
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.labelsize": 9,
+    "legend.fontsize": 8,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.alpha": 0.25,
+    "legend.frameon": False,
+    "lines.linewidth": 1.3,
+    "lines.markersize": 4,
+    "svg.hashsalt": "eimi-lab",  # equal figures are equal files
+    "path.simplify_threshold": 0.2,
+}
+styled = matplotlib.rc_context(STYLE)
+"""Decorates what draws: artists take their style when they are made."""
+
+
+class Drawing(Figure):
+    """A matplotlib figure as wide as a page that a notebook shows by itself, with pyplot loaded or without."""
+
+    def __init__(self, height_in: float = 3.0, width_in: float = WIDTH_IN) -> None:
+        super().__init__(figsize=(width_in, height_in), layout="constrained")
+
+    def _repr_png_(self) -> bytes:
+        return saved(self, "png", dpi=120)
+
+
+def saved(figure: Figure, format: str, **how: Any) -> bytes:
+    """A figure as the bytes of a file, without the time at which it was made."""
+    buffer = io.BytesIO()
+    undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(format)
+    with matplotlib.rc_context(STYLE):
+        layout = figure.get_layout_engine()
+        if layout is not None:  # once for all files of a figure, and without the draw that savefig would spend on it
+            layout.execute(figure)
+            figure.set_layout_engine("none")
+        figure.savefig(buffer, format=format, metadata=undated, **how)
+    return buffer.getvalue()
+
+
+def label(axes: Axes, x: str, y: str) -> None:
+    """Names on the axes."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+
+
+def plain_logarithm(axes: Axes) -> None:
+    """Numbers in full on a logarithmic y axis, and no more of them than can be told apart."""
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())

@@ -1,0 +1,134 @@
+"""What is wrong with a dataset where no material could explain it, by name and with the key to change.
+
+Quick tests, each before any search: of the states alone, of one picture, and (`eimi_fitting.inference.named_causes`) of
+the loads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.measurements import EdgeObservation
+from eimi_fitting.inference.named_causes import NamedCause
+from eimi_lab.dataset.reading import Dataset
+from eimi_lab.dataset.state import State
+from eimi_lab.errors import InputError
+from eimi_lab.vision.beam_frame import BeamFrame
+
+Array = NDArray[np.float64]
+
+_WIDTH = 1.2  # of the stated width, either way: less is what WIDTH_ANOMALY tells
+_SAME = 0.06  # relative, of two widths
+_MOST_A, _MOST_MT = 100.0, 500.0  # more of both at once is no coil on a bench
+_MOVED = 0.01  # of the beam's length
+
+# What to change, in frames and in tracked points, for each of `eimi_fitting.inference.named_causes.CAUSES`.
+_REMEDIES = {
+    "a field that is the wrong way round": (
+        "turn field_angle_deg in calibration.toml by 180 degrees, or change the sign of current_A in states.csv",
+        "change the sign of field_mT in states.csv",
+    ),
+    "a gravity that is upside down": (
+        "turn gravity_angle_deg in calibration.toml by 180 degrees",
+        "turn --gravity-angle by 180 degrees",
+    ),
+    "a field a thousand times too large": (
+        "current_A is in ampere (not mA) and coil_constant_mT_per_A in mT per ampere",
+        "field_mT in states.csv is in mT",
+    ),
+    "a field a thousand times too small": (
+        "coil_constant_mT_per_A is in mT per ampere (not T), current_A in ampere",
+        "field_mT in states.csv is in mT (not T)",
+    ),
+    "tip forces the wrong way round": (
+        "change the sign of tip_force_N in states.csv, or its tip_force_angle_deg",
+        "change the sign of tip_force_N in states.csv, or its tip_force_angle_deg",
+    ),
+    "tip forces a thousand times too large": (
+        "tip_force_N in states.csv is in newton (not mN, nor gram)",
+        "tip_force_N in states.csv is in newton (not mN, nor gram)",
+    ),
+    "gravity": (
+        "set gravity = false in calibration.toml if the beam bends in a horizontal plane",
+        "give --no-gravity in place of --gravity-angle if the beam bends in a horizontal plane",
+    ),
+}
+
+
+def in_words(cause: NamedCause, experiment: Experiment) -> str:
+    """What a person is told of a slip in the loads."""
+    frames, points = _REMEDIES[cause.cause]
+    return (
+        f"no material explains this: as stated the best is {cause.error_mm:.2g} mm off, and without {cause.cause} "
+        f"{cause.error_without_mm:.2g} mm; {frames if isinstance(experiment.observed, EdgeObservation) else points}"
+    )
+
+
+def check_states(path: Path, experiment: Experiment, states: Sequence[State]) -> None:
+    """Raises InputError for states that no fit need look at, with the file's name before it."""
+    try:
+        _check_currents(states)
+        _check_magnet(experiment)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _check_currents(states: Sequence[State]) -> None:
+    current = max((abs(state.current_A) for state in states if state.current_A is not None), default=0.0)
+    field = max(abs(state.field_mT) for state in states)
+    if current > _MOST_A and field > _MOST_MT:
+        raise InputError(
+            f"current_A of up to {current:g} A makes a field of {field:g} mT: were milliampere given? current_A is in "
+            "ampere"
+        )
+
+
+def _check_magnet(experiment: Experiment) -> None:
+    """For fields that alone differ, while nothing in the specimen feels them, and yet it moves."""
+    specimen, loads = experiment.model.specimen, experiment.loads
+    deaf = specimen.magnet is None and not any(specimen.magnetisation_A_per_m)
+    if not deaf or np.ptp(loads.tip_force_N, axis=0).any() or not np.ptp(loads.field_T, axis=0).any():
+        return
+    moved = float(np.linalg.norm(np.ptp(_tips_mm(experiment), axis=0)))
+    if moved > _MOVED * specimen.length_mm:
+        largest = 1e3 * float(np.linalg.norm(loads.field_T, axis=1).max())
+        raise InputError(
+            f"the tip moves by {moved:.2g} mm in fields of up to {largest:g} mT, but nothing in the specimen feels "
+            "them: its file has no [magnet] and no magnetisation_kA_per_m; state it there"
+        )
+
+
+def check_width(dataset: Dataset) -> None:
+    """Raises InputError where the beam in the first state's picture is far wider or narrower than its files say."""
+    from eimi_lab.vision.edges.apparent_width import apparent_width_mm  # slow imports, for pictures without edges alone
+    from eimi_lab.vision.intensity import grey, state_mean
+
+    beam, calibration = dataset.specimen.specimen, dataset.calibration
+    if calibration is None:
+        return
+    seen = apparent_width_mm(grey(state_mean(dataset.images(0))), BeamFrame(calibration), beam.length_mm)
+    if seen is None or 1 / _WIDTH < seen / beam.width_mm < _WIDTH:
+        return
+    words = (
+        f"{dataset.path}: the beam in the picture is {seen / beam.width_mm:.2g} times as wide as it "
+        f"should be: {seen:.3g} mm by pixels_per_mm = {calibration.pixels_per_mm:g}, where width_mm = {beam.width_mm:g}"
+    )
+    if abs(seen / beam.depth_mm - 1) < _SAME:
+        raise InputError(f"{words}; that is depth_mm: width_mm is what is imaged, depth_mm points to the camera")
+    raise InputError(f"{words}; correct width_mm in specimen.toml or pixels_per_mm in calibration.toml")
+
+
+def _tips_mm(experiment: Experiment) -> Array:
+    """(K, 2): where the last edge points are, or how far the tracked points have moved."""
+    observed = experiment.observed
+    seen = np.isfinite(observed.sigma_mm)
+    if isinstance(observed, EdgeObservation):
+        last = seen.shape[-1] - 1 - np.argmax(seen[..., ::-1], axis=-1)
+        return np.asarray(np.take_along_axis(observed.points_mm, last[..., None, None], axis=2)[:, :, 0].mean(axis=1))
+    moved = (observed.moved_mm - observed.rest_mm) * seen[..., None]
+    return np.asarray(moved.sum(axis=1) / np.maximum(seen.sum(axis=1), 1)[:, None])

@@ -1,0 +1,275 @@
+"""A dataset as evidence: its specimen's model, its loads and what was seen, in the terms of the mechanics."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.outline import View
+from eimi_fitting.beam.specimen import Section
+from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.measurements import EdgeObservation, Observation, PointObservation
+from eimi_fitting.inference.sources import StatedSource
+from eimi_lab.config.rig import stated_by_rig
+from eimi_lab.config.uncertainty import missing_keys
+from eimi_lab.dataset.reading import Dataset, open_dataset
+from eimi_lab.dataset.state import State
+from eimi_lab.errors import InputError
+from eimi_lab.fits.before_search import check_width
+from eimi_lab.fits.perspective import seen_depth
+from eimi_lab.fits.states_used import FEW_POINTS, FlaggedState, StatesUsed, WidenedState
+from eimi_lab.progress import silent
+from eimi_lab.tables import html_table
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.check import leaves_out
+from eimi_lab.vision.edges.edge_set import EdgeSet
+
+Array = NDArray[np.float64]
+
+WHOLE_FILES = ("dimensions", "calibration")  # taken as exact where specimen or calibration states no uncertainty
+FEWEST_STATES = 2  # of which a modulus can be told: one at rest and one bent
+FEWEST_POINTS = 10  # on each edge; fewer cannot say where the beam is
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """One dataset ready to fit: the experiment, the states that it holds, and which those are of the dataset's.
+
+    taken_as_exact: what nobody stated an uncertainty of: keys, or dimensions or calibration as a whole; doubts: what
+    the measured edges themselves say against their calibration.
+    """
+
+    path: Path
+    sha256: str
+    experiment: Experiment
+    states: tuple[State, ...]
+    used: StatesUsed
+    taken_as_exact: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+
+    def plot(self) -> Any:
+        """A matplotlib figure of what was seen of the states that are used, in the beam frame, by their field."""
+        from eimi_lab.dataset.plotting import OF_BEAM, drawn_places  # matplotlib is slow to import
+
+        observed = self.experiment.observed
+        seen = np.isfinite(observed.sigma_mm)
+        if isinstance(observed, PointObservation):
+            places = [[own[good]] for own, good in zip(observed.moved_mm, seen, strict=True)]
+            return drawn_places(self.states, places, OF_BEAM, lines=False)
+        sides = [[own[i][good[i]] for i in range(2)] for own, good in zip(observed.points_mm, seen, strict=True)]
+        return drawn_places(self.states, sides, OF_BEAM, lines=True)
+
+    def _repr_html_(self) -> str:
+        counts = np.isfinite(self.experiment.observed.sigma_mm).reshape(len(self.states), -1).sum(axis=1)
+        rows = [
+            (str(s.index), f"{s.field_mT:.3f}", f"{s.tip_force_N:.3g}", str(n))
+            for s, n in zip(self.states, counts, strict=True)
+        ]
+        section = self.experiment.model.specimen.section
+        notes = [f"Doubt: {words}." for words in self.doubts]
+        if self.taken_as_exact:
+            notes.append(f"Taken as exact, for no uncertainty is stated: {', '.join(self.taken_as_exact)}.")
+        caption = f"{self.path.name} as {section}: {self.used.in_words()}"
+        return html_table(caption, ("state", "field, mT", "tip force, N", "points"), rows, notes)
+
+
+def load_evidence(
+    path: str | Path,
+    *,
+    section: Section | None = None,
+    flagged: bool = False,
+    report: Callable[[str], None] = silent,
+) -> Evidence:
+    """Read a dataset, segmenting it first where that was not done; raises InputError.
+
+    section overrides the specimen's own; flagged states are left out unless asked for; ``report`` gets a line for
+    each state that had to be segmented.
+    """
+    path = Path(path)
+    with open_dataset(path) as dataset:
+        needs_edges = dataset.kind == "frames" and dataset.edges() is None
+    if needs_edges:
+        from eimi_lab.segmentation import segment  # a slow import that a fit of stored edges does without
+
+        segment(path, report)
+    with open_dataset(path) as dataset:
+        specimen = dataset.specimen.mechanics()
+        if section:
+            specimen = dataclasses.replace(specimen, section=section)
+        used, observed = _observed(dataset, flagged)
+        states = tuple(dataset.states[i] for i in used)
+        states_used, seen_wrongly = _states_used(dataset, used), _lens_doubts(dataset, observed)
+        loads = _loads(dataset, states)
+        stated, unstated = _stated(dataset), _taken_as_exact(dataset)
+    model = BeamModel(specimen).refined()
+    if isinstance(observed, PointObservation):
+        rest = observed.rest_mm[np.isfinite(observed.sigma_mm)]
+        try:
+            model.place(rest[~model.grid.on_magnet(rest)])
+        except ValueError as error:
+            raise InputError(f"{path}: {error}") from error
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    experiment = Experiment(model, loads, observed, stated=stated)
+    return Evidence(path, digest, experiment, states, states_used, unstated, seen_wrongly)
+
+
+def experiment_so_far(dataset: Dataset, edges: Sequence[EdgeSet]) -> Experiment | None:
+    """The states of frames that can be used, of a dataset that may still be written, by edges that it need not hold.
+
+    edges: one element a state, for as many as there are. None where too few can be used. Raises InputError.
+    """
+    used = _used(dataset, edges, flagged=False)
+    if len(used) < FEWEST_STATES:
+        return None
+    states = [dataset.states[index] for index in used]
+    specimen = dataset.specimen.mechanics()
+    return Experiment(
+        BeamModel(specimen), _loads(dataset, states), _seen(dataset, edges, used), stated=_stated(dataset)
+    )
+
+
+def _loads(dataset: Dataset, states: Sequence[State]) -> Loads:
+    return Loads.along(
+        [s.field_mT for s in states],
+        dataset.field_angle_deg,
+        dataset.gravity_angle_deg if dataset.gravity else None,
+        [s.tip_force_N for s in states],
+        tip_force_angle_deg=[
+            dataset.gravity_angle_deg if s.tip_force_angle_deg is None else s.tip_force_angle_deg for s in states
+        ],
+    )
+
+
+def _stated(dataset: Dataset) -> tuple[StatedSource, ...]:
+    """How uncertain what was stated of the dataset is. Raises InputError."""
+    found = dataset.specimen.stated()
+    if dataset.calibration is not None:
+        found += dataset.calibration.stated()
+        rig = dataset.text("rig")
+        if rig is not None:
+            found += stated_by_rig(rig, f"{dataset.path}: rig", dataset.calibration.coil_constant_mT_per_A)
+    return found
+
+
+def _taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
+    specimen, calibration = dataset.specimen, dataset.calibration
+    found = missing_keys(WHOLE_FILES[0], specimen.uncertainty, specimen.keys_that_count())
+    if calibration is not None:
+        found += missing_keys(WHOLE_FILES[1], calibration.uncertainty, calibration.keys_that_count())
+    return found
+
+
+def _observed(dataset: Dataset, flagged: bool) -> tuple[list[int], Observation]:
+    if dataset.kind == "points":
+        points = dataset.points()
+        most = max(len(p.names) for p in points)
+        rest, moved = np.zeros((2, len(points), most, 2))
+        depth = np.zeros((len(points), most))
+        sigma = np.full((len(points), most), np.inf)
+        for k, p in enumerate(points):
+            rest[k, : len(p.names)], moved[k, : len(p.names)] = p.rest_mm, p.points_mm
+            sigma[k, : len(p.names)] = p.sigma_mm
+            if p.depth_mm is not None:
+                depth[k, : len(p.names)] = p.depth_mm
+        return list(range(len(points))), PointObservation(rest, moved, sigma, depth)
+    edges = dataset.edges() or ()
+    used = _used(dataset, edges, flagged)
+    if 2 * len(used) < len(dataset.states):
+        check_width(dataset)
+    if not used:
+        raise InputError(f"{dataset.path}: no state has edges that can be used; {_first_flag(edges)}")
+    return used, _seen(dataset, edges, used)
+
+
+def _used(dataset: Dataset, edges: Sequence[EdgeSet], flagged: bool) -> list[int]:
+    return [
+        i
+        for i, (state, found) in enumerate(zip(dataset.states, edges, strict=False))
+        if _enough(found) and (flagged or not leaves_out((*found.flags, *state.flags)))
+    ]
+
+
+def _seen(dataset: Dataset, edges: Sequence[EdgeSet], used: Sequence[int]) -> EdgeObservation:
+    return EdgeObservation.from_edges(
+        [_widened(edges[i], _widening_mm(dataset, edges, i)) for i in used],
+        _view(dataset),
+    )
+
+
+def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> float:
+    """The standard deviation that a state's flags add to that of its points."""
+    calibration, beam = dataset.calibration, dataset.specimen.specimen
+    if calibration is None or not edges:
+        return 0.0
+    flags = {*dataset.states[index].flags, *edges[index].flags}
+    return math.hypot(*(flag.widens_mm(calibration.pixels_per_mm, beam.width_mm, beam.depth_mm) for flag in flags))
+
+
+def _widened(found: EdgeSet, by_mm: float) -> tuple[Array, Array, Array, Array]:
+    left, right = found.left, found.right
+    return left.points_mm, np.hypot(left.sigma_mm, by_mm), right.points_mm, np.hypot(right.sigma_mm, by_mm)
+
+
+def _states_used(dataset: Dataset, used: Sequence[int]) -> StatesUsed:
+    edges = dataset.edges() if dataset.kind == "frames" else None
+    left_out, flagged, widened = [], [], []
+    for i, state in enumerate(dataset.states):
+        names = tuple(dict.fromkeys(flag.name for flag in (*state.flags, *(edges[i].flags if edges else ()))))
+        if i not in used:
+            left_out.append(FlaggedState(state.index, names or (FEW_POINTS,)))
+        elif names:
+            flagged.append(FlaggedState(state.index, names))
+        if i in used and (by_mm := _widening_mm(dataset, edges or (), i)):
+            widened.append(WidenedState(state.index, by_mm))
+    return StatesUsed(len(dataset.states), tuple(left_out), tuple(flagged), tuple(widened))
+
+
+def _view(dataset: Dataset) -> View | None:
+    if dataset.calibration is None:
+        return None
+    (height, width, *_), _ = dataset.frame_format()
+    try:
+        return BeamFrame(dataset.calibration).view(dataset.specimen.specimen.depth_mm, (width, height))
+    except ValueError as error:
+        raise InputError(f"{dataset.path}: calibration.stand_off_mm: {error}") from error
+
+
+def _lens_doubts(dataset: Dataset, observed: Observation) -> tuple[str, ...]:
+    """Whether the edges look as if seen in perspective, where nothing is known of one."""
+    calibration, depth_mm = dataset.calibration, dataset.specimen.specimen.depth_mm
+    if calibration is None or not isinstance(observed, EdgeObservation) or observed.view:
+        return ()
+    (height, width, *_), _ = dataset.frame_format()
+    anywhere = calibration.model_copy(update={"telecentric": False, "stand_off_mm": 1e3 * depth_mm})
+    lens = BeamFrame(anywhere).view(depth_mm, (width, height))
+    found = seen_depth(observed, lens.centre_mm, depth_mm) if lens else None
+    if found is None:
+        return ()
+    stated = "telecentric = true" if calibration.telecentric else "no stand_off_mm"
+    return (
+        f"the beam looks up to {found.change_mm:.2g} mm wider away from the picture's middle, as through an ordinary "
+        f"lens some {round(found.stand_off_mm, -1):g} mm away, where the calibration has {stated}: measure and state "
+        "stand_off_mm",
+    )
+
+
+def _enough(found: EdgeSet) -> bool:
+    return min(len(found.left.points_mm), len(found.right.points_mm)) >= FEWEST_POINTS
+
+
+def _first_flag(edges: tuple[EdgeSet, ...]) -> str:
+    flags = [flag for found in edges for flag in found.flags]
+    if not flags:
+        return "the frames show no beam"
+    return f"the first flag is {flags[0].name}: {flags[0].remedy}"

@@ -1,0 +1,92 @@
+"""Fits as material cards of other programs: what `eimi export` does."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.cards import SOLVERS, Material, NotInSolver, material_card
+from eimi_lab.errors import InputError
+from eimi_lab.fits.law_record import HELD
+from eimi_lab.fits.records import FitRecord, TensileRecord
+
+AnyFit = FitRecord | TensileRecord
+
+
+def check_solver(solver: str) -> str:
+    """The program asked for. Raises InputError for an unknown one."""
+    if solver not in SOLVERS:
+        raise InputError(f"--to {solver}: should be one of {', '.join(SOLVERS)}")
+    return solver
+
+
+def choose_fit(path: Path, fits: Sequence[AnyFit], model: str, index: int | None) -> AnyFit:
+    """The fit of a model, by its index in the file where there are several. Raises InputError."""
+    own = {i: fit for i, fit in enumerate(fits) if fit.model == model}
+    known = ", ".join(f"{i} ({fit.model}{_window(fit)})" for i, fit in enumerate(fits))
+    if not own:
+        raise InputError(f"{path}: --model {model}: should be one of the file's fits: {known}")
+    if index is None and len(own) > 1:
+        choices = ", ".join(f"--index {i} ({fit.model}{_window(fit)})" for i, fit in own.items())
+        raise InputError(f"{path}: holds {len(own)} fits of {model}; give one of {choices}")
+    chosen = next(iter(own)) if index is None else index
+    if chosen not in own:
+        raise InputError(f"{path}: --index {chosen}: should be the index of a {model} fit; the file has {known}")
+    return own[chosen]
+
+
+def _window(fit: AnyFit) -> str:
+    return f", window {fit.window()}" if isinstance(fit, TensileRecord) else ""
+
+
+def bulk_modulus_Pa(fit: AnyFit, bulk_modulus_kPa: float | None, bulk_ratio: float | None) -> float:
+    """The bulk modulus that the user stated, one way or the other. Raises InputError."""
+    if (bulk_modulus_kPa is None) == (bulk_ratio is None):
+        raise InputError(
+            "give --bulk-modulus-kPa, or --bulk-ratio (bulk over initial shear modulus, such as 2000), and not both: "
+            "a card takes no bulk modulus from a fit"
+        )
+    name, stated = (
+        ("--bulk-ratio", bulk_ratio) if bulk_modulus_kPa is None else ("--bulk-modulus-kPa", bulk_modulus_kPa)
+    )
+    if stated is None or not 0 < stated < np.inf:
+        raise InputError(f"{name} {stated}: should be a finite number above 0")
+    return stated * (fit.initial_shear_modulus.value if bulk_modulus_kPa is None else 1e3)
+
+
+def card(path: Path, fit: AnyFit, solver: str, bulk_Pa: float) -> str:
+    """The card's text. Raises InputError where the program has no such law or the bulk modulus makes no sense."""
+    material = Material(
+        LAWS[fit.model],
+        np.array(fit.values()),
+        bulk_Pa,
+        re.sub(r"[^A-Za-z0-9_-]", "_", f"EIMI_{fit.model}").upper().replace("-", "_"),
+        tuple(_origin(path, fit)),
+    )
+    try:
+        return material_card(solver, material)
+    except (NotInSolver, ValueError) as error:
+        raise InputError(f"{path}: {fit.model}: {error}") from error
+
+
+def _origin(path: Path, fit: AnyFit) -> list[str]:
+    """Where the numbers came from, the strains for which they hold, and all that has to be said of them."""
+    lines = fit.caveats()
+    held = fit.held_by_bounds()
+    for name, quantity in fit.parameters.items():
+        low, high = (end + 0.0 for end in quantity.interval_95)  # no negative zeros
+        unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+        lines.append(f"{name} 95 % interval {low:.6g} to {high:.6g}{unit}{', ' + HELD if name in held else ''}")
+    if isinstance(fit, TensileRecord):
+        lines.append(f"fitted to uniaxial tension up to an engineering strain of {fit.max_stretch - 1:.4g}")
+        lines.append(f"from {fit.source.path} (sha256 {fit.source.sha256}), window {fit.window()}")
+    else:
+        lines.append(f"fitted to bending up to a largest principal stretch of {fit.max_stretch:.4g}")
+        lines += [f"from {d.in_words()} (sha256 {d.sha256}), {d.section}" for d in fit.datasets]
+        lines += [f"and from the tensile test {c.name} (sha256 {c.sha256})" for c in fit.tensile]
+    lines.append(f"taken from {path.name} by eimi-lab {fit.versions.get('eimi-lab', '')}".rstrip())
+    return lines

@@ -1,0 +1,54 @@
+"""Results as pictures for a notebook: stress against strain of a fit, and errors of a validation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.laws.law import Law
+from eimi_fitting.laws.tensile import engineering_stress
+from eimi_lab.drawing import PALETTE, Drawing, label, styled
+
+Array = NDArray[np.float64]
+
+_BEYOND = 2.0  # times the strain reached, to be seen as an extrapolation
+
+
+@styled
+def drawn_law(law: Law, parameters: Array, drawn: Array, max_stretch: float) -> Drawing:
+    """Engineering stress in uniaxial tension of parameters (n,) with the band of draws (D, n); shaded is what no data
+    reached.
+    """
+    reached = max_stretch - 1
+    strain = np.linspace(0, _BEYOND * reached, 101)
+    drawing = Drawing(3.0, 4.8)
+    axes = drawing.subplots()
+    axes.axvspan(100 * reached, 100 * strain[-1], color="0.92", zorder=0, label="extrapolated")
+    if len(drawn):
+        band = np.quantile(engineering_stress(law, drawn, strain), [0.025, 0.975], axis=0)
+        axes.fill_between(100 * strain, *(1e-3 * band), color=PALETTE[0], alpha=0.25, linewidth=0, label="95 %")
+    axes.plot(100 * strain, 1e-3 * engineering_stress(law, parameters, strain), color=PALETTE[0], label=law.name)
+    axes.set_xlim(0, 100 * strain[-1])
+    label(axes, "strain in uniaxial tension, %", "engineering stress, kPa")
+    axes.legend()
+    return drawing
+
+
+@styled
+def drawn_errors(
+    states: Sequence[int], field_mT: Sequence[float], error_mm: Sequence[float], deviation_mm: Sequence[float]
+) -> Drawing:
+    """Errors with bars of one deviation, against the field or, where that does not change, the state's number."""
+    by_field = len(field_mT) > 0 and np.ptp(field_mT) > 0
+    drawing = Drawing(3.0, 4.8)
+    axes = drawing.subplots()
+    error, deviation = 1e3 * np.array(error_mm), 1e3 * np.array(deviation_mm)
+    below = np.minimum(deviation, error)
+    axes.errorbar(
+        field_mT if by_field else states, error, yerr=[below, deviation], color=PALETTE[0], marker="o", capsize=2
+    )
+    axes.set_ylim(bottom=0)
+    label(axes, "field, mT" if by_field else "state", "error, µm")
+    return drawing

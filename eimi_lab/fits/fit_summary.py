@@ -1,0 +1,133 @@
+"""What `eimi fit` prints under its result lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from eimi_fitting.inference.budget import BudgetEntry
+from eimi_fitting.inference.choice_of_law import Choice
+from eimi_fitting.inference.quantity import Quantity
+from eimi_fitting.laws.search_space import BULK_NAME
+from eimi_lab.fits.assumptions import section_remark
+from eimi_lab.fits.evidence import WHOLE_FILES, Evidence
+from eimi_lab.fits.records import FitRecord, TensileRecord
+
+_LARGEST = 5  # sources shown each on its own
+
+
+def remarks(fit: FitRecord) -> list[str]:
+    """Lines on one fit: what the data fix, what was freed, tensile curves, doubts."""
+    lines = [fit.identifiability.statement]
+    if fit.bulk_modulus:
+        low, high = fit.bulk_modulus.interval_95
+        open_end = BULK_NAME in fit.identifiability.not_fixed
+        lines.append(
+            f"bulk modulus {_kPa(fit.bulk_modulus.value)} [{_kPa(low)}, {_kPa(high)}] kPa"
+            + ("; bending does not tell it from an infinite one" if open_end else "")
+        )
+    lines += budget_lines(fit)
+    for value in fit.freed:
+        lines.append(
+            f"{value.name} off by {_deviation(value.deviation)}, "
+            f"prior standard deviation {_scaled(value.prior_standard_deviation, value.deviation.unit)}"
+        )
+    for curve in fit.tensile:
+        lines.append(
+            f"{curve.name}: RMSE {_kPa(curve.rmse_Pa)} kPa, {_kPa(curve.rmse_alone_Pa)} kPa for the curve alone "
+            f"(weight {curve.weight:g}, {curve.rows} rows that count as {curve.rows / curve.correlation_rows:.1f})"
+        )
+    return [*lines, *(f"doubt: {words}" for words in fit.doubts_in_words())]
+
+
+def tensile_remarks(fit: TensileRecord) -> list[str]:
+    """Lines on one fit to a tensile test: what the curve does not fix, doubts."""
+    return [*fit.not_fixed_in_words(), *(f"doubt: {words}" for words in fit.doubts_in_words())]
+
+
+def section_remarks(evidence: Sequence[Evidence]) -> list[str]:
+    """A line for each dataset that is taken under a planar assumption."""
+    return [remark for seen in evidence if (remark := section_remark(seen))]
+
+
+def budget_lines(fit: FitRecord) -> list[str]:
+    """What makes up the interval of the modulus, the largest first, and what to measure better next."""
+    modulus, lines = fit.initial_shear_modulus, []
+    for entry in fit.budget[:_LARGEST]:
+        effect = f"± {_percent(entry.effect_percent)} of the modulus"
+        lines.append(f"{entry_words(entry, fit)} ± {_scaled(entry.standard_uncertainty, entry.unit)}: {effect}")
+    smaller = [entry.effect_percent for entry in fit.budget[_LARGEST:]]
+    if smaller:
+        together = float(np.sqrt(np.sum(np.square(smaller))))
+        lines.append(f"{len(smaller)} smaller sources together: ± {_percent(together)} of the modulus")
+    if modulus.interval_95_fit and fit.budget:
+        low, high = modulus.interval_95_fit
+        lines.append(f"noise and mesh alone: [{low:.0f}, {high:.0f}] Pa at 95 %")
+    keys = [word for word in fit.taken_as_exact if word not in WHOLE_FILES]
+    if keys:
+        lines.append(f"no uncertainty stated, so taken as exact: {', '.join(keys)}")
+    return [*lines, next_sentence(fit)] if fit.budget else lines
+
+
+def entry_words(entry: BudgetEntry, fit: FitRecord) -> str:
+    """What is uncertain, and of which datasets where not of all."""
+    if len(entry.datasets) == len(fit.datasets):
+        return entry.words
+    return f"{entry.words} of {', '.join(fit.datasets[d].path for d in entry.datasets)}"
+
+
+def next_sentence(fit: FitRecord) -> str:
+    """What to measure better next, and what the interval would then be."""
+    low, high = fit.measure_next.initial_shear_modulus_interval_95_Pa
+    then = f"with half of its uncertainty the interval would be [{low:.0f}, {high:.0f}] Pa"
+    if fit.measure_next.source is None:
+        return f"Noise and mesh limit this interval: {then}, which about four times as many states give."
+    return f"Measure better next: {fit.measure_next.words}; {then}."
+
+
+def _percent(value: float) -> str:
+    return f"{value:.2g} %"
+
+
+def comparison_table(choices: Sequence[Choice]) -> list[str]:
+    """The laws against each other; nothing where they cannot be compared."""
+    if not choices:
+        return []
+    lines = ["law              unknowns    AICc     BIC   weight   error on states left out"]
+    for choice in choices:
+        aicc = "too few" if choice.aicc is None else f"{choice.aicc:7.1f}"
+        weight = "-" if choice.weight is None else f"{choice.weight:.3f}"
+        left_out = held_out_in_words(choice)
+        lines.append(f"{choice.model:16s} {choice.unknowns:8d} {aicc} {choice.bic:7.1f} {weight:>8s}   {left_out}")
+    return [*lines, *too_few_in_words(choices)]
+
+
+def held_out_in_words(choice: Choice) -> str:
+    """The error of states left out; `-` where none could be."""
+    return "-" if choice.held_out_error_mm is None else f"{1e3 * choice.held_out_error_mm:.2f} µm"
+
+
+def too_few_in_words(choices: Sequence[Choice]) -> list[str]:
+    """A sentence on the laws that have no AICc; none where all have one."""
+    lacking = [choice.model for choice in choices if choice.aicc is None]
+    if not lacking:
+        return []
+    weighed = any(choice.weight is not None for choice in choices)
+    return [
+        f"These data are worth {choices[0].independent_points:.0f} independent points, too few for an AICc of "
+        f"{', '.join(lacking)}; {'weights are of the others alone' if weighed else 'so there are no weights'}."
+    ]
+
+
+def _kPa(pascal: float) -> str:
+    return f"{1e-3 * pascal:.4g}"
+
+
+def _scaled(value: float, unit: str) -> str:
+    return f"{100 * value:.3g} %" if unit == "1" else f"{value:.3g} {unit}"
+
+
+def _deviation(quantity: Quantity) -> str:
+    low, high = (_scaled(end, quantity.unit) for end in quantity.interval_95)
+    return f"{_scaled(quantity.value, quantity.unit)} [{low}, {high}]"

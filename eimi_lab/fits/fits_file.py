@@ -1,0 +1,100 @@
+"""fits.json: its laws compared, written and read."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Discriminator, Field, Tag, ValidationError
+
+from eimi_fitting.inference.choice_of_law import Candidate, Choice, choose
+from eimi_lab.config.toml import read_text
+from eimi_lab.errors import InputError
+from eimi_lab.fits.law_record import Record
+from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.outputs import whole_file
+
+
+def _kind(fit: Any) -> str:
+    return str(fit.get("kind", "bending")) if isinstance(fit, dict) else getattr(fit, "kind", "bending")
+
+
+AnyFit = Annotated[
+    Annotated[FitRecord, Tag("bending")] | Annotated[TensileRecord, Tag("tensile")], Discriminator(_kind)
+]
+
+
+class FitsFile(Record):
+    """A whole fits.json; comparison: of its laws, where all were fitted to the same data."""
+
+    fits: tuple[AnyFit, ...] = Field(min_length=1)
+    comparison: tuple[Choice, ...] = ()
+
+
+def _comparison(fits: Sequence[FitRecord | TensileRecord]) -> tuple[Choice, ...]:
+    """The laws compared; nothing where there is one alone, one twice, or where they have not the same data."""
+    bending = [fit for fit in fits if isinstance(fit, FitRecord)]
+    data = {
+        (
+            tuple((d.sha256, d.section, d.states) for d in fit.datasets),
+            tuple((c.sha256, c.window_percent, c.weight) for c in fit.tensile),
+            fit.identifiability.points,
+        )
+        for fit in bending
+    }
+    once = len({fit.model for fit in bending}) == len(fits)
+    if len(bending) < 2 or not once or len(data) > 1:
+        return ()
+    return choose(
+        [
+            Candidate(
+                fit.model,
+                len(fit.identifiability.names),
+                (
+                    (fit.identifiability.independent_points, fit.mean_error_mm),
+                    *((c.weight * c.rows / c.correlation_rows, c.rmse_Pa) for c in fit.tensile),
+                ),
+                fit.held_out_error_mm,
+            )
+            for fit in bending
+        ]
+    )
+
+
+def write_fits(path: Path, fits: Sequence[FitRecord | TensileRecord], force: bool = False) -> FitsFile:
+    """Write fits.json and return what it holds. Raises InputError when the file exists without ``force``."""
+    content = FitsFile(fits=tuple(fits), comparison=_comparison(fits))
+    with whole_file(path, force) as temporary:
+        temporary.write_text(content.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    return content
+
+
+_EXPECTED = "expected a file that `eimi fit` or `eimi tensile` of this release wrote"
+
+
+def read_any_fits(path: str | Path) -> tuple[FitRecord | TensileRecord, ...]:
+    """The fits of a fits.json, tensile ones included. Raises InputError as `read_fits_file` does."""
+    return read_fits_file(path).fits
+
+
+def read_fits_file(path: str | Path) -> FitsFile:
+    """Read fits.json. Raises InputError naming the file and the key."""
+    path = Path(path)
+    text = read_text(path)
+    try:
+        return FitsFile.model_validate(json.loads(text))
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: line {error.lineno}: is not JSON ({error.msg}); {_EXPECTED}") from error
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_fault(error)}; {_EXPECTED}: if it is of an earlier one, fit again") from error
+
+
+def first_fault(error: ValidationError) -> str:
+    """The first key that cannot be used, and why; without the choices that pydantic tried on the way to it."""
+    first = error.errors()[0]
+    keys = [str(key) for key in first["loc"]]
+    if keys[:1] == ["fits"]:
+        del keys[2:3]  # the kind of fit
+    return ": ".join(words for words in (".".join(key for key in keys if "(" not in key), first["msg"]) if words)

@@ -1,0 +1,165 @@
+"""What every fit says of its law, whatever it was fitted to, and how it shows itself."""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, model_validator
+
+from eimi_fitting.inference.checks import Doubt
+from eimi_fitting.inference.draws import Draws
+from eimi_fitting.inference.quantity import Quantity
+from eimi_fitting.laws import LAWS
+from eimi_fitting.units import in_words
+from eimi_lab.tables import data_frame, html_table
+
+Array = NDArray[np.float64]
+
+
+class Record(BaseModel):
+    """A part of a result file: not changed after it is made, no unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Stability(Record):
+    """Drucker's criterion: met over the stretches reached, and up to which stretch (null: no limit met)."""
+
+    criterion: str
+    stable_up_to_stretch: float | None
+    checked_up_to_stretch: float
+
+
+HELD = "not measured"  # beside a value
+_HELD_BY = "not measured (their intervals hold zero or are set by the bounds of the search)"
+
+
+class LawRecord(Record):
+    """What every fit says of its law, whatever it was fitted to.
+
+    doubts: their states are those of the dataset; draws: of the joint distribution of all that is uncertain, null in
+    files of earlier releases.
+    """
+
+    model: str
+    parameters: dict[str, Quantity]
+    initial_shear_modulus: Quantity
+    max_stretch: float
+    stability: Stability
+    doubts: tuple[Doubt, ...]
+    draws: Draws | None = None
+    versions: dict[str, str]
+
+    @model_validator(mode="after")
+    def _is_a_law(self) -> Self:
+        if self.model not in LAWS:
+            raise ValueError(f"model {self.model!r} should be one of {', '.join(LAWS)}")
+        names = LAWS[self.model].parameter_names
+        if tuple(self.parameters) != names:
+            raise ValueError(f"parameters of {self.model} should be {', '.join(names)}, in this order")
+        for name, quantity in self._quantities().items():
+            if not np.isfinite(quantity.value):
+                raise ValueError(f"{name} {quantity.value} should be a finite number")
+        return self
+
+    def values(self) -> list[float]:
+        """The parameters in the law's order."""
+        return [quantity.value for quantity in self.parameters.values()]
+
+    def drawn(self, most: int | None = None) -> Array:
+        """(D, n): parameters of the draws, at most so many, evenly over the modulus; none without draws."""
+        if self.draws is None:
+            return np.zeros((0, len(self.parameters)))
+        return self._evenly(np.array(self.draws.values)[:, : len(self.parameters)], most)
+
+    def drawn_deviation(self, name: str, most: int | None = None) -> Array | None:
+        """(D,): by how much a source's number is off what was stated, in the draws of `drawn`; None if not in them."""
+        if self.draws is None or name not in self.draws.names:
+            return None
+        return self._evenly(self.draws.column(name), most)
+
+    @staticmethod
+    def _evenly(every: Array, most: int | None) -> Array:
+        if most is None or most >= len(every):
+            return every
+        return np.asarray(every[((np.arange(most) + 0.5) * len(every) / most).astype(int)])
+
+    def modulus_in_words(self) -> str:
+        """The initial shear modulus with its interval."""
+        modulus = self.initial_shear_modulus
+        return in_words(modulus.value, modulus.interval_95)
+
+    def notes(self) -> list[str]:
+        """What the fit is worth, in sentences."""
+        return []
+
+    def held_by_bounds(self) -> tuple[str, ...]:
+        """Parameters that the data do not fix: their value and interval are those of the bounds of the search."""
+        return ()
+
+    def stretch_in_words(self) -> str:
+        """How far the data reached, and how far the law is stable."""
+        limit, checked = self.stability.stable_up_to_stretch, self.stability.checked_up_to_stretch
+        stable = f"up to {checked:g}, as far as it was checked" if limit is None else f"up to {limit:.3g} only"
+        return (
+            f"Largest stretch in the data {self.max_stretch:.3f}, beyond which the law is an extrapolation; "
+            f"{self.stability.criterion}-stable {stable}."
+        )
+
+    def caveats(self) -> list[str]:
+        """What has to go wherever the numbers go: interval, what was not measured, stretch, doubts."""
+        held = self.held_by_bounds()
+        return [
+            f"initial shear modulus {self.modulus_in_words()}, 95 % interval",
+            *([f"{_HELD_BY}: {', '.join(held)}"] if held else []),
+            self.stretch_in_words(),
+            *(f"doubt: {words}" for words in self.doubts_in_words()),
+        ]
+
+    def doubts_in_words(self) -> list[str]:
+        """Every doubt, with what it is about."""
+        return [doubt.words for doubt in self.doubts]
+
+    def _quantities(self) -> dict[str, Quantity]:
+        return {**self.parameters, "initial_shear_modulus": self.initial_shear_modulus}
+
+    def to_pandas(self) -> Any:
+        """pandas.DataFrame of parameters and initial shear modulus with intervals, and whether only the bounds of the
+        search hold them. Raises ImportError.
+        """
+        rows = [
+            {
+                "parameter": name,
+                "value": q.value,
+                "low_95": q.interval_95[0],
+                "high_95": q.interval_95[1],
+                "unit": q.unit,
+                "held_by_bounds": name in self.held_by_bounds(),
+            }
+            for name, q in self._quantities().items()
+        ]
+        return data_frame(rows, "parameter")
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the stress in uniaxial tension with its band, in the data's reach and beyond."""
+        from eimi_lab.fits.fit_figures import drawn_law  # matplotlib is slow to import
+
+        law = LAWS[self.model]
+        return drawn_law(law, np.array(self.values()), self.drawn(200), self.max_stretch)
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                name.replace("_", " "),
+                f"{q.value + 0.0:.5g}",  # no negative zeros
+                f"{q.interval_95[0] + 0.0:.5g} to {q.interval_95[1] + 0.0:.5g}",
+                q.unit,
+                HELD if name in self.held_by_bounds() else "",
+            )
+            for name, q in self._quantities().items()
+        ]
+        doubts = (f"Doubt: {words}." for words in self.doubts_in_words())
+        notes = (*self.notes(), self.stretch_in_words(), *doubts)
+        return html_table(self.model, ("", "value", "95 %", "unit", ""), rows, notes)

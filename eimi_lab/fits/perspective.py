@@ -1,0 +1,90 @@
+"""What the edges themselves say of the lens: whether the beam's depth is seen in perspective, and from how far.
+
+An ordinary lens sees the union of the outlines of the near and the far face. To first order each edge is moved outward
+by d depth / (2 S), with d its distance from the optical axis along its normal and S the stand-off: a beam that bends
+looks the wider, the farther its edges are from the axis. Each place along the beam is compared with itself in other
+states, so that a beam that is not cut true has no say. A beam also grows a little thinner where it is bent, which makes
+the stand-off come out too large, by some tenths of it: it is to be measured, not taken from here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.inference.measurements import EdgeObservation
+
+Array = NDArray[np.float64]
+
+_STATIONS = np.linspace(0.1, 0.9, 17)  # along the beam, clear of clamp and tip
+_FEWEST_STATES = 4
+_SURE = 6.0  # standard errors, by leaving out one state at a time
+
+
+@dataclass(frozen=True)
+class SeenDepth:
+    """The stand-off (mm) from which the edges look as if seen, and by how much (mm) the width then changes at most."""
+
+    stand_off_mm: float
+    change_mm: float
+
+
+def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> SeenDepth | None:
+    """What perspective is in the edges of K states; None where there is none to be seen.
+
+    centre_mm: (2,) where the optical axis meets the beam's plane.
+    """
+    if len(observed.points_mm) < _FEWEST_STATES:
+        return None
+    widths, distances = np.array([_along(observed, k, centre_mm) for k in range(len(observed.points_mm))]).swapaxes(
+        0, 1
+    )
+    slope, rest = _slope(widths, distances), []
+    for k in range(len(widths)):
+        others = np.arange(len(widths)) != k
+        rest.append(_slope(widths[others], distances[others]))
+    count = len(widths)
+    error = np.sqrt((count - 1) / count * np.sum((np.array(rest) - np.mean(rest)) ** 2))
+    if not slope > _SURE * error or not slope > 0:
+        return None
+    return SeenDepth(0.5 * depth_mm / slope, float(slope * np.ptp(distances, axis=0).max()))
+
+
+def _slope(widths: Array, distances: Array) -> float:
+    """Of widths (K, S) in distances (K, S), each station's mean over the states taken off."""
+    w, d = widths - widths.mean(axis=0), distances - distances.mean(axis=0)
+    return float((w * d).sum() / max((d**2).sum(), 1e-12))
+
+
+def _along(observed: EdgeObservation, k: int, centre_mm: Array) -> tuple[Array, Array]:
+    """Width (S,), and the sum of both edges' distances from the axis along their normals (S,), at each station."""
+    left, right = (
+        side[np.isfinite(sigma)] for side, sigma in zip(observed.points_mm[k], observed.sigma_mm[k], strict=True)
+    )
+    middle = 0.5 * (_at_stations(left) + _at_stations(right))
+    tangent = np.gradient(middle, axis=0)
+    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1) / np.linalg.norm(tangent, axis=1, keepdims=True)
+    ends = [_crossing(side, middle, normal) for side in (left, right)]
+    distances = sum(np.abs(((middle + end[:, None] * normal - centre_mm) * normal).sum(axis=1)) for end in ends)
+    return np.abs(ends[1] - ends[0]), np.asarray(distances)
+
+
+def _at_stations(points: Array) -> Array:
+    """(S, 2) of an edge (n, 2), by its length."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    at = _STATIONS * length[-1]
+    return np.stack([np.interp(at, length, points[:, i]) for i in range(2)], axis=1)
+
+
+def _crossing(points: Array, middle: Array, normal: Array) -> Array:
+    """(S,): how far along each normal an edge (n, 2) lies from the middle."""
+    tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
+    arms = points[None] - middle[:, None]
+    across, along = ((arms * axis[:, None]).sum(axis=2) for axis in (normal, tangent))
+    found = []
+    for row_across, row_along in zip(across, along, strict=True):
+        near = np.argsort(np.abs(row_along))[:6]  # a parabola through the nearest points
+        found.append(np.polyfit(row_along[near], row_across[near], 2)[-1])
+    return np.array(found)

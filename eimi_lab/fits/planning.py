@@ -1,0 +1,240 @@
+"""The run to do next: states, mounting and specimen for a goal, under a rig's limits and with what is stated of it.
+
+The mathematics is in `eimi_fitting.inference.design_of_experiment`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_drivers.supplies.supply_names import supply_driver
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.specimen import STANDARD_GRAVITY
+from eimi_fitting.inference.design_of_experiment import (
+    MODULUS,
+    Candidates,
+    EdgeNoise,
+    KnownLaw,
+    Rivals,
+    candidates,
+    equally_spaced,
+    exchange,
+    rivals,
+)
+from eimi_fitting.laws import LAWS
+from eimi_lab.config.protocol import Currents, Protocol
+from eimi_lab.config.rig import Rig, stated_by_rig
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.config.toml import to_toml
+from eimi_lab.errors import InputError
+from eimi_lab.fits.fits_file import AnyFit
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.vision.beam_frame import BeamFrame
+
+Array = NDArray[np.float64]
+
+_GRID = 41  # currents among which the states are chosen
+
+
+@dataclass(frozen=True)
+class Mounting:
+    """A specimen, gravity's angle in the beam frame (None: it does not bend the beam) and a weight at its tip."""
+
+    specimen: SpecimenFile
+    gravity_angle_deg: float | None
+    tip_weight_g: float
+
+    @property
+    def tip_force_N(self) -> float:
+        """Of the weight."""
+        return 1e-3 * STANDARD_GRAVITY * self.tip_weight_g
+
+    def in_words(self) -> str:
+        """For a table."""
+        gravity = "no gravity" if self.gravity_angle_deg is None else f"gravity at {self.gravity_angle_deg:g}°"
+        weight = f", {self.tip_weight_g:g} g at the tip" if self.tip_weight_g else ""
+        return f"{self.specimen.specimen.name}, {gravity}{weight}"
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """States chosen in one mounting, and what they are good for beside as many equally spaced ones.
+
+    expected, spaced: half-width of the 95 % interval in per cent, or, to tell laws apart, AIC for the first one;
+    effects_percent: standard deviation that each source gives the goal, largest first.
+    """
+
+    mounting: Mounting
+    currents_A: tuple[float, ...]
+    expected: float
+    spaced: float
+    effects_percent: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What is to be known: the modulus, a parameter, or that the law is not the rival."""
+
+    fit: FitRecord
+    parameter: str = MODULUS
+    rival: FitRecord | None = None
+
+    @staticmethod
+    def of(path: Path, fits: Sequence[AnyFit], model: str | None, words: str) -> Goal:
+        """By its name on the command line. Raises InputError."""
+        bending = {fit.model: fit for fit in fits if isinstance(fit, FitRecord)}
+        if not bending:
+            raise InputError(f"{path}: holds no fit of a bending beam, whose noise a plan goes by")
+        if model is None and len(bending) > 1:
+            raise InputError(f"{path}: holds several laws; --model should be one of {', '.join(bending)}")
+        fit = bending.get(model or next(iter(bending)))
+        if fit is None:
+            raise InputError(f"{path}: --model {model}: should be one of {', '.join(bending)}")
+        if words == "modulus":
+            return Goal(fit)
+        if words in fit.parameters:
+            return Goal(fit, words)
+        if words in bending and words != fit.model:
+            return Goal(fit, rival=bending[words])
+        others = ", ".join(name for name in bending if name != fit.model)
+        raise InputError(
+            f"{path}: --goal {words}: should be modulus, one of {fit.model}'s parameters ({', '.join(fit.parameters)})"
+            + (f", or another law of the file ({others})" if others else "")
+        )
+
+    def in_words(self) -> str:
+        """For a heading."""
+        if self.rival:
+            return f"{self.fit.model} against {self.rival.model}, AIC to expect"
+        what = MODULUS if self.parameter == MODULUS else self.parameter
+        return f"{what} of {self.fit.model}, half-width of the 95 % interval to expect"
+
+    def value(self, number: float) -> str:
+        """What a run is good for."""
+        return f"{number:.3g}" if self.rival else f"± {number:.3g} %"
+
+
+def mountings(
+    specimens: Sequence[SpecimenFile], rig: Rig, gravity_angles: Sequence[float], weights: Sequence[float]
+) -> list[Mounting]:
+    """All that may be combined. Raises InputError for weights that hang in no direction."""
+    gravity = rig.calibration.gravity
+    if not gravity and (any(weights) or gravity_angles):
+        raise InputError(f"rig {rig.name}: calibration has gravity = false: leave out --tip-weight and --gravity-angle")
+    own: Sequence[float | None] = gravity_angles or [round(BeamFrame(rig.calibration).gravity_deg, 3)]
+    return [
+        Mounting(specimen, angle if gravity else None, weight)
+        for specimen in specimens
+        for angle in own
+        for weight in weights or [0.0]
+    ]
+
+
+def plan(goal: Goal, every: Sequence[Mounting], rig: Rig, protocol: Protocol, states: int) -> list[PlannedRun]:
+    """The best states in each mounting, the best mounting first. Raises InputError."""
+    currents = _currents(rig, protocol)
+    if states > len(currents):
+        raise InputError(f"--states {states}: should be at most {len(currents)}, the currents that are considered")
+    runs = [run for mounting in every if (run := _planned(goal, mounting, rig, currents, states))]
+    if not runs:
+        raise InputError("the beam finds an equilibrium in too few states: take a lower limit, or another mounting")
+    return sorted(runs, key=lambda run: run.expected, reverse=goal.rival is not None)
+
+
+def _currents(rig: Rig, protocol: Protocol) -> Array:
+    limit = protocol.limits.stricter(rig.supply.limits).current_A
+    bipolar = not rig.simulated and supply_driver(rig.supply.driver).bipolar
+    return np.round(np.linspace(-limit if bipolar else 0.0, limit, _GRID), 3)
+
+
+def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states: int) -> PlannedRun | None:
+    constant = rig.calibration.coil_constant_mT_per_A
+    loads = Loads.along(
+        constant * currents_A,
+        BeamFrame(rig.calibration).field_deg,
+        mounting.gravity_angle_deg,
+        mounting.tip_force_N,
+    )
+    stated = (*mounting.specimen.stated(), *rig.calibration.stated(), *stated_by_rig(rig.text, rig.name, constant))
+    specimen = mounting.specimen.mechanics()
+    known, noise = _known(goal.fit), _noise(goal.fit)
+    criterion: Candidates | Rivals
+    try:
+        if goal.rival:
+            criterion = rivals(known, _known(goal.rival), specimen, loads, stated, noise)
+        else:
+            criterion = candidates(known, specimen, loads, stated, noise, goal.parameter)
+        choice = exchange(criterion, states)
+    except ValueError:  # the beam does not reach so many states
+        return None
+    field_T = criterion.loads.take(choice).field_T
+    reached = field_T @ Loads.along(1.0, BeamFrame(rig.calibration).field_deg).field_T[0] / 1e-6
+    spaced = equally_spaced(len(criterion), states)
+    good = criterion.apart if isinstance(criterion, Rivals) else criterion.half_width_percent
+    return PlannedRun(
+        mounting=mounting,
+        currents_A=tuple(float(b) for b in np.round(1e3 * reached / constant / 1e3, 3)),
+        expected=good(choice),
+        spaced=good(spaced),
+        effects_percent=criterion.effects_percent(choice) if isinstance(criterion, Candidates) else {},
+    )
+
+
+def _known(fit: FitRecord) -> KnownLaw:
+    return KnownLaw(LAWS[fit.model], np.array(fit.values()))
+
+
+def _noise(fit: FitRecord) -> EdgeNoise:
+    left = fit.section_change.left_percent if fit.section_change else None
+    return EdgeNoise.of(fit.identifiability, len(fit.by_state), left or 0.0)
+
+
+def protocol_text(goal: Goal, run: PlannedRun, protocol: Protocol) -> str:
+    """A protocol of the planned states that says what it is for."""
+    states = Currents(values_A=run.currents_A)
+    changed = protocol.model_copy(
+        update={"name": f"{protocol.name}-planned", "current": states, "tip_force_N": run.mounting.tip_force_N}
+    )
+    return (
+        f"# Planned: {goal.in_words()}: {goal.value(run.expected)}; equally spaced currents: {goal.value(run.spaced)}\n"
+        f"# Mounting: {run.mounting.in_words()} (0 hangs down, 90 is level, 180 upright)\n" + to_toml(changed)
+    )
+
+
+def table(goal: Goal, runs: Sequence[PlannedRun]) -> list[str]:
+    """Lines for a person, best first."""
+    width = max(len(run.mounting.in_words()) for run in runs)
+    lines = [goal.in_words(), f"{'mounting':{width}}  {'planned':>10}  {'equally spaced':>14}"]
+    for run in runs:
+        lines.append(f"{run.mounting.in_words():{width}}  {goal.value(run.expected):>10}  {goal.value(run.spaced):>14}")
+    best = runs[0]
+    lines.append(f"best: {best.mounting.in_words()}, at {', '.join(f'{a:g}' for a in best.currents_A)} A")
+    effects = [f"{name} {effect:.2g} %" for name, effect in list(best.effects_percent.items())[:3] if effect > 0]
+    if effects:
+        lines.append(f"what is stated as uncertain leaves, as standard deviations: {', '.join(effects)}")
+    return lines
+
+
+def content(goal: Goal, runs: Sequence[PlannedRun]) -> dict[str, Any]:
+    """The same for a program."""
+    return {
+        "goal": goal.in_words(),
+        "runs": [
+            {
+                "specimen": run.mounting.specimen.specimen.name,
+                "gravity_angle_deg": run.mounting.gravity_angle_deg,
+                "tip_weight_g": run.mounting.tip_weight_g,
+                "currents_A": run.currents_A,
+                "expected": run.expected,
+                "equally_spaced": run.spaced,
+                "effects_percent": run.effects_percent,
+            }
+            for run in runs
+        ],
+    }

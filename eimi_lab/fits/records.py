@@ -1,0 +1,383 @@
+"""What stands in a result file: the models that write and read it, with what each part means.
+
+What the mathematics found is held as the mathematics has it; only what it knows nothing of (files, currents, versions)
+is said in models of this module.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib.metadata import version
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import model_validator
+
+from eimi_fitting.inference.budget import BudgetEntry, MeasureNext
+from eimi_fitting.inference.checks import Doubt
+from eimi_fitting.inference.estimate import CorrectionEffect, FreedNuisance
+from eimi_fitting.inference.identifiability import Identifiability
+from eimi_fitting.inference.identification import Fit
+from eimi_fitting.inference.polish import Polish
+from eimi_fitting.inference.quantity import Quantity
+from eimi_fitting.inference.search import Discards, Generation, Run
+from eimi_fitting.inference.sources import StatedSource
+from eimi_fitting.inference.tensile_curves import TensileEvidence
+from eimi_lab.fits.evidence import WHOLE_FILES, Evidence
+from eimi_lab.fits.law_record import LawRecord, Record, Stability
+from eimi_lab.fits.states_used import StatesUsed
+from eimi_lab.fits.tensile_files import FileCurve
+from eimi_lab.fits.workers import PACKAGES
+
+Array = NDArray[np.float64]
+
+
+class StateError(Record):
+    """Error and deviation of one state; dataset counts from 0 in the order given."""
+
+    dataset: int
+    state: int
+    current_A: float | None
+    field_mT: float
+    error_mm: float
+    deviation_mm: float
+
+    @staticmethod
+    def of(evidence: Evidence, error_mm: Array, deviation_mm: Array, dataset: int = 0) -> tuple[StateError, ...]:
+        """One for each state of the evidence."""
+        return tuple(
+            StateError(
+                dataset=dataset,
+                state=state.index,
+                current_A=state.current_A,
+                field_mT=state.field_mT,
+                error_mm=float(error),
+                deviation_mm=float(deviation),
+            )
+            for state, error, deviation in zip(evidence.states, error_mm, deviation_mm, strict=True)
+        )
+
+
+class ReplicateRecord(Record):
+    """A law fitted to one bootstrap replicate of the data; parameters in the units of the fit."""
+
+    replicate: int
+    parameters: dict[str, float]
+    initial_shear_modulus_Pa: float
+    mean_error_mm: float
+    evaluations: int
+    stop: str
+    wall_s: float
+
+    @staticmethod
+    def of(fit: Fit, replicate: int) -> ReplicateRecord:
+        """What is written down of a fit to one replicate of the data."""
+        return ReplicateRecord(
+            replicate=replicate,
+            parameters={name: quantity.value for name, quantity in fit.parameters.items()},
+            initial_shear_modulus_Pa=fit.initial_shear_modulus.value,
+            mean_error_mm=fit.mean_error_mm,
+            evaluations=fit.evaluations,
+            stop=fit.stop,
+            wall_s=fit.wall_s,
+        )
+
+
+FEWEST_FOR_INTERVAL = 40  # replicates: one beyond each end of a 95 % interval
+
+
+class BootstrapRecord(Record):
+    """The fit repeated on replicates of the data: states drawn again, with replacement.
+
+    interval_95: percentiles of the initial shear modulus (Efron and Tibshirani 1993, An Introduction to the Bootstrap,
+    section 13.3), null where there are too few replicates to have any.
+    """
+
+    drawn: Literal["states"] = "states"
+    initial_shear_modulus_interval_95_Pa: tuple[float, float] | None
+    replicates: tuple[ReplicateRecord, ...]
+
+    @staticmethod
+    def of(replicates: Sequence[ReplicateRecord]) -> BootstrapRecord:
+        """All replicates of one fit, and what they say together."""
+        moduli = [replicate.initial_shear_modulus_Pa for replicate in replicates]
+        enough = len(moduli) >= FEWEST_FOR_INTERVAL
+        low, high = np.quantile(moduli, [0.025, 0.975]) if enough else (0.0, 0.0)
+        return BootstrapRecord(
+            initial_shear_modulus_interval_95_Pa=(float(low), float(high)) if enough else None,
+            replicates=tuple(replicates),
+        )
+
+
+class CurveRecord(Record):
+    """A tensile curve in the fit: its weight, and the root mean square residual of the law alone with it and here.
+
+    path: null for one that was given in a notebook; sha256: of its file, or else of its numbers.
+    """
+
+    path: str | None
+    sha256: str
+    window_percent: float | None
+    weight: float
+    rows: int
+    correlation_rows: float
+    largest_strain: float
+    rmse_alone_Pa: float
+    rmse_Pa: float
+
+    @property
+    def name(self) -> str:
+        """Its file, or what stands for one."""
+        return self.path or f"tensile curve {self.sha256[:8]} (from no file)"
+
+    @staticmethod
+    def of(evidence: TensileEvidence, rmse_Pa: float) -> CurveRecord:
+        """What is written down of a curve, which may come from a file or from anywhere."""
+        curve = evidence.curve
+        file = curve if isinstance(curve, FileCurve) else None
+        numbers = np.stack([curve.strain, curve.stress_Pa]).astype("<f8").tobytes()
+        return CurveRecord(
+            path=file.path if file else None,
+            sha256=file.sha256 if file else hashlib.sha256(numbers).hexdigest(),
+            window_percent=file.window_percent if file else None,
+            weight=curve.weight,
+            rows=len(curve.strain),
+            correlation_rows=evidence.correlation_rows,
+            largest_strain=float(curve.strain.max()),
+            rmse_alone_Pa=evidence.noise_Pa,
+            rmse_Pa=rmse_Pa,
+        )
+
+
+class DatasetReference(Record):
+    """Which file was fitted, by its content, and which of its states; stated: how well its numbers were known."""
+
+    path: str
+    sha256: str
+    section: str
+    states: StatesUsed
+    stated: tuple[StatedSource, ...] = ()
+
+    def in_words(self) -> str:
+        """The file with how many of its states were used, and which were not for which flags."""
+        return f"{self.path}: {self.states.in_words()}"
+
+
+class FitRecord(LawRecord):
+    """A law identified from datasets of a bending beam.
+
+    mesh: what a mesh twice as fine changed, null where all is taken as solid; section_change: what the solid changed,
+    null where a planar section was taken throughout; held_out_error_mm: mean error of states left out of the fit;
+    taken_as_exact: keys of which nobody stated an uncertainty, or dimensions or calibration where none was stated at
+    all.
+    """
+
+    kind: Literal["bending"] = "bending"
+    mean_error_mm: float
+    mean_deviation_mm: float
+    by_state: tuple[StateError, ...]
+    evaluations: int
+    generations: int
+    discarded: Discards
+    polish: Polish
+    stop: str
+    wall_s: float
+    identifiability: Identifiability
+    bulk_modulus: Quantity | None
+    freed: tuple[FreedNuisance, ...]
+    tensile: tuple[CurveRecord, ...]
+    mesh: CorrectionEffect | None
+    section_change: CorrectionEffect | None = None
+    held_out_error_mm: float | None
+    taken_as_exact: tuple[str, ...]
+    budget: tuple[BudgetEntry, ...]
+    measure_next: MeasureNext
+    datasets: tuple[DatasetReference, ...]
+    seed: int
+    runs: tuple[Run, ...]
+    history: tuple[Generation, ...]
+    bootstrap: BootstrapRecord | None = None
+
+    @staticmethod
+    def of(fit: Fit, evidence: Sequence[Evidence]) -> FitRecord:
+        """What is written down of a fit to this evidence."""
+        ends = np.cumsum([len(e.states) for e in evidence])[:-1]
+        errors, deviations = np.split(fit.error_mm, ends), np.split(fit.deviation_mm, ends)
+        return FitRecord(
+            **{name: getattr(fit, name) for name in _AS_IT_IS},
+            model=fit.law.name,
+            by_state=tuple(
+                state for d, e in enumerate(evidence) for state in StateError.of(e, errors[d], deviations[d], d)
+            ),
+            generations=len(fit.history),
+            mesh=fit.corrections.get("mesh"),
+            section_change=fit.corrections.get("section"),
+            tensile=tuple(
+                CurveRecord.of(curve, rmse) for curve, rmse in zip(fit.curves, fit.curve_rmse_Pa, strict=True)
+            ),
+            doubts=(
+                *(Doubt(words, index) for index, e in enumerate(evidence) for words in e.doubts),
+                *(_of_dataset_state(doubt, evidence) for doubt in fit.doubts),
+            ),
+            stability=Stability(
+                criterion="Drucker",
+                stable_up_to_stretch=fit.stable_to,
+                checked_up_to_stretch=fit.stability_checked_to,
+            ),
+            datasets=tuple(
+                DatasetReference(
+                    path=str(e.path),
+                    sha256=e.sha256,
+                    section=e.experiment.model.specimen.section,
+                    states=e.used,
+                    stated=e.experiment.stated,
+                )
+                for e in evidence
+            ),
+            taken_as_exact=tuple(dict.fromkeys(word for e in evidence for word in e.taken_as_exact)),
+            versions=package_versions(),
+        )
+
+    @model_validator(mode="after")
+    def _is_stiff(self) -> Self:
+        """A law fitted to large tensile strains alone need not be; no beam hangs still in a field without it."""
+        if not self.initial_shear_modulus.value > 0:
+            raise ValueError(f"initial shear modulus {self.initial_shear_modulus.value:g} Pa should be above 0")
+        return self
+
+    def doubts_in_words(self) -> list[str]:
+        """Every doubt, with the dataset, the state or the curve that it is about."""
+        return [f"{self._about(doubt)}{doubt.words}" for doubt in self.doubts]
+
+    def _about(self, doubt: Doubt) -> str:
+        if doubt.curve is not None:
+            return f"{self.tensile[doubt.curve].name}: "
+        if doubt.dataset is None:
+            return ""
+        return self.datasets[doubt.dataset].path + ("" if doubt.state is None else f", state {doubt.state}") + ": "
+
+    def held_by_bounds(self) -> tuple[str, ...]:
+        """With the initial shear modulus where not even that is measured."""
+        own, names = self.identifiability.held_by_bounds, self.identifiability.names
+        open_modulus = names[0] in self.identifiability.not_fixed
+        return (*own, "initial_shear_modulus") if open_modulus else own
+
+    def fitted_to(self) -> Literal["bending", "bending and tensile"]:
+        """Whether tensile curves had a say."""
+        return "bending and tensile" if self.tensile else "bending"
+
+    def summary(self) -> str:
+        """One line: law, initial shear modulus with its interval, mean error, and what was taken as exact."""
+        whole = [word for word in self.taken_as_exact if word in WHOLE_FILES]
+        exact = f"; {' and '.join(whole)} taken as exact" if whole else ""
+        return (
+            f"{self.model}: initial shear modulus {self.modulus_in_words()}, "
+            f"mean error {1e3 * self.mean_error_mm:.2f} µm{exact}"
+        )
+
+    def notes(self) -> list[str]:
+        """States used, error and deviation, and what the data fix."""
+        error, deviation = 1e3 * self.mean_error_mm, 1e3 * self.mean_deviation_mm
+        return [
+            *(f"{dataset.in_words()}." for dataset in self.datasets),
+            f"Mean error {error:.3g} µm, mean deviation {deviation:.3g} µm.",
+            self.identifiability.statement,
+        ]
+
+
+# What a result file holds just as a fit has it.
+_AS_IT_IS = (
+    "parameters",
+    "initial_shear_modulus",
+    "bulk_modulus",
+    "freed",
+    "identifiability",
+    "held_out_error_mm",
+    "budget",
+    "measure_next",
+    "draws",
+    "mean_error_mm",
+    "mean_deviation_mm",
+    "max_stretch",
+    "evaluations",
+    "discarded",
+    "polish",
+    "stop",
+    "wall_s",
+    "seed",
+    "runs",
+    "history",
+)
+
+
+def _of_dataset_state(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:
+    """The doubt with its state counted as the dataset does, which may hold some that were left out."""
+    if doubt.dataset is None or doubt.state is None:
+        return doubt
+    return replace(doubt, state=evidence[doubt.dataset].states[doubt.state].index)
+
+
+class TensileSource(Record):
+    """The tensile test that was fitted, by its content."""
+
+    path: str
+    sha256: str
+    material: str | None
+
+
+class TensileRecord(LawRecord):
+    """A law fitted to a window of a tensile test.
+
+    window_percent: largest engineering strain asked for (null: the whole curve); max_stretch: largest one there was;
+    correlation: of the parameters' errors, a row each, null in files of earlier releases; not_fixed: parameters whose
+    interval holds zero or is the range of the search.
+    """
+
+    kind: Literal["tensile"] = "tensile"
+    window_percent: float | None
+    residuals: Literal["absolute", "relative"]
+    rmse_Pa: float
+    rows: int
+    rows_left_out: int
+    correlation_rows: float
+    correlation: tuple[tuple[float, ...], ...] | None = None
+    not_fixed: tuple[str, ...]
+    source: TensileSource
+
+    def window(self) -> str:
+        """The window in words: `50 %` or `full`."""
+        return "full" if self.window_percent is None else f"{self.window_percent:g} %"
+
+    def summary(self) -> str:
+        """One line: law, window, initial shear modulus with its interval, RMSE, stability."""
+        limit = self.stability.stable_up_to_stretch
+        stable = "" if limit is None else f", stable up to a stretch of {limit:.2f} only"
+        if limit == 1.0:
+            stable = ", not stable at any stretch"
+        return (
+            f"{self.model}, window {self.window()}: initial shear modulus {self.modulus_in_words()}, "
+            f"RMSE {1e-3 * self.rmse_Pa:.3g} kPa over {self.rows} rows{stable}"
+        )
+
+    def notes(self) -> list[str]:
+        """Window and misfit, and what the curve does not fix."""
+        misfit = f"Window {self.window()}: RMSE {1e-3 * self.rmse_Pa:.3g} kPa over {self.rows} rows."
+        return [misfit, *self.not_fixed_in_words()]
+
+    def held_by_bounds(self) -> tuple[str, ...]:
+        """Those whose interval is the range of the search, or holds zero."""
+        return self.not_fixed
+
+    def not_fixed_in_words(self) -> list[str]:
+        """A sentence, or none where the curve fixes every parameter."""
+        return [f"The curve does not fix {', '.join(self.not_fixed)}."] if self.not_fixed else []
+
+
+def package_versions() -> dict[str, str]:
+    """Python and the packages that a number depends on."""
+    packages = {package: version(package) for package in PACKAGES}
+    return {"python": platform.python_version(), **packages}

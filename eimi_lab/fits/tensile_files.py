@@ -1,0 +1,138 @@
+"""Tensile tests from files, whole and as curves for a joint fit.
+
+Two formats are read, told apart by the first line:
+
+database   `;` between cells, information about the test first, then a header with `Engineering Strain` and
+           `Engineering Stress (MPa)`: the Soft Robotics Materials Database (Marechal et al. 2020,
+           doi 10.1089/soro.2019.0115)
+plain      `,` between cells, a header of two names: `strain` or `strain_percent`, and `stress_Pa`, `stress_kPa` or
+           `stress_MPa`, both engineering values
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.inference.tensile_curves import TensileCurve
+from eimi_fitting.units import PA_PER_MPA
+from eimi_lab.config.toml import read_text
+from eimi_lab.dataset.csv_tables import Column, Row, read_table
+from eimi_lab.errors import InputError
+
+Array = NDArray[np.float64]
+
+STRAINS = {"strain": 1.0, "strain_percent": 1e-2}
+STRESSES = {"stress_Pa": 1.0, "stress_kPa": 1e3, "stress_MPa": PA_PER_MPA}
+COLUMNS = {
+    "strain": Column("Engineering strain: elongation over the length at rest.", "0.2"),
+    "strain_percent": Column("In place of strain: the same times 100.", "20"),
+    "stress_Pa": Column("Engineering stress: force over the area at rest.", "24000"),
+    "stress_kPa": Column("In place of stress_Pa.", "24"),
+    "stress_MPa": Column("In place of stress_Pa.", "0.024"),
+}
+WINDOWS = ("20", "50", "100", "full")
+_ROWS = 5  # of a tensile curve in its window; fewer say nothing of its noise
+_DATABASE_STRAIN, _DATABASE_STRESS = "Engineering Strain", "Engineering Stress (MPa)"
+
+
+@dataclass(frozen=True)
+class TensileTest:
+    """A tensile test: engineering strain (m,) and engineering stress (m,) in Pa, in the order of the file."""
+
+    path: Path
+    sha256: str
+    material: str | None
+    strain: Array
+    stress_Pa: Array
+
+
+@dataclass(frozen=True)
+class FileCurve(TensileCurve):
+    """A tensile curve from a file, up to a largest strain (None: the whole curve)."""
+
+    path: str = ""
+    sha256: str = ""
+    window_percent: float | None = None
+
+
+def read_curve(path: Path, percent: float | None, weight: float) -> FileCurve:
+    """The rows of a test up to a strain in percent, with the weight that they have in a fit. Raises InputError."""
+    test = read_tensile(path)
+    inside = test.strain <= (float("inf") if percent is None else percent / 100)
+    if inside.sum() < _ROWS:
+        raise InputError(f"{path}: {inside.sum()} rows in the window; a fit needs at least {_ROWS}")
+    return FileCurve(test.strain[inside], test.stress_Pa[inside], weight, str(path), test.sha256, percent)
+
+
+def read_tensile(path: Path) -> TensileTest:
+    """Read a tensile test of either format. Raises InputError naming file, row and value."""
+    text = read_text(path)
+    if ";" in text.partition("\n")[0]:
+        rows, material = _database_rows(path, text)
+        strain_name, stress_name, strain_unit, stress_unit = _DATABASE_STRAIN, _DATABASE_STRESS, 1.0, PA_PER_MPA
+    else:
+        header = [cell.strip() for cell in text.removeprefix("\ufeff").partition("\n")[0].split(",")]
+        strain_name, stress_name = _only(path, header, STRAINS), _only(path, header, STRESSES)
+        strain_unit, stress_unit = STRAINS[strain_name], STRESSES[stress_name]
+        rows, material = read_table(path, [strain_name, stress_name]), None
+    strain = np.array([row.number(strain_name) for row in rows]) * strain_unit
+    stress = np.array([row.number(stress_name) for row in rows]) * stress_unit
+    for row, e in zip(rows, strain, strict=True):
+        if e <= -1:
+            raise row.fault(strain_name, "an engineering strain above -1 (-100 %)")
+    return TensileTest(path, hashlib.sha256(path.read_bytes()).hexdigest(), material, strain, stress)
+
+
+def _only(path: Path, header: list[str], names: dict[str, float]) -> str:
+    found = [name for name in names if name in header]
+    if len(found) != 1:
+        raise InputError(
+            f"{path}: row 1: {','.join(header)!r} should be one of {', '.join(STRAINS)} "
+            f"and one of {', '.join(STRESSES)}, such as strain,stress_MPa"
+        )
+    return found[0]
+
+
+def _database_rows(path: Path, text: str) -> tuple[list[Row], str | None]:
+    """The rows below the header of the columns, and the material that the information above it names."""
+    columns: list[str] | None = None
+    material, rows = None, []
+    for line, words in enumerate(text.removeprefix("\ufeff").splitlines(), 1):
+        cells = [cell.strip() for cell in words.split(";")]
+        if columns is None:
+            if _DATABASE_STRAIN in cells and _DATABASE_STRESS in cells:
+                columns = cells
+            elif cells[0] == "Material" and len(cells) > 1:
+                material = cells[1] or None
+        elif any(cells):
+            if len(cells) != len(columns):
+                raise InputError(f"{path}: row {line}: has {len(cells)} cells; the header has {len(columns)} columns")
+            rows.append(Row(path, line, dict(zip(columns, cells, strict=True))))
+    if columns is None:
+        raise InputError(
+            f"{path}: has no header with the columns {_DATABASE_STRAIN} and {_DATABASE_STRESS}; a file of two columns "
+            "has commas between them and a first row such as strain,stress_MPa"
+        )
+    if not rows:
+        raise InputError(f"{path}: has a header but no rows")
+    return rows, material
+
+
+def check_windows(windows: list[str], option: str = "--window") -> list[float | None]:
+    """Percentages, None for the whole curve, each once. Raises InputError."""
+    checked: list[float | None] = []
+    for window in windows:
+        try:
+            percent = None if window == "full" else float(window)
+        except ValueError:
+            percent = -1.0
+        if percent is not None and not 0 < percent < np.inf:
+            raise InputError(f"{option} {window}: should be a strain in percent above 0, or full")
+        if percent not in checked:
+            checked.append(percent)
+    return checked

@@ -1,0 +1,81 @@
+"""Laws fitted to a window of a tensile test: the conventional route, what `eimi tensile` does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from eimi_fitting.inference.checks import Doubt
+from eimi_fitting.inference.draws import draw_parameters
+from eimi_fitting.inference.quantity import Quantity
+from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.stability import LARGEST_STRETCH_CHECKED
+from eimi_fitting.laws.tensile import CannotFit, TensileFit, fit_tensile
+from eimi_lab.errors import InputError
+from eimi_lab.fits.law_record import Stability
+from eimi_lab.fits.records import TensileRecord, TensileSource, package_versions
+from eimi_lab.fits.tensile_files import TensileTest
+
+_MISFIT = 0.1  # of the stresses, both as root mean square: beyond it a law has another shape than the curve
+
+
+def fit_window(test: TensileTest, model: str, window_percent: float | None, relative: bool = False) -> TensileRecord:
+    """Fit one law to one window of a test. Raises InputError."""
+    largest = np.inf if window_percent is None else window_percent / 100
+    try:
+        fit = fit_tensile(LAWS[model], test.strain, test.stress_Pa, largest_strain=largest, relative=relative)
+    except CannotFit as error:
+        window = "the whole curve" if window_percent is None else f"strains up to {window_percent:g} %"
+        raise InputError(f"{test.path}: {window}: {error}") from error
+    low, high = fit.initial_shear_modulus_interval_Pa
+    used = test.stress_Pa[test.strain <= largest]
+    return TensileRecord(
+        model=model,
+        parameters={
+            name: Quantity(float(value), unit, (float(a), float(b)))
+            for name, unit, value, (a, b) in zip(
+                fit.law.parameter_names, fit.law.units, fit.parameters, fit.intervals, strict=True
+            )
+        },
+        initial_shear_modulus=Quantity(fit.initial_shear_modulus_Pa, "Pa", (low, high)),
+        max_stretch=1 + fit.max_strain,
+        stability=Stability(
+            criterion="Drucker",
+            stable_up_to_stretch=fit.stable_to,
+            checked_up_to_stretch=LARGEST_STRETCH_CHECKED,
+        ),
+        doubts=tuple(map(Doubt, _doubts(fit, float(np.sqrt(np.mean(used**2)))))),
+        versions=package_versions(),
+        window_percent=window_percent,
+        residuals="relative" if relative else "absolute",
+        rmse_Pa=fit.rmse_Pa,
+        rows=fit.rows,
+        rows_left_out=fit.rows_left_out,
+        correlation_rows=fit.correlation_rows,
+        correlation=tuple(tuple(map(float, row)) for row in fit.correlation),
+        not_fixed=fit.not_fixed,
+        draws=draw_parameters(
+            fit.law.parameter_names,
+            fit.parameters,
+            fit.intervals,
+            fit.correlation,
+            fit.law.initial_shear_modulus,
+        ),
+        source=TensileSource(path=str(test.path), sha256=test.sha256, material=test.material),
+    )
+
+
+def _doubts(fit: TensileFit, stress_Pa: float) -> Iterator[str]:
+    """What a reader should know of a fit to stresses of such a root mean square."""
+    if fit.rows_left_out:
+        yield f"{fit.rows_left_out} rows without a positive stress were left out"
+    if fit.rmse_Pa > _MISFIT * stress_Pa:
+        yield f"the law leaves {100 * fit.rmse_Pa / stress_Pa:.0f} % of the stress: the curve has another shape"
+    if fit.initial_shear_modulus_interval_Pa[0] <= 0:
+        yield "the initial shear modulus may be zero or less: this curve does not fix the law at small strains"
+    if fit.stable_to is not None and fit.stable_to < 1 + fit.max_strain:
+        yield (
+            f"not Drucker-stable beyond a stretch of {fit.stable_to:.2f}, though the curve goes to "
+            f"{1 + fit.max_strain:.2f}: a simulation may fail there"
+        )

@@ -1,0 +1,112 @@
+"""Validations as lines to print: by dataset, by state, and every fit against every specimen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from eimi_lab.fits.validation import FitReference, Validation
+
+_HEAD = ("fit", "", "law", "shear modulus, kPa [95 %]", "error, µm [95 %]", "± µm", "stretch", "notes")
+_RIGHT = ("error, µm [95 %]", "± µm", "stretch")
+_FITS_ABREAST = 6
+
+
+def by_dataset(validations: Sequence[Validation]) -> list[str]:
+    """For each dataset every fit, the smallest mean error first, those without a result last."""
+    rows = [(v, _cells(v)) for v in validations]
+    widths = _widths([_HEAD, *(cells for _, cells in rows)])
+    lines = []
+    for dataset in dict.fromkeys(v.dataset for v in validations):
+        own = [(v, cells) for v, cells in rows if v.dataset == dataset]
+        own.sort(key=lambda row: np.inf if row[0].mean_error_mm is None else row[0].mean_error_mm)
+        lines.append(f"{dataset} ({own[0][0].section}, {own[0][0].states.in_words()})")
+        lines += [_line(cells, widths, _HEAD, _RIGHT) for cells in (_HEAD, *(c for _, c in own))]
+    return lines
+
+
+def by_state(validations: Sequence[Validation]) -> list[str]:
+    """For each dataset a line a state, with error ± deviation in µm of each fit that has an equilibrium."""
+    lines = []
+    for dataset in dict.fromkeys(v.dataset for v in validations):
+        own = [v for v in validations if v.dataset == dataset and v.by_state]
+        for first in range(0, len(own), _FITS_ABREAST):
+            shown = own[first : first + _FITS_ABREAST]
+            lines.append(f"{dataset}: error ± deviation by state, µm")
+            head = ("state", "field, mT", *(f"{v.fit.path}:{v.fit.index} {v.model}" for v in shown))
+            rows = [
+                (
+                    str(state.state),
+                    f"{state.field_mT:.3f}",
+                    *(f"{1e3 * v.by_state[k].error_mm:.2f} ± {1e3 * v.by_state[k].deviation_mm:.2f}" for v in shown),
+                )
+                for k, state in enumerate(shown[0].by_state)
+            ]
+            mean = (
+                "mean",
+                "",
+                *(f"{micrometres(v.mean_error_mm)} ± {micrometres(v.mean_deviation_mm)}" for v in shown),
+            )
+            table = [head, *rows, mean]
+            widths = _widths(table)
+            lines += [_line(cells, widths, head, head[1:]) for cells in table]
+    return lines
+
+
+def matrix(validations: Sequence[Validation]) -> list[str]:
+    """A line a fit, a column a dataset: mean error in µm with its interval, `*` where the fit was made from it."""
+    datasets = list(dict.fromkeys(v.dataset for v in validations))
+    head = ("fit", "", "law", *datasets)
+    rows: dict[FitReference, list[str]] = {}
+    for v in validations:
+        row = rows.setdefault(v.fit, [f"{v.fit.path}:{v.fit.index}", v.fit.kind_in_words(), v.model])
+        row.append(error_in_words(v) + ("*" if v.seen else " "))
+    table = [head, *(tuple(row) for row in rows.values())]
+    widths = _widths(table)
+    title = "mean error, µm [over the 95 % interval of the shear modulus]; * fitted to this dataset"
+    return [title, *(_line(cells, widths, head, tuple(datasets)) for cells in table)]
+
+
+def error_in_words(v: Validation) -> str:
+    """Mean error in µm with its interval, `>` where that has no upper end; or why there is none."""
+    if v.mean_error_mm is None or v.mean_error_interval_mm is None:
+        return v.status
+    low, high = v.mean_error_interval_mm
+    return f"{micrometres(v.mean_error_mm)} [{micrometres(low)}, {'>' if high is None else micrometres(high)}]"
+
+
+def micrometres(length_mm: float | None) -> str:
+    """A length in µm in three digits; `-` for none."""
+    if length_mm is None:
+        return "-"
+    um = 1e3 * length_mm
+    return f"{um:.2f}" if um < 10 else f"{um:.1f}" if um < 100 else f"{um:.0f}"
+
+
+def _cells(v: Validation) -> tuple[str, ...]:
+    modulus = v.initial_shear_modulus
+    low, high = modulus.interval_95
+    moduli = f"{1e-3 * modulus.value:.2f} [{1e-3 * low:.2f}, {1e-3 * high:.2f}]"
+    start = (f"{v.fit.path}:{v.fit.index}", v.fit.kind_in_words(), v.model, moduli)
+    if v.max_stretch is None:
+        return (*start, "-", "-", "-", v.status)
+    notes = ["seen" if v.seen else "unseen"]
+    if not v.stable:
+        notes.append("not stable over these stretches")
+    if not v.within_fitted_stretch:
+        notes.append("stretched beyond its data")
+    return (*start, error_in_words(v), micrometres(v.mean_deviation_mm), f"{v.max_stretch:.3f}", ", ".join(notes))
+
+
+def _widths(table: Sequence[Sequence[str]]) -> list[int]:
+    return [max(map(len, column)) for column in zip(*table, strict=True)]
+
+
+def _line(cells: Sequence[str], widths: Sequence[int], head: Sequence[str], right: Sequence[str]) -> str:
+    """One line of a table; columns whose heading is in ``right`` end at the right."""
+    aligned = (
+        cell.rjust(width) if name in right else cell.ljust(width)
+        for cell, width, name in zip(cells, widths, head, strict=True)
+    )
+    return f"  {'  '.join(aligned)}".rstrip()

@@ -1,0 +1,290 @@
+"""A run that the page began, seen from the server: its process, what it tells, and the ways to end it.
+
+The run is `eimi acquire` in a process of its own, which ends with its coil off when the page is gone. Stopping goes by
+signals, past everything that carries pictures: two of them, since the second leaves the ramp out. Where the run does
+not say within a moment that the output is off, it is killed, and its guardian switches off.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+import sys
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from eimi_lab.page.eye import EDGES, FRAMES, SIZES
+from eimi_lab.page.frame_memory import new_memory
+
+CONFIRMED_WITHIN_S = 1.5
+"""A run that was told to stop and has not said by then that the output is off is killed; its guardian takes over."""
+
+CLOSED_WITHIN_S = 10.0
+KEPT_LINES = 40
+GUARDIAN_DONE = "the coil was switched off"
+MAY_BE_ON = "MAY STILL BE ON"
+AT_ONCE = (signal.SIGINT, signal.SIGTERM)  # not the same twice: the kernel would make one of them
+
+
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """What a run is to do. protocol, specimen, rig: as the command line takes them. dataset: where it goes."""
+
+    protocol: str
+    specimen: str
+    rig: str
+    dataset: Path
+    resume: bool = False
+    take_over: bool = False
+    note: str = ""
+
+    def arguments(self) -> list[str]:
+        """Of `eimi acquire`."""
+        given = ["acquire", f"--specimen={self.specimen}", f"--rig={self.rig}", f"--output={self.dataset}"]
+        given += [f"--note={self.note}"] if self.note else []
+        given += ["--resume"] if self.resume else []
+        given += ["--take-over"] if self.take_over else []
+        return [*given, "--", self.protocol]
+
+
+@dataclass
+class Progress:
+    """What is known of the run. coil: off, on, unknown, or off as its guardian says."""
+
+    dataset: str
+    protocol: str
+    specimen: str
+    rig: str
+    phase: str = "beginning"  # then running, pausing, paused, stopping, ended
+    coil: str = "off"
+    states: int = 0
+    currents_A: list[float] = field(default_factory=list)
+    stored: int = 0
+    without_contact: str = ""
+    guardian: bool = False
+    hottest_share: float | None = None
+    left_s: float | None = None
+    status: int | None = None
+    last_words: str = ""
+    said: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
+
+    def told(self) -> dict[str, Any]:
+        """For the page."""
+        return {**vars(self), "said": list(self.said)}
+
+
+class BenchRun:
+    """One run under way, or ended. changed: is called at every change of `progress`; seen: with what the eye sends."""
+
+    def __init__(
+        self, order: Order, name: str, changed: Callable[[], None], seen: Callable[[dict[str, Any], bytes], None]
+    ) -> None:
+        self.order = order
+        protocol, specimen, rig = (Path(chosen).stem for chosen in (order.protocol, order.specimen, order.rig))
+        self.progress = Progress(name, protocol, specimen, rig)
+        self._changed, self._seen = changed, seen
+        self._tasks: list[asyncio.Task[None]] = []
+        self._off = asyncio.Event()
+        self._off.set()
+        self._ended = asyncio.Event()
+        self._taking: tuple[float, int] | None = None
+        self.off_at_s: float | None = None
+
+    @property
+    def going_on(self) -> bool:
+        """Whether its process lives, or the guardian is still at work."""
+        return not self._ended.is_set()
+
+    async def begin(self) -> None:
+        """Start the run and the two eyes."""
+        memory = new_memory()
+        heard, bell = os.pipe()
+        told, events = os.pipe()
+        closed, open_while_seen = os.pipe()
+        for_run = (memory, bell, events)
+        self._run = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-P", "-m", "eimi_lab", *self.order.arguments()[:1]),
+            *(f"--watched-by={','.join(map(str, for_run))}", *self.order.arguments()[1:]),
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.DEVNULL,
+            stderr=asyncio.subprocess.PIPE,
+            pass_fds=for_run,
+            start_new_session=True,
+        )
+        rig, specimen = self.order.rig, self.order.specimen
+        self._eyes = [
+            await self._eye(FRAMES, memory, heard, rig),
+            await self._eye(EDGES, memory, closed, rig, specimen),
+        ]
+        for descriptor in (memory, bell, events, heard, closed):
+            os.close(descriptor)
+        for work in (self._hear_events(told), self._hear_words(), self._see_all(open_while_seen)):
+            self._tasks.append(asyncio.create_task(work))
+
+    async def _eye(self, what: str, memory: int, until: int, *files: str) -> asyncio.subprocess.Process:
+        return await asyncio.create_subprocess_exec(
+            *(sys.executable, "-P", "-m", "eimi_lab.page.eye", what, str(memory), str(until), *files),
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.DEVNULL,
+            pass_fds=(memory, until),
+            start_new_session=True,
+        )
+
+    def pause(self) -> None:
+        """Ask for a pause after the state under way."""
+        if self.progress.phase == "running":
+            self._type("p")
+            self._phase("pausing")
+
+    def go_on(self) -> None:
+        """End a pause."""
+        if self.progress.phase == "paused":
+            self._type("")
+
+    def end(self) -> None:
+        """Ask for the end, with the ramp down; what is stored stays, and the run can be resumed."""
+        if self.going_on:
+            self._signal(signal.SIGINT)
+            self._phase("stopping")
+
+    def stop(self) -> asyncio.Task[str]:
+        """Coil to zero and off at once. The task gives what came of it, in words."""
+        if self.going_on:
+            for number in AT_ONCE:
+                self._signal(number)
+            self._phase("stopping")
+        return asyncio.create_task(self._confirmed())
+
+    async def closed(self) -> None:
+        """End it, and wait until it has ended."""
+        if self.going_on:
+            self.end()
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._ended.wait(), CLOSED_WITHIN_S)
+            if self.going_on:
+                self._signal(signal.SIGKILL)
+        for eye in self._eyes:
+            with suppress(ProcessLookupError):
+                eye.kill()
+        await asyncio.gather(*self._tasks)
+
+    async def _confirmed(self) -> str:
+        began = time.monotonic()
+        try:
+            await asyncio.wait_for(self._off.wait(), CONFIRMED_WITHIN_S)
+        except TimeoutError:
+            self._signal(signal.SIGKILL)
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._off.wait(), CLOSED_WITHIN_S)
+        if self.progress.coil == "off":
+            return f"the coil is off, confirmed after {time.monotonic() - began:.2f} s"
+        return "THE COIL MAY STILL BE ON: switch it off by hand"
+
+    def _signal(self, number: int) -> None:
+        with suppress(ProcessLookupError):
+            self._run.send_signal(number)
+
+    def _type(self, line: str) -> None:
+        assert self._run.stdin is not None
+        with suppress(ConnectionError):
+            self._run.stdin.write(line.encode() + b"\n")
+
+    def _phase(self, phase: str) -> None:
+        self.progress.phase = phase
+        self._changed()
+
+    def _coil(self, state: str) -> None:
+        self.progress.coil = state
+        if state == "off":
+            self._off.set()
+        else:
+            self._off.clear()
+
+    async def _hear_events(self, descriptor: int) -> None:
+        reader = asyncio.StreamReader()
+        loop = asyncio.get_running_loop()
+        transport, _ = await loop.connect_read_pipe(
+            lambda: asyncio.StreamReaderProtocol(reader), os.fdopen(descriptor, "rb", buffering=0)
+        )
+        try:
+            while line := await reader.readline():
+                self._heard(json.loads(line))
+        finally:
+            transport.close()
+
+    def _heard(self, event: dict[str, Any]) -> None:
+        progress, what = self.progress, event["what"]
+        match what:
+            case "begun":
+                for key in ("states", "currents_A", "without_contact", "guardian", "hottest_share"):
+                    setattr(progress, key, event[key])
+            case "output":
+                self._coil("on" if event["on"] else "off")
+                if not event["on"]:
+                    self.off_at_s = event["at_s"]
+                if event["on"] and progress.phase in ("beginning", "paused"):
+                    progress.phase = "running"
+                elif not event["on"] and progress.phase == "pausing":
+                    progress.phase = "paused"
+            case "stored":
+                progress.stored += 1
+                progress.said.append(event["words"])
+                self._estimate(event["at_s"], "stored before" in event["words"])
+            case "remark":
+                progress.said.append(event["words"])
+        self._changed()
+
+    def _estimate(self, at_s: float, stored_before: bool) -> None:
+        """From the states that were taken; the first one takes the start as well, so it does not count by itself."""
+        if stored_before:
+            return
+        if self._taking is None:
+            self._taking = at_s, self.progress.stored
+            return
+        since_s, states = self._taking
+        a_state_s = (at_s - since_s) / (self.progress.stored - states)
+        self.progress.left_s = a_state_s * (self.progress.states - self.progress.stored)
+
+    async def _hear_words(self) -> None:
+        """Standard error to its end: that of the run, and of its guardian where that was left to finish."""
+        assert self._run.stderr is not None
+        async for raw in self._run.stderr:
+            line = raw.decode("utf-8", "replace").strip()
+            if line.startswith("eimi"):
+                self.progress.last_words = line.removeprefix("eimi: ")
+            if GUARDIAN_DONE in line:
+                self._coil("off")
+                self._changed()
+            elif MAY_BE_ON in line:
+                self._coil("unknown")
+                self._changed()
+        self.progress.status = await self._run.wait()
+        if self.progress.coil == "on":  # it ended without a word of the output; one that has no guardian is simulated
+            self._coil("unknown" if self.progress.guardian else "off")
+        self._ended.set()
+        self._phase("ended")
+
+    async def _see_all(self, open_while_seen: int) -> None:
+        """Until both eyes have ended: that of frames with the run, that of edges after it."""
+        frames, edges = self._eyes
+        finding = asyncio.create_task(self._see(edges))
+        await self._see(frames)
+        os.close(open_while_seen)
+        await finding
+
+    async def _see(self, eye: asyncio.subprocess.Process) -> None:
+        assert eye.stdout is not None
+        with suppress(asyncio.IncompleteReadError):
+            while True:
+                told, picture = SIZES.unpack(await eye.stdout.readexactly(SIZES.size))
+                about = json.loads(await eye.stdout.readexactly(told))
+                self._seen(about, await eye.stdout.readexactly(picture) if picture else b"")
+        await eye.wait()

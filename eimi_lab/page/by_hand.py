@@ -1,0 +1,157 @@
+"""Pictures without instruments: edges by a calibration that a person drags into place, and the files that come of it.
+
+Called in the worker's process.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from eimi_drivers.cameras.image_series import natural_key
+from eimi_lab.config.calibration import Calibration, load_calibration
+from eimi_lab.config.specimen import load_specimen
+from eimi_lab.config.toml import check, read_text, to_toml
+from eimi_lab.dataset.importing import import_frames
+from eimi_lab.errors import InputError
+from eimi_lab.outputs import refuse_existing, whole_file
+from eimi_lab.page.data_folder import DataFolder
+from eimi_lab.page.eye import found_in
+from eimi_lab.page.stored_runs import jpeg
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.edges.region import region_of
+from eimi_lab.vision.image_files import ENDINGS, find_images, read_image
+
+CALIBRATION, STATES = "calibration.toml", "states.csv"
+EDITED = (
+    *("pixels_per_mm", "coil_constant_mT_per_A", "clamp_midpoint_px", "axis_angle_deg", "gravity_angle_deg"),
+    *("field_angle_deg", "picture"),
+)
+"""What the page lets a person change of a calibration."""
+
+MOST_FOLDERS = 200
+WIDEST_PX = 1600
+
+
+def folders(folder: DataFolder) -> list[str]:
+    """The folders that hold pictures, the data folder and two levels below it."""
+    found = []
+    for path in sorted({folder.root, *folder.root.glob("*/"), *folder.root.glob("*/*/")})[:MOST_FOLDERS]:
+        name = folder.name_of(path)
+        hidden = any(part.startswith(".") for part in Path(name).parts)
+        if not hidden and path.resolve().is_relative_to(folder.root) and _has_pictures(path):
+            found.append(name)
+    return found
+
+
+def _has_pictures(path: Path) -> bool:
+    return any(file.suffix.lower() in ENDINGS and not file.name.startswith(".") for file in path.iterdir())
+
+
+def opened(path: Path) -> dict[str, Any]:
+    """The pictures of a folder by name, with the currents and the calibration that are written down there already.
+
+    Raises InputError.
+    """
+    images = sorted(find_images(path), key=lambda file: natural_key(file.name))
+    height, width = read_image(images[0]).shape[:2]
+    return {
+        "pictures": [image.name for image in images],
+        "size_px": [width, height],
+        "currents": _written_currents(path / STATES),
+        "calibration": _written_calibration(path / CALIBRATION) or _guess(width, height),
+        "written": [name for name in (CALIBRATION, STATES) if (path / name).exists()],
+    }
+
+
+def _guess(width: int, height: int) -> dict[str, Any]:
+    """Where to begin dragging: a beam that hangs from the upper third."""
+    return {
+        "pixels_per_mm": round(height / 60.0, 3),
+        "coil_constant_mT_per_A": 1.0,
+        "clamp_midpoint_px": [round(width / 2.0, 1), round(height / 6.0, 1)],
+        "axis_angle_deg": 90.0,
+        "gravity_angle_deg": 90.0,
+        "field_angle_deg": 0.0,
+    }
+
+
+def _written_calibration(file: Path) -> dict[str, Any] | None:
+    if not file.is_file():
+        return None
+    table = load_calibration(file).model_dump(mode="json", exclude_none=True)
+    return {key: table[key] for key in EDITED if key in table}
+
+
+def _stated(folder: Path, changes: dict[str, Any]) -> Calibration:
+    """What the page says, over whatever else the folder's calibration.toml holds. Raises InputError."""
+    file = folder / CALIBRATION
+    own = {key: value for key, value in changes.items() if key in EDITED}
+    return load_calibration(file, own) if file.is_file() else check(Calibration, own, "", "calibration")
+
+
+def _written_currents(file: Path) -> dict[str, str]:
+    if not file.is_file():
+        return {}
+    rows = csv.DictReader(io.StringIO(read_text(file)))
+    return {row["frame"]: row["current_A"] for row in rows if row.get("frame") and row.get("current_A")}
+
+
+def picture(path: Path) -> bytes:
+    """A picture as JPEG, made smaller where it is very wide. Raises InputError."""
+    return jpeg(_image(path, path.stat().st_mtime_ns), WIDEST_PX)
+
+
+@lru_cache(maxsize=4)
+def _image(path: Path, changed_ns: int) -> Any:
+    return read_image(path)
+
+
+def edges(path: Path, calibration: dict[str, Any], specimen: str) -> dict[str, Any]:
+    """Edges found in a picture by a calibration, in its pixels. Raises InputError."""
+    stated = _stated(path.parent, calibration)
+    beam = load_specimen(specimen)
+    image = _image(path, path.stat().st_mtime_ns)
+    region = region_of(stated, image.shape)
+    cut, seen = (region.cut(image), region.calibration) if region else (image, stated)
+    return found_in(cut, seen, beam, BeamFrame(stated))
+
+
+def saved(path: Path, calibration: dict[str, Any], currents: dict[str, Any], replace: bool) -> dict[str, Any]:
+    """Write calibration.toml and states.csv into a folder of pictures; a picture without a current is left out.
+
+    Raises InputError, before anything is written, for files that exist unless they are to be replaced.
+    """
+    stated = _stated(path, calibration)
+    names = [image.name for image in find_images(path)]
+    rows = [(name, _current(name, currents[name])) for name in names if str(currents.get(name, "")).strip()]
+    if not rows:
+        raise InputError(f"{path.name}: no picture has a current; fill in that of one at least")
+    table = io.StringIO()
+    csv.writer(table, lineterminator="\n").writerows([("frame", "current_A"), *rows])
+    for name in (CALIBRATION, STATES):
+        refuse_existing(path / name, replace)
+    for name, text in ((CALIBRATION, to_toml(stated)), (STATES, table.getvalue())):
+        with whole_file(path / name, replace) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return {"written": [CALIBRATION, STATES], "states": len(rows)}
+
+
+def _current(name: str, text: Any) -> str:
+    try:
+        value = float(str(text).replace(",", "."))
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{name}: current_A = {text!r} should be a number")
+    return f"{value:g}"
+
+
+def dataset_of(path: Path, specimen: str, target: Path, replace: bool) -> int:
+    """Make a dataset of a folder's pictures by the files that were saved there; gives the number of its states."""
+    stated = load_calibration(path / CALIBRATION)
+    return import_frames(path, path / STATES, load_specimen(specimen), stated, target, replace)

@@ -1,0 +1,131 @@
+"""Two processes between a run and the page: the newest frame as JPEG with its light, and the edges in it.
+
+They give way to the run wherever all want a core, and the edges to the frames: they take longer, and come after theirs.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import struct
+import sys
+import time
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.config.calibration import Calibration
+from eimi_lab.config.rig import load_rig
+from eimi_lab.config.specimen import SpecimenFile, load_specimen
+from eimi_lab.page.frame_memory import FrameMemory, Seen
+from eimi_lab.page.stored_runs import in_pixels, jpeg, known, shown_flags
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.edges.edge_set import tip_angle_deg
+from eimi_lab.vision.edges.finding import find_edges
+from eimi_lab.vision.flags import CHECK_OF
+from eimi_lab.vision.intensity import full_scale
+
+SIZES = struct.Struct(">II")
+"""Before each message: bytes of its JSON and of its JPEG."""
+
+BINS = 32
+WIDEST_PX = 960
+SATURATED = 0.998  # of full scale
+FRAMES, EDGES = "frames", "edges"  # what a process is begun for
+GIVES_WAY = 5  # nice
+SHORTEST_PAUSE_S = 0.01
+_BLUR = CHECK_OF["blur_px"]
+_EDGES_SHARE = 0.5  # of the time, at most
+
+
+def show_frames(memory: int, bell: int, rig: str) -> None:
+    """Send each newest frame until the bell is let go of, which its holder does when it ends."""
+    calibration, frames, last = load_rig(rig).calibration, FrameMemory(memory), 0
+    while True:
+        select.select([bell], [], [])
+        if not os.read(bell, 4096):
+            return
+        seen = frames.read(last)
+        if seen is not None:
+            last = seen.number
+            _send(_described(seen, calibration), jpeg(seen.image, WIDEST_PX))
+
+
+def find_in_frames(memory: int, until_closed: int, rig: str, specimen: str) -> None:
+    """Send the edges of the newest frame, again and again, in no more than half of the time; of the last one, too.
+
+    Ends when the descriptor `until_closed` is let go of.
+    """
+    calibration, beam, frames = load_rig(rig).calibration, load_specimen(specimen), FrameMemory(memory)
+    place, last, pause_s, going_on = BeamFrame(calibration), 0, SHORTEST_PAUSE_S, True
+    while going_on:
+        going_on = not select.select([until_closed], [], [], pause_s)[0]
+        seen = frames.read(last)
+        if seen is None or seen.kept > 1:
+            continue
+        last, began = seen.number, time.monotonic()
+        _send({"kind": "edges", "seen": last, **found_in(seen.image, calibration, beam, place)})
+        pause_s = max(SHORTEST_PAUSE_S, (time.monotonic() - began) * (1 / _EDGES_SHARE - 1))
+
+
+def _described(seen: Seen, calibration: Calibration) -> dict[str, Any]:
+    height, width = seen.image.shape[:2]
+    current_A = seen.about["measured_A"] if seen.about["on"] else 0.0
+    return {
+        "kind": "frame",
+        "seen": seen.number,
+        "size_px": [width * seen.kept, height * seen.kept],
+        "field_mT": current_A * calibration.coil_constant_mT_per_A,
+        **light(seen.image),
+        **seen.about,
+    }
+
+
+def light(image: NDArray[Any]) -> dict[str, Any]:
+    """How an image is exposed: shares of its pixels in `BINS` steps up to full scale, and of those that are saturated.
+
+    Of colours the brightest counts: where one of them is saturated, the edge is off its place.
+    """
+    some = image[::4, ::4] if image.size > 1 << 18 else image
+    brightest = some if some.ndim == 2 else some.max(axis=2)
+    most = 255.0 if image.dtype == np.uint8 else full_scale(image)
+    counts = np.histogram(brightest, bins=BINS, range=(0.0, most))[0]
+    return {
+        "histogram": np.round(counts / brightest.size, 5).tolist(),
+        "saturated_share": float(np.mean(brightest >= SATURATED * most)),
+    }
+
+
+def found_in(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, place: BeamFrame) -> dict[str, Any]:
+    """The edges of an image in pixels, the direction of the tip, and the blur, which a flag of no limit tells."""
+    found = find_edges(image, calibration, specimen, limits={"blur_px": 0.0})
+    blur = next((flag for flag in found.flags if flag.name == _BLUR.name and flag.limit == 0.0), None)
+    flags = tuple(flag for flag in found.flags if flag is not blur)
+    shown = in_pixels(found, place)
+    shown["flags"] = shown_flags(flags + ((_BLUR.flag(blur.value),) if blur and blur.value > _BLUR.limit else ()))
+    return {
+        **shown,
+        "tip_angle_deg": known(tip_angle_deg(found)),
+        "blur_px": blur.value if blur else None,
+        "blur_limit_px": _BLUR.limit,
+    }
+
+
+def _send(about: dict[str, Any], picture: bytes = b"") -> None:
+    text = json.dumps(about).encode()
+    sys.stdout.buffer.write(SIZES.pack(len(text), len(picture)) + text + picture)
+    sys.stdout.buffer.flush()
+
+
+if __name__ == "__main__":
+    what, memory, until, *rest = sys.argv[1:]
+    with suppress(BrokenPipeError, KeyboardInterrupt):  # the page is gone
+        if what == FRAMES:
+            os.nice(GIVES_WAY)
+            show_frames(int(memory), int(until), *rest)
+        else:
+            os.nice(2 * GIVES_WAY)
+            find_in_frames(int(memory), int(until), *rest)

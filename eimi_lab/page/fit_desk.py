@@ -1,0 +1,154 @@
+"""The routes by which a dataset is fitted, and the process: `eimi fit`, then `eimi report`, as a person would."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import BaseRoute, Route
+
+from eimi_fitting.laws import LAWS
+from eimi_lab.errors import InputError
+from eimi_lab.page import stored_fits
+from eimi_lab.page.data_folder import DataFolder
+from eimi_lab.page.tabs import Tabs
+from eimi_lab.page.worker import Worker
+
+LOOK_EVERY_S = 0.4
+MOST_GENERATIONS = 400
+FITS, LOG, REPORT = ".fits.json", ".fits.log", ".report.html"
+
+
+@dataclass
+class Fitting:
+    """A fit under way, or ended. phase: fitting, reporting, done, failed. generations: (number, best mm, mean mm)."""
+
+    dataset: str
+    model: str
+    phase: str = "fitting"
+    generations: list[tuple[int, float, float]] = field(default_factory=list)
+    last_words: str = ""
+
+
+class FitDesk:
+    """One fit at a time."""
+
+    def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
+        self._folder, self._worker, self._steered, self._changed = folder, worker, tabs.steered, tabs.changed
+        self._process: asyncio.subprocess.Process | None = None
+        self._task: asyncio.Task[None] | None = None
+        self.fitting: Fitting | None = None
+
+    def routes(self) -> list[BaseRoute]:
+        """All that it answers."""
+        return [
+            Route("/api/fit", self._stored),
+            Route("/api/fit/start", self._steered(self._start), methods=["POST"]),
+            Route("/api/fit/end", self._steered(self._end), methods=["POST"]),
+        ]
+
+    def told(self) -> dict[str, Any]:
+        """What every tab is to know."""
+        return {"fit": asdict(self.fitting) if self.fitting else None}
+
+    async def close(self) -> None:
+        """End a fit that goes on."""
+        self._kill()
+        if self._task is not None:
+            await self._task
+
+    async def _stored(self, request: Request) -> Response:
+        dataset = self._folder.inside(request.query_params.get("file", ""))
+        fits, report = dataset.with_suffix(FITS), dataset.with_suffix(REPORT)
+        found = await self._worker.do(stored_fits.summaries, fits) if fits.is_file() else []
+        return JSONResponse({"fits": found, "report": self._folder.name_of(report) if report.is_file() else None})
+
+    async def _start(self, asked: dict[str, Any]) -> Any:
+        if self._task is not None and not self._task.done():
+            raise InputError("a fit is going on; wait for it, or end it")
+        name, model = str(asked.get("dataset", "")), asked.get("model")
+        dataset = self._folder.inside(name)
+        if not dataset.is_file():
+            raise InputError(f"{name}: no such file")
+        if model not in LAWS:
+            raise InputError(f"model = {model!r} should be one of {', '.join(LAWS)}")
+        fits = dataset.with_suffix(FITS)
+        if fits.exists() and asked.get("replace") is not True:
+            raise InputError(f"{self._folder.name_of(fits)}: exists already; it is replaced where that is asked for")
+        self.fitting = Fitting(self._folder.name_of(dataset), model)
+        self._task = asyncio.create_task(self._fit(dataset, self.fitting))
+        return {}
+
+    async def _end(self, asked: dict[str, Any]) -> Any:
+        self._kill()
+        return {}
+
+    def _kill(self) -> None:
+        if self._process is not None:
+            with suppress(ProcessLookupError):
+                self._process.terminate()
+
+    async def _fit(self, dataset: Path, fitting: Fitting) -> None:
+        fits, log, report = (dataset.with_suffix(ending) for ending in (FITS, LOG, REPORT))
+        log.unlink(missing_ok=True)
+        following = asyncio.create_task(self._follow(log, fitting))
+        fit = (f"--model={fitting.model}", f"--output={fits}", f"--checkpoint={log}", "--force", "--", str(dataset))
+        done = await self._eimi(fitting, "fit", *fit)
+        following.cancel()
+        if done:
+            fitting.phase = "reporting"
+            self._changed()
+            done = await self._eimi(
+                fitting, "report", f"--fit={fits}", f"--output={report}", "--force", "--", str(dataset)
+            )
+        log.unlink(missing_ok=True)
+        fitting.phase = "done" if done else "failed"
+        self._changed()
+
+    async def _eimi(self, fitting: Fitting, *arguments: str) -> bool:
+        """Run a command; whether it ended well."""
+        self._process = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-P", "-m", "eimi_lab", *arguments),
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.DEVNULL,
+            stderr=asyncio.subprocess.PIPE,
+            start_new_session=True,
+        )
+        assert self._process.stderr is not None
+        async for line in self._process.stderr:
+            fitting.last_words = line.decode("utf-8", "replace").strip().removeprefix("eimi: ")
+            self._changed()
+        return await self._process.wait() == 0
+
+    async def _follow(self, log: Path, fitting: Fitting) -> None:
+        """Read the log of generations as it grows."""
+        read = 0
+        while True:
+            await asyncio.sleep(LOOK_EVERY_S)
+            if not log.is_file():
+                continue
+            with log.open("rb") as file:
+                file.seek(read)
+                *whole, rest = file.read().split(b"\n")
+            new = [one for line in whole if (one := _generation(line)) is not None]
+            read += sum(len(line) + 1 for line in whole)
+            if (one := _generation(rest)) is not None:  # the newest line has no end yet
+                new, read = [*new, one], read + len(rest)
+            if new:
+                fitting.generations = [*fitting.generations, *new][-MOST_GENERATIONS:]
+                self._changed()
+
+
+def _generation(line: bytes) -> tuple[int, float, float] | None:
+    try:
+        told = json.loads(line)
+        return told["generation"], told["search"]["best_mm"], told["search"]["mean_mm"]
+    except (ValueError, KeyError, TypeError):  # another line of the log, or half of one
+        return None

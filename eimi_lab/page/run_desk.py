@@ -1,0 +1,100 @@
+"""The routes by which a run is begun, paused, ended and stopped."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import BaseRoute, Route, WebSocketRoute
+
+from eimi_lab.errors import InputError
+from eimi_lab.page import choices
+from eimi_lab.page.bench_run import BenchRun, Order
+from eimi_lab.page.data_folder import DataFolder
+from eimi_lab.page.tabs import Tabs
+from eimi_lab.page.worker import Worker
+
+
+class RunDesk:
+    """One bench, one run at a time. What steers it comes from the tab in control; stopping, from any."""
+
+    def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
+        self._folder, self._worker, self.tabs = folder, worker, tabs
+        self.run: BenchRun | None = None
+
+    def routes(self) -> list[BaseRoute]:
+        """All that it answers."""
+        steered = {"dry": self._dry, "start": self._start, "pause": self._pause, "go-on": self._go_on, "end": self._end}
+        return [
+            WebSocketRoute("/live", self.tabs.serve),
+            Route("/api/choices", self._choices),
+            Route("/api/stop", self._stop, methods=["POST"]),
+            *(Route(f"/api/run/{name}", self.tabs.steered(act), methods=["POST"]) for name, act in steered.items()),
+        ]
+
+    async def close(self) -> None:
+        """End a run that goes on."""
+        if self.run is not None:
+            await self.run.closed()
+
+    def told(self) -> dict[str, Any]:
+        """What every tab is to know."""
+        return {"run": self.run.progress.told() if self.run else None}
+
+    async def _choices(self, request: Request) -> Response:
+        return JSONResponse(await self._worker.do(choices.choices, self._folder))
+
+    async def _dry(self, asked: dict[str, Any]) -> Any:
+        return {"lines": await self._worker.do(choices.dry, *self._chosen(asked))}
+
+    async def _start(self, asked: dict[str, Any]) -> Any:
+        if self.run is not None and self.run.going_on:
+            raise InputError("a run is going on; one bench bears one")
+        protocol, specimen, rig = self._chosen(asked)
+        name, resume = str(asked.get("dataset", "")), asked.get("resume") is True
+        dataset = self._folder.inside(name)
+        if not name or dataset.suffix.lower() != ".h5" or not dataset.parent.is_dir():
+            raise InputError(f"{name!r}: give the dataset a name that ends in .h5, in a folder that is there")
+        if dataset.exists() and not resume:
+            raise InputError(f"{name}: exists already; give another name, or go on with it")
+        order = Order(
+            protocol=protocol,
+            specimen=specimen,
+            rig=rig,
+            dataset=dataset,
+            resume=resume,
+            take_over=asked.get("take_over") is True,
+            note="" if resume else str(asked.get("note", "")).strip(),
+        )
+        self.run = BenchRun(order, self._folder.name_of(dataset), self.tabs.changed, self.tabs.show)
+        await self.run.begin()
+        self.tabs.changed()
+        return {}
+
+    async def _pause(self, asked: dict[str, Any]) -> Any:
+        self._under_way().pause()
+        return {}
+
+    async def _go_on(self, asked: dict[str, Any]) -> Any:
+        self._under_way().go_on()
+        return {}
+
+    async def _end(self, asked: dict[str, Any]) -> Any:
+        self._under_way().end()
+        return {}
+
+    async def _stop(self, request: Request) -> Response:
+        if self.run is None:
+            return JSONResponse({"words": "no run was begun from this page, so nothing is on by it"})
+        return JSONResponse({"words": await self.run.stop()})
+
+    def _under_way(self) -> BenchRun:
+        if self.run is None or not self.run.going_on:
+            raise InputError("no run is going on")
+        return self.run
+
+    def _chosen(self, asked: dict[str, Any]) -> tuple[str, str, str]:
+        kinds = ("protocol", "specimen", "rig")
+        protocol, specimen, rig = (choices.chosen(self._folder, kind, asked.get(kind)) for kind in kinds)
+        return protocol, specimen, rig

@@ -1,0 +1,66 @@
+// Elements and requests. Text is always set as text: what a file says of itself is never markup.
+
+export const byId = (id) => document.getElementById(id);
+
+export function el(name, attributes = {}, ...children) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+    else if (value === true) made.setAttribute(key, "");
+    else if (value !== false && value !== null && value !== undefined) made.setAttribute(key, value);
+  }
+  made.append(...children);
+  return made;
+}
+
+export function svg(name, attributes = {}, ...children) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  made.append(...children);
+  return made;
+}
+
+export function tell(words, bad = false) {
+  const told = byId("told");
+  told.textContent = words;
+  told.classList.toggle("bad", bad);
+}
+
+export function facts(list, pairs) {
+  list.replaceChildren(...pairs.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, String(value ?? "—"))]));
+}
+
+export function flagList(list, flags) {
+  list.replaceChildren(...flags.map((flag) => el("li", { class: flag.severity },
+    el("strong", {}, `${flag.name} (${flag.severity})`),
+    ` ${number(flag.value)}, limit ${number(flag.limit)}: ${flag.remedy}`)));
+}
+
+export const number = (value, digits = 3) =>
+  value === null || value === undefined ? "—" : String(Number(Number(value).toPrecision(digits)));
+
+export function address(path, parameters = {}) {
+  const query = new URLSearchParams(parameters).toString();
+  return query ? `${path}?${query}` : path;
+}
+
+async function answer(response) {
+  if (response.ok) return response;
+  const text = await response.text();
+  let words = text;
+  try { words = JSON.parse(text).error; } catch { /* it was said in plain words */ }
+  throw new Error(words || `the page answered ${response.status}`);
+}
+
+export async function ask(path, parameters) {
+  return (await answer(await fetch(address(path, parameters)))).json();
+}
+
+export async function post(path, body = {}, tab = "") {
+  const headers = { "Content-Type": "application/json", "X-Tab": tab };
+  return (await answer(await fetch(path, { method: "POST", headers, body: JSON.stringify(body) }))).json();
+}
+
+export async function askPicture(path, parameters) {
+  return (await answer(await fetch(address(path, parameters)))).blob();
+}

@@ -1,0 +1,59 @@
+// Fits of the dataset that is open: begun, followed, and what came of them.
+import { address, ask, byId, el, number, tell } from "./dom.js";
+import { on, steer } from "./live.js";
+import { plot } from "./plot.js";
+
+let file = "", known = [], phase = "";
+
+export async function showFits(dataset) {
+  file = dataset;
+  const { fits, report } = await ask("/api/fit", { file });
+  if (file !== dataset) return;
+  known = fits;
+  byId("fit-start").textContent = fits.length ? "Fit again, in place of this" : "Fit";
+  byId("fit-report").hidden = !report;
+  if (report) byId("fit-report").href = address("/report", { file: report });
+  byId("fit-result").replaceChildren(...fits.flatMap(result));
+  if (fits.length) converge(fits[0].generations);
+  else byId("fit-plot").replaceChildren();
+}
+
+function result(fit) {
+  const budget = fit.budget.map(([source, percent]) => el("li", {}, `${source}: ${number(percent, 2)} %`));
+  return [
+    el("p", {}, el("strong", {}, fit.summary)),
+    ...fit.notes.map((words) => el("p", { class: "small" }, words)),
+    ...fit.caveats.filter((words) => words.startsWith("doubt")).map((words) => el("p", { class: "warn" }, `▲ ${words}`)),
+    el("h3", {}, "What makes the modulus uncertain"),
+    budget.length ? el("ul", {}, ...budget) : el("p", { class: "small" }, "noise alone, as nothing else was stated"),
+  ];
+}
+
+function converge(generations) {
+  plot(byId("fit-plot"), generations.map(([generation, best]) => ({ x: generation, y: Math.log10(1e3 * best), title: `${number(1e3 * best)} µm` })),
+    { x: "generation", y: "log10 of the best error, µm", small: true });
+}
+
+on("state", ({ fit, control }) => {
+  const mine = fit !== null && fit.dataset === file;
+  const going = fit !== null && (fit.phase === "fitting" || fit.phase === "reporting");
+  byId("fit-start").disabled = control !== "you" || going;
+  byId("fit-end").hidden = !going || !mine;
+  byId("fit-end").disabled = control !== "you";
+  if (!mine) { byId("fit-words").textContent = going ? `${fit.dataset} is being fitted` : ""; return; }
+  const last = fit.generations[fit.generations.length - 1];
+  const words = { fitting: last ? `${fit.model}: generation ${last[0]}, error ${number(1e3 * last[1])} µm` : `${fit.model}: ${fit.last_words || "begins …"}`,
+    reporting: "the report is written …", done: `${fit.model}: done`, failed: `no fit: ${fit.last_words}` };
+  byId("fit-words").textContent = words[fit.phase];
+  byId("fit-words").className = fit.phase === "failed" ? "bad" : "";
+  if (going && fit.generations.length) converge(fit.generations);
+  if (fit.phase !== phase && fit.phase !== "fitting") showFits(file).catch((error) => tell(error.message, true));
+  phase = fit.phase;
+});
+
+byId("fit").addEventListener("submit", (event) => {
+  event.preventDefault();
+  phase = "";
+  steer("/api/fit/start", { dataset: file, model: byId("law").value, replace: known.length > 0 }).catch((error) => tell(error.message, true));
+});
+byId("fit-end").addEventListener("click", () => steer("/api/fit/end").catch((error) => tell(error.message, true)));

@@ -1,0 +1,77 @@
+// The socket: what the server tells, the newest frame, and whether this tab steers.
+import { byId, post, tell } from "./dom.js";
+
+const listeners = { state: [], frame: [], edges: [] };
+const AGAIN_MS = [250, 500, 1000, 2000];
+let socket = null, lost = 0, steered = false, stopping = false;
+export let state = { run: null, control: "nobody", tab: "" };
+
+export const on = (kind, act) => listeners[kind].push(act);
+const give = (kind, ...what) => listeners[kind].forEach((act) => act(...what));
+export const steer = (path, body) => post(path, body, state.tab);
+
+function connect() {
+  socket = new WebSocket(`ws://${location.host}/live`);
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => { if (lost) tell("connected again; nothing was lost"); lost = 0; };
+  socket.onmessage = ({ data }) => typeof data === "string" ? heard(JSON.parse(data)) : showFrame(data);
+  socket.onclose = () => {
+    if (!lost) tell("the connection is gone; a run goes on without it", true);
+    state = { ...state, control: "nobody" };
+    showHeader(true);
+    setTimeout(connect, AGAIN_MS[Math.min(lost++, AGAIN_MS.length - 1)]);
+  };
+}
+
+function heard(message) {
+  if (message.kind === "edges") return give("edges", message);
+  state = message;
+  if (message.control === "you") steered = true;
+  else if (message.control === "other") steered = false;
+  else if (steered) take(); // this tab was in control before the connection was lost
+  sessionStorage.setItem("steered", steered ? "1" : "");
+  showHeader(false);
+  give("state", state);
+}
+
+function showFrame(data) {
+  const length = new DataView(data).getUint32(0);
+  const about = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
+  const blob = new Blob([new Uint8Array(data, 4 + length)], { type: "image/jpeg" });
+  Promise.all(listeners.frame.map((act) => act(about, blob)))
+    .catch((error) => tell(error.message, true))
+    .finally(() => requestAnimationFrame(() => say({ shown: about.seen })));
+  setTimeout(() => say({ shown: about.seen }), 200); // a tab in the background draws nothing
+}
+
+const say = (message) => { if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message)); };
+const take = () => say({ take: true });
+
+const COIL = { off: "○ coil off", on: "● COIL ON", unknown: "▲ COIL MAY BE ON" };
+
+function showHeader(gone) {
+  const coil = state.run?.coil ?? "off";
+  byId("coil").textContent = gone ? "? not connected" : COIL[coil];
+  byId("coil").className = gone ? "" : coil;
+  byId("take").hidden = gone || state.control === "you";
+  byId("control-words").textContent = gone ? "" : { you: "in control", other: "looking on", nobody: "nobody in control" }[state.control];
+}
+
+async function stop() {
+  if (stopping) return;
+  stopping = true;
+  tell("stopping: coil to zero and off …");
+  try {
+    const { words } = await post("/api/stop");
+    tell(words, words.includes("MAY STILL BE ON"));
+  } catch (error) {
+    tell(`STOP was not answered (${error.message}): switch the coil off by hand`, true);
+  }
+  stopping = false;
+}
+
+byId("stop").addEventListener("click", stop);
+addEventListener("keydown", (event) => { if (event.key === "Escape") stop(); });
+byId("take").addEventListener("click", take);
+steered = sessionStorage.getItem("steered") === "1";
+connect();

@@ -1,0 +1,21 @@
+// Which view is shown.
+import { showBench } from "./bench.js";
+import { byId, tell } from "./dom.js";
+import { showPictures } from "./pictures.js";
+import { showFolder } from "./runs.js";
+
+const VIEWS = { bench: showBench, runs: showFolder, pictures: showPictures };
+
+function show() {
+  const asked = location.hash.slice(1);
+  const view = asked in VIEWS ? asked : Object.keys(VIEWS)[0];
+  for (const name of Object.keys(VIEWS)) byId(name).hidden = name !== view;
+  for (const link of document.querySelectorAll("nav a")) {
+    if (link.hash === `#${view}`) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
+  Promise.resolve(VIEWS[view]()).catch((error) => tell(error.message, true));
+}
+
+addEventListener("hashchange", show);
+show();

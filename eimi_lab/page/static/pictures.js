@@ -1,0 +1,178 @@
+// Pictures without instruments: clamp, axis and scale are dragged into place, and the edges follow at once.
+import { ask, askPicture, byId, el, flagList, number, post, svg, tell } from "./dom.js";
+import { steer } from "./live.js";
+import { Picture } from "./picture.js";
+import { openRun } from "./runs.js";
+
+const FIELDS = { scale: "pixels_per_mm", axis: "axis_angle_deg", gravity: "gravity_angle_deg", field: "field_angle_deg", "coil-constant": "coil_constant_mT_per_A" };
+const WAIT_MS = 120;
+const picture = new Picture(byId("by-hand"));
+const stated = svg("g", { "aria-hidden": "true" }), handles = svg("g");
+picture.over.append(stated, handles);
+
+let folder = null; // { name, pictures, size_px, calibration, … }
+let shown = "", ruler = null, reach = 100, asked = 0, waiting = null, ready = false;
+
+const tried = (act) => async (event) => {
+  event?.preventDefault();
+  try { await act(); } catch (error) { tell(error.message, true); }
+};
+
+export async function showPictures() {
+  if (ready) return;
+  ready = true;
+  const [folders, choices] = await Promise.all([ask("/api/pictures/folders"), ask("/api/choices")]);
+  byId("picture-folder").replaceChildren(...folders.map((name) => el("option", { value: name }, name || "(this folder)")));
+  byId("picture-specimen").replaceChildren(...choices.specimen.map((name) => el("option", { value: name }, name)));
+  if (folders.length) await openFolder();
+  else byId("by-hand-words").textContent = "No folder here holds pictures.";
+}
+
+async function openFolder() {
+  const name = byId("picture-folder").value;
+  folder = { name, ...await ask("/api/pictures", { folder: name }) };
+  const { calibration, size_px: [wide, high] } = folder;
+  for (const [id, key] of Object.entries(FIELDS)) byId(id).value = calibration[key];
+  [byId("clamp-x").value, byId("clamp-y").value] = calibration.clamp_midpoint_px;
+  byId("channel").value = calibration.picture?.channel ?? "";
+  byId("polarity").value = calibration.picture?.polarity ?? "";
+  reach = 0.45 * high;
+  const long = 10 * calibration.pixels_per_mm;
+  byId("ruler-mm").value = 10;
+  ruler = [[0.08 * wide, 0.92 * high], [0.08 * wide + long, 0.92 * high]];
+  listPictures();
+  await showPicture(folder.pictures[0]);
+}
+
+function listPictures() {
+  byId("picture-list").replaceChildren(...folder.pictures.map((name) => el("p", {},
+    el("button", { type: "button", onclick: tried(() => showPicture(name)), "aria-current": String(name === shown) }, name),
+    el("input", { name, inputmode: "decimal", "aria-label": `current of ${name}, A`, value: folder.currents[name] ?? folder.currents[name.replace(/\.\w+$/, "")] ?? "" }))));
+}
+
+async function showPicture(name) {
+  shown = name;
+  for (const button of byId("picture-list").querySelectorAll("button")) button.setAttribute("aria-current", String(button.textContent === name));
+  const blob = await askPicture("/api/pictures/picture", { folder: folder.name, picture: name });
+  if (shown !== name) return;
+  await picture.show(blob, folder.size_px, name);
+  drawHandles();
+  await findEdges();
+}
+
+const value = (id) => Number(byId(id).value);
+const set = (id, number_, digits = 2) => { byId(id).value = Number(number_.toFixed(digits)); };
+const clamp = () => [value("clamp-x"), value("clamp-y")];
+const along = (from, degrees, far) => [from[0] + far * Math.cos(degrees * Math.PI / 180), from[1] + far * Math.sin(degrees * Math.PI / 180)];
+
+function calibration() {
+  const made = Object.fromEntries(Object.entries(FIELDS).map(([id, key]) => [key, value(id)]));
+  made.clamp_midpoint_px = clamp();
+  const help = Object.fromEntries(["channel", "polarity"].filter((id) => byId(id).value).map((id) => [id, byId(id).value]));
+  if (Object.keys(help).length) made.picture = help;
+  return made;
+}
+
+// What each handle stands for: where it is, and what moving it there means.
+const HANDLES = [
+  { sign: "✚", name: "clamp's middle", at: clamp, to: ([x, y]) => { set("clamp-x", x); set("clamp-y", y); } },
+  { sign: "➤", name: "direction of the straight beam", at: () => along(clamp(), value("axis"), reach), to: ([x, y]) => {
+    const [cx, cy] = clamp(), turned = Math.atan2(y - cy, x - cx) * 180 / Math.PI;
+    const side = Math.sin((value("field") - value("axis")) * Math.PI / 180) < 0 ? -90 : 90;
+    reach = Math.max(20, Math.hypot(x - cx, y - cy));
+    set("axis", turned);
+    set("field", turned + side); // the field stays across the beam, on its side
+  } },
+  { sign: "◆", name: "ruler's first end", at: () => ruler[0], to: (place) => { ruler[0] = place; measure(); } },
+  { sign: "◆", name: "ruler's second end", at: () => ruler[1], to: (place) => { ruler[1] = place; measure(); } },
+];
+
+function measure() {
+  const length = Math.hypot(ruler[1][0] - ruler[0][0], ruler[1][1] - ruler[0][1]);
+  if (value("ruler-mm") > 0 && length > 0) set("scale", length / value("ruler-mm"), 4);
+}
+
+function drawHandles() {
+  const size = 0.022 * folder.size_px[0] + 4;
+  if (!handles.childElementCount) handles.append(...HANDLES.map((handle) => {
+    const made = svg("g", { class: "handle", tabindex: 0, role: "button", "aria-label": `${handle.name}: drag, or arrow keys` },
+      svg("circle", { class: "area" }), svg("text", {}, handle.sign));
+    made.addEventListener("pointerdown", (event) => made.setPointerCapture(event.pointerId));
+    made.addEventListener("pointermove", (event) => { if (made.hasPointerCapture(event.pointerId)) move(handle, placeOf(event)); });
+    made.addEventListener("keydown", (event) => {
+      const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+      if (!way) return;
+      event.preventDefault();
+      const far = event.shiftKey ? 10 : 1, [x, y] = handle.at();
+      move(handle, [x + far * way[0], y + far * way[1]]);
+    });
+    return made;
+  }));
+  HANDLES.forEach((handle, index) => {
+    const [x, y] = handle.at(), made = handles.children[index];
+    made.setAttribute("transform", `translate(${x} ${y})`);
+    made.firstChild.setAttribute("r", size);
+    made.lastChild.setAttribute("font-size", size);
+  });
+  const half = 4 * value("scale"), [a, b] = [clamp(), along(clamp(), value("axis"), reach)];
+  const line = (from, to) => svg("polyline", { class: "stated", points: `${from.join(",")} ${to.join(",")}` });
+  stated.replaceChildren(line(a, b), line(...ruler), line(along(a, value("axis") + 90, half), along(a, value("axis") - 90, half)));
+}
+
+function placeOf(event) {
+  const box = picture.over.getBoundingClientRect(), [wide, high] = folder.size_px;
+  return [(event.clientX - box.left) / box.width * wide - 0.5, (event.clientY - box.top) / box.height * high - 0.5];
+}
+
+function move(handle, [x, y]) {
+  const [wide, high] = folder.size_px;
+  handle.to([Math.min(wide - 1, Math.max(0, x)), Math.min(high - 1, Math.max(0, y))]);
+  drawHandles();
+  later();
+}
+
+function later() {
+  clearTimeout(waiting);
+  waiting = setTimeout(() => findEdges().catch((error) => tell(error.message, true)), WAIT_MS);
+}
+
+async function findEdges() {
+  if (!folder) return;
+  const mine = ++asked;
+  const body = { folder: folder.name, picture: shown, specimen: byId("picture-specimen").value, calibration: calibration() };
+  try {
+    const found = await post("/api/pictures/edges", body);
+    if (mine !== asked) return;
+    picture.draw(found);
+    flagList(byId("by-hand-flags"), found.flags);
+    const points = found.left.length + found.right.length;
+    byId("by-hand-words").textContent = points ? `edges found: ${points} points, blur σ ${number(found.blur_px)} px, tip at ${number(found.tip_angle_deg)}°` : "no edges found here: see below";
+    byId("by-hand").dataset.points = points;
+  } catch (error) {
+    if (mine === asked) { picture.draw(null); byId("by-hand-words").textContent = error.message; }
+  }
+}
+
+function currents() {
+  return Object.fromEntries([...byId("picture-list").querySelectorAll("input")].map((input) => [input.name, input.value]));
+}
+
+byId("picture-folder").addEventListener("change", tried(openFolder));
+byId("picture-specimen").addEventListener("change", later);
+byId("ruler-mm").addEventListener("input", () => { measure(); drawHandles(); later(); });
+for (const id of [...Object.keys(FIELDS), "clamp-x", "clamp-y", "channel", "polarity"]) {
+  byId(id).addEventListener("input", () => { if (folder) { drawHandles(); later(); } });
+}
+byId("calibration").addEventListener("submit", tried(async () => {
+  const body = { folder: folder.name, calibration: calibration(), currents: currents(), replace: byId("replace").checked };
+  const { written, states } = await steer("/api/pictures/save", body);
+  tell(`${written.join(" and ")} are saved in ${folder.name || "this folder"}: ${states} pictures have a current`);
+}));
+byId("make-dataset").addEventListener("click", tried(async () => {
+  tell("the dataset is made …");
+  const { dataset, states } = await steer("/api/pictures/dataset",
+    { folder: folder.name, specimen: byId("picture-specimen").value, replace: byId("replace").checked });
+  location.hash = "#runs";
+  await openRun(dataset);
+  tell(`${dataset}: ${states} states`);
+}));

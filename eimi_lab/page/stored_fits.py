@@ -1,0 +1,35 @@
+"""What a result file says of its fits, for the page. Called in the worker's process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from eimi_lab.fits.fits_file import read_any_fits
+from eimi_lab.fits.records import FitRecord
+
+MOST_BUDGET = 6
+
+
+def summaries(path: Path) -> list[dict[str, Any]]:
+    """Each bending fit: its modulus in words, error by state, budget, what is in doubt, and its convergence.
+
+    Raises InputError.
+    """
+    return [_summary(fit) for fit in read_any_fits(path) if isinstance(fit, FitRecord)]
+
+
+def _summary(fit: FitRecord) -> dict[str, Any]:
+    return {
+        "model": fit.model,
+        "summary": fit.summary(),
+        "parameters": {
+            name: [quantity.value, quantity.unit, *(quantity.interval_95 or (None, None))]
+            for name, quantity in fit.parameters.items()
+        },
+        "notes": fit.notes(),
+        "caveats": fit.caveats(),
+        "by_state": [[state.field_mT, 1e3 * state.error_mm] for state in fit.by_state],
+        "budget": [[entry.source, entry.effect_percent] for entry in fit.budget[:MOST_BUDGET]],
+        "generations": [[number, one.best_mm, one.mean_mm] for number, one in enumerate(fit.history, 1)],
+    }

@@ -1,0 +1,163 @@
+"""A dataset as the page shows it: read-only, while it is written, too. Called in the worker's process."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.inference.modulus_range import NothingActs, NothingConverged
+from eimi_fitting.inference.modulus_so_far import ModulusSoFar, modulus_so_far, section_bias_of
+from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.toml import parse
+from eimi_lab.dataset.reading import Dataset, open_dataset
+from eimi_lab.errors import InputError
+from eimi_lab.fits.evidence import experiment_so_far
+from eimi_lab.segmentation import edges_of_state
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.edges.edge_set import EdgeSet, tip_angle_deg
+from eimi_lab.vision.edges.overlay import in_colour
+from eimi_lab.vision.flags import Flag
+from eimi_lab.vision.intensity import state_mean
+from eimi_lab.writer_lock import is_being_written
+
+JPEG_QUALITY = 85
+Edges = dict[str, Any]
+
+
+def described(path: Path) -> dict[str, Any]:
+    """What a dataset is of, and its states without their edges. Raises InputError."""
+    with open_dataset(path) as dataset:
+        beam = dataset.specimen.specimen
+        protocol = dataset.text("protocol")
+        asked = len(parse(Protocol, protocol, str(path)).currents_A) if protocol else len(dataset.states)
+        return {
+            "kind": dataset.kind,
+            "specimen": beam.name,
+            "material": beam.material,
+            "begun": dataset.start_time().isoformat(timespec="seconds"),
+            "instruments": dataset.instruments(),
+            "states_asked": asked,
+            "being_written": not dataset.finished and is_being_written(path),
+            "size_px": list(dataset.frame_format()[0][1::-1]) if dataset.kind == "frames" else None,
+            "virtual": dataset.truth() is not None,
+            "segmented": dataset.kind == "frames" and dataset.edges() is not None,
+            "states": [
+                {
+                    "index": state.index,
+                    "current_A": state.current_A,
+                    "measured_A": state.measured_A,
+                    "field_mT": state.field_mT,
+                    "flags": shown_flags(state.flags),
+                }
+                for state in dataset.states
+            ],
+        }
+
+
+def picture(path: Path, index: int) -> bytes:
+    """The mean frame of a state as JPEG. Raises InputError."""
+    with open_dataset(path) as dataset:
+        _check_state(dataset, index)
+        return jpeg(state_mean(dataset.images(index)))
+
+
+def edges(path: Path, index: int) -> Edges:
+    """The edges of a state in pixels, those that are stored or else found now. Raises InputError."""
+    with open_dataset(path) as dataset:
+        _check_state(dataset, index)
+        found = _edges(path, _file_number(path), index)
+        assert dataset.calibration is not None
+        shown = in_pixels(found, BeamFrame(dataset.calibration))
+        shown["tip_angle_deg"] = known(tip_angle_deg(found))
+        return shown
+
+
+def _file_number(path: Path) -> tuple[int, int]:
+    """Which file it is, whatever is appended to it: states that are stored do not change."""
+    about = path.stat()
+    return about.st_dev, about.st_ino
+
+
+@lru_cache(maxsize=1024)
+def _edges(path: Path, file: tuple[int, int], index: int) -> EdgeSet:
+    with open_dataset(path) as dataset:
+        return edges_of_state(dataset, index)
+
+
+_before: dict[tuple[int, int], ModulusSoFar] = {}
+_section_bias = lru_cache(maxsize=8)(section_bias_of)
+
+
+def modulus(path: Path, states: int) -> dict[str, Any] | None:
+    """The modulus from the first so many states, kPa; None for too few. Raises InputError where nothing explains them.
+
+    Begins where the last one of the same file ended.
+    """
+    with open_dataset(path) as dataset:
+        file = _file_number(path)
+        edges = [_edges(path, file, index) for index in range(min(states, len(dataset.states)))]
+        experiment = experiment_so_far(dataset, edges)
+        section_bias = _section_bias(dataset.specimen.mechanics())  # slow, once: with the first state
+    if experiment is None:
+        return None
+    began = time.process_time()
+    try:
+        found = modulus_so_far(experiment, section_bias, _before.get(file))
+    except (NothingActs, NothingConverged) as error:
+        raise InputError(f"no modulus yet: {error}") from error
+    _before[file] = found
+    return {
+        "states": states,
+        "used": found.states,
+        "modulus_kPa": found.value_Pa / 1e3,
+        "interval_95_kPa": [end / 1e3 for end in found.interval_95_Pa],
+        "error_mm": found.error_mm,
+        "seconds": time.process_time() - began,
+    }
+
+
+def in_pixels(found: EdgeSet, frame: BeamFrame) -> Edges:
+    """Both edges (n, 2) and the flags of an edge set, for a browser."""
+    return {
+        "left": rounded(frame.to_px(found.left.points_mm)),
+        "right": rounded(frame.to_px(found.right.points_mm)),
+        "flags": shown_flags(found.flags),
+    }
+
+
+def shown_flags(flags: tuple[Flag, ...]) -> list[dict[str, Any]]:
+    """Flags by name, each with value, limit, severity and what to do."""
+    return [{**asdict(flag), "value": known(flag.value), "limit": known(flag.limit)} for flag in flags]
+
+
+def rounded(points: NDArray[Any]) -> list[list[float]]:
+    """(n, 2) as lists, to a hundredth of a pixel."""
+    return np.round(points, 2).tolist()
+
+
+def known(value: float) -> float | None:
+    """A number for JSON, which knows no NaN."""
+    return float(value) if np.isfinite(value) else None
+
+
+def jpeg(image: NDArray[Any], widest_px: int | None = None) -> bytes:
+    """An image (H, W) or (H, W, 3) of any depth as JPEG, made smaller where it is wider."""
+    shown = in_colour(image) if image.ndim == 3 else in_colour(image)[..., 0]
+    if widest_px and shown.shape[1] > widest_px:
+        share = widest_px / shown.shape[1]
+        shown = np.asarray(cv2.resize(shown, None, fx=share, fy=share, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    return cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
+
+
+def _check_state(dataset: Dataset, index: int) -> None:
+    if dataset.kind != "frames":
+        raise InputError(f"{dataset.path}: holds tracked points, which have no pictures")
+    if not 0 <= index < len(dataset.states):
+        raise InputError(f"{dataset.path}: has {len(dataset.states)} states, and none of number {index}")

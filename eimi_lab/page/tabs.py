@@ -1,0 +1,156 @@
+"""The tabs that are open: one of them steers, the others look on, and each gets the newest and nothing older.
+
+A tab that reads slowly, or not at all, gets fewer frames; nobody waits for it and nothing is kept for it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import secrets
+import time
+from collections import deque
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from eimi_lab.errors import InputError
+
+MOST_TABS = 16
+FRAME_ACKNOWLEDGED_WITHIN_S = 1.0
+KEPT_AGES = 2000
+TRY_LATER = 1013  # the close code that the registry of RFC 6455 has for it
+
+TAB_HEADER = "x-tab"
+
+Act = Callable[[dict[str, Any]], Awaitable[Any]]
+
+
+async def body_of(request: Request) -> dict[str, Any]:
+    """The JSON object that was sent. Raises InputError."""
+    try:
+        asked = await request.json()
+    except ValueError as error:
+        raise InputError("what was sent is not JSON") from error
+    if not isinstance(asked, dict):
+        raise InputError("what was sent is not an object of JSON")
+    return asked
+
+
+@dataclass(eq=False)
+class Tab:
+    """One socket. waiting: when the frame was sent that it has not shown yet; its capture on the clock of the run."""
+
+    socket: WebSocket
+    name: str = field(default_factory=lambda: secrets.token_urlsafe(16))
+    stale: bool = True
+    frame: bytes | None = None
+    edges: str | None = None
+    waiting: tuple[float, float] | None = None
+    wake: asyncio.Event = field(default_factory=asyncio.Event)
+
+
+class Tabs:
+    """All of them. state: gives what every tab is to know."""
+
+    def __init__(self, state: Callable[[], dict[str, Any]]) -> None:
+        self._state = state
+        self._open: set[Tab] = set()
+        self._steers: Tab | None = None
+        self._at_s = 0.0
+        self.ages_s: deque[float] = deque(maxlen=KEPT_AGES)
+
+    def may_steer(self, name: str) -> bool:
+        """Whether a request that names its tab comes from the one in control."""
+        return self._steers is not None and secrets.compare_digest(self._steers.name.encode(), name.encode())
+
+    def steered(self, act: Act) -> Callable[[Request], Awaitable[Response]]:
+        """The answer to a POST of the tab in control: what `act` gives for the JSON object that was sent."""
+
+        async def answer(request: Request) -> Response:
+            if not self.may_steer(request.headers.get(TAB_HEADER, "")):
+                raise InputError("this tab looks on; take control first")
+            return JSONResponse(await act(await body_of(request)))
+
+        return answer
+
+    def changed(self) -> None:
+        """There is something new to know."""
+        for tab in self._open:
+            tab.stale = True
+            tab.wake.set()
+
+    def show(self, about: dict[str, Any], picture: bytes) -> None:
+        """A frame, or the edges found in one."""
+        text = json.dumps(about)
+        if picture:
+            self._at_s = about["at_s"]
+            header = text.encode()
+            frame = len(header).to_bytes(4, "big") + header + picture
+        for tab in self._open:
+            if picture:
+                tab.frame = frame
+            else:
+                tab.edges = text
+            tab.wake.set()
+
+    async def serve(self, socket: WebSocket) -> None:
+        """A socket, until it closes."""
+        await socket.accept()
+        if len(self._open) >= MOST_TABS:
+            await socket.close(TRY_LATER, f"{MOST_TABS} tabs are open already")
+            return
+        tab = Tab(socket)
+        self._open.add(tab)
+        self._steers = self._steers or tab
+        self.changed()
+        sending = asyncio.create_task(self._send(tab))
+        try:
+            while True:
+                self._heard(tab, await socket.receive_json())
+        except (WebSocketDisconnect, ValueError, KeyError, TypeError):  # gone, or no client of ours
+            with suppress(RuntimeError):
+                await socket.close()
+        finally:
+            sending.cancel()
+            self._open.discard(tab)
+            if self._steers is tab:
+                self._steers = None
+            self.changed()
+
+    def _heard(self, tab: Tab, message: dict[str, Any]) -> None:
+        if message.get("take"):
+            self._steers = tab
+            self.changed()
+        elif "shown" in message and tab.waiting is not None:
+            self.ages_s.append(time.monotonic() - tab.waiting[1])
+            tab.waiting = None
+            tab.wake.set()
+
+    async def _send(self, tab: Tab) -> None:
+        with suppress(WebSocketDisconnect, RuntimeError, OSError):
+            while True:
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(tab.wake.wait(), FRAME_ACKNOWLEDGED_WITHIN_S)
+                tab.wake.clear()
+                if tab.stale:
+                    tab.stale = False
+                    await tab.socket.send_text(json.dumps(self._told(tab)))
+                if tab.edges is not None:
+                    text, tab.edges = tab.edges, None
+                    await tab.socket.send_text(text)
+                now = time.monotonic()
+                late = tab.waiting is not None and now - tab.waiting[0] > FRAME_ACKNOWLEDGED_WITHIN_S
+                if tab.frame is not None and (tab.waiting is None or late):
+                    frame, tab.frame = tab.frame, None
+                    tab.waiting = now, self._at_s
+                    await tab.socket.send_bytes(frame)
+
+    def _told(self, tab: Tab) -> dict[str, Any]:
+        control = "nobody" if self._steers is None else "you" if self._steers is tab else "other"
+        return {"kind": "state", "tab": tab.name, "control": control, "tabs": len(self._open), **self._state()}

@@ -1,0 +1,80 @@
+"""How each search went."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from matplotlib.ticker import MaxNLocator
+
+from eimi_lab.drawing import Drawing, label, plain_logarithm
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.report.contents import ReportContents
+from eimi_lab.report.elements import Picture, Table
+from eimi_lab.report.panel import ReportPanel
+from eimi_lab.report.shown import ShownFit
+
+_HEAD = ("law", "generations", "evaluations", "discarded", "polish on the finer mesh", "stopped by", "seed", "time")
+
+
+def drawn_convergence(every: Sequence[ShownFit]) -> Drawing:
+    """Best error of each generation of each search."""
+    drawing = Drawing(3.2)
+    axes = drawing.subplots()
+    for shown in every:
+        if isinstance(shown.fit, FitRecord):
+            best = [1e3 * generation.best_mm for generation in shown.fit.history]
+            style = {"color": shown.colour, "linestyle": shown.line, "marker": shown.marker, "markersize": 3}
+            axes.semilogy(range(1, len(best) + 1), best, label=shown.label, **style)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    plain_logarithm(axes)
+    label(axes, "generation", "best mean error, µm")
+    drawing.legend(
+        loc="outside right upper" if len(every) > 6 else "outside lower center", ncols=1 if len(every) > 6 else 3
+    )
+    return drawing
+
+
+def table_of_searches(every: Sequence[ShownFit]) -> Table:
+    """A row a search."""
+    rows = [
+        (
+            shown.label,
+            str(fit.generations),
+            str(fit.evaluations),
+            f"{fit.discarded.unconverged} not converged, {fit.discarded.unstable} unstable",
+            f"{fit.polish.mean_error_before_mm:.4f} to {fit.polish.mean_error_after_mm:.4f} mm",
+            fit.stop,
+            str(fit.seed),
+            f"{fit.wall_s:.1f} s",
+        )
+        for shown in every
+        if isinstance(fit := shown.fit, FitRecord)
+    ]
+    return Table("searches", "Each search by CMA-ES, and the polish by Gauss-Newton after it.", _HEAD, rows)
+
+
+def _values(report: ReportContents) -> dict[str, Any] | None:
+    if not report.bending:
+        return None
+    drawn = drawn_convergence(report.bending)
+    caption = (
+        "The best mean error so far of each search, on its own mesh and under its planar assumption; what a finer mesh "
+        "and the solid change is added after it."
+    )
+    return {
+        "picture": Picture("convergence", drawn, "best error by generation", caption),
+        "searches": table_of_searches(report.bending),
+    }
+
+
+PANEL = ReportPanel(
+    place=10,
+    after_datasets=True,
+    title="Search",
+    template="""
+{{ picture | figure }}
+{{ searches | table }}
+""",
+    values=_values,
+)

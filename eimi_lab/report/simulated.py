@@ -1,0 +1,63 @@
+"""Fits simulated for a dataset, to be laid over what the camera saw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from eimi_fitting.inference.corrections import Correction
+from eimi_lab.fits.evidence import Evidence, load_evidence
+from eimi_lab.fits.fitting import check_section
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.validation import Prediction, Validation, predict
+from eimi_lab.progress import silent
+from eimi_lab.report.shown import ShownFit, sections_of
+
+
+@dataclass(frozen=True)
+class SimulatedOutlines(Prediction):
+    """One fit on one dataset, its states in the order of the evidence."""
+
+    shown: ShownFit
+    evidence: Evidence
+
+
+def simulate_fits(
+    path: Path, every: Sequence[ShownFit], flagged: bool, told: Callable[[str], None] = silent
+) -> tuple[Evidence, list[SimulatedOutlines], list[Validation]]:
+    """A dataset as evidence, the fits that have an equilibrium in all its states, and the validations of all fits.
+
+    A fit is simulated under the section under which it took this dataset, or else all of its datasets; a tensile fit
+    under the one that all the other fits share, or else the specimen's own. told: hears of each fit, and of the
+    dataset before. Raises InputError.
+    """
+    shared = {s for shown in every if isinstance(shown.fit, FitRecord) for s in sections_of(shown.fit)}
+    common = shared.pop() if len(shared) == 1 else None
+    first = load_evidence(path, flagged=flagged, section=check_section(common))
+    told(f"{path.name} read")
+    by_section = {first.experiment.model.specimen.section: first}
+    simulated, validations = [], []
+    first_of: dict[str, Correction] = {}  # found first, by section: the others begin with it, as in `predict_each`
+    for shown in every:
+        section = check_section(_own_section(shown, first.sha256))
+        if section and section not in by_section:
+            by_section[section] = load_evidence(path, flagged=flagged, section=section)
+        evidence = by_section[section] if section else first
+        own = evidence.experiment.model.specimen.section
+        found = predict(evidence, shown.fit, shown.path, shown.index, first_of.get(own))
+        if found.correction:
+            first_of.setdefault(own, found.correction)
+        validations.append(found.validation)
+        told(f"{path.name}, {shown.label}")
+        if found.validation.status == "ok":
+            simulated.append(SimulatedOutlines(**vars(found), shown=shown, evidence=evidence))
+    return first, simulated, validations
+
+
+def _own_section(shown: ShownFit, sha256: str) -> str | None:
+    if not isinstance(shown.fit, FitRecord):
+        return None
+    used = {reference.sha256: reference.section for reference in shown.fit.datasets}
+    sections = sections_of(shown.fit)
+    return used.get(sha256, sections[0] if len(sections) == 1 else None)

@@ -1,0 +1,107 @@
+"""What the specimens of the study are made of: two laws that no fit knows, and one shape of curve for each.
+
+Both soften at the small strains of a bending beam and stiffen far beyond them, as the published tensile curves of such
+silicones do, and have a part in the second invariant. Moduli are of the order of published tensile tests; shapes and
+numbers are this project's own choice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.laws import Coordinate, InvariantLaw, Law, engineering_stress
+from eimi_fitting.laws.law import SHEAR_MODULUS_PA
+
+Array = NDArray[np.float64]
+
+_MODULUS = Coordinate("initial shear modulus", *SHEAR_MODULUS_PA)
+
+
+class _OfOneShape(InvariantLaw):
+    """A law whose energy is its initial shear modulus times a function that is given."""
+
+    needs_second = True
+    parameter_names = ("mu",)
+    units = ("Pa",)
+    coordinates = (_MODULUS,)
+
+    def from_coordinates(self, x: Array) -> Array:
+        """The modulus is the only parameter."""
+        return x[:, :1]
+
+    def initial_shear_modulus(self, parameters: Array) -> Array:
+        """The parameter."""
+        return np.asarray(parameters[..., 0])
+
+
+class PowersOfFirstInvariant(_OfOneShape):
+    """Eight numbers: sum of 3^(1 - a)/(2 a) m (I1^a - 3^a) over three (m, a), c (I2 - 3), times the modulus.
+
+    The sum is that of Lopez-Pamies (2010, C. R. Mécanique 338:3); the shares m and 2 c make one.
+    """
+
+    name = "powers of I1, and I2"
+    formula = "W = mu (sum of 3^(1-a)/(2a) m (I1^a - 3^a) + c (I2 - 3))"
+    shares = np.array([0.24, 0.64, 0.02])
+    powers = np.array([-10.0, 1.0, 2.4])
+    second = 0.05
+
+    def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+        """Energy and its derivatives; log1p keeps what is small at rest."""
+        mu, growth = parameters[..., 0], np.log1p(x / 3)
+        terms = list(zip(self.shares, self.powers, strict=True))
+        energy = sum(1.5 * m / a * np.expm1(a * growth) for m, a in terms) + self.second * y
+        slope = sum(0.5 * m * np.exp((a - 1) * growth) for m, a in terms)
+        curvature = sum(m * (a - 1) / 6 * np.exp((a - 2) * growth) for m, a in terms)
+        return mu * energy, mu * slope, self.second * mu + np.zeros_like(x), mu * curvature
+
+
+class FadingGent(_OfOneShape):
+    """Gent's law (1996, Rubber Chem. Technol. 69:59), a stiffness that fades with strain, and a part in I2."""
+
+    name = "fading Gent"
+    formula = "W = mu (-g Jm/2 ln(1 - (I1 - 3)/Jm) + f/(2 b) (1 - exp(-b (I1 - 3))) + c (I2 - 3))"
+    lasting, most, fading, rate, second = 0.66, 60.0, 0.26, 6.0, 0.04
+
+    def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+        """Energy and its derivatives; beyond the last stretch of the chains there is none."""
+        mu, jm, room = parameters[..., 0], self.most, np.maximum(self.most - x, 1e-9)
+        fade = np.exp(-self.rate * x)
+        energy = -0.5 * self.lasting * jm * np.log(room / jm) - 0.5 * self.fading / self.rate * np.expm1(-self.rate * x)
+        slope = 0.5 * self.lasting * jm / room + 0.5 * self.fading * fade
+        curvature = 0.5 * self.lasting * jm / room**2 - 0.5 * self.fading * self.rate * fade
+        return mu * (energy + self.second * y), mu * slope, self.second * mu + np.zeros_like(x), mu * curvature
+
+
+@dataclass(frozen=True)
+class HiddenMaterial:
+    """A silicone of the study. protocol: the shipped one whose currents it is measured at; tested_to: the engineering
+    strain at which its tensile test ends.
+    """
+
+    name: str
+    law: Law
+    modulus_Pa: float
+    protocol: str
+    tested_to: float
+
+    @property
+    def parameters(self) -> Array:
+        """(1, 1): as a model's candidates."""
+        return np.array([[self.modulus_Pa]])
+
+    def tensile_curve(self) -> tuple[Array, Array]:
+        """Engineering strain and stress in Pa (m,) of its tensile test, which holds nothing but the material."""
+        strain = np.linspace(0.01, self.tested_to, round(100 * self.tested_to))
+        return strain, engineering_stress(self.law, self.parameters[0], strain)
+
+
+MATERIALS = {
+    "dragon_skin_10": HiddenMaterial(
+        "like Dragon Skin 10", PowersOfFirstInvariant(), 52e3, "dragon_skin_10", tested_to=6.0
+    ),
+    "ecoflex_00_50": HiddenMaterial("like Ecoflex 00-50", FadingGent(), 22e3, "ecoflex_00_50", tested_to=6.0),
+}

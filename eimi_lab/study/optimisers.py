@@ -1,0 +1,148 @@
+"""CMA-ES beside Gauss-Newton, Nelder-Mead and differential evolution: evaluations to a modulus within one per cent.
+
+All search the unit cube of a law's coordinates, the modulus over three decades, for the least mean error on edges of
+type 1 of a hidden material, on the mesh of the search. Counted is the evaluation from which on the best candidate so
+far has a modulus within one per cent of the optimum's. Gauss-Newton begins in the middle, CMA-ES with its mean there,
+the others where their seed says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.measurements import EdgeObservation
+from eimi_fitting.inference.objective import Evaluation, Problem
+from eimi_fitting.inference.polish import polish
+from eimi_fitting.inference.search import search
+from eimi_fitting.inference.unknowns import Unknowns
+from eimi_fitting.laws import LAWS, search_space
+from eimi_lab.study.extent import TRAINED_ON, Extent
+from eimi_lab.study.hidden_materials import MATERIALS
+from eimi_lab.study.observed import NOISE_MM, field_mT, noise_mm, outlines_mm, specimen_of
+
+Array = NDArray[np.float64]
+
+_STATES, _EVERY = 6, 3  # states, and of the points of an edge one in so many
+_MOST = 1200  # evaluations of one search
+_NEAR = 0.01
+
+
+@dataclass
+class _Counted:
+    """A problem that remembers what it was asked: units (n,) and objectives in mm, in order."""
+
+    problem: Problem
+    units: list[Array] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+
+    def evaluate(self, units: Array) -> Evaluation:
+        """Candidates (P, n)."""
+        found = self.problem.evaluate(units, 1.0)
+        self.units += list(np.atleast_2d(units))
+        self.values += found.objective_mm.tolist()
+        return found
+
+    def objective(self, unit: Array) -> float:
+        """Of one candidate (n,)."""
+        return float(self.evaluate(unit[None]).objective_mm[0])
+
+    def moduli_Pa(self) -> Array:
+        """(m,): of the best candidate after each evaluation."""
+        values = np.array(self.values)
+        best = np.maximum.accumulate(np.where(values <= np.minimum.accumulate(values), np.arange(len(values)), 0))
+        parameters = self.problem.unknowns.parameters(np.array(self.units)[best])
+        return np.asarray(self.problem.law.initial_shear_modulus(parameters))
+
+
+def _cma_es(counted: _Counted, n: int, seed: int) -> None:
+    search(counted.evaluate, n, seed=seed)
+
+
+def _gauss_newton(counted: _Counted, n: int, seed: int) -> None:
+    polish(counted.evaluate, np.full(n, 0.5))
+
+
+def _nelder_mead(counted: _Counted, n: int, seed: int) -> None:
+    start = np.random.default_rng(seed).uniform(size=n)
+    options = {"maxfev": _MOST, "xatol": 1e-3, "fatol": 1e-4}
+    optimize.minimize(counted.objective, start, method="Nelder-Mead", bounds=[(0.0, 1.0)] * n, options=options)
+
+
+def _differential_evolution(counted: _Counted, n: int, seed: int) -> None:
+    optimize.differential_evolution(
+        lambda units: counted.evaluate(units.T).objective_mm,
+        [(0.0, 1.0)] * n,
+        popsize=15,
+        maxiter=_MOST // (15 * n),
+        tol=1e-3,
+        rng=seed,
+        polish=False,
+        vectorized=True,
+        updating="deferred",
+    )
+
+
+OPTIMISERS: dict[str, Callable[[_Counted, int, int], None]] = {
+    "CMA-ES": _cma_es,
+    "Gauss-Newton": _gauss_newton,
+    "Nelder-Mead": _nelder_mead,
+    "differential evolution": _differential_evolution,
+}
+
+
+def evaluations_to_one_percent(extent: Extent, seed: int) -> list[dict[str, Any]]:
+    """A row a law and optimiser: evaluations to one per cent by seed (None: never), all evaluations, least error."""
+    experiment = _experiment()
+    rows = []
+    for law in ("neo-hookean", "yeoh", "ogden")[: extent.cases]:
+        problem = Problem(LAWS[law], Unknowns(search_space(LAWS[law])), (experiment,))
+        runs = {
+            name: [_run(optimiser, problem, seed + i) for i in range(1 if name == "Gauss-Newton" else extent.cases)]
+            for name, optimiser in OPTIMISERS.items()
+        }
+        best = min((run for own in runs.values() for run in own), key=lambda run: min(run.values))
+        target = float(best.moduli_Pa()[-1])
+        for name, own in runs.items():
+            rows.append(
+                {
+                    "law": law,
+                    "optimiser": name,
+                    "to_one_percent": [_reached(run.moduli_Pa(), target) for run in own],
+                    "evaluations": [len(run.values) for run in own],
+                    "least_error_um": [1e3 * min(run.values) for run in own],
+                }
+            )
+    return rows
+
+
+def _experiment() -> Experiment:
+    """Type 1 of a hidden material as a search sees it."""
+    key = "dragon_skin_10"
+    fields = field_mT(MATERIALS[key], Extent(states=_STATES))
+    edges = outlines_mm(MATERIALS[key], specimen_of(TRAINED_ON), fields)[:, :, ::_EVERY]
+    edges = edges + noise_mm(edges.shape, "optimisers")
+    sigma = np.full(edges.shape[2], NOISE_MM)
+    observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in edges])
+    return Experiment(BeamModel(specimen_of(TRAINED_ON)), Loads.along(fields), observed)
+
+
+def _run(optimiser: Callable[[_Counted, int, int], None], problem: Problem, seed: int) -> _Counted:
+    counted = _Counted(problem)
+    optimiser(counted, problem.unknowns.searched, seed)
+    return counted
+
+
+def _reached(moduli_Pa: Array, target_Pa: float) -> int | None:
+    """The evaluation from which on all are near the target."""
+    away = np.flatnonzero(np.abs(moduli_Pa / target_Pa - 1) > _NEAR)
+    first = int(away[-1]) + 1 if len(away) else 0
+    return first + 1 if first < len(moduli_Pa) else None

@@ -1,0 +1,72 @@
+"""A study on one page, study.md, with its tables as CSV files and its figures beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from eimi_lab.outputs import whole_file
+from eimi_lab.study.claims import Verdict, in_words, verdicts
+from eimi_lab.study.figures import every_figure
+from eimi_lab.study.hidden_materials import MATERIALS
+from eimi_lab.study.observed import NOISE_MM, TWIST_DEG, TWISTED
+from eimi_lab.study.paper_tables import Table, every_table
+from eimi_lab.study.whole_study import Findings
+
+_TITLES = {
+    "stress_strain.png": "Stress against strain (figure 1): laws by bending as the solid, Yeoh by windows of tension",
+    "errors.png": "Errors by type (figure 7): boxes over the states",
+    "overlays.png": "The strongest state of every type (figure 8)",
+    "error_by_field.png": "Error against field (figure 9): mean over the unseen types that do not twist",
+}
+
+
+def claims_table(found: Sequence[Verdict]) -> Table:
+    """The verdicts as a table."""
+    rows = tuple((v.claim, v.material, v.section, "yes" if v.agrees else "**no**", v.evidence) for v in found)
+    head = ("the paper says", "material", "section", "so here", "figures, and why")
+    return Table("claims", "The paper's claims", head, rows)
+
+
+def write_pages(output: Path, findings: Findings) -> list[str]:
+    """Write all files of a study over those of its last run; the lines that a person is told."""
+    claims, tables = claims_table(verdicts(findings)), every_table(findings)
+    figures = every_figure(findings)
+    for table in (claims, *tables):
+        _write(output / f"{table.name}.csv", table.csv().encode())
+    for name, picture in figures.items():
+        _write(output / name, picture)
+    answers = in_words(findings)
+    _write(output / "study.md", _page(findings, claims, tables, figures, answers).encode())
+    agreeing = [
+        f"{'yes' if v.agrees else 'no '}  {v.section}, {v.material}: {v.claim} {v.evidence}" for v in verdicts(findings)
+    ]
+    return [*agreeing, *answers, f"{output / 'study.md'}"]
+
+
+def _page(
+    findings: Findings, claims: Table, tables: Sequence[Table], figures: dict[str, bytes], answers: Sequence[str]
+) -> str:
+    extent = findings.inputs.extent
+    laws = "\n".join(f"- {MATERIALS[key].name}: {MATERIALS[key].law.formula}" for key in extent.materials)
+    parts = [
+        "# The evaluation of Di Lecce et al. 2022 on hidden materials",
+        f"Type 1 trains, {', '.join(extent.unseen)} validate. Truth is the solid; its outline is taken as edges "
+        f"directly, with normal noise of {1e3 * NOISE_MM:g} µm, which is what the edge finder leaves on clean "
+        f"pictures: no frames are rendered. {TWISTED.capitalize()} is turned by up to {TWIST_DEG:g}° about its axis. "
+        "Geometry, hidden materials and noise are this project's own choice; the paper's printed numbers are not "
+        "compared. Hidden materials are none of the laws that are fitted, and follow their tensile curves exactly:",
+        laws,
+        "## How much of the advantage over tensile fits is left when the section is right",
+        *answers,
+        f"## {claims.title}",
+        claims.markdown(),
+        *(f"## {_TITLES[name]}\n\n![{_TITLES[name]}]({name})" for name in figures),
+        *(f"## {table.title}\n\n{table.markdown()}" for table in tables),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _write(path: Path, content: bytes) -> None:
+    with whole_file(path, force=True) as temporary:
+        temporary.write_bytes(content)

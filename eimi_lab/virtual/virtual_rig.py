@@ -1,0 +1,159 @@
+"""The virtual rig: an emulated supply and a simulated camera behind the drivers' own interfaces.
+
+Current -> coil (time constant, noise) -> field -> the beam's finite-element shape -> a frame. The supply is the
+ordinary Korad driver on an emulator in the same process, so that the acquisition runs the code that it runs on a
+bench, in simulated seconds.
+
+The camera alone, in real seconds, looks into the coil of a supply that another process emulates (`eimi emulate`): a
+bench in everything but the glass and the iron.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any, Protocol
+
+import numpy as np
+
+from eimi_drivers.cameras.settings import NO_SETTINGS
+from eimi_drivers.clock import SimulatedClock
+from eimi_drivers.emulators.coil_line import RemoteCoil
+from eimi_drivers.emulators.korad import KoradDialect
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import Clock, Frame, Identity, Limits, PowerSupply
+from eimi_drivers.supplies.korad import KoradSupply
+from eimi_drivers.supplies.transport import InProcessTransport
+from eimi_lab.config.materials import TrueMaterial
+from eimi_lab.config.rig import Rig, Virtual
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.errors import InputError
+from eimi_lab.virtual.beam import VirtualBeam
+from eimi_lab.virtual.optics import Scene, expose, make_scene
+from eimi_lab.vision.beam_frame import BeamFrame
+
+_FRAME_PERIOD_S = 0.1
+_CLAMP_HALF_WIDTH_MM, _CLAMP_HEIGHT_MM = 12.0, 40.0
+
+
+class Coil(Protocol):
+    """Whatever has a current around the beam."""
+
+    def coil_current_A(self) -> float:
+        """The true current now, A."""
+
+
+class VirtualCamera:
+    """Looks at the virtual beam; each frame takes a tenth of a second of its clock, or as long as drawing it takes."""
+
+    settings = NO_SETTINGS
+
+    def __init__(
+        self,
+        beam: VirtualBeam,
+        coil: Coil,
+        clock: Clock,
+        frame: BeamFrame,
+        mT_per_A: float,
+        virtual: Virtual,
+    ) -> None:
+        self._beam, self._coil, self._clock, self._frame = beam, coil, clock, frame
+        self._mT_per_A, self._virtual = mT_per_A, virtual
+        self._rng = np.random.default_rng(virtual.seed)
+        self._number = 0
+        self._exposed_s = clock.now()
+        self._scene: Scene | None = None
+        half, high = _CLAMP_HALF_WIDTH_MM, _CLAMP_HEIGHT_MM
+        self._clamp_px = frame.to_px(np.array([[-high, -half], [0.0, -half], [0.0, half], [-high, half]]))
+
+    def identify(self) -> Identity:
+        """The camera's name; its seed is in the rig file."""
+        width, height = self._virtual.frame_size_px
+        return Identity("virtual", f"eimi-lab simulated camera {width} x {height}", "in-process")
+
+    def flush(self) -> None:
+        """Nothing is ever buffered."""
+
+    def grab(self, timeout_s: float) -> Frame:
+        """Expose one frame of the beam in the coil's present field. Raises what the coil raises."""
+        self._clock.sleep(max(0.0, self._exposed_s + _FRAME_PERIOD_S - self._clock.now()))
+        self._exposed_s = self._clock.now()
+        field_mT = self._mT_per_A * self._coil.coil_current_A()
+        if self._scene is None or self._beam.moves(field_mT):
+            outline, magnet = self._beam.outlines_mm(field_mT)
+            self._scene = make_scene(
+                self._virtual.optics,
+                self._virtual.frame_size_px,
+                self._frame.to_px(outline),
+                None if magnet is None else self._frame.to_px(magnet),
+                self._clamp_px,
+            )
+        self._number += 1
+        return Frame(expose(self._scene, self._rng), self._number, self._exposed_s)
+
+    def close(self) -> None:
+        """Hang up on a coil of another process."""
+        if isinstance(self._coil, RemoteCoil):
+            self._coil.close()
+
+
+def open_virtual_rig(rig: Rig, specimen: SpecimenFile) -> tuple[PowerSupply, VirtualCamera, Clock, dict[str, Any]]:
+    """Supply, camera, clock and the truth, which only scoring may read.
+
+    Raises InputError when the rig does not know the specimen's material.
+    """
+    virtual = _virtual(rig)
+    _material(virtual, specimen)
+    clock = SimulatedClock()
+    coil = CoilSupply(
+        clock,
+        time_constant_s=virtual.coil_time_constant_s,
+        current_noise_A=virtual.current_noise_A,
+        seed=virtual.seed,
+    )
+    supply = KoradSupply(
+        InProcessTransport(KoradDialect(coil), clock),
+        Limits(rig.supply.limits.current_A, rig.supply.limits.voltage_V),
+        clock,
+    )
+    return supply, virtual_camera(rig, specimen, coil, clock), clock, truth_of(rig, specimen)
+
+
+def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -> VirtualCamera:
+    """A camera in front of the specimen in a coil. Raises InputError as `open_virtual_rig` does."""
+    virtual, frame = _virtual(rig), BeamFrame(rig.calibration)
+    material = _material(virtual, specimen)
+    view = frame.view(specimen.specimen.depth_mm, virtual.frame_size_px)
+    gravity_deg = frame.gravity_deg if rig.calibration.gravity else None
+    mT_per_A = rig.calibration.coil_constant_mT_per_A
+    strongest_mT = abs(mT_per_A) * rig.supply.limits.current_A
+    beam = VirtualBeam(specimen.mechanics(), material, virtual.mesh, gravity_deg, frame.field_deg, strongest_mT, view)
+    return VirtualCamera(beam, coil, clock, frame, mT_per_A, virtual)
+
+
+def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
+    """What the virtual beam is made of. Raises InputError as `open_virtual_rig` does."""
+    virtual = _virtual(rig)
+    material = _material(virtual, specimen)
+    return {
+        "model": material.model,
+        "parameters": material.parameters,
+        "mesh": list(virtual.mesh),
+        "seed": virtual.seed,
+        "optics": asdict(virtual.optics),
+    }
+
+
+def _virtual(rig: Rig) -> Virtual:
+    if rig.virtual is None:
+        raise InputError(f"rig {rig.name!r}: has no [virtual] table, so there is nothing to simulate")
+    return rig.virtual
+
+
+def _material(virtual: Virtual, specimen: SpecimenFile) -> TrueMaterial:
+    name, known = specimen.specimen.material, virtual.materials.silicone
+    if name not in known:
+        raise InputError(
+            f"specimen {specimen.specimen.name!r}: material = {name!r} is none that the virtual rig knows: "
+            f"{', '.join(known)}"
+        )
+    return known[name]

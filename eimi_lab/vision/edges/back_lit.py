@@ -1,0 +1,209 @@
+"""Both edges of a beam in front of a back-light, to a few hundredths of a pixel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.edges.clamp_line import ClampLine, find_clamp_line
+from eimi_lab.vision.edges.dimensions import even_turn_deg, length_deviation, local_widths, twist_deg, width_deviation
+from eimi_lab.vision.edges.edge_set import EdgePoints
+from eimi_lab.vision.edges.passes import PassResult, Side, SiliconeMargin, first_pass, scatter_scale, second_pass
+from eimi_lab.vision.edges.profiles import AVERAGED_PX, sample
+from eimi_lab.vision.edges.quality import effects_of_turning, light_findings
+from eimi_lab.vision.edges.silhouette import Silhouette, find_silhouette, measure_back_light, root_places
+from eimi_lab.vision.intensity import full_scale, grey
+from eimi_lab.vision.projection import Projection
+
+Array = NDArray[np.float64]
+
+_SMALLEST_FRAME_PX = 16
+_LEAST_SIGMA_PX = 1e-3  # of a drawn picture without noise, whose points scatter not at all
+_ABSURD_WIDTH = 0.5  # departure from the specimen's; such a body is not the beam, or not the beam alone
+# By which a cast magnet may be off the beam's middle; one in little silicone may be anywhere within it, and has the
+# standard deviation of an even distribution.
+_MAGNET_PLACE_MM = 0.2
+
+
+@dataclass(frozen=True)
+class _BackLit:
+    """An image (height, width) in which the beam is dark: a picture of a lit beam is turned into its negative."""
+
+    pixels: NDArray[Any]
+    largest: float
+    lit_beam: bool
+
+
+@dataclass
+class BackLitSearch:
+    """The search in one image. findings gathers what was measured so far, by the names of the table of flags.
+
+    Method: on normals to the outline, the mean of four neighbouring profiles is fitted with a step blurred by
+    a Gaussian, with plateaus of its own on both sides and one blur for the whole image; twice, the second
+    time on normals to the curve through the first result.
+    """
+
+    frame: BeamFrame
+    pixels_per_mm: float
+    specimen_file: SpecimenFile
+    findings: dict[str, float]
+    limits: Mapping[str, float] | None
+    even_turn_deg: float = 0.0
+    projection: Projection | None = None
+    polarity: str | None = None
+
+    def __post_init__(self) -> None:
+        beam = self.specimen_file.specimen
+        self.length_mm, self.width_mm, self.depth_mm = beam.length_mm, beam.width_mm, beam.depth_mm
+        self.width_px = self.width_mm * self.pixels_per_mm
+
+    def edges(self, image: ArrayLike, spacing_mm: float) -> tuple[EdgePoints, EdgePoints, Array] | None:
+        """Left and right edge and the corners (4, 2) px; None where no beam is found."""
+        picture = self._back_lit(image)
+        outline = None if picture is None else self._outline(picture)
+        if picture is None or outline is None:
+            return None
+        found = self._two_passes(picture, *outline, spacing_mm)
+        if found is None:
+            self.findings["residual"] = 1.0
+            return None
+        second, corners_px = found
+        if not self._measure_shape(second, corners_px):
+            return None
+        self.findings |= light_findings(second, picture.largest, picture.lit_beam, self.limits)
+        left, right = second.sides
+        scatter = scatter_scale(left, right)
+        return self._edge_points(left, scatter), self._edge_points(right, scatter), corners_px
+
+    def _back_lit(self, image: ArrayLike) -> _BackLit | None:
+        """None for what is no image, or too small a one."""
+        try:
+            pixels = grey(image) if self.projection is None else self.projection.apply(image)
+        except ValueError:
+            return None
+        if min(pixels.shape) < _SMALLEST_FRAME_PX:
+            return None
+        largest = full_scale(pixels)
+        lit_beam = self.polarity == "bright"
+        if self.polarity is None:
+            lit_beam = _is_brighter_than_beside(pixels, self.frame, self.width_mm)
+        return _BackLit((largest - pixels).astype(pixels.dtype) if lit_beam else pixels, largest, lit_beam)
+
+    def _outline(self, picture: _BackLit) -> tuple[ClampLine, Silhouette] | None:
+        """The clamp line and the beam's silhouette to a pixel; None where there is none, or none with corners."""
+        pixels = picture.pixels
+        light = measure_back_light(pixels, self.frame, self.width_mm)
+        clamp = find_clamp_line(pixels, self.frame, self.width_mm, light.bright)
+        contrast = (light.bright - light.dark) / picture.largest if picture.largest else 0.0
+        self.findings |= {"contrast": contrast, "clamp_seen": clamp.seen}
+        # A root hardly darker than the light around it is no beam, however the picture is exposed.
+        if light.bright - light.dark < 0.2 * light.bright or light.bright <= 0.0:
+            self.findings["contrast"] = 0.0
+            return None
+        silhouette = find_silhouette(pixels, self.frame, clamp, light, self.length_mm, self.width_mm)
+        if silhouette is None:
+            self.findings["length_deviation"] = 1.0
+            return None
+        self.findings |= {
+            "touches_frame": float(silhouette.touches_frame),
+            "other_bodies": float(silhouette.other_bodies),
+            "hole_share": silhouette.hole_share,
+            "corner_turn_deg": silhouette.turn_deg,
+        }
+        return None if silhouette.corners is None else (clamp, silhouette)
+
+    def _two_passes(
+        self, picture: _BackLit, clamp: ClampLine, silhouette: Silhouette, spacing_mm: float
+    ) -> tuple[PassResult, Array] | None:
+        """The second pass and the corners (4, 2) px; None where an edge is too short."""
+        spacing_px = max(spacing_mm * self.pixels_per_mm, AVERAGED_PX)
+        margin, hand = self._silicone_margin(), self.frame.hand
+        first = first_pass(picture.pixels, silhouette, hand, spacing_px, self.width_px, margin)
+        if first is None:
+            return None
+        left, tip, right = first.sides
+        corners_px = _corners(clamp, left, tip, right, self.width_px)
+        second = second_pass(picture.pixels, first, corners_px, hand, spacing_px, self.width_px, margin)
+        return None if second is None else (second, corners_px)
+
+    def _silicone_margin(self) -> SiliconeMargin:
+        magnet = self.specimen_file.magnet
+        silicone_mm = 0.5 * (self.width_mm - magnet.width_mm) if magnet else 0.0
+        from_tip_mm = magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0
+        return SiliconeMargin(
+            silicone_mm * self.pixels_per_mm,
+            min(_MAGNET_PLACE_MM, silicone_mm / math.sqrt(3.0)) * self.pixels_per_mm,
+            from_tip_mm * self.pixels_per_mm,
+        )
+
+    def _measure_shape(self, second: PassResult, corners_px: Array) -> bool:
+        """Width, length, twist and place of what was found; False where so wide a body is not the beam."""
+        left, right = (side.points_px[side.sound] for side in second.sides)
+        widths, depth_px = local_widths(left, right), self.depth_mm * self.pixels_per_mm
+        self.findings["width_deviation"] = width_deviation(widths, self.width_px)
+        if self.findings["width_deviation"] > _ABSURD_WIDTH:
+            return False
+        self.even_turn_deg = even_turn_deg(widths, self.width_px, depth_px)
+        self.findings |= {
+            "length_deviation": length_deviation(left, right, corners_px, self.length_mm * self.pixels_per_mm),
+            "twist_deg": twist_deg(widths, self.width_px, depth_px),
+            "clamp_offset_mm": float(np.linalg.norm(self.frame.to_mm(corners_px[:2]).mean(axis=0))),
+        }
+        return True
+
+    def _edge_points(self, side: Side, scatter: float) -> EdgePoints:
+        kept = np.flatnonzero(side.sound)[:: side.every]
+        sigma_px = np.maximum(scatter * np.hypot(side.sigma_px, side.common_px)[kept], _LEAST_SIGMA_PX)
+        return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)
+
+    def words(self) -> dict[str, str]:
+        """For the remedies of a beam that looks turned about its axis."""
+        twist = self.findings.get("twist_deg", 0.0)
+        return effects_of_turning(twist, self.even_turn_deg, self.width_mm, self.depth_mm)
+
+
+def _is_brighter_than_beside(image: NDArray[Any], frame: BeamFrame, width_mm: float) -> bool:
+    """Whether the beam's root is brighter by a fifth than what is to both sides of it."""
+    inside, left, right = (
+        float(np.median(sample(image, root_places(frame, width_mm, aside)))) for aside in (0.0, -1.5, 1.5)
+    )
+    return inside > 1.2 * max(left, right) + 1.0
+
+
+def _corners(clamp: ClampLine, left: Side, tip: Side, right: Side, width_px: float) -> Array:
+    """(4, 2) px: where the left and right edges cross the clamp line, then the line of the tip's face."""
+    face = _line_through(tip.points_px[tip.sound])
+    corners = []
+    for side in (left, right):
+        points = side.points_px[side.sound]
+        near = points[: max(5, int((np.linalg.norm(points - points[0], axis=1) < width_px).sum()))]
+        ahead = clamp.distance_px(near)
+        across = (near - clamp.point_px) @ np.array([-clamp.ahead[1], clamp.ahead[0]])
+        at_line = np.polyval(np.polyfit(ahead, across, 2 if len(near) > 4 else 1), 0.0)
+        corners.append(clamp.point_px + at_line * np.array([-clamp.ahead[1], clamp.ahead[0]]))
+    for side in (left, right):
+        points = side.points_px[side.sound]
+        near = points[-max(3, int((np.linalg.norm(points - points[-1], axis=1) < 0.75 * width_px).sum())) :]
+        corners.append(_crossing(_line_through(near), face))
+    return np.array(corners)
+
+
+def _line_through(points: Array) -> tuple[Array, Array]:
+    """Centre and unit direction of the line with the least squared distances to points (n, 2), n >= 2."""
+    centre = points.mean(axis=0)
+    return centre, np.linalg.svd(points - centre, full_matrices=False)[2][0]
+
+
+def _crossing(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
+    """Where two lines (place, direction) cross; NaN where they are all but parallel."""
+    directions = np.column_stack([one[1], -other[1]])
+    if abs(np.linalg.det(directions)) < 0.1:
+        return np.full(2, np.nan)
+    return one[0] + one[1] * np.linalg.solve(directions, other[0] - one[0])[0]

@@ -1,0 +1,55 @@
+"""Where no beam was found: whether one would be, were one thing that a person stated otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.config.calibration import Calibration
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.check import leaves_out
+from eimi_lab.vision.edges.finding import find_edges
+from eimi_lab.vision.projection import Projection
+
+SCALES = (0.5, 0.7, 1.4, 2.0)
+TURNS_DEG = (40.0, -40.0, 90.0, -90.0, 180.0)
+ASIDE = (2.5, -2.5)  # of the beam's width, across it and along it
+
+
+def other_prompt(
+    image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, projection: Projection | None
+) -> str:
+    """What of the calibration is likely wrong for an image (H, W) or (H, W, 3) in which no beam was found, in words.
+
+    A scale, an axis and a clamp that are clearly others are tried, one at a time; the first with which a beam is found
+    is told. It is no proof, and nothing is changed.
+    """
+    for changes, words in _others(calibration, specimen.specimen.width_mm):
+        changed = calibration.model_copy(update=changes)
+        x, y = changed.clamp_midpoint_px
+        if not (0 <= x < image.shape[1] and 0 <= y < image.shape[0]):
+            continue
+        found = find_edges(image, changed, specimen, projection=projection)
+        if len(found.left.sigma_mm) and len(found.right.sigma_mm) and not leaves_out(found.flags):
+            return f"one would be with {words}"
+    return (
+        "nothing of the stated width leaves the clamp there, nor near by: see that clamp_midpoint_px, axis_angle_deg "
+        "and pixels_per_mm are right, or help with --region, --polarity and --beam-colour;"
+    )
+
+
+def _others(calibration: Calibration, width_mm: float) -> Iterator[tuple[dict[str, Any], str]]:
+    for scale in SCALES:
+        changed = scale * calibration.pixels_per_mm
+        yield {"pixels_per_mm": changed}, f"pixels_per_mm = {changed:.3g}, {scale:g} times as much: is the scale right?"
+    for turn in TURNS_DEG:
+        axis = (calibration.axis_angle_deg + turn + 180.0) % 360.0 - 180.0
+        yield {"axis_angle_deg": axis}, f"axis_angle_deg = {axis:g}: does the beam leave its clamp in that direction?"
+    frame = BeamFrame(calibration)
+    for along, across in [(0.0, aside) for aside in ASIDE] + [(aside, 0.0) for aside in ASIDE]:
+        x, y = np.round(frame.to_px([[along * width_mm, across * width_mm]])[0], 1).tolist()
+        yield {"clamp_midpoint_px": (x, y)}, f"clamp_midpoint_px = [{x:g}, {y:g}]: is the clamp where it is said to be?"

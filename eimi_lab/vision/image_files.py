@@ -1,0 +1,89 @@
+"""Image files that a lab already has: found in natural order, read whole or refused."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_drivers.cameras.image_series import natural_key
+from eimi_lab.errors import InputError
+from eimi_lab.vision.image_sizes import MOST_PIXELS, claimed_size
+from eimi_lab.vision.intensity import camera_grey
+
+ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm"})
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+JPEG_START, JPEG_END = b"\xff\xd8", b"\xff\xd9"
+
+
+def find_images(folder: Path) -> list[Path]:
+    """The images in a folder in natural order; other files and hidden ones are passed over. Raises InputError."""
+    if not folder.is_dir():
+        raise InputError(f"{folder}: is not a folder of images")
+    images = [file for file in folder.iterdir() if file.suffix.lower() in ENDINGS and not file.name.startswith(".")]
+    if not images:
+        raise InputError(f"{folder}: holds no images ({', '.join(sorted(ENDINGS))})")
+    return sorted(images, key=lambda file: (natural_key(file.name), file.name))
+
+
+def read_image(path: Path) -> NDArray[Any]:
+    """(H, W) or (H, W, 3: blue, green, red), uint8 or uint16. Raises InputError for what is not a whole image."""
+    try:
+        if path.exists() and not (path.is_file() or path.is_dir()):  # one that never ends, or for whose writer to wait
+            raise InputError(f"{path}: is no file but a device or a pipe")
+        raw = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    if not raw:
+        raise InputError(f"{path}: is empty")
+    # Some versions of OpenCV decode the part of a PNG or JPEG that is there and leave the rest grey or black.
+    if (raw.startswith(PNG_SIGNATURE) and not _png_is_whole(raw)) or (
+        raw.startswith(JPEG_START) and JPEG_END not in raw[-1024:]
+    ):
+        raise InputError(f"{path}: is truncated or damaged; copy it again")
+    size = claimed_size(raw)
+    if size is not None and size[0] * size[1] > MOST_PIXELS:
+        raise InputError(f"{path}: says that it is {size[0]} x {size[1]} px; more than {MOST_PIXELS:_} are not read")
+    logging = cv2.utils.logging
+    level = logging.getLogLevel()
+    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+    try:
+        image = cv2.imdecode(np.frombuffer(raw, np.uint8), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR)
+    except cv2.error:
+        image = None
+    finally:
+        logging.setLogLevel(level)
+    if image is None:
+        raise InputError(f"{path}: is not an image, or is truncated or damaged")
+    if image.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{path}: has pixels of type {image.dtype}; 8 or 16 bits without sign are wanted")
+    return np.asarray(image[..., :3] if image.ndim == 3 else image)
+
+
+def read_grey(path: Path) -> NDArray[Any]:
+    """(H, W) uint8 or uint16: of colours the brightest, by the rule of `intensity.grey`. Raises as `read_image`."""
+    return camera_grey(read_image(path))
+
+
+def described(image: NDArray[Any]) -> str:
+    """Size and depth of an image (H, W) or (H, W, 3) in words."""
+    colour = " in colour" if image.ndim == 3 else ""
+    return f"{image.shape[1]} x {image.shape[0]} px of {8 * image.dtype.itemsize} bits{colour}"
+
+
+def _png_is_whole(raw: bytes) -> bool:
+    """Every chunk up to IEND is there and has its checksum (PNG specification, W3C, section 5.3)."""
+    at = len(PNG_SIGNATURE)
+    while at + 12 <= len(raw):
+        length = int.from_bytes(raw[at : at + 4], "big")
+        checksum = raw[at + 8 + length : at + 12 + length]
+        if zlib.crc32(raw[at + 4 : at + 8 + length]) != int.from_bytes(checksum, "big") or len(checksum) < 4:
+            return False
+        if raw[at + 4 : at + 8] == b"IEND":
+            return True
+        at += 12 + length
+    return False

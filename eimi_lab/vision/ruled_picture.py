@@ -1,0 +1,70 @@
+"""A picture with its pixels counted and its directions named, for a person to read a place and an angle off."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.vision.intensity import full_scale
+
+MARGIN_PX = 46  # beside the picture, for the numbers
+_LINES = 12  # across the longer side, about
+_INK, _PAPER, _RULE, _LINE = (0, 0, 0), (255, 255, 255), (0, 200, 255), (255, 0, 255)
+_FONT, _LETTERS = cv2.FONT_HERSHEY_SIMPLEX, 0.42
+_COMPASS_PX = 34
+
+
+def ruled_picture(image: NDArray[Any], lines: Sequence[NDArray[np.float64]] = ()) -> NDArray[np.uint8]:
+    """(height + 2 margins, width + 2 margins, 3) uint8: a frame (H, W) or (H, W, 3) under a grid of pixels.
+
+    The numbers and the compass of directions are beside the picture, never on it. lines: (n, 2) px each, drawn on it.
+    """
+    shown = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
+    shown = np.rint(shown * (255.0 / full_scale(shown))).astype(np.uint8)
+    height, width = shown.shape[:2]
+    bottom = 2 * _COMPASS_PX + 2 * MARGIN_PX
+    sheet = cv2.copyMakeBorder(shown, MARGIN_PX, bottom, MARGIN_PX, MARGIN_PX, cv2.BORDER_CONSTANT, value=_PAPER)
+    step = _round_step(max(width, height) / _LINES)
+    for x in range(0, width, step):
+        _rule(sheet, (MARGIN_PX + x, MARGIN_PX), (MARGIN_PX + x, MARGIN_PX + height - 1))
+        _write(sheet, str(x), (MARGIN_PX + x, MARGIN_PX // 2))
+    for y in range(0, height, step):
+        _rule(sheet, (MARGIN_PX, MARGIN_PX + y), (MARGIN_PX + width - 1, MARGIN_PX + y))
+        _write(sheet, str(y), (MARGIN_PX // 2, MARGIN_PX + y))
+    for line in lines:
+        drawn = np.rint(np.clip(line, -1e4, 1e5) + MARGIN_PX).astype(np.int32)
+        cv2.polylines(sheet, [drawn], False, _LINE, 2, cv2.LINE_AA)
+    _compass(sheet, (MARGIN_PX + _COMPASS_PX + 10, MARGIN_PX + height + _COMPASS_PX + 40))
+    return np.asarray(sheet, dtype=np.uint8)
+
+
+def _round_step(least: float) -> int:
+    """1, 2 or 5 times a power of ten, no less than what is asked for."""
+    power = 10 ** math.floor(math.log10(max(least, 1.0)))
+    return int(next(power * factor for factor in (1, 2, 5, 10) if power * factor >= least))
+
+
+def _rule(sheet: NDArray[Any], begin: tuple[int, int], end: tuple[int, int]) -> None:
+    """A faint line, through which the picture is seen."""
+    part = sheet[begin[1] : end[1] + 1, begin[0] : end[0] + 1]
+    part[:] = (0.6 * part + 0.4 * np.array(_RULE)).astype(np.uint8)
+
+
+def _write(sheet: NDArray[Any], text: str, middle: tuple[int, int]) -> None:
+    (wide, high), _ = cv2.getTextSize(text, _FONT, _LETTERS, 1)
+    cv2.putText(sheet, text, (middle[0] - wide // 2, middle[1] + high // 2), _FONT, _LETTERS, _INK, 1, cv2.LINE_AA)
+
+
+def _compass(sheet: NDArray[Any], middle: tuple[int, int]) -> None:
+    """Arrows to the right, down, left and up, with the angles by which calibration.toml calls them."""
+    for angle in (0, 90, 180, -90):
+        way = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
+        end = np.rint(np.array(middle) + _COMPASS_PX * 0.7 * way).astype(int)
+        cv2.arrowedLine(sheet, middle, tuple(map(int, end)), _INK, 1, cv2.LINE_AA, tipLength=0.3)
+        place = np.rint(np.array(middle) + _COMPASS_PX * way).astype(int)
+        _write(sheet, str(angle), (int(place[0]), int(place[1])))

@@ -1,0 +1,32 @@
+"""Fit every law to a tensile curve, the conventional route; here the curve is that of a Yeoh material."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.tensile import engineering_stress
+from eimi_lab.notebook import fit_window, read_tensile
+
+TRUTH = np.array([20e3, 4e3, 200.0])  # C10, C20, C30 in Pa: an initial shear modulus of 40 kPa
+
+
+def main() -> float:
+    """Initial shear modulus in Pa of the law with the smallest error."""
+    strain = np.linspace(0.02, 1.0, 50)
+    stress_kPa = 1e-3 * engineering_stress(LAWS["yeoh"], TRUTH, strain)
+    with TemporaryDirectory() as folder:
+        curve = Path(folder) / "curve.csv"
+        rows = (f"{e},{s}" for e, s in zip(strain, stress_kPa, strict=True))
+        curve.write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")
+        fits = [fit_window(read_tensile(curve), law, window_percent=100.0) for law in LAWS]
+    for fit in fits:
+        print(fit.summary())
+    best = min(fits, key=lambda fit: fit.rmse_Pa)
+    print(f"best: {best.model}")
+    return float(best.initial_shear_modulus.value)
+
+
+if __name__ == "__main__":
+    main()

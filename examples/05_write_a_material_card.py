@@ -1,0 +1,26 @@
+"""Write a law as a material card of Abaqus."""
+
+import numpy as np
+
+from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.cards import Material, material_card
+
+
+def main() -> float:
+    """C10 in MPa, as the card has it."""
+    modulus_Pa = 46e3
+    material = Material(
+        law=LAWS["neo-hookean"],
+        parameters=np.array([modulus_Pa]),
+        bulk_modulus_Pa=2000 * modulus_Pa,  # no bending test tells it: state what your solver bears
+        name="dragon_skin_10",
+        origin=("an example",),
+    )
+    card = material_card("abaqus", material)
+    print(card)
+    numbers = next(line for line in card.splitlines() if not line.startswith("*"))
+    return float(numbers.split(",")[0])
+
+
+if __name__ == "__main__":
+    main()

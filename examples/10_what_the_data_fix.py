@@ -1,0 +1,27 @@
+"""Which parameters one bending test can tell apart: do the edges move the same way for C10 and for C01?"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.inference.sensitivity import edge_sensitivity
+from eimi_fitting.laws import LAWS
+from eimi_lab.config.specimen import load_specimen
+
+
+def main() -> float:
+    """Cosine of the angle between the two directions: 1 where only a sum of both can be found."""
+    model = BeamModel(replace(load_specimen("type1").mechanics(), section="plane-strain"))
+    loads = Loads.along(np.linspace(0.0, 7.05, 6))
+    found = edge_sensitivity(model, LAWS["mooney-rivlin"], np.array([15e3, 8e3]), loads)
+    c10, c01 = (slope.ravel() for slope in found.slope[0])
+    cosine = float(c10 @ c01 / np.linalg.norm(c10) / np.linalg.norm(c01))
+    print(f"1 kPa more of C10 moves an edge by up to {1e6 * np.abs(c10).max():.0f} µm, in {model.specimen.section}")
+    print(f"cosine between C10 and C01: {cosine:.9f}")
+    return cosine
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,65 @@
+"""Pictures of a silicone beam, as a person's own would be, with what acts in each: for the tutorials.
+
+    python examples/pictures_of_a_beam.py FOLDER            # in a coil, hanging, with a magnet at its tip
+    python examples/pictures_of_a_beam.py FOLDER --weights  # level, with weights at its tip, without a coil
+
+The beam is a simulated solid of 46 kPa before a cloth, with a clamp and a scale of 20 mm in the picture.
+"""
+
+import argparse
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.outline import outline, points_on
+from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.laws import LAWS
+from eimi_lab.virtual.raster import coverage
+
+SIZE, PIXELS_PER_MM = (1100, 900), 20.0
+MODULUS_PA = 46e3
+MAGNET = Magnet(length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0)
+
+
+def picture(outline_px: np.ndarray, clamp_px: np.ndarray, seed: int) -> np.ndarray:
+    """(height, width, 3), blue, green and red: the beam, its clamp and a scale of 20 mm before a cloth."""
+    rng = np.random.default_rng(seed)
+    image = np.full((SIZE[1], SIZE[0], 3), [150.0, 140.0, 60.0]) + rng.normal(0, 3, (SIZE[1], SIZE[0], 1))
+    left, right = 59.5, 59.5 + 20 * PIXELS_PER_MM
+    bar = np.array([[left, 839.5], [right, 839.5], [right, 851.5], [left, 851.5]])
+    for shape, colour in ((bar, 20.0), (outline_px, [170.0, 180.0, 235.0]), (clamp_px, 40.0)):
+        image += coverage(shape, SIZE)[..., None] * (np.array(colour) - image)
+    image = cv2.GaussianBlur(image, (0, 0), 1.0) + rng.normal(0, 1.5, image.shape)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def main(folder: Path, weights: bool) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    specimen = Specimen(30.0, 3.0, 5.0, 1070.0, "solid", None if weights else MAGNET)
+    steps = np.array([0.0, 0.5, 1.0, 1.5])  # grams or amperes
+    along, clamp = (np.array([1.0, 0.0]), [150.0, 300.0]) if weights else (np.array([0.0, 1.0]), [550.0, 80.0])
+    across = np.array([0.0, 1.0]) if weights else np.array([1.0, 0.0])
+    if weights:
+        loads = Loads.along(np.zeros(4), gravity_angle_deg=90.0, tip_force_N=9.81e-3 * steps)
+    else:
+        loads = Loads.along(4.7 * steps)
+    model = SolidBeside(specimen, along=16, across=1)
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[MODULUS_PA]]), loads)
+    to_px = PIXELS_PER_MM * np.stack([along, across])
+    plate = clamp + np.array([[0.0, -7.0], [0.0, 7.0], [-4.0, 7.0], [-4.0, -7.0]]) @ to_px
+    for number, edges in enumerate(outline(model, shapes)[0]):
+        left, right = points_on(edges, 4)
+        seen = clamp + np.concatenate([left, right[::-1]]) @ to_px
+        cv2.imwrite(str(folder / f"beam_{number}.png"), picture(seen, plate, number))
+        print(f"{folder}/beam_{number}.png: {steps[number]:g} {'g' if weights else 'A'}")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--weights", action="store_true")
+    given = parser.parse_args()
+    main(given.folder, given.weights)

@@ -1,1 +1,0 @@
-"""Speed, accuracy and what they are against FElupe, printed: `python -m benchmarks.speed`, `.mesh`, `.peer`."""

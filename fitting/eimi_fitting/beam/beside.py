@@ -1,0 +1,245 @@
+"""The solid beside its planar model: what depth adds to planar shapes, found in a few states and carried to the others.
+
+In plane stress a beam bends almost as its solid does. The difference is some hundredths of the deflection and smooth in
+how far the beam is turned: Newton's method reaches the solid from the planar shape in a few steps in any state, and few
+states tell the others.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass, replace
+from math import prod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.equilibrium import Configuration, Status, combine
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.path import Candidates, Shapes, candidates, mark_unstable
+from eimi_fitting.beam.solid_model import SolidModel
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.laws.law import Law
+
+Array = NDArray[np.float64]
+
+# A state that was foretold this well by the states before it is the last that is solved. The bulk of the specimen shows
+# a tenth of that, and its edges are good to 1e-3 mm.
+_FORETOLD_MM = 1e-3
+_FEW = 6  # iterations of Newton's method from a start that is near
+_SAME = 1e-6  # of the range of places: nearer than this is the same place
+_BEYOND = 0.1  # of its range: so far beyond its places an effect is extrapolated
+_LEAST_TURN = 1e-3  # rad: a beam that turns less is told apart by its load
+
+
+@dataclass(frozen=True)
+class DepthEffect:
+    """How a solid differs from its planar model: at places, where a beam may stand, the configurations' differences.
+
+    by_turn: a place is how far the planar tip is turned (rad), else how far along a ray of loads it is; base: an effect
+    of a candidate near this one, about which this one is interpolated.
+    """
+
+    places: tuple[float, ...]
+    differences: tuple[Configuration, ...]
+    by_turn: bool
+    base: DepthEffect | None = None
+
+    def at(self, place: float) -> Configuration:
+        """By the polynomial through all of the differences from the base."""
+        if not self.places:
+            assert self.base
+            return self.base.at(place)
+        weights = [
+            prod((place - s) / (t - s) for j, s in enumerate(self.places) if j != i) for i, t in enumerate(self.places)
+        ]
+        if self.base is None:
+            return combine(weights, self.differences)
+        below = [self.base.at(own) for own in self.places]
+        minus = [-w for w in weights]
+        return combine([1.0, *weights, *minus], [self.base.at(place), *self.differences, *below])
+
+    def covers(self, places: Array) -> bool:
+        """Whether it is known that far, or nearly so: beyond its places a polynomial swings."""
+        own = (self.base if self.base and not self.places else self).places
+        beyond = _BEYOND * np.ptp(own)
+        return bool(min(own) - beyond <= places.min() and places.max() <= max(own) + beyond)
+
+    def with_one(self, place: float, difference: Configuration) -> DepthEffect:
+        """Known at one more place."""
+        return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)
+
+
+@dataclass(frozen=True)
+class SolidShapes(Shapes):
+    """Shapes of a solid; effect: what it differs by from its planar model, None where each state was solved."""
+
+    effect: DepthEffect | None = None
+
+
+class SolidBeside:
+    """A solid model and the planar model of the same lines, for one candidate at a time; see `SolidModel`."""
+
+    def __init__(self, specimen: Specimen, along: int, across: int, more: int = 0) -> None:
+        self.specimen = specimen
+        self.solid = SolidModel(specimen, along, across, more)
+        self.planar = BeamModel(replace(specimen, section="plane-stress"), along, across)
+        self.mesh = self.solid.mesh
+        self._plan, column = np.unique(self.mesh.nodes[:, :2], axis=0, return_inverse=True)
+        self._column = column.reshape(-1)
+        self._start: DepthEffect | None = None
+        self._known: DepthEffect | None = None
+
+    def __reduce__(self) -> tuple[type[SolidBeside], tuple[Specimen, int, int, int], dict[str, DepthEffect | None]]:
+        """As `BeamModel` is sent."""
+        arguments = (self.specimen, self.planar.along, self.planar.across, self.solid.more)
+        return SolidBeside, arguments, {"_start": self._start, "_known": self._known}
+
+    def knowing(self, effect: DepthEffect | None) -> SolidBeside:
+        """The same model with the effect of depth known, by the tip's turn: planar shapes alone are solved; or not."""
+        own = copy(self)
+        own._known = effect
+        return own
+
+    def of(self, specimen: Specimen) -> SolidBeside:
+        """Another specimen on as many elements."""
+        return SolidBeside(specimen, self.planar.along, self.planar.across, self.solid.more)
+
+    def starting(self, effect: DepthEffect | None) -> SolidBeside:
+        """The same model, for candidates near the one whose effect of depth is given."""
+        own = copy(self)
+        own._start = effect
+        return own
+
+    def solve(
+        self,
+        law: Law,
+        parameters: Array,
+        loads: Loads,
+        *,
+        tolerance_mm: float = 1e-2,
+        bulk_modulus_Pa: Array | None = None,
+        field_factor: Array | None = None,
+    ) -> SolidShapes:
+        """As `SolidModel.solve`, of one candidate (1, n). Raises ValueError for more."""
+        parameters = np.atleast_2d(parameters)
+        if len(parameters) != 1:
+            raise ValueError(f"one candidate at a time, not {len(parameters)}")
+        flat = self.planar.solve(law, parameters, loads, field_factor=field_factor)
+        chosen = candidates(law, parameters, "solid", bulk_modulus_Pa, field_factor)
+        effect = lift = None
+        if np.isin(flat.status, (Status.CONVERGED, Status.UNSTABLE)).all():
+            lift = self._lift(flat)
+            effect = self._known or self._effect(chosen, lift, flat, loads, tolerance_mm)
+        if effect is None or lift is None:
+            every = self.solid.solve(
+                law,
+                parameters,
+                loads,
+                tolerance_mm=tolerance_mm,
+                bulk_modulus_Pa=bulk_modulus_Pa,
+                field_factor=field_factor,
+            )
+            return SolidShapes(**vars(every))
+        return self._shapes(chosen, flat, lift, loads, effect)
+
+    def tip_angle_deg(self, shapes: Shapes) -> Array:
+        """See `SolidModel.tip_angle_deg`."""
+        return self.solid.tip_angle_deg(shapes)
+
+    def element_stretch(self, shapes: Shapes) -> Array:
+        """See `SolidModel.element_stretch`."""
+        return self.solid.element_stretch(shapes)
+
+    def positions(self, shapes: Shapes, points_mm: Array) -> Array:
+        """See `SolidModel.positions`."""
+        return self.solid.positions(shapes, points_mm)
+
+    def _turn(self, flat: Shapes) -> Array:
+        return np.asarray(np.radians(self.planar.tip_angle_deg(flat)[0]))
+
+    def _effect(
+        self, chosen: Candidates, lift: Array, flat: Shapes, loads: Loads, tolerance_mm: float
+    ) -> DepthEffect | None:
+        """State after state as far as possible from those before (Leja's order), until one is foretold well enough.
+
+        None where the loads lie on no ray, or Newton's method does not contract at once: the solid is then not near.
+        """
+        along = _along_ray(loads)
+        if along is None:
+            return None
+        turn = self._turn(flat)
+        step = np.diff(turn[np.argsort(along, kind="stable")])
+        by_turn = bool(((step >= 0).all() or (step <= 0).all()) and np.ptp(turn) > _LEAST_TURN)
+        places = turn if by_turn else along
+        base = self._start
+        near = base is not None and base.by_turn == by_turn and base.covers(places)
+        effect = DepthEffect((), (), by_turn, base if near else None)
+        apart = _SAME * max(float(np.ptp(places)), _LEAST_TURN)
+        left = np.arange(len(places))
+        while len(left):
+            known = np.array(effect.places)
+            distance = np.abs(places[left, None] - known).prod(axis=1) if len(known) else np.abs(places[left])
+            k = int(left[np.argmax(distance)])
+            foretold = effect.at(places[k]) if len(known) > 1 or effect.base else None
+            lifted = replace(self.solid.solid.rest(1), displacement=lift[:, k], rigid=flat.rigid[:, k])
+            found = self._solved(chosen, loads.state(k), lifted, foretold, tolerance_mm)
+            if found is None:
+                return None
+            effect = effect.with_one(float(places[k]), found)
+            left = left[np.abs(places[left] - places[k]) > apart]
+            if foretold and np.abs(foretold.displacement - found.displacement).max() < _FORETOLD_MM and len(known) > 1:
+                break
+        return effect
+
+    def _solved(
+        self,
+        chosen: Candidates,
+        load: Array,
+        lifted: Configuration,
+        foretold: Configuration | None,
+        tolerance_mm: float,
+    ) -> Configuration | None:
+        """The solid under a load, less the planar shape; None where Newton's method does not reach it at once."""
+        guess = lifted if foretold is None else combine([1.0, 1.0], [lifted, foretold])
+        batch, factor = chosen.take(np.arange(1))
+        found, status, _ = self.solid.solid.equilibrium(
+            batch, self.solid.actuation.at(load, factor), guess, tolerance_mm, _FEW
+        )
+        return combine([1.0, -1.0], [found, lifted]) if status[0] == Status.CONVERGED else None
+
+    def _lift(self, flat: Shapes) -> Array:
+        """(1, K, N, 3): planar displacements on the solid's nodes, the same at all depths."""
+        moved = self.planar.positions(flat, self._plan) - self._plan
+        return np.concatenate([moved, np.zeros((*moved.shape[:-1], 1))], axis=-1)[:, :, self._column]
+
+    def _shapes(self, chosen: Candidates, flat: Shapes, lift: Array, loads: Loads, effect: DepthEffect) -> SolidShapes:
+        along = None if effect.by_turn else _along_ray(loads)
+        own = [effect.at(float(place)) for place in (self._turn(flat) if along is None else along)]
+        displacement = lift + np.stack([c.displacement for c in own], axis=1)
+        stretch = self.solid.solid.stretch(displacement[0]).max(axis=(0, 2))
+        shapes = SolidShapes(
+            displacement=displacement,
+            rigid=flat.rigid + np.stack([c.rigid for c in own], axis=1),
+            status=np.full(flat.status.shape, Status.CONVERGED, np.int8),
+            iterations=flat.iterations,
+            max_stretch=stretch[None],
+            last=own[-1],
+            effect=effect,
+        )
+        mark_unstable(chosen, shapes)
+        return shapes
+
+
+def _along_ray(loads: Loads) -> Array | None:
+    """(K,): how far along a straight line the loads are, 0 for the first; None where they lie on none."""
+    every = np.array([loads.state(k) for k in range(len(loads))])
+    from_first = every - every[0]
+    farthest = from_first[np.argmax((from_first**2).sum(axis=1))]
+    size = float(farthest @ farthest)
+    if size == 0:
+        return np.zeros(len(loads))
+    along = from_first @ farthest / size
+    off = np.abs(from_first - along[:, None] * farthest).max()
+    return along if off <= _SAME * np.abs(farthest).max() else None

@@ -1,0 +1,181 @@
+"""The 27-node hexahedron: quadratic displacement, linear discontinuous pressure, for a whole batch.
+
+The solid counterpart of `eimi_fitting.beam.element`, with the same potential, the same axes and the same functions: the
+integral of psi(F) + p (J - 1) - p^2 / (2 K). Two Gauss points along the beam, three across and three in depth: with
+the depth's displacement held the element is that of plane strain.
+
+Tensors stand as in `eimi_fitting.beam.isotropy`: symmetric ones as 11, 22, 33, 12, 23, 13, components first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam import isotropy
+from eimi_fitting.beam.bricks import Bricks, shape_functions
+from eimi_fitting.beam.element import SMALLEST_J, Batch, orthogonal_basis
+from eimi_fitting.beam.isotropy import PLACE
+
+Array = NDArray[np.float64]
+
+POINTS = 18  # Gauss points of an element
+_PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
+@dataclass(frozen=True)
+class Operators:
+    """What the geometry alone decides, computed once per mesh.
+
+    gradient: (E, 27, 3 q) nodal values -> (I, q) gradients; weighted: (E, 3 q, 27) its transpose times the weights;
+    slopes: (E, q, 3, 27) dN_a/dX_I and tangent: (E, 27, 3 q) the same times the weights, points before components;
+    pressure: (E, 3 q, 108); basis: (E, q, 4) pressure functions at the Gauss points; mass: (E, 4) their weighted
+    squares; load: (E, 27) and slope: (E, 27, 3) integrals of the shape functions and of their derivatives;
+    weights: (E, q) mm³.
+    """
+
+    gradient: Array
+    weighted: Array
+    slopes: Array
+    tangent: Array
+    pressure: Array
+    basis: Array
+    mass: Array
+    load: Array
+    slope: Array
+    weights: Array
+
+
+def operators(mesh: Bricks) -> Operators:
+    """Precompute the operators of a mesh. Raises ValueError when an element is folded."""
+    rules = [np.polynomial.legendre.leggauss(n) for n in (2, 3, 3)]
+    places = [g.ravel() for g in np.meshgrid(*(r[0] for r in rules), indexing="ij")]
+    values, local = shape_functions(*places)
+    x = mesh.nodes[mesh.elements]  # (E, 27, 3)
+    jacobian = np.einsum("eai,qar->eqir", x, local)
+    det = np.linalg.det(jacobian)
+    if np.any(det <= 0):
+        raise ValueError(f"element {int(np.argmax((det <= 0).any(axis=1)))} of the mesh is folded")
+    weights = det * np.einsum("i,j,k->ijk", *(r[1] for r in rules)).ravel()
+    slope = np.einsum("qar,eqrI->eqaI", local, np.linalg.inv(jacobian), optimize=True)  # dN_a/dX_I
+    n = len(x)
+    weighted = slope * weights[:, :, None, None]
+    basis, mass = orthogonal_basis(weights, np.stack([np.ones(POINTS), *places], axis=1))
+    pressure = np.einsum("eqaI,eqk->eIqak", weighted, basis, optimize=True).reshape(n, 3 * POINTS, 108)
+    return Operators(
+        slope.transpose(0, 2, 3, 1).reshape(n, 27, 3 * POINTS),
+        weighted.transpose(0, 3, 1, 2).reshape(n, 3 * POINTS, 27),
+        np.ascontiguousarray(slope.transpose(0, 1, 3, 2)),
+        weighted.transpose(0, 2, 1, 3).reshape(n, 27, 3 * POINTS),
+        pressure,
+        basis,
+        mass,
+        np.einsum("eq,qa->ea", weights, values),
+        weighted.sum(axis=1),
+        weights,
+    )
+
+
+def mixed(batch: Batch) -> bool:
+    """Whether the pressure is an unknown: always."""
+    return True
+
+
+def gradients(ops: Operators, nodal: Array) -> Array:
+    """Displacement gradients (i, I, E, B, q) of nodal displacements (E, B, 3, 27)."""
+    n, b = nodal.shape[:2]
+    h = np.matmul(nodal.reshape(n, b * 3, 27), ops.gradient)
+    return np.ascontiguousarray(h.reshape(n, b, 3, 3, POINTS).transpose(2, 3, 0, 1, 4))
+
+
+def stretch(ops: Operators, nodal: Array) -> Array:
+    """(E, B, q): largest principal stretch at every Gauss point."""
+    F = gradients(ops, nodal)
+    F[range(3), range(3)] += 1
+    C = np.einsum("kI...,kJ...->...IJ", F, F)
+    return np.asarray(np.sqrt(np.linalg.eigvalsh(C)[..., -1]))
+
+
+class Evaluation(NamedTuple):
+    """One batch of elements at one displacement: what Newton needs and what the stress prediction reuses.
+
+    force: (E, B, 3, 27) internal nodal forces; F: (i, I, E, B, q); J: (E, B, q); S: (6, E, B, q) second Piola-Kirchhoff
+    stress; D: (6, 6, E, B, q) its derivative by the Green strain; volume: (6, E, B, q) its derivative by the pressure;
+    valid: (B,) every element unfolded.
+    """
+
+    force: Array
+    F: Array
+    J: Array
+    S: Array
+    D: Array
+    volume: Array
+    valid: NDArray[np.bool_]
+
+
+def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Evaluation:
+    """Internal forces and stresses for nodal displacements (E, B, 3, 27) and pressures (E, B, 4)."""
+    F = gradients(ops, nodal)
+    F[range(3), range(3)] += 1
+    J = _determinant(F)
+    valid = np.asarray(np.isfinite(F).all(axis=(0, 1, 2, 4)) & (J > SMALLEST_J).all(axis=(0, 2)))
+    if not valid.all():  # keep the arithmetic of the failed candidates finite: their status says that they failed
+        F = np.where(valid[:, None], F, np.eye(3)[:, :, None, None, None])
+        J = np.where(valid[:, None], J, 1.0)
+    S, D, volume = isotropy.response(batch.law, batch.parameters[:, None, :], F, J)
+    p = np.matmul(pressure, ops.basis.transpose(0, 2, 1))
+    isotropy.add_pressure(p, volume, J, S, D)
+    n, b = nodal.shape[:2]
+    P = np.empty((n, b, 3, 3, POINTS))
+    P[...] = isotropy.turned(F, S).transpose(2, 3, 0, 1, 4)
+    force = np.matmul(P.reshape(n, b * 3, 3 * POINTS), ops.weighted).reshape(n, b, 3, 27)
+    return Evaluation(force, F, J, S, D, volume, valid)
+
+
+def _determinant(F: Array) -> Array:
+    (a, b, c), (d, e, f), (g, h, i) = F
+    return np.asarray(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
+
+
+def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
+    """Tangent (E, B, 81, 81), rows and columns ordered (i, node), without the pressure's share.
+
+    Its geometric part uses the predicted stress (6, E, B, q), see `element.stiffness`.
+    """
+    F = ev.F
+    n, b = F.shape[2:4]
+    # A_iIjJ = F_iK D_KILJ F_jL + delta_ij S_IJ, for i <= j.
+    half = sum(F[:, k, None, None] * ev.D[PLACE[k]] for k in range(3))  # (i, I, 6, E, B, q)
+    T = np.empty((n, b, POINTS, 3, 6, 3))  # E, B, q, I, pair ij, J
+    for pair, (i, j) in enumerate(_PAIRS):
+        A = sum(half[i][:, PLACE[k]] * F[j, k] for k in range(3))  # (I, J, E, B, q)
+        if i == j:
+            A += predicted[PLACE]
+        T[..., pair, :] = A.transpose(2, 3, 4, 0, 1)
+    half_way = np.matmul(T.reshape(n, b, POINTS, 18, 3), ops.slopes[:, None])  # (E, B, q, 18, 27)
+    blocks = np.matmul(ops.tangent[:, None], half_way.reshape(n, b, 3 * POINTS, 162)).reshape(n, b, 27, 6, 27)
+    K = np.empty((n, b, 3, 27, 3, 27))
+    for pair, (i, j) in enumerate(_PAIRS):
+        K[:, :, i, :, j, :] = blocks[:, :, :, pair]
+        if i != j:
+            K[:, :, j, :, i, :] = blocks[:, :, :, pair].swapaxes(-1, -2)
+    return K.reshape(n, b, 81, 81)
+
+
+def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
+    """Derivative (E, B, 81, 4) of the volume residual with respect to the displacement."""
+    n, b = ev.J.shape[:2]
+    cofactor = isotropy.turned(ev.F, ev.volume).transpose(2, 3, 0, 1, 4)
+    return np.matmul(cofactor.reshape(n, b * 3, 3 * POINTS), ops.pressure).reshape(n, b, 81, 4)
+
+
+def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array) -> Array:
+    """Stress S + D : dE after the linear step (E, B, 3, 27) with its pressure step (E, B, 4): (6, E, B, q)."""
+    h = gradients(ops, step)
+    g = np.stack([[(ev.F[:, I] * h[:, J]).sum(axis=0) for J in range(3)] for I in range(3)])
+    twice = [g[0, 0], g[1, 1], g[2, 2], g[0, 1] + g[1, 0], g[1, 2] + g[2, 1], g[0, 2] + g[2, 0]]
+    dp = np.matmul(pressure_step, ops.basis.transpose(0, 2, 1))
+    return np.asarray(ev.S + sum(ev.D[:, v] * twice[v] for v in range(6)) + dp * ev.volume)

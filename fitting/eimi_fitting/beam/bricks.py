@@ -1,0 +1,57 @@
+"""Hexahedra with 27 nodes between the lines of a grid, or wherever a mapping puts them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.mesh import Indices, quadratic_line
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Bricks:
+    """nodes: (N, 3) mm; elements: (E, 27) node indices, local node 9 i + 3 j + k at i along, j across, k in depth.
+
+    counts: nodes along, across and in depth. They are numbered in depth first, then across, so that the stiffness
+    matrix has a small band.
+    """
+
+    nodes: Array
+    elements: Indices
+    counts: tuple[int, int, int]
+
+    @property
+    def numbers(self) -> Indices:
+        """(along, across, depth): the number of the node at each place of the grid."""
+        return np.arange(len(self.nodes), dtype=np.intp).reshape(self.counts)
+
+
+def brick_mesh(
+    x_mm: Array,
+    y_mm: Array,
+    z_mm: Array,
+    mapping: Callable[[Array, Array, Array], tuple[Array, Array, Array]] | None = None,
+) -> Bricks:
+    """The bricks between the lines x_mm, y_mm and z_mm, all rising; ``mapping`` takes their nodes to other places."""
+    lines = [np.interp(np.arange(2 * len(v) - 1) / 2, np.arange(len(v)), v) for v in (x_mm, y_mm, z_mm)]
+    places = [g.ravel() for g in np.meshgrid(*lines, indexing="ij")]
+    counts = (len(lines[0]), len(lines[1]), len(lines[2]))
+    numbers = np.arange(len(places[0]), dtype=np.intp).reshape(counts)
+    corner = numbers[0:-1:2, 0:-1:2, 0:-1:2].ravel()
+    elements = corner[:, None] + numbers[:3, :3, :3].ravel()
+    return Bricks(np.column_stack(mapping(*places) if mapping else places), elements, counts)
+
+
+def shape_functions(xi: Array, eta: Array, zeta: Array) -> tuple[Array, Array]:
+    """27-node Lagrange functions at n points: values (n, 27) and local derivatives (n, 27, 3)."""
+    (a, da), (b, db), (c, dc) = (quadratic_line(s) for s in (xi, eta, zeta))
+
+    def product(f: Array, g: Array, h: Array) -> Array:
+        return np.einsum("ni,nj,nk->nijk", f, g, h).reshape(-1, 27)
+
+    return product(a, b, c), np.stack([product(da, b, c), product(a, db, c), product(a, b, dc)], axis=-1)

@@ -1,0 +1,277 @@
+"""Equilibrium of a planar or a solid mesh for a batch of candidates: Newton's method with predicted stresses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam import brick, element
+from eimi_fitting.beam.bricks import Bricks
+from eimi_fitting.beam.element import Batch
+from eimi_fitting.beam.mesh import Indices, Mesh
+from eimi_fitting.beam.pressure import FollowerPressure
+from eimi_fitting.beam.rigid import RigidBody, dead_moment
+from eimi_fitting.beam.system import System
+
+Array = NDArray[np.float64]
+
+
+class Status(IntEnum):
+    """What became of one candidate in one state."""
+
+    CONVERGED = 0
+    DIVERGED = 1
+    OUT_OF_ITERATIONS = 2
+    UNSTABLE = 3  # in equilibrium, but the law is not Drucker-stable over the stretches reached
+    ASTRAY = 4  # in equilibrium, but perhaps not in the one that the loads lead to
+
+
+@dataclass(frozen=True)
+class SolidLoads:
+    """Loads, one row a candidate or one for all: forces that keep their direction, and a pressure.
+
+    nodal: (B, N, d) N on the nodes; force: (B, 2) N and tensor: (B, 2, 2) N mm on the rigid body, whose potential is
+    -force . U - tensor : R; pressure: (B,) N/mm² on the face. All per mm of depth where the mesh is planar.
+    """
+
+    nodal: Array
+    force: Array
+    tensor: Array
+    pressure: Array
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Where a batch of candidates stands; every array is linear in what Newton solves for, so states extrapolate.
+
+    displacement: (B, N, d) mm; rigid: (B, 3) translation in mm and rotation in rad of the rigid body;
+    pressure: (E, B, d + 1); stress: (3 or 6, E, B, q), the stress that the next tangent uses.
+    """
+
+    displacement: Array
+    rigid: Array
+    pressure: Array
+    stress: Array
+
+    def take(self, rows: Indices) -> Configuration:
+        """The candidates ``rows`` alone."""
+        return Configuration(self.displacement[rows], self.rigid[rows], self.pressure[:, rows], self.stress[:, :, rows])
+
+    def put(self, rows: Indices, other: Configuration) -> None:
+        """Overwrite the candidates ``rows``."""
+        self.displacement[rows] = other.displacement
+        self.rigid[rows] = other.rigid
+        self.pressure[:, rows] = other.pressure
+        self.stress[:, :, rows] = other.stress
+
+    def copy(self) -> Configuration:
+        """An independent copy."""
+        return Configuration(self.displacement.copy(), self.rigid.copy(), self.pressure.copy(), self.stress.copy())
+
+
+def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -> Configuration:
+    """Sum of configurations with the given weights: polynomial extrapolation over load steps."""
+
+    def total(name: str) -> Array:
+        result = weights[0] * getattr(configurations[0], name)
+        for w, c in zip(weights[1:], configurations[1:], strict=True):
+            result += w * getattr(c, name)
+        return np.asarray(result)
+
+    return Configuration(total("displacement"), total("rigid"), total("pressure"), total("stress"))
+
+
+def joined(parts: Sequence[Configuration]) -> Configuration:
+    """Batches one after another."""
+    return Configuration(
+        np.concatenate([own.displacement for own in parts]),
+        np.concatenate([own.rigid for own in parts]),
+        np.concatenate([own.pressure for own in parts], axis=1),
+        np.concatenate([own.stress for own in parts], axis=2),
+    )
+
+
+def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
+    """Loads of batches one after another."""
+    return SolidLoads(
+        *(np.concatenate([getattr(own, name) for own in parts]) for name in ("nodal", "force", "tensor", "pressure"))
+    )
+
+
+@dataclass(frozen=True)
+class _Step:
+    """One linear step: of the nodes (B, N, d), of the rigid body (B, 3) and of the pressures; the predicted stress;
+    which candidates could be solved.
+    """
+
+    nodal: Array
+    rigid: Array
+    pressure: Array
+    stress: Array
+    sound: NDArray[np.bool_]
+
+
+class Solid:
+    """A mesh and its supports: some displacements fixed at zero; perhaps a rigid body and a face under pressure.
+
+    fixed: (N, d) bool, in d dimensions; rigid_nodes: nodes that move with a rigid body, whose reference point is
+    ``rigid_centre`` (mm).
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh | Bricks,
+        fixed: NDArray[np.bool_],
+        rigid_nodes: Indices | None = None,
+        rigid_centre: tuple[float, float] = (0.0, 0.0),
+        face: FollowerPressure | None = None,
+    ) -> None:
+        self.mesh = mesh
+        self.dimensions = mesh.nodes.shape[1]
+        self.ops: Any = self.kind.operators(mesh)
+        self.body = None if rigid_nodes is None else RigidBody(mesh, rigid_nodes, rigid_centre)
+        self.face = face
+        free = ~fixed
+        if rigid_nodes is not None:
+            free[rigid_nodes] = False
+        self._free = np.flatnonzero(free.ravel())  # into (N, d)
+        number = np.full(free.size, -1, np.intp)
+        number[self._free] = np.arange(len(self._free))
+        d, self._unknowns = self.dimensions, self.dimensions * mesh.elements.shape[1]  # of an element
+        dofs = number.reshape(-1, d)[mesh.elements].transpose(0, 2, 1).reshape(-1, self._unknowns)
+        self.system = System(dofs, len(self._free), None if self.body is None else self.body.elements)
+        # Where the element arrays (E, ., d, nodes) find their values in (., N * d).
+        self._gather = (mesh.elements[:, None, :] * d + np.arange(d)[:, None]).reshape(-1)
+
+    @property
+    def kind(self) -> Any:
+        """The element's functions, with the same names and arguments in two dimensions and in three.
+
+        Not kept: a solid goes to other processes, and a module does not.
+        """
+        return brick if isinstance(self.mesh, Bricks) else element
+
+    def rest(self, batch: int) -> Configuration:
+        """The undeformed configuration for a batch."""
+        n, e, d = len(self.mesh.nodes), len(self.mesh.elements), self.dimensions
+        return Configuration(
+            np.zeros((batch, n, d)),
+            np.zeros((batch, 3)),
+            np.zeros((e, batch, d + 1)),
+            np.zeros((d * (d + 1) // 2, e, batch, self.kind.POINTS)),
+        )
+
+    def by_element(self, nodal: Array) -> Array:
+        """(B, N, d) -> (E, B, d, nodes of an element)."""
+        b, e, d = len(nodal), len(self.mesh.elements), self.dimensions
+        gathered = nodal.reshape(b, d * len(self.mesh.nodes))[:, self._gather].reshape(b, e, d, self._unknowns // d)
+        return np.ascontiguousarray(gathered.transpose(1, 0, 2, 3))
+
+    def stretch(self, displacement: Array) -> Array:
+        """(E, B, q): largest principal stretch at every Gauss point of displacements (B, N, d)."""
+        return np.asarray(self.kind.stretch(self.ops, self.by_element(displacement)))
+
+    def _step(self, batch: Batch, loads: SolidLoads, now: Configuration) -> _Step:
+        ops, body, kind = self.ops, self.body, self.kind
+        b, n = len(now.displacement), len(self.mesh.elements)
+        nodal = self.by_element(now.displacement)
+        ev = kind.evaluate(ops, batch, nodal, now.pressure)
+        K = kind.stiffness(ops, ev, now.stress)
+        force = ev.force.reshape(n, b, self._unknowns)
+        symmetric = True
+        if self.face is not None and np.any(loads.pressure):
+            force, symmetric = force.copy(), False
+            self.face.press(loads.pressure, nodal.reshape(n, b, self._unknowns), force, K)
+        effective = force
+        mixed = kind.mixed(batch)
+        if mixed:
+            coupling, gap = kind.volume_coupling(ops, ev), element.volume_gap(ops, batch, ev, now.pressure)
+            modulus = batch.bulk[:, None] / ops.mass[:, None, :]  # (E, B, d + 1)
+            scaled = coupling * modulus[:, :, None, :]
+            K += np.matmul(scaled, coupling.swapaxes(-1, -2))
+            effective = force + np.matmul(scaled, gap[..., None])[..., 0]
+        right = loads.nodal.reshape(len(loads.nodal), -1)[:, self._free]
+        tied = None
+        if body:
+            tie = body.matrix(now.rigid)
+            moment, turning = dead_moment(loads.tensor, now.rigid)
+            pull = np.empty((b, 3))
+            pull[:, :2], pull[:, 2] = loads.force, moment
+            tied = tie, turning + body.stiffness_of_turning(force, now.rigid), pull
+        x, rigid, sound = self.system.solve(K, effective, right, tied, ev.valid, symmetric)
+        flat = np.zeros((b, self.dimensions * len(self.mesh.nodes)))
+        flat[:, self._free] = x
+        step = flat.reshape(now.displacement.shape)
+        element_step = self.by_element(step).reshape(n, b, self._unknowns)
+        if body:
+            element_step[body.elements] += np.matmul(tie, rigid[..., None])[..., 0]
+        pressure = np.zeros_like(now.pressure)
+        if mixed:
+            pressure = modulus * (gap + np.matmul(coupling.swapaxes(-1, -2), element_step[..., None])[..., 0])
+        stress = kind.predict_stress(ops, ev, element_step.reshape(ev.force.shape), pressure)
+        return _Step(step, rigid, pressure, stress, sound)
+
+    def _moved(self, now: Configuration, step: _Step) -> tuple[Configuration, Array]:
+        """The configuration after a step, and the largest displacement of any node (B,)."""
+        displacement, rigid = now.displacement + step.nodal, now.rigid + step.rigid
+        if self.body:
+            self.body.carry(displacement, rigid)
+        largest = np.abs(displacement - now.displacement).max(axis=(1, 2))
+        return Configuration(displacement, rigid, now.pressure + step.pressure, step.stress), largest
+
+    def equilibrium(
+        self,
+        batch: Batch,
+        loads: SolidLoads,
+        start: Configuration,
+        tolerance_mm: float,
+        most_iterations: int = 25,
+    ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp]]:
+        """Newton from ``start`` until no node moves by ``tolerance_mm`` in a step.
+
+        Returns the configuration, a Status (B,) and the number of tangents (B,). A candidate that fails keeps the
+        place where it stood when it failed; it never touches another.
+        """
+        size = float(np.ptp(self.mesh.nodes, axis=0).max())
+        now = start.copy()
+        if self.body:
+            self.body.carry(now.displacement, now.rigid)
+        b = len(now.rigid)
+        status = np.full(b, Status.OUT_OF_ITERATIONS, np.int8)
+        iterations = np.zeros(b, np.intp)
+        rows = np.arange(b)
+        for _ in range(most_iterations):
+            if not len(rows):
+                break
+            everyone = len(rows) == b
+            part = now if everyone else now.take(rows)
+            own = batch if everyone else _rows_of_batch(batch, rows)
+            step = self._step(own, loads if everyone else _rows_of_loads(loads, rows), part)
+            iterations[rows] += 1
+            moved, largest = self._moved(part, step)
+            ok = step.sound & (largest < 10 * size)
+            if everyone and ok.all():
+                now = moved
+            else:
+                keep = np.flatnonzero(ok)
+                now.put(rows[keep], moved.take(keep))
+            done = ok & (largest < tolerance_mm)
+            status[rows[~ok]] = Status.DIVERGED
+            status[rows[done]] = Status.CONVERGED
+            rows = rows[ok & ~done]
+        return now, status, iterations
+
+
+def _rows_of_batch(batch: Batch, rows: Indices) -> Batch:
+    return Batch(batch.law, batch.parameters[rows], batch.section, batch.bulk[rows])
+
+
+def _rows_of_loads(loads: SolidLoads, rows: Indices) -> SolidLoads:
+    if len(loads.force) == 1:
+        return loads
+    return SolidLoads(loads.nodal[rows], loads.force[rows], loads.tensor[rows], loads.pressure[rows])

@@ -1,0 +1,141 @@
+"""Stress and tangent of an isotropic law in three dimensions, at many points at once.
+
+A symmetric tensor stands as its six components 11, 22, 33, 12, 23, 13, which come first; the points follow, in any
+shape. Strain energies are isochoric, the volume's pressure is added to them. Two ways, both exact:
+
+invariants           where a law gives its derivatives in I1 and I2 (Holzapfel, Nonlinear Solid Mechanics, 2000,
+                     sections 6.4 and 6.6);
+principal stretches  for any law, from the eigenvectors of C; a quotient of differences that vanishes with the
+                     difference of two stretches is their mean derivative there (Ogden, Non-linear Elastic
+                     Deformations, 1997, section 6.1.4).
+"""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.laws.law import Law
+
+Array = NDArray[np.float64]
+
+PLACE = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
+"""(3, 3): where component KL of a symmetric tensor stands."""
+
+_FIRST, _SECOND = (0, 1, 2, 0, 1, 0), (0, 1, 2, 1, 2, 2)
+# Apart by less than this in their logarithms, two stretches are as one: the mean derivative is off by its square, the
+# quotient by rounding over it.
+_EQUAL = 1e-5
+
+
+@runtime_checkable
+class InvariantLaw(Protocol):
+    """A law given by its derivatives in the invariants."""
+
+    def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+        """W, W_x, W_y, W_xx at x = I1 - 3, y = I2 - 3."""
+
+
+def turned(F: Array, tensor: Array) -> Array:
+    """F times a symmetric tensor: (3, 3, ...) and (6, ...) -> (3, 3, ...)."""
+    return np.asarray(sum(F[:, k, None] * tensor[PLACE[k]] for k in range(3)))
+
+
+def _outer(a: Array, b: Array) -> Array:
+    return a[:, None] * b[None]
+
+
+def _inverse_product(B: Array) -> Array:
+    """(6, 6, ...): dC -> B dC B, with the engineering shear strains' factor in it."""
+    result = np.empty((6, 6, *B.shape[1:]))
+    for v in range(6):
+        K, L = _FIRST[v], _SECOND[v]
+        for w in range(v, 6):
+            M, N = _FIRST[w], _SECOND[w]
+            own = B[PLACE[K, M]] * B[PLACE[L, N]]
+            result[v, w] = own if K == L or M == N else 0.5 * (own + B[PLACE[K, N]] * B[PLACE[L, M]])
+            result[w, v] = result[v, w]
+    return result
+
+
+def response(law: Law, parameters: Array, F: Array, J: Array) -> tuple[Array, Array, Array]:
+    """Isochoric stress S (6, ...), its derivative D (6, 6, ...) by the Green strain, and J times the inverse of C.
+
+    parameters: (..., n), broadcast against J (...); F: (3, 3, ...). Columns of D belong to the strains E11, E22, E33,
+    2 E12, 2 E23, 2 E13.
+    """
+    C = np.stack([(F[:, _FIRST[v]] * F[:, _SECOND[v]]).sum(axis=0) for v in range(6)])
+    inverse = _adjugate(C) / (J * J)
+    if isinstance(law, InvariantLaw):
+        S, D = _by_invariants(law, parameters, C, inverse, J)
+    else:
+        S, D = _by_principal_stretches(law, parameters, C, inverse, J)
+    return S, D, J * inverse
+
+
+def _adjugate(C: Array) -> Array:
+    a, b, c, d, e, f = C  # 11, 22, 33, 12, 23, 13
+    return np.stack([b * c - e * e, a * c - f * f, a * b - d * d, e * f - c * d, d * f - a * e, d * e - b * f])
+
+
+def add_pressure(pressure: Array, volume: Array, J: Array, S: Array, D: Array) -> None:
+    """Add the stress of a pressure (...), p J C^-1, and its derivative; volume: J C^-1."""
+    S += pressure * volume
+    D += (pressure / J) * (_outer(volume, volume) - 2 * _inverse_product(volume))
+
+
+def _by_invariants(law: InvariantLaw, parameters: Array, C: Array, inverse: Array, J: Array) -> tuple[Array, Array]:
+    unit = np.zeros((6, *(1,) * J.ndim))
+    unit[:3] = 1
+    scale = J ** (-2 / 3)
+    trace = C[0] + C[1] + C[2]
+    i1 = scale * trace
+    i2 = scale**2 * J**2 * (inverse[0] + inverse[1] + inverse[2])
+    _, w1, w2, w11 = law.coefficients(parameters, i1 - 3, i2 - 3)
+    first = scale * unit - (i1 / 3) * inverse  # dI1/dC
+    S = 2 * w1 * first
+    mixed = -(w1 / 3) * first
+    spherical, product = -w1 * i1 / 9, w1 * i1 / 3
+    rest: Array | float = 0.0
+    if np.any(w2):
+        second = scale**2 * (trace * unit - C) - (2 / 3 * i2) * inverse  # dI2/dC
+        S += 2 * w2 * second
+        mixed -= (2 / 3 * w2) * second
+        spherical, product = spherical - 4 / 9 * w2 * i2, product + 2 / 3 * w2 * i2
+        identity = np.diag([1, 1, 1, 0.5, 0.5, 0.5]).reshape(6, 6, *(1,) * J.ndim)
+        rest = w2 * scale**2 * (_outer(unit, unit) - identity)
+    cross = _outer(mixed + 0.5 * spherical * inverse, inverse)
+    D = cross + cross.swapaxes(0, 1) + product * _inverse_product(inverse) + rest
+    if np.any(w11):
+        D += w11 * _outer(first, first)
+    return S, 4 * D
+
+
+def _by_principal_stretches(law: Law, parameters: Array, C: Array, inverse: Array, J: Array) -> tuple[Array, Array]:
+    squares, vectors = np.linalg.eigh(np.moveaxis(C[PLACE], (0, 1), (-2, -1)))
+    _, gradient, hessian = law.principal(parameters, np.sqrt(squares) * J[..., None] ** (-1 / 3))
+    tau = gradient - gradient.mean(axis=-1, keepdims=True)  # principal Kirchhoff stresses
+    hessian = hessian - hessian.mean(axis=-1, keepdims=True)
+    slope = hessian - hessian.mean(axis=-2, keepdims=True)  # d tau_a / d ln lambda_b
+    stress = tau / squares
+    own = (slope - 2 * tau[..., None] * np.eye(3)) / (squares[..., :, None] * squares[..., None, :])  # dS_a/dE_b
+    a, b = np.array([0, 1, 0]), np.array([1, 2, 2])
+    apart = np.log(squares[..., b] / squares[..., a])
+    equal = np.abs(apart) < 2 * _EQUAL
+    quotient = 2 * (stress[..., b] - stress[..., a]) / np.where(equal, 1.0, squares[..., b] - squares[..., a])
+    limit = 0.5 * (own[..., a, a] + own[..., b, b]) - 0.5 * (own[..., a, b] + own[..., b, a])
+    shear = np.where(equal, limit, quotient)
+    # Columns: N_a N_a, then twice the symmetric part of N_a N_b, all as strains that the six components multiply.
+    K, L = np.array(_FIRST), np.array(_SECOND)
+    frame = np.empty((*J.shape, 6, 6))
+    frame[..., :3] = vectors[..., K, :] * vectors[..., L, :]
+    frame[..., 3:] = vectors[..., K[:, None], a] * vectors[..., L[:, None], b]
+    frame[..., 3:] += vectors[..., K[:, None], b] * vectors[..., L[:, None], a]
+    inner = np.zeros((*J.shape, 6, 6))
+    inner[..., :3, :3] = own
+    inner[..., [3, 4, 5], [3, 4, 5]] = 0.5 * shear
+    D = frame @ inner @ frame.swapaxes(-1, -2)
+    S = (frame[..., :3] @ stress[..., None])[..., 0]
+    return np.moveaxis(S, -1, 0), np.moveaxis(D, (-2, -1), (0, 1)).copy()

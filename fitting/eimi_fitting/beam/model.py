@@ -1,0 +1,154 @@
+"""The forward model: parameters in, the beam's shape in every state out, for a whole population at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.equilibrium import Configuration, Solid
+from eimi_fitting.beam.grid import Grid
+from eimi_fitting.beam.loads import Actuation, Loads
+from eimi_fitting.beam.mesh import Indices
+from eimi_fitting.beam.path import Shapes, at_once, candidates, follow
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.laws.law import Law
+
+Array = NDArray[np.float64]
+
+__all__ = ["BeamModel", "Shapes"]
+
+
+class BeamModel:
+    """A specimen's finite-element model: made once, solved for any number of candidates.
+
+    along: elements of the flexible part; across: over the width, following from the proportions unless given; see
+    `Grid`. The magnet is rigid; the model works per unit depth of the specimen, and silicone before and behind a
+    shallower magnet is carried along. Raises ValueError when the magnet leaves no flexible part.
+
+    Examples
+    --------
+    Two candidates of 40 and 50 kPa in two states at once; the stiffer one turns its tip less:
+
+    >>> import numpy as np
+    >>> from eimi_fitting import LAWS, BeamModel, Loads, Magnet, Specimen
+    >>> magnet = Magnet(
+    ...     length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0
+    ... )
+    >>> beam = Specimen(
+    ...     length_mm=30.0, width_mm=3.0, depth_mm=5.0, density_kg_m3=1070.0, section="plane-strain", magnet=magnet
+    ... )
+    >>> model = BeamModel(beam)
+    >>> shapes = model.solve(LAWS["neo-hookean"], np.array([[40e3], [50e3]]), Loads.along([0.0, 5.0]))
+    >>> shapes.converged.tolist()
+    [True, True]
+    >>> soft, stiff = model.tip_angle_deg(shapes)[:, 1]
+    >>> bool(soft > stiff > 0)
+    True
+    """
+
+    def __init__(self, specimen: Specimen, along: int = 13, across: int | None = None) -> None:
+        self.specimen = specimen
+        flexible, width = specimen.flexible_length_mm, specimen.width_mm
+        if flexible <= 0:
+            raise ValueError(
+                f"a {specimen.length_mm - flexible:g} mm magnet leaves nothing of a beam of {specimen.length_mm:g} mm"
+            )
+        if across is None:
+            across = max(1, round(0.5 * along * min(width / flexible, 1.0)))
+        self.along, self.across = along, across
+        self.grid = Grid(specimen, along, across)
+        self.mesh = self.grid.mesh
+        fixed = np.zeros((len(self.mesh.nodes), 2), bool)
+        fixed[self.mesh.column(0)] = True
+        self.solid = Solid(self.mesh, fixed, self.grid.magnet_nodes, (flexible, 0.0), self.grid.pressure_face())
+        self._actuation = Actuation(self.grid, self.solid)
+
+    def __reduce__(self) -> tuple[type[BeamModel], tuple[Specimen, int, int]]:
+        """To another process go the arguments, a thousandth of what is made of them."""
+        return BeamModel, (self.specimen, self.along, self.across)
+
+    def of(self, specimen: Specimen) -> BeamModel:
+        """Another specimen on as many elements."""
+        return BeamModel(specimen, self.along, self.across)
+
+    def refined(self) -> BeamModel:
+        """The same specimen on a mesh twice as fine along and three times across."""
+        return BeamModel(self.specimen, 2 * self.along, 3 * self.across)
+
+    def halved(self) -> BeamModel:
+        """The same specimen on elements of half the size."""
+        return BeamModel(self.specimen, 2 * self.along, 2 * self.across)
+
+    def place(self, points_mm: Array) -> tuple[Indices, Array]:
+        """`Grid.place`: nodes and weights that give the displacement of material points. Raises ValueError."""
+        return self.grid.place(points_mm)
+
+    def positions(self, shapes: Shapes, points_mm: Array) -> Array:
+        """(P, K, n, 2): where the material points (n, 2), given at rest, are in each state. Raises ValueError."""
+        points = np.atleast_2d(np.asarray(points_mm, float))
+        p, k = shapes.status.shape
+        moved = np.empty((p, k, len(points), 2))
+        on_magnet = self.grid.on_magnet(points)
+        nodes, weights = self.place(points[~on_magnet])
+        moved[:, :, ~on_magnet] = points[~on_magnet] + np.einsum(
+            "pknai,na->pkni", shapes.displacement[:, :, nodes], weights
+        )
+        moved[:, :, on_magnet] = self.carried(shapes, points[on_magnet])
+        return moved
+
+    def carried(self, shapes: Shapes, points_mm: Array) -> Array:
+        """(P, K, n, 2): where points (n, 2) of the magnet are in each state."""
+        arm = points_mm - np.array([self.specimen.flexible_length_mm, 0.0])
+        c, s = np.cos(shapes.rigid[..., 2, None]), np.sin(shapes.rigid[..., 2, None])
+        x = self.specimen.flexible_length_mm + shapes.rigid[..., 0, None] + c * arm[:, 0] - s * arm[:, 1]
+        y = shapes.rigid[..., 1, None] + s * arm[:, 0] + c * arm[:, 1]
+        return np.stack([x, y], axis=-1)
+
+    def tip_angle_deg(self, shapes: Shapes) -> Array:
+        """(P, K): rotation of the tip from rest, of the magnet or of the last column of nodes."""
+        if self.specimen.magnet:
+            return np.degrees(shapes.rigid[..., 2])
+        ends = shapes.displacement[:, :, self.mesh.column(-1)[[0, -1]]]
+        across = ends[:, :, 1] - ends[:, :, 0] + np.array([0.0, self.specimen.width_mm])
+        return np.degrees(np.arctan2(-across[..., 0], across[..., 1]))
+
+    def solve(
+        self,
+        law: Law,
+        parameters: Array,
+        loads: Loads,
+        *,
+        tolerance_mm: float = 1e-6,
+        start: Configuration | None = None,
+        bulk_modulus_Pa: Array | None = None,
+        field_factor: Array | None = None,
+        keep: bool = False,
+        near: Configuration | None = None,
+    ) -> Shapes:
+        """Take P candidates, parameters (P, n) in the law's units (Pa), through the K states in order.
+
+        The first state is reached from rest (or from ``start``, the ``last`` of an earlier result), each further one
+        by extrapolation from those before. A step that fails is cut into smaller ones; a candidate that fails for
+        good is marked in this and in all later states, and no longer computed. The material is incompressible unless
+        bulk moduli (P,) are given, which plane stress does not know: ValueError. field_factor (P,) multiplies each
+        candidate's magnetic loads: an uncertain magnetic moment or coil constant.
+
+        keep: `Shapes.every` of the first candidate. near: such, of a beam near this one on as many elements: one
+        candidate is sought in all states at once from there, and state after state only where that fails.
+
+        Raises ValueError for a pressure on a specimen that has no pressure face.
+        """
+        if np.any(loads.pressure_Pa) and self.solid.face is None:
+            raise ValueError("a pressure is given, but the specimen names no face for it")
+        chosen = candidates(law, parameters, self.specimen.planar_section, bulk_modulus_Pa, field_factor)
+        if near is not None:
+            found = at_once(self.solid, self._actuation, chosen, loads, tolerance_mm, near)
+            if found is not None:
+                return found
+        return follow(self.solid, self._actuation, chosen, loads, tolerance_mm, start, keep)
+
+    def element_stretch(self, shapes: Shapes) -> Array:
+        """(P, K, E): largest principal stretch in each element, of its Gauss points."""
+        p, k = shapes.status.shape
+        flat = self.solid.stretch(shapes.displacement.reshape(p * k, -1, 2))
+        return flat.max(axis=2).T.reshape(p, k, -1)

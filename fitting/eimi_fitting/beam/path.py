@@ -1,0 +1,300 @@
+"""The states one after another: load steps, extrapolated starts, smaller steps where one fails."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import prod
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.element import Batch
+from eimi_fitting.beam.equilibrium import Configuration, Solid, Status, combine, joined, loads_joined
+from eimi_fitting.beam.loads import Actuation, Loads
+from eimi_fitting.beam.mesh import Indices
+from eimi_fitting.laws.law import Law, Section
+from eimi_fitting.laws.stability import stable_stretch
+from eimi_fitting.units import MPA_PER_PA, moduli_in_MPa
+
+Array = NDArray[np.float64]
+
+BULK_RATIO = 1e4  # bulk over shear modulus of an incompressible material: changes the tip by less than 1e-4
+# Of any material: a stiffer one bends the same to eight digits, but far above it rounding leaves Newton no equilibrium.
+_MOST_BULK_RATIO = 1e8
+_CUTS = (1, 4, 16, 64)
+_FEW = 6  # iterations of a step that stays on its path, to a tolerance of micrometres; one less to a loose one
+_LOOSE_MM = 1e-3
+_OF_STRAIN, _SMALL_STRAIN = 1.5, 0.02
+_MOST_POINTS = 6  # of the path, that an extrapolation looks at
+
+Path = list[tuple[Array, Configuration]]
+"""Loads (7,) and where the candidates stood under them."""
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """P candidates in K states.
+
+    displacement: (P, K, N, d) mm; rigid: (P, K, 3) mm, mm, rad (rotation of the magnet, zero without one);
+    status: (P, K) Status; iterations: (P, K) tangents factorised; max_stretch: (P, K) largest principal stretch.
+    Rows that are not converged hold the last place reached: look at the status. last: where the candidates stand in the
+    last state; every: where the first one stands in each state, a row a state, if that was asked for.
+    """
+
+    displacement: Array
+    rigid: Array
+    status: NDArray[np.int8]
+    iterations: NDArray[np.intp]
+    max_stretch: Array
+    last: Configuration
+    every: Configuration | None = None
+
+    @property
+    def converged(self) -> NDArray[np.bool_]:
+        """(P,) every state converged."""
+        return np.asarray((self.status == Status.CONVERGED).all(axis=1))
+
+    def take(self, rows: NDArray[np.intp]) -> Shapes:
+        """Some of the candidates, or some of them more than once."""
+        return Shapes(
+            displacement=self.displacement[rows],
+            rigid=self.rigid[rows],
+            status=self.status[rows],
+            iterations=self.iterations[rows],
+            max_stretch=self.max_stretch[rows],
+            last=self.last.take(rows),
+        )
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """P candidates, scaled to MPa, and what each makes of the magnetic loads.
+
+    field_factor: (P,), None for all as they are; sound: (P,) which of them make sense at all.
+    """
+
+    batch: Batch
+    field_factor: Array | None
+    sound: NDArray[np.bool_]
+
+    def take(self, rows: Indices) -> tuple[Batch, Array]:
+        """Some of them, and their factors, or one for all."""
+        batch = self.batch
+        own = Batch(batch.law, batch.parameters[rows], batch.section, batch.bulk[rows])
+        return own, np.ones(1) if self.field_factor is None else self.field_factor[rows]
+
+
+def candidates(
+    law: Law,
+    parameters: Array,
+    section: Section | Literal["solid"],
+    bulk_modulus_Pa: Array | None,
+    field_factor: Array | None,
+) -> Candidates:
+    """Parameters (P, n) in the law's units (Pa), bulk moduli (P,) and factors (P,) as `BeamModel.solve` takes them."""
+    parameters = np.atleast_2d(np.asarray(parameters, float))
+    sound = np.asarray(np.isfinite(parameters).all(axis=1))
+    scaled = moduli_in_MPa(np.where(sound[:, None], parameters, 1.0), law.units)
+    with np.errstate(all="ignore"):
+        mu = law.initial_shear_modulus(scaled)
+    sound = sound & np.isfinite(mu) & (mu > 0)
+    bulk = BULK_RATIO * np.where(sound, mu, 1.0)
+    if bulk_modulus_Pa is not None:
+        if section == "plane-stress":
+            raise ValueError("plane stress is incompressible here: it takes no bulk modulus")
+        given = np.broadcast_to(np.asarray(bulk_modulus_Pa, float) * MPA_PER_PA, bulk.shape)
+        sound = sound & np.isfinite(given) & (given > 0)
+        bulk = np.where(sound, np.minimum(given, _MOST_BULK_RATIO * mu), bulk)
+    factor = None
+    if field_factor is not None:
+        factor = np.broadcast_to(np.asarray(field_factor, float), sound.shape)
+        sound = sound & np.isfinite(factor)
+    return Candidates(Batch(law, scaled, section, bulk), factor, sound)
+
+
+def follow(
+    solid: Solid,
+    actuation: Actuation,
+    chosen: Candidates,
+    loads: Loads,
+    tolerance_mm: float,
+    start: Configuration | None,
+    keep: bool = False,
+) -> Shapes:
+    """Take the candidates through the K states in order; see `BeamModel.solve`; keep: `Shapes.every`."""
+    p, k_states = len(chosen.sound), len(loads)
+    now = solid.rest(p) if start is None else start.copy()
+    shapes = Shapes(
+        np.zeros((p, k_states, *solid.mesh.nodes.shape)),
+        np.zeros((p, k_states, 3)),
+        np.full((p, k_states), Status.DIVERGED, np.int8),
+        np.zeros((p, k_states), np.intp),
+        np.ones((p, k_states)),
+        now,
+    )
+    rows = np.flatnonzero(chosen.sound)
+    path: Path = [(np.zeros(7), solid.rest(p))]
+    near = start
+    for k in range(k_states):
+        load = loads.state(k)
+        with np.errstate(all="ignore"):
+            status, iterations = _advance(solid, actuation, chosen, rows, path, load, now, tolerance_mm, near)
+        shapes.displacement[:, k] = now.displacement
+        shapes.rigid[:, k] = now.rigid
+        shapes.status[rows, k] = status
+        shapes.iterations[rows, k] = iterations
+        rows = rows[status == Status.CONVERGED]
+        shapes.max_stretch[rows, k] = solid.stretch(now.displacement[rows]).max(axis=(0, 2))
+        path.append((load, now.copy()))
+        near = None
+    mark_unstable(chosen, shapes)
+    return replace(shapes, every=joined([own.take(np.arange(1)) for _, own in path[1:]])) if keep else shapes
+
+
+def at_once(
+    solid: Solid, actuation: Actuation, chosen: Candidates, loads: Loads, tolerance_mm: float, near: Configuration
+) -> Shapes | None:
+    """One candidate in all K states together, each from where a beam near it stands: a row of ``near`` a state.
+
+    None where Newton's method does not contract at once from there.
+    """
+    states = np.arange(len(loads))
+    batch, factor = chosen.take(0 * states)
+    every = [actuation.at(loads.state(k), factor[:1]) for k in range(len(loads))]
+    with np.errstate(all="ignore"):
+        found, status, iterations = solid.equilibrium(batch, loads_joined(every), near, tolerance_mm, _FEW)
+        if not (chosen.sound[0] and (status == Status.CONVERGED).all() and _as_foretold(solid, near, found).all()):
+            return None
+    shapes = Shapes(
+        displacement=found.displacement[None],
+        rigid=found.rigid[None],
+        status=status[None],
+        iterations=iterations[None],
+        max_stretch=solid.stretch(found.displacement).max(axis=(0, 2))[None],
+        last=found.take(states[-1:]),
+        every=found,
+    )
+    mark_unstable(chosen, shapes)
+    return shapes
+
+
+def mark_unstable(chosen: Candidates, shapes: Shapes) -> None:
+    """Mark states in equilibrium whose candidate's law is not Drucker-stable over the stretches reached."""
+    batch = chosen.batch
+    limit = stable_stretch(batch.law, batch.parameters, shapes.max_stretch.max(axis=1))
+    beyond = shapes.max_stretch > limit[:, None] * (1 + 1e-9)
+    shapes.status[(shapes.status == Status.CONVERGED) & beyond] = Status.UNSTABLE
+
+
+def _advance(
+    solid: Solid,
+    actuation: Actuation,
+    chosen: Candidates,
+    rows: Indices,
+    path: Path,
+    load: Array,
+    now: Configuration,
+    tolerance_mm: float,
+    near: Configuration | None,
+) -> tuple[NDArray[np.int8], NDArray[np.intp]]:
+    """Bring ``rows`` of ``now`` to the new load: in one step or, where that fails or may stray, in 4, in 16, in 64.
+
+    near: where a load close to this one has led; tried first.
+    """
+    status = np.full(len(rows), Status.DIVERGED, np.int8)
+    iterations = np.zeros(len(rows), np.intp)
+    left = np.arange(len(rows))  # places in ``rows`` that have not arrived
+    for cuts in _CUTS if near is None else (0, *_CUTS):
+        way = [(load, near)] if near is not None and cuts == 0 else path
+        part, outcome, spent, sure = _divided(
+            solid, actuation, chosen, rows[left], way, load, max(cuts, 1), tolerance_mm
+        )
+        arrived = np.flatnonzero(outcome == Status.CONVERGED)
+        now.put(rows[left[arrived]], part.take(arrived))
+        iterations[left] += spent
+        status[left] = np.where(sure | (outcome != Status.CONVERGED), outcome, Status.ASTRAY)
+        left = left[status[left] != Status.CONVERGED]
+        if not len(left):
+            break
+    return status, iterations
+
+
+def _divided(
+    solid: Solid,
+    actuation: Actuation,
+    chosen: Candidates,
+    rows: Indices,
+    path: Path,
+    load: Array,
+    cuts: int,
+    tolerance_mm: float,
+) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp], NDArray[np.bool_]]:
+    """Take ``rows`` from the path's end to the load in equal steps: places, Status, iterations, and who is sure.
+
+    Newton's method that does not contract at once may end at another equilibrium than the one that the loads lead to
+    (Deuflhard 2011, Newton Methods for Nonlinear Problems, section 5.1). Sure is who took few iterations in each step.
+    """
+    few = _FEW - (tolerance_mm > _LOOSE_MM)
+    everyone = len(rows) == len(path[-1][1].rigid)
+    own = path[-_MOST_POINTS:] if everyone else _taken(path, rows)
+    previous = path[-1][0]
+    reached = own[-1][1].copy()
+    status = np.full(len(rows), Status.DIVERGED, np.int8)
+    iterations = np.zeros(len(rows), np.intp)
+    sure = np.ones(len(rows), bool)
+    going = np.arange(len(rows))
+    for c in range(1, cuts + 1):
+        target = previous + (load - previous) * c / cuts
+        # Where whole steps have failed the path through them is no guide to small ones: the first begins where it is.
+        foretold = _extrapolate(own, target) if cuts == 1 or c > 1 else None
+        guess = foretold or own[-1][1]
+        batch, factor = chosen.take(rows[going])
+        part, outcome, spent = solid.equilibrium(batch, actuation.at(target, factor), guess, tolerance_mm)
+        reached.put(going, part)
+        iterations[going] += spent
+        status[going] = outcome
+        sure[going] &= spent <= few
+        if foretold is not None:
+            sure[going] &= _as_foretold(solid, foretold, part)
+        own = [*own, (target, part)]
+        keep = np.flatnonzero((outcome == Status.CONVERGED) & (sure[going] | (cuts == _CUTS[-1])))
+        if len(keep) < len(going):
+            going, own = going[keep], _taken(own, keep)
+        if not len(going):
+            break
+    return reached, status, iterations, sure
+
+
+def _as_foretold(solid: Solid, foretold: Configuration, found: Configuration) -> NDArray[np.bool_]:
+    """(B,): whether the largest strain is of the size that the path foretold; a fold in a corner's is far larger."""
+    before, after = (solid.stretch(c.displacement).max(axis=(0, 2)) - 1 for c in (foretold, found))
+    return np.asarray(after < _OF_STRAIN * before + _SMALL_STRAIN)
+
+
+def _taken(path: Path, rows: Indices) -> Path:
+    return [(load, configuration.take(rows)) for load, configuration in path[-_MOST_POINTS:]]
+
+
+def _extrapolate(path: Path, load: Array) -> Configuration | None:
+    """Lagrange extrapolation along a straight path in load space; None where there is nothing to go by."""
+    if len(path) < 2:
+        return None
+    direction = load - path[-1][0]
+    length2 = float(direction @ direction)
+    if length2 == 0.0:
+        return None
+    places: list[float] = []
+    used: list[Configuration] = []
+    for earlier, configuration in path[:-6:-1]:
+        offset = earlier - path[-1][0]
+        t = float(offset @ direction) / length2
+        # Off the line, ahead, or so close to another point that the polynomial would swing: go no further back.
+        if np.linalg.norm(offset - t * direction) > 1e-9 * np.sqrt(length2) or (places and t > places[-1] - 0.2):
+            break
+        places.append(t)
+        used.append(configuration)
+    if len(places) < 2:
+        return None
+    weights = [prod((1.0 - s) / (t - s) for s in places if s != t) for t in places]
+    return combine(weights, used)

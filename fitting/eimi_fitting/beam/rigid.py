@@ -1,0 +1,62 @@
+"""A rigid body in the silicone: nodes that three unknowns carry along, two translations and a rotation."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.bricks import Bricks
+from eimi_fitting.beam.mesh import Indices, Mesh
+
+Array = NDArray[np.float64]
+
+
+class RigidBody:
+    """The kinematics of the tied nodes and of the elements that hold some of them; in depth nothing moves.
+
+    nodes: (T,) the tied nodes; arms: (T, 2) mm from the reference point at rest; elements: (Et,) those with tied nodes.
+    """
+
+    def __init__(self, mesh: Mesh | Bricks, nodes: Indices, centre: tuple[float, float]) -> None:
+        self.nodes = nodes
+        self.arms = mesh.nodes[nodes, :2] - np.asarray(centre)
+        tied = np.isin(mesh.elements, nodes)
+        self.elements = np.flatnonzero(tied.any(axis=1))
+        tied = tied[self.elements]
+        arms = (mesh.nodes[mesh.elements[self.elements], :2] - np.asarray(centre)) * tied[..., None]
+        (e, n), d = tied.shape, mesh.nodes.shape[1]
+        translation = np.zeros((e, d, n, 2))
+        translation[:, 0, :, 0] = translation[:, 1, :, 1] = tied
+        self._translation = translation.reshape(e, 1, d * n, 2)
+        # The rotation moves a node by R'(theta) times its arm: cos times the first, sin times the second.
+        x, y, rest = arms[..., 0], arms[..., 1], [np.zeros((e, n))] * (d - 2)
+        self._cosine = np.concatenate([-y, x, *rest], axis=1)[:, None]
+        self._sine = np.concatenate([-x, -y, *rest], axis=1)[:, None]
+
+    def carry(self, displacement: Array, rigid: Array) -> None:
+        """Put the tied nodes of (B, N, d) where the body (B, 3) carries them."""
+        c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
+        x, y = self.arms.T
+        displacement[:, self.nodes, 0] = rigid[:, 0:1] + (c - 1) * x - s * y
+        displacement[:, self.nodes, 1] = rigid[:, 1:2] + s * x + (c - 1) * y
+
+    def matrix(self, rigid: Array) -> Array:
+        """(Et, B, unknowns, 3): derivative of the tied local displacements by the body's unknowns, else zero."""
+        c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
+        tie = np.empty((len(self.elements), len(rigid), self._translation.shape[2], 3))
+        tie[..., :2] = self._translation
+        tie[..., 2] = self._cosine * c + self._sine * s
+        return tie
+
+    def stiffness_of_turning(self, force: Array, rigid: Array) -> Array:
+        """(B,): what the forces (E, B, unknowns) on the tied nodes add to the rotation's stiffness."""
+        c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
+        bending = self._sine * c - self._cosine * s  # second derivative of the tied displacements by the rotation
+        return np.asarray(np.sum(bending * force[self.elements], axis=(0, 2)))
+
+
+def dead_moment(tensor: Array, rigid: Array) -> tuple[Array, Array]:
+    """Moment (B,) of a dead load with the potential -tensor : R(theta), and its stiffness (B,)."""
+    c, s = np.cos(rigid[:, 2]), np.sin(rigid[:, 2])
+    even, odd = tensor[:, 0, 0] + tensor[:, 1, 1], tensor[:, 1, 0] - tensor[:, 0, 1]
+    return c * odd - s * even, c * even + s * odd

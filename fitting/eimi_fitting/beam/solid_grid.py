@@ -1,0 +1,96 @@
+"""How a specimen is divided in three dimensions: the planar grid's lines, and elements over half of its depth.
+
+The specimen, its magnet and its loads are alike on both sides of mid-depth (z = 0), which therefore stays plane.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.bricks import Bricks, brick_mesh, shape_functions
+from eimi_fitting.beam.grid import THINNEST, Grid
+from eimi_fitting.beam.mesh import Indices, graded
+from eimi_fitting.beam.specimen import Specimen
+
+Array = NDArray[np.float64]
+
+_SAME_MM = 1e-3  # nearer than this is the same place
+_FEWEST = 2  # one quadratic element over half the depth leaves 0.2 % of the modulus
+_DEEP = 3.0  # depth over width of a part from which it takes one more
+_FINER_AT_EDGE = 3.0  # in depth, toward the magnet's edge
+
+
+def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
+    """Lines over half the depth: two elements or more, of a magnet that is shallower on each side of its edge."""
+    half, edge, width = 0.5 * specimen.depth_mm, 0.5 * magnet_depth, specimen.width_mm
+    if not 0 < edge < half:
+        return np.linspace(0, half, _FEWEST + more + 1)
+    layer = half - edge
+    behind, before = (_FEWEST + more + (part > _DEEP / 2 * width) for part in (edge, layer))
+    fade = 0.5 * min(width, layer)
+    inner = graded(edge, behind, fade, 0.0, _FINER_AT_EDGE)
+    return np.concatenate([inner, edge + graded(layer, before, fade, _FINER_AT_EDGE, 0.0)[1:]])
+
+
+class SolidGrid:
+    """flat: the planar lines; z_mm: those in depth, from mid-depth; mesh: the elements of silicone.
+
+    more: elements in each part of half the depth, behind and before the magnet's face, beyond what is enough. The
+    rest is as in `Grid`.
+    """
+
+    per_specimen = 0.5
+
+    def __init__(self, specimen: Specimen, along: int, across: int, more: int = 0) -> None:
+        self.specimen = specimen
+        magnet, depth = specimen.magnet, specimen.depth_mm
+        deep = magnet.depth_mm if magnet else 0.0
+        shallower = magnet is not None and depth - deep > 2 * THINNEST * specimen.width_mm
+        self.flat = Grid(specimen, along, across, divided=shallower)
+        self.z_mm = _depth_lines(specimen, deep if shallower else depth, more)
+        self.block_mm = (*self.flat.block_mm[:2], deep if shallower else self.flat.block_mm[2])
+        middle = 0.5 * (self.z_mm[1:] + self.z_mm[:-1])
+        inside = self.flat.inside[:, :, None] & (middle < 0.5 * self.block_mm[2])
+        mesh = brick_mesh(self.flat.x_mm, self.flat.y_mm, self.z_mm)
+        self._all = mesh.elements
+        block = np.unique(mesh.elements[inside.ravel()]).astype(np.intp)
+        self.magnet_nodes: Indices | None = block if magnet else None
+        self.mesh: Bricks = replace(mesh, elements=mesh.elements[~inside.ravel()])
+
+    def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
+        """(n,): which points (n, 2) in mid-depth or (n, 3), given at rest, the magnet carries; see `Grid.on_magnet`."""
+        points = np.atleast_2d(np.asarray(points_mm, float))
+        on = self.flat.on_magnet(points[:, :2])
+        if points.shape[1] == 3 and self.block_mm[2] < self.specimen.depth_mm:
+            on &= np.abs(points[:, 2]) <= 0.5 * self.block_mm[2]
+        return on
+
+    def place(self, points_mm: Array) -> tuple[Indices, Array]:
+        """Nodes (n, 27) and weights (n, 27) that give the displacement of material points (n, 3) of the specimen.
+
+        For a point behind mid-depth that of its mirror image. Raises ValueError for a point more than 1 µm outside it.
+        """
+        points = np.atleast_2d(np.asarray(points_mm, float))
+        depth = np.abs(points[:, 2])
+        if np.any(depth > self.z_mm[-1] + _SAME_MM):
+            raise ValueError(f"z = {points[np.argmax(depth), 2]:g} mm is not in the specimen (±{self.z_mm[-1]:g} mm)")
+        self.flat.place(points[:, :2])
+        lines = (self.flat.x_mm, self.flat.y_mm, self.z_mm)
+        cells, local = [], []
+        for line, value in zip(lines, (points[:, 0], points[:, 1], depth), strict=True):
+            s = np.interp(value, line, np.arange(len(line)))
+            cells.append(np.clip(s.astype(int), 0, len(line) - 2))
+            local.append(2 * (s - cells[-1]) - 1)
+        n, k = len(lines[1]) - 1, len(lines[2]) - 1
+        return self._all[(cells[0] * n + cells[1]) * k + cells[2]], shape_functions(*local)[0]
+
+    def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
+        """Nodes (n, 27) and weights (n, 27) that spread a force evenly on the line in depth through a point (2,)."""
+        ends, half = self.z_mm, np.diff(self.z_mm) / 2
+        gauss, weight = np.polynomial.legendre.leggauss(2)
+        z = (ends[:-1, None] + half[:, None] * (1 + gauss)).ravel()
+        nodes, values = self.place(np.column_stack([np.tile(point_mm, (len(z), 1)), z]))
+        return nodes, values * ((half[:, None] * weight).ravel() / ends[-1])[:, None]

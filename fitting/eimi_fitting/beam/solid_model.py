@@ -1,0 +1,96 @@
+"""The specimen as the solid that it is: one candidate's shape in every state, in three dimensions."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.equilibrium import Configuration, Solid
+from eimi_fitting.beam.loads import Actuation, Loads
+from eimi_fitting.beam.path import Shapes, candidates, follow
+from eimi_fitting.beam.solid_grid import SolidGrid
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.laws.law import Law
+
+Array = NDArray[np.float64]
+
+
+class SolidModel:
+    """The solid model of a specimen, whose planar section is of no account.
+
+    along, across: the lines of `BeamModel` of the same numbers; more: as in `SolidGrid`. The magnet is
+    rigid, silicone beside, before and behind it soft. Raises ValueError when the magnet leaves no flexible part, and
+    for a specimen with a face under pressure, which this model does not take.
+    """
+
+    def __init__(self, specimen: Specimen, along: int = 26, across: int = 3, more: int = 0) -> None:
+        flexible = specimen.flexible_length_mm
+        if flexible <= 0:
+            raise ValueError(
+                f"a {specimen.length_mm - flexible:g} mm magnet leaves nothing of a beam of {specimen.length_mm:g} mm"
+            )
+        if specimen.pressure_face is not None:
+            raise ValueError("the solid model takes no pressure_face: choose a planar section")
+        self.specimen, self.along, self.across, self.more = specimen, along, across, more
+        self.grid = SolidGrid(specimen, along, across, more)
+        self.mesh = self.grid.mesh
+        numbers = self.mesh.numbers
+        fixed = np.zeros((len(self.mesh.nodes), 3), bool)
+        fixed[numbers[0].ravel()] = True
+        fixed[numbers[:, :, 0].ravel(), 2] = True
+        self.solid = Solid(self.mesh, fixed, self.grid.magnet_nodes, (flexible, 0.0))
+        self.actuation = Actuation(self.grid, self.solid)
+
+    def __reduce__(self) -> tuple[type[SolidModel], tuple[Specimen, int, int, int]]:
+        """As `BeamModel` is sent."""
+        return SolidModel, (self.specimen, self.along, self.across, self.more)
+
+    def solve(
+        self,
+        law: Law,
+        parameters: Array,
+        loads: Loads,
+        *,
+        tolerance_mm: float = 1e-5,
+        start: Configuration | None = None,
+        bulk_modulus_Pa: Array | None = None,
+        field_factor: Array | None = None,
+    ) -> Shapes:
+        """As `BeamModel.solve`, with displacements (P, K, N, 3). Raises ValueError for a pressure."""
+        if np.any(loads.pressure_Pa):
+            raise ValueError("the solid model takes no pressure_Pa: choose a planar section")
+        chosen = candidates(law, parameters, "solid", bulk_modulus_Pa, field_factor)
+        return follow(self.solid, self.actuation, chosen, loads, tolerance_mm, start)
+
+    def tip_angle_deg(self, shapes: Shapes) -> Array:
+        """(P, K): rotation of the tip from rest, of the magnet or of the last nodes in mid-depth."""
+        if self.specimen.magnet:
+            return np.degrees(shapes.rigid[..., 2])
+        ends = shapes.displacement[:, :, self.mesh.numbers[-1, [0, -1], 0], :2]
+        across = ends[:, :, 1] - ends[:, :, 0] + np.array([0.0, self.specimen.width_mm])
+        return np.degrees(np.arctan2(-across[..., 0], across[..., 1]))
+
+    def element_stretch(self, shapes: Shapes) -> Array:
+        """(P, K, E): largest principal stretch in each element, of its Gauss points."""
+        p, k = shapes.status.shape
+        flat = self.solid.stretch(shapes.displacement.reshape(p * k, -1, 3))
+        return flat.max(axis=2).T.reshape(p, k, -1)
+
+    def positions(self, shapes: Shapes, points_mm: Array) -> Array:
+        """(P, K, n, 3): where material points (n, 3), given at rest, are in each state; z = 0 is mid-depth.
+
+        Raises ValueError for a point that is not on the specimen.
+        """
+        points = np.atleast_2d(np.asarray(points_mm, float))
+        moved = np.empty((*shapes.status.shape, len(points), 3))
+        on_magnet = self.grid.on_magnet(points)
+        nodes, weights = self.grid.place(points[~on_magnet])
+        step = np.einsum("pknai,na->pkni", shapes.displacement[:, :, nodes], weights)
+        step[..., 2] *= np.where(points[~on_magnet, 2] < 0, -1, 1)
+        moved[:, :, ~on_magnet] = points[~on_magnet] + step
+        arm = points[on_magnet, :2] - [self.specimen.flexible_length_mm, 0.0]
+        x, y, turn = np.moveaxis(shapes.rigid[..., None], -2, 0)
+        moved[:, :, on_magnet, 0] = points[on_magnet, 0] + x + (np.cos(turn) - 1) * arm[:, 0] - np.sin(turn) * arm[:, 1]
+        moved[:, :, on_magnet, 1] = points[on_magnet, 1] + y + np.sin(turn) * arm[:, 0] + (np.cos(turn) - 1) * arm[:, 1]
+        moved[:, :, on_magnet, 2] = points[on_magnet, 2]
+        return moved

@@ -1,0 +1,96 @@
+"""The specimen as the mechanics sees it: a beam of soft material, perhaps with a magnet at its tip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+import eimi_fitting.laws.law as law
+
+Section = Literal["solid", law.Section]
+VACUUM_PERMEABILITY = 4e-7 * np.pi  # T m / A
+STANDARD_GRAVITY = 9.80665  # m / s²
+
+
+@dataclass(frozen=True)
+class Magnet:
+    """A block magnet in the middle of the beam's width, magnetised along the beam toward the tip.
+
+    It lies at the distal end, or ``tip_offset_mm`` before it. Silicone surrounds it where the specimen is wider, longer
+    or deeper; the deeper part is carried rigidly by a planar model.
+
+    Examples
+    --------
+    >>> magnet = Magnet(
+    ...     length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0
+    ... )
+    >>> round(magnet.moment_A_m2, 4)
+    0.0229
+    """
+
+    length_mm: float
+    width_mm: float
+    depth_mm: float
+    remanence_T: float
+    density_kg_m3: float
+    tip_offset_mm: float = 0.0
+
+    @property
+    def moment_A_m2(self) -> float:
+        """Dipole moment: remanence / mu0 times volume."""
+        volume_m3 = self.length_mm * self.width_mm * self.depth_mm * 1e-9
+        return self.remanence_T / VACUUM_PERMEABILITY * volume_m3
+
+
+@dataclass(frozen=True)
+class PressureFace:
+    """Where a pressure acts: the left (y < 0) or the right face, from ``from_mm`` to ``to_mm`` (None: the tip)."""
+
+    side: Literal["left", "right"]
+    from_mm: float = 0.0
+    to_mm: float | None = None
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """A straight beam, clamped at x = 0, the magnet's length included in ``length_mm``.
+
+    Beam frame: x from the clamp to the tip, y across, origin at the middle of the clamp line; width is along y,
+    depth out of the plane. ``tip_load_mm`` is where a tip force acts (middle of the tip unless given).
+    ``section`` says what is taken of its depth: all of it, or a planar assumption. ``magnetisation_A_per_m`` is that of
+    a silicone cast with magnetic powder, in the beam frame at rest.
+
+    Examples
+    --------
+    >>> magnet = Magnet(
+    ...     length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0
+    ... )
+    >>> beam = Specimen(
+    ...     length_mm=30.0, width_mm=3.0, depth_mm=5.0, density_kg_m3=1070.0, section="plane-strain", magnet=magnet
+    ... )
+    >>> beam.flexible_length_mm
+    26.0
+    """
+
+    length_mm: float
+    width_mm: float
+    depth_mm: float
+    density_kg_m3: float
+    section: Section = "solid"
+    magnet: Magnet | None = None
+    tip_load_mm: tuple[float, float] | None = None
+    magnetisation_A_per_m: tuple[float, float] = (0.0, 0.0)
+    pressure_face: PressureFace | None = None
+
+    @property
+    def planar_section(self) -> law.Section:
+        """Of a planar model: plane stress, where the specimen is a solid, which it is nearest to."""
+        return "plane-stress" if self.section == "solid" else self.section
+
+    @property
+    def flexible_length_mm(self) -> float:
+        """Length between the clamp and the magnet."""
+        magnet = self.magnet
+        return self.length_mm - (magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0)

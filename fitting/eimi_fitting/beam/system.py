@@ -1,0 +1,116 @@
+"""The linear system of a Newton step: the nodes' band and the three unknowns of a rigid body, for a whole batch.
+
+A body at the end of the beam couples to the last few nodes: its rows fit in the band. A body with silicone around it
+couples to many columns and would widen the band; its three rows then border the matrix, and are eliminated by their
+Schur complement, which costs three more right-hand sides.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from eimi_fitting.beam.band import BandAssembly, BandFactor, bounded, factorise
+from eimi_fitting.beam.mesh import Indices
+
+Array = NDArray[np.float64]
+Sound = NDArray[np.bool_]
+
+_LOWER = np.tril_indices(3)
+
+
+class System:
+    """dofs: (E, d) number of each local unknown, -1 where it is fixed or tied; n: number of free unknowns.
+
+    tied: elements that hold nodes of a rigid body, None without one.
+    """
+
+    def __init__(self, dofs: Indices, n: int, tied: Indices | None) -> None:
+        self.n = n
+        self._tied = tied
+        self._assembly = BandAssembly(dofs, n)
+        self._in_band = False
+        if tied is not None:
+            own = dofs[tied].ravel()
+            free = np.flatnonzero(own >= 0)
+            self._columns, place = np.unique(own[free], return_inverse=True)
+            self._gather = csr_array((np.ones(len(free)), (place, free)), shape=(len(self._columns), own.size))
+            self._in_band = n + 2 - int(self._columns[0]) <= self._assembly.bandwidth
+            if self._in_band:
+                self._assembly = BandAssembly(dofs, n + 3)
+                # Places in the lower band (n + 3, w): entry (i, j) stands at row j, column i - j.
+                w = self._assembly.bandwidth + 1
+                rows = n + np.arange(3)[:, None]
+                self._row_places = (self._columns * w + rows - self._columns).ravel()
+                self._corner_places = (n + _LOWER[1]) * w + _LOWER[0] - _LOWER[1]
+
+    def solve(
+        self,
+        stiffness: Array,
+        force: Array,
+        right: Array,
+        body: tuple[Array, Array, Array] | None,
+        sound: Sound,
+        symmetric: bool,
+    ) -> tuple[Array, Array, Sound]:
+        """Assemble the stiffness (E, B, d, d) and the forces (E, B, d), solve K x = right - forces.
+
+        right: (B or 1, n); body: how its elements' unknowns follow it (Et, B, d, 3), the further stiffness of its
+        rotation (B,), and its own right-hand side (B or 1, 3). Returns the steps of the nodes (B, n) and of the body
+        (B, 3), and which candidates could be solved; the others' steps are zero.
+        """
+        rest = right - self._assembly.vector(force)[:, : self.n]
+        if body is None:
+            factor = self._factor(self._assembly.matrix(stiffness), stiffness, None, sound & bounded(rest), symmetric)
+            return factor.solve(rest), np.zeros((len(rest), 3)), factor.sound
+        tie, turning, pull = body
+        own, follow = stiffness[self._tied], tie.swapaxes(-1, -2)
+        rows = np.matmul(follow, own)  # (Et, B, 3, d)
+        corner = np.matmul(rows, tie).sum(axis=0)
+        corner[:, 2, 2] += turning
+        pull = pull - np.matmul(follow, force[self._tied][..., None])[..., 0].sum(axis=0)
+        both = np.concatenate([rest, pull], axis=1)
+        sound = sound & bounded(both)
+        rows = self._reach(rows)
+        columns = rows if symmetric else self._reach(np.matmul(follow, own.swapaxes(-1, -2)))
+        if self._in_band:
+            band = self._put(self._assembly.matrix(stiffness), rows, corner)
+            factor = self._factor(band, stiffness, (columns, corner.swapaxes(-1, -2)), sound, symmetric)
+            step = factor.solve(both)
+            return step[:, : self.n], step[:, self.n :], factor.sound
+        factor = self._factor(self._assembly.matrix(stiffness), stiffness, None, sound, symmetric)
+        sides = np.zeros((4, *rest.shape))
+        sides[0] = rest
+        sides[1:, :, self._columns] = columns.transpose(1, 0, 2)
+        steps = factor.solve(sides)
+        reached = steps[:, :, self._columns].transpose(1, 2, 0)  # (B, m, 4)
+        schur = np.concatenate([pull[..., None], corner], axis=2) - np.matmul(rows, reached)
+        sound = factor.sound & np.isfinite(schur).all(axis=(1, 2))
+        matrix = np.where(sound[:, None, None], schur[..., 1:], np.eye(3))
+        sound = sound & (np.linalg.det(matrix) != 0)
+        matrix = np.where(sound[:, None, None], matrix, np.eye(3))
+        rigid = np.linalg.solve(matrix, schur[..., :1] * sound[:, None, None])[..., 0]
+        nodes = steps[0] - np.einsum("rbn,br->bn", steps[1:], rigid)
+        return nodes * sound[:, None], rigid, sound
+
+    def _reach(self, rows: Array) -> Array:
+        """Rows of the tied elements (Et, B, 3, d) -> (B, 3, m) over the free unknowns that they reach."""
+        e, b, _, d = rows.shape
+        total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)
+        return np.ascontiguousarray(total.T).reshape(b, 3, -1)
+
+    def _put(self, band: Array, rows: Array, corner: Array) -> Array:
+        """Write the body's rows and corner into the lower band, whose last three unknowns they are."""
+        flat = band.reshape(len(band), -1)
+        flat[:, self._row_places] = rows.reshape(len(rows), -1)
+        flat[:, self._corner_places] = corner[:, _LOWER[0], _LOWER[1]]
+        return band
+
+    def _factor(
+        self, lower: Array, stiffness: Array, body: tuple[Array, Array] | None, sound: Sound, symmetric: bool
+    ) -> BandFactor:
+        if symmetric:
+            return factorise(lower, sound)
+        upper = self._assembly.matrix(np.ascontiguousarray(stiffness.swapaxes(-1, -2)))
+        return factorise(lower, sound, self._put(upper, *body) if body else upper)

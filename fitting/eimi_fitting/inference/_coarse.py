@@ -1,0 +1,32 @@
+"""Experiments as the search sees them: on the coarse mesh and with few points of each edge.
+
+The search only leads the polish near: what the coarse mesh is off by (a few thousandths of a millimetre) is more than
+what the points left out would add.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.measurements import EdgeObservation, Observation
+
+POINTS_OF_EDGE = 25  # about two an element
+
+
+def coarsened(experiments: Sequence[Experiment]) -> list[Experiment]:
+    """The same states on the mesh of `BeamModel`'s defaults, with every so-many-th point of each edge."""
+    return [
+        dataclasses.replace(e, model=BeamModel(e.model.specimen), observed=_thinned(e.observed)) for e in experiments
+    ]
+
+
+def _thinned(observed: Observation) -> Observation:
+    if not isinstance(observed, EdgeObservation):
+        return observed
+    stride = max(observed.points_mm.shape[2] // POINTS_OF_EDGE, 1)
+    return dataclasses.replace(
+        observed, points_mm=observed.points_mm[:, :, ::stride], sigma_mm=observed.sigma_mm[:, :, ::stride]
+    )

@@ -1,0 +1,172 @@
+"""What stated uncertainties do to the residuals, and through them to the estimate (consider covariance).
+
+A source that is not freed keeps its stated value in the fit, and its error moves the optimum: by the step that a change
+of the residuals of one standard uncertainty asks for. With the sensitivities S of the estimate and the uncertainties u,
+the covariance of noise and priors grows by S diag(u^2) S' (Schmidt 1966, Adv. Control Syst. 3:293; Tapley, Schutz and
+Born 2004, Statistical Orbit Determination, section 6.3). The residuals' derivatives are differences of the planar model
+on the coarse mesh at the optimum. A source bends the beam a little only: all states are sought at once from where the
+beam stands as stated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.equilibrium import Configuration, Status
+from eimi_fitting.beam.model import BeamModel, Shapes
+from eimi_fitting.inference._quadratic import step_to_minimum
+from eimi_fitting.inference.covariance import Linearisation
+from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.objective import Problem
+from eimi_fitting.inference.sources import SOURCES
+from eimi_fitting.inference.unknowns import Setup, SharedUnknowns, shared
+from eimi_fitting.laws.law import Law
+
+Array = NDArray[np.float64]
+
+# Of the standard uncertainty: within one the beam answers in proportion, to a per cent. The others are for what has no
+# equilibrium one way.
+_STEPS = (0.5, -0.5, 0.05)
+_TOLERANCE_MM = 1e-3  # of the last Newton step: what it leaves is far below the smallest change that counts
+
+
+@dataclass(frozen=True)
+class ConsideredSources:
+    """One number that is uncertain: a part of a source, and what one standard uncertainty of it does.
+
+    name: in a result; changes: of the residuals of each experiment, (K, G, m) mm, None where it is not concerned.
+    """
+
+    name: str
+    shared: SharedUnknowns
+    changes: tuple[Array | None, ...]
+
+    @property
+    def standard_uncertainty(self) -> float:
+        """In its source's unit; above zero."""
+        return self.shared.standard_uncertainty or 0.0
+
+
+def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
+    """What the experiments state as uncertain, is not freed, and is not counted by what is freed."""
+    freed = {nuisance.source for nuisance in problem.unknowns.freed}
+    counted = freed.union(*(SOURCES[source].covers for source in freed))
+    stated = [experiment.stated for experiment in problem.experiments]
+    return tuple(
+        group
+        for source in SOURCES
+        if source not in counted
+        for group in shared(source, stated)
+        if group.standard_uncertainty
+    )
+
+
+def considered(problem: Problem, unit: Array) -> tuple[ConsideredSources, ...]:
+    """What each stated source does to the residuals at an optimum ``unit`` (n,).
+
+    A source whose deviations leave no equilibrium is left out; `sources_of` has it all the same.
+    """
+    numbers = [(group, part) for group in sources_of(problem) for part in range(len(SOURCES[group.source].parts))]
+    if not numbers:
+        return ()
+    changes = [_changes(problem, unit, index, numbers) for index in range(len(problem.experiments))]
+    every = (
+        ConsideredSources(group.part_name(part, len(changes)), group, tuple(own[i] for own in changes))
+        for i, (group, part) in enumerate(numbers)
+    )
+    return tuple(c for c in every if any(change is not None for change in c.changes))
+
+
+def _changes(
+    problem: Problem, unit: Array, index: int, numbers: Sequence[tuple[SharedUnknowns, int]]
+) -> list[Array | None]:
+    """(K, G, m) of one experiment for each of the numbers, for one standard uncertainty more."""
+    freed = [
+        (n.source, n.part, float(n.value(unit[column])))
+        for column, n in enumerate(problem.unknowns.freed, problem.unknowns.searched)
+        if index in n.datasets
+    ]
+    (_, deviations), *_ = problem.unknowns.bent(unit[None], len(problem.experiments))
+    candidate = Candidate(
+        problem.law, problem.unknowns.parameters(unit[None]), problem.unknowns.bulk_modulus_Pa(unit[None]), tuple(freed)
+    )
+    own = [(i, number) for i, number in enumerate(numbers) if index in number[0].datasets]
+    sizes = [(group.source, part, group.standard_uncertainty or 0.0) for _, (group, part) in own]
+    found: list[Array | None] = [None] * len(numbers)
+    changes = changes_by(candidate, problem.experiments[index].under(deviations[index]), sizes)
+    for (i, _), change in zip(own, changes, strict=True):
+        found[i] = change
+    return found
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One candidate: a law with parameters (1, n), perhaps a bulk modulus (1,), and (source, part, deviation) freed."""
+
+    law: Law
+    parameters: Array
+    bulk_modulus_Pa: Array | None = None
+    freed: tuple[tuple[str, int, float], ...] = ()
+
+
+def changes_by(
+    candidate: Candidate, experiment: Experiment, numbers: Sequence[tuple[str, int, float]]
+) -> list[Array | None]:
+    """(K, G, m) mm: what deviations of (source, part, size) change in a candidate's residuals.
+
+    By differences of the planar model on the coarse mesh; None where that finds no equilibrium.
+    """
+    experiment = replace(experiment, model=BeamModel(experiment.model.specimen), solid=None, change=None)
+    as_stated = Setup.of(candidate.freed, 1)
+    here = _bent(candidate, experiment, as_stated)
+    if not _in_equilibrium(here):
+        return [None] * len(numbers)
+    residuals = experiment.observed.misfit(experiment.model, here, as_stated).residuals[0]
+
+    def change(key: str, part: int, size: float) -> Array | None:
+        source = SOURCES[key]
+        for step in _STEPS:
+            deviation = step * size * np.eye(len(source.parts))[part]
+            other = experiment.under({key: deviation}) if source.bends else experiment
+            setup = Setup.of([*candidate.freed, (key, part, step * size)], 1)
+            there = _bent(candidate, other, setup, here.every) if source.bends or source.field else here
+            if _in_equilibrium(there):
+                return np.asarray(other.observed.misfit(other.model, there, setup).residuals[0] - residuals) / step
+        return None
+
+    return [change(*number) for number in numbers]
+
+
+def _bent(candidate: Candidate, experiment: Experiment, setup: Setup, near: Configuration | None = None) -> Shapes:
+    return experiment.model.solve(
+        candidate.law,
+        candidate.parameters,
+        experiment.loads,
+        tolerance_mm=_TOLERANCE_MM,
+        bulk_modulus_Pa=candidate.bulk_modulus_Pa,
+        field_factor=setup.field_factor,
+        keep=True,
+        near=near,
+    )
+
+
+def _in_equilibrium(shapes: Shapes) -> bool:
+    return bool(np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all())
+
+
+def steps_of(about: Linearisation, sources: Sequence[ConsideredSources]) -> tuple[Array, Array]:
+    """(S, n) each: how far one standard uncertainty more, and one less, moves the optimum within its bounds."""
+    n = len(about.unit)
+    more, less = np.zeros((2, len(sources), n))
+    for i, source in enumerate(sources):
+        score = np.zeros(n)
+        for own, change in zip(about.states, source.changes, strict=True):
+            if change is not None:
+                score += own.score(change)
+        more[i] = step_to_minimum(about.unit, score, about.hessian)
+        less[i] = step_to_minimum(about.unit, -score, about.hessian)
+    return more, less

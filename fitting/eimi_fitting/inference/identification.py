@@ -1,0 +1,408 @@
+"""Evolutionary identification: CMA-ES searches the parameters whose simulated edges lie on the measured ones.
+
+After Di Lecce et al. 2022 (Front. Robot. AI 8:790571): a search on a coarse mesh, a polish on a finer one, another with
+what a still finer one changes in the edges, and what the numbers are worth.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.inference._coarse import coarsened
+from eimi_fitting.inference.checks import (
+    Doubt,
+    check_determined,
+    check_explained,
+    common_doubts,
+    curve_doubts,
+    doubts,
+    slip_doubts,
+)
+from eimi_fitting.inference.common_error import common_errors
+from eimi_fitting.inference.considered import considered
+from eimi_fitting.inference.corrections import (
+    FINER_MESH,
+    SOLID,
+    Correction,
+    Refinement,
+    correction,
+    polished,
+    refinements,
+)
+from eimi_fitting.inference.covariance import independent_points
+from eimi_fitting.inference.estimate import Effect, Estimate, estimate
+from eimi_fitting.inference.experiment import DISCARDED_MM, Comparison, Experiment
+from eimi_fitting.inference.modulus_range import NothingConverged, scanned, within
+from eimi_fitting.inference.named_causes import doubtful_loads
+from eimi_fitting.inference.noise import linearise_noise
+from eimi_fitting.inference.objective import Evaluation, Problem
+from eimi_fitting.inference.polish import ENOUGH, Optimum, Polish, polish
+from eimi_fitting.inference.search import Discards, Generation, Objectives, Run, SearchResult, search
+from eimi_fitting.inference.tensile_curves import TensileCurve, TensileEvidence
+from eimi_fitting.inference.unknowns import Prior, Unknowns, nuisances
+from eimi_fitting.laws import LAWS, Law
+from eimi_fitting.laws.search_space import search_space
+from eimi_fitting.laws.stability import LARGEST_STRETCH_CHECKED, stable_up_to
+
+Array = NDArray[np.float64]
+
+_INDEPENDENT_A_STATE = 20.0  # points: a guess for the search alone, which only the polish needs better
+# Of the logarithm of N: a prior that counts for that much more or less moves nothing worth a polish. Measured with
+# moment and roll freed on a virtual specimen: by no more than 0.004 standard deviations.
+_SAME_COUNT = 0.3
+# The solid's correction is found again where it moved the modulus by this much, in per cent, but not without end. A
+# pass that raises the error by a hundredth is not taken.
+_STAYS_PERCENT, _MOST_PASSES, _NOT_WORSE = 0.05, 3, 1.01
+# Of the modulus: what the solid's mesh leaves at least, which is 0.05 at most for the specimens of
+# `benchmarks.hidden_solids`, and what a Newton step of the tolerance and the states between leave.
+_UNSURE_PERCENT = 0.15
+_LOOSE = 1e-2  # of the objective: what a step gains before the solid is known
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit(Estimate):
+    """An identified law: what is known of it, the errors that it leaves, and how it was found.
+
+    Beside what every `Estimate` holds: error_mm, deviation_mm: (K,) by state; curves: the tensile curves and how well
+    the law fits them alone, curve_rmse_Pa: and here; stable_to: largest stretch up to which the law is stable (None: no
+    limit met); stop: why the search ended.
+
+    Examples
+    --------
+    Made by `identify`; of a ``fit`` one reads
+
+    - ``fit.initial_shear_modulus.value`` and its ``interval_95``, in Pa,
+    - ``fit.parameters["mu"]`` and so on,
+    - ``fit.identifiability.statement``, what the data fix in words.
+
+    >>> from eimi_fitting import Fit
+    >>> sorted(name for name in ("mean_error_mm", "values") if hasattr(Fit, name))
+    ['mean_error_mm', 'values']
+    """
+
+    law: Law
+    error_mm: Array
+    deviation_mm: Array
+    max_stretch: float
+    curves: tuple[TensileEvidence, ...]
+    curve_rmse_Pa: tuple[float, ...]
+    doubts: tuple[Doubt, ...]
+    stable_to: float | None
+    stability_checked_to: float
+    history: tuple[Generation, ...]
+    runs: tuple[Run, ...]
+    polish: Polish
+    evaluations: int
+    discarded: Discards
+    stop: str
+    seed: int
+    wall_s: float
+
+    @property
+    def values(self) -> Array:
+        """(n,): the parameters in the law's own order and units."""
+        return np.array([quantity.value for quantity in self.parameters.values()])
+
+    @property
+    def mean_error_mm(self) -> float:
+        """Of all states."""
+        return float(np.mean(self.error_mm))
+
+    @property
+    def mean_deviation_mm(self) -> float:
+        """Of all states."""
+        return float(np.mean(self.deviation_mm))
+
+
+def identify(
+    model: str,
+    experiments: Sequence[Experiment],
+    *,
+    free: Sequence[Prior] = (),
+    free_bulk: bool = False,
+    tensile: Sequence[TensileCurve] = (),
+    seed: int = 1,
+    population: int | None = None,
+    most_generations: int = 400,
+    restarts: int = 0,
+    bipop: bool = False,
+    replay: Sequence[Objectives] = (),
+    progress: Callable[[Generation, Objectives], None] | None = None,
+) -> Fit:
+    """Identify one law from one or several experiments.
+
+    The search runs on the coarse mesh of `BeamModel`'s defaults, with nuisances as stated, over the moduli that a scan
+    finds worth it (`inference.modulus_range`); the polish, the errors and
+    the intervals use the experiments' own models, corrected by what better ones change in the residuals
+    (`inference.corrections`).
+
+    Parameters
+    ----------
+    model : str
+        A key of `LAWS`.
+    experiments : sequence of Experiment
+        What was done and seen, fitted together.
+    free : sequence of Prior
+        Nuisances that are freed, with their priors.
+    free_bulk : bool
+        Search the bulk modulus too.
+    tensile : sequence of TensileCurve
+        Curves that the law has to follow as well.
+    seed, population, most_generations, restarts, bipop, replay, progress
+        Of the search, see `inference.search.search`; ``progress`` is called once a generation.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    NamedCause
+        A slip in the loads is why no material explains what was seen.
+    NothingActs
+        No load bends the specimen in any state.
+    NothingConverged
+        No candidate could be simulated.
+    NotExplained
+        A state's edges are nowhere near.
+    NotDetermined
+        One state alone, which leaves the modulus open.
+    CannotFit
+        For a tensile curve.
+    OtherSearch
+        ``replay`` is of another search.
+    ValueError
+        For a free bulk modulus in plane stress, and for a nuisance whose uncertainty nobody states.
+    KeyError
+        For an unknown law.
+
+    Examples
+    --------
+    A strip of 46 kPa bends under tip forces of 1 and 2 mN; nine points along its middle line are tracked.
+
+    >>> import numpy as np
+    >>> from eimi_fitting import LAWS, BeamModel, Experiment, Loads, PointObservation, Specimen, identify
+    >>> strip = Specimen(
+    ...     length_mm=30.0, width_mm=3.0, depth_mm=10.0, density_kg_m3=1070.0, section="plane-stress"
+    ... )
+    >>> model = BeamModel(strip)
+    >>> loads = Loads.along([0.0, 0.0], gravity_angle_deg=90.0, tip_force_N=[0.001, 0.002])
+    >>> rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
+    >>> moved = model.positions(model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads), rest)[0]
+    >>> seen = PointObservation(np.tile(rest, (2, 1, 1)), moved, np.full((2, 9), 0.01))
+    >>> fit = identify("neo-hookean", [Experiment(model, loads, seen)])
+    >>> bool(abs(fit.parameters["mu"].value - 46e3) < 1000)
+    True
+    """
+    begun = time.perf_counter()
+    stated = _problem(model, experiments, free, free_bulk, tensile)
+    coarse = replace(stated, experiments=tuple(coarsened(stated.experiments)))
+    guessed = _INDEPENDENT_A_STATE * sum(len(experiment.loads) for experiment in experiments)
+    beam_alone = replace(coarse, curves=())
+    scan = scanned(beam_alone, guessed)
+    slips = doubtful_loads(beam_alone, scan, guessed)
+    bounds_Pa = scan.searched()
+    problem = within(stated, bounds_Pa)
+    found = _search(
+        within(coarse, bounds_Pa),
+        guessed,
+        seed=seed,
+        population=population,
+        most_generations=most_generations,
+        restarts=restarts,
+        bipop=bipop,
+        replay=replay,
+        progress=progress,
+    )
+    refined = refine(problem, found.unit, seed)
+    problem, optimum = refined.problem, refined.optimum
+    final = optimum.evaluation.comparison
+    # Where a freed source changes the specimen the candidates have no mesh in common, but the optimum has one.
+    alone = final if final.shapes else problem.evaluate(optimum.unit[None], guessed).comparison
+    alike = common_errors(alone.shapes, final.misfits, optimum.distance, problem.experiments, problem.unknowns)
+    check_explained(final, experiments, alike, bool(problem.curves))
+    due = refinements(experiments)
+    check_determined(refined.estimate, experiments)
+    in_problem = {effect.correction.refinement for effect in refined.effects}
+    parameters = problem.unknowns.parameters(optimum.unit[None])
+    curve_rmse_Pa = tuple(
+        float(np.sqrt(np.mean(curve.residuals_Pa(problem.law, parameters) ** 2))) for curve in problem.curves
+    )
+    return Fit(
+        **vars(refined.estimate),
+        law=problem.law,
+        error_mm=final.error_mm[0],
+        deviation_mm=final.deviation_mm[0],
+        max_stretch=float(final.max_stretch[0]),
+        curves=problem.curves,
+        curve_rmse_Pa=curve_rmse_Pa,
+        doubts=(
+            *slip_doubts(slips),
+            *doubts(
+                final,
+                experiments,
+                [*(r.doubt for r in due if r not in in_problem), *refined.estimate.not_considered],
+            ),
+            *common_doubts(final, alike),
+            *curve_doubts(problem.curves, curve_rmse_Pa),
+        ),
+        stable_to=stable_up_to(problem.law, parameters[0]),
+        stability_checked_to=LARGEST_STRETCH_CHECKED,
+        history=found.history,
+        runs=found.runs,
+        polish=refined.polish,
+        evaluations=found.evaluations,
+        discarded=found.discarded,
+        stop=found.stop,
+        seed=seed,
+        wall_s=time.perf_counter() - begun,
+    )
+
+
+@dataclass(frozen=True)
+class SearchEnd:
+    """Where the polishes led: the problem with its corrections, its optimum, what they moved, and what it is worth."""
+
+    problem: Problem
+    optimum: Optimum[Evaluation]
+    effects: tuple[Effect, ...]
+    polish: Polish
+    estimate: Estimate
+
+
+def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
+    """All that follows a search: polish, corrections and intervals, from unit coordinates (n,) near the optimum."""
+    solid = SOLID in refinements(problem.experiments)
+    first = _polished(problem, unit, enough=_LOOSE if solid else ENOUGH)
+    problem, optimum, effects = _corrected(problem, first)
+    names = [refinement.name for refinement in refinements(problem.experiments)]
+    estimated = estimate(problem, optimum, effects, names, seed)
+    return SearchEnd(problem, optimum, effects, first.polish, estimated)
+
+
+def _problem(
+    model: str,
+    experiments: Sequence[Experiment],
+    free: Sequence[Prior],
+    free_bulk: bool,
+    tensile: Sequence[TensileCurve],
+) -> Problem:
+    law, space = LAWS[model], search_space(LAWS[model])
+    if free_bulk:
+        if any(experiment.model.specimen.section != "plane-strain" for experiment in experiments):
+            raise ValueError("the search knows a bulk modulus in plane strain alone: no other section can free it")
+        space = space.with_bulk()
+    return Problem(
+        law,
+        Unknowns(space, nuisances(free, len(experiments), [e.stated for e in experiments])),
+        tuple(polished(e) for e in experiments),
+        tuple(TensileEvidence.of(curve, model) for curve in tensile),
+    )
+
+
+def _search(coarse: Problem, independent_points: float, **options: Any) -> SearchResult:
+    """The search on the coarse mesh. Raises NothingConverged."""
+    found = search(
+        lambda units: coarse.evaluate(units, independent_points),
+        coarse.unknowns.searched,
+        **options,
+    )
+    if found.objective_mm >= DISCARDED_MM:
+        raise NothingConverged(
+            f"none of {found.evaluations} {coarse.law.name} candidates could be simulated: "
+            "check geometry, loads and units"
+        )
+    return found
+
+
+def _polished(
+    problem: Problem, unit: Array, start: tuple[Evaluation, Array] | None = None, enough: float = ENOUGH
+) -> Optimum[Evaluation]:
+    """Gauss-Newton over all unknowns; twice where the residuals decide how much else there is beside the edges."""
+    if not problem.has_more_than_edges:
+        return polish(lambda units: problem.evaluate(units, 1.0), unit, start, enough)
+    whole = problem.unknowns.whole(unit)[0]
+    first_count = independent_points(problem, problem.evaluate(whole[None], 1.0).comparison.misfits)
+    first = polish(lambda units: problem.evaluate(units, first_count), whole)
+    second_count = linearise_noise(problem, first, considered(problem, first.unit)).likelihood_points
+    if abs(np.log(second_count / first_count)) < _SAME_COUNT:
+        return first
+    second = polish(lambda units: problem.evaluate(units, second_count), first.unit)
+    steps = first.polish.steps + second.polish.steps
+    return replace(
+        second, polish=replace(second.polish, mean_error_before_mm=first.polish.mean_error_before_mm, steps=steps)
+    )
+
+
+def _corrected(
+    problem: Problem, optimum: Optimum[Evaluation]
+) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...]]:
+    """The problem with all corrections that are found in it, its optimum, and how far each correction moved it."""
+    effects: list[Effect] = []
+    plain = problem.experiments
+    if SOLID in refinements(plain):  # first: a law that is bent to follow what no plane does may be none for the mesh
+        problem, optimum, effects = _with_depth(problem, optimum)
+    unit = optimum.unit
+    found = _change(problem, FINER_MESH, plain, unit) if FINER_MESH in refinements(plain) else None
+    if found is not None:
+        problem, optimum = _with_change(problem, problem, found, optimum)
+        effects.append(Effect(found, optimum.unit - unit))
+    return problem, optimum, tuple(effects)
+
+
+def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], list[Effect]]:
+    """The problem with what the solid changes at the optimum that this leads to.
+
+    A further pass counts only where it does not raise the error; what it would have moved is then left.
+    """
+    corrected, first, found = problem, optimum.unit, None
+    moved = np.inf
+    for passes in range(_MOST_PASSES):
+        further = _change(problem, SOLID, problem.experiments, optimum.unit, found)
+        if further is None:
+            break
+        trial, reached = _with_change(problem, corrected, further, optimum)
+        moved = problem.unknowns.modulus_percent(reached.unit[0] - optimum.unit[0])
+        if passes and reached.evaluation.objective_mm[0] > _NOT_WORSE * optimum.evaluation.objective_mm[0]:
+            break
+        corrected, optimum, found = trial, reached, further
+        if abs(moved) < _STAYS_PERCENT:
+            break
+    if found is None:
+        return problem, optimum, []
+    whole = optimum.unit - first
+    percent = abs(problem.unknowns.modulus_percent(whole[0]))
+    share = min(max(SOLID.left, abs(moved) / max(percent, 1e-9)), 1.0)
+    return corrected, optimum, [Effect(found, whole, share, _UNSURE_PERCENT)]
+
+
+def _with_change(
+    plain: Problem, now: Problem, found: Correction, optimum: Optimum[Evaluation]
+) -> tuple[Problem, Optimum[Evaluation]]:
+    """The plain problem with a change, and its optimum, beginning at that of ``now``."""
+    changed = replace(plain, experiments=found.added(plain.experiments))
+    start = changed.with_own_changes(optimum.evaluation, now), optimum.distance
+    return changed, _polished(changed, optimum.unit, start)
+
+
+def _change(
+    problem: Problem,
+    refinement: Refinement,
+    experiments: Sequence[Experiment],
+    unit: Array,
+    start: Correction | None = None,
+) -> Correction | None:
+    at = partial(_alone, problem, unit)
+    return correction(refinement, experiments, at(experiments), at, start)
+
+
+def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment]) -> Comparison:
+    """Of one candidate alone: a change by a better model is small, and rounding differs with the size of a batch."""
+    return problem.evaluate(unit[None], 1.0, experiments).comparison

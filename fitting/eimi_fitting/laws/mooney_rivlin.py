@@ -1,0 +1,90 @@
+"""Mooney-Rivlin: linear in both invariants (Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5).
+
+Stability is exact. With q_i = lambda_i^2 and q1 q2 q3 = 1 the determinant of the restricted Hessian of
+`laws.stability` is, up to a positive factor,
+
+    C10^2 I2 + C01^2 I1 + C10 C01 (I1 I2 - 3)
+
+A negative C01 or C10 makes it fall with I1 and I2 wherever it could vanish. I1 and I2 are convex in the logarithmic
+stretches, and no state of a given I1 has a larger I2, or a smaller largest stretch, than the equibiaxial one. So
+stability is lost in equibiaxial tension first, and what is left is the smallest root of a polynomial in one unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.laws.invariants import InvariantLaw
+from eimi_fitting.laws.law import SHEAR_MODULUS_PA, CardConstants, Coordinate, NotInSolver, StressFit
+from eimi_fitting.laws.stability import smallest_positive_root
+from eimi_fitting.laws.tensile import linear_least_squares
+
+Array = NDArray[np.float64]
+
+# C10 (q^3 + 2) + C01 (2 q^4 + q) in s = q - 1: the slope of the stress in equibiaxial tension.
+_STIFFNESS = np.array([[3.0, 3.0], [3.0, 9.0], [3.0, 12.0], [1.0, 8.0], [0.0, 2.0]])
+
+
+@dataclass(frozen=True)
+class MooneyRivlin(InvariantLaw):
+    """psi = C10 (I1 - 3) + C01 (I2 - 3); the initial shear modulus is 2 (C10 + C01)."""
+
+    needs_second = True
+    name: str = "mooney-rivlin"
+    formula: str = "W = C10 (I1 - 3) + C01 (I2 - 3)"
+    parameter_names: tuple[str, ...] = ("C10", "C01")
+    units: tuple[str, ...] = ("Pa", "Pa")
+    coordinates: tuple[Coordinate, ...] = (
+        Coordinate("2(C10+C01)", *SHEAR_MODULUS_PA),
+        Coordinate("C01/(C10+C01)", -0.5, 1.0),
+    )
+
+    def from_coordinates(self, x: Array) -> Array:
+        """The modulus is shared out between the two."""
+        mu0, share = x[:, 0], x[:, 1]
+        return np.column_stack([0.5 * mu0 * (1 - share), 0.5 * mu0 * share])
+
+    def initial_shear_modulus(self, parameters: Array) -> Array:
+        """2 (C10 + C01)."""
+        return 2 * (parameters[..., 0] + parameters[..., 1])
+
+    def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+        """psi = C10 x + C01 y."""
+        c10, c01 = parameters[..., 0], parameters[..., 1]
+        zero = np.zeros_like(x)
+        return c10 * x + c01 * y, c10 + zero, c01 + zero, zero
+
+    def drucker_limit(self, parameters: Array, most: Array) -> Array:
+        """In equibiaxial tension the stress falls (C01 < 0), or equal stretches part: C10 q + C01/q = 0 (C10 < 0)."""
+        c10, c01 = parameters.T
+        limit = np.full(len(parameters), np.inf)
+        parting, falling = c10 < 0, c01 < 0
+        limit[parting] = np.abs(c01[parting] / c10[parting]) ** 0.25
+        limit[falling] = np.sqrt(1 + smallest_positive_root(parameters[falling] @ _STIFFNESS.T))
+        return np.where(c10 + c01 > 0, limit, 0.0)
+
+    def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
+        """The stress is linear in both."""
+        return linear_least_squares(self, strain, stress, weight)
+
+    def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
+        """In every program."""
+        c10, c01 = p["C10"], p["C01"]
+        match solver:
+            case "abaqus" | "calculix":
+                constants = {"C10": c10, "C01": c01, "D1": 2 / bulk}
+                return CardConstants("MOONEY-RIVLIN", constants, notes=["card: C10, C01, D1"])
+            case "ansys":
+                return CardConstants("TB,HYPER,1,1,2,MOONEY", {"c10": c10, "c01": c01, "d": 2 / bulk})
+            case "comsol":
+                return CardConstants("", {"C10": c10, "C01": c01})
+            case "febio":
+                return CardConstants("Mooney-Rivlin", {"c1": c10, "c2": c01})
+            case "sofa":
+                return CardConstants("MooneyRivlin", {"c1": c10, "c2": c01, "k0": bulk})
+            case _:
+                raise NotInSolver(f"{solver} has no mooney-rivlin law here")

@@ -1,0 +1,295 @@
+"""Ogden: three powers of the principal stretches (Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5).
+
+The in-plane stretches enter a planar energy as lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) cosh(alpha/2 arccosh c)
+with c = a/(2 J).
+
+Stability: the Hessian of `laws.stability` is diagonal, f(ln lambda_i) with f(e) = sum of mu_p alpha_p exp(alpha_p e),
+and the restricted form only grows with each entry. Lower bounds of f on intervals therefore prove stability of whole
+cells of the triangle (tangents below the convex terms, chords below the concave ones); cells that are not proved are
+divided. An unstable pocket cannot hide between points; what remains unproved counts as unstable.
+
+Tensile curves: each term's share mu_p alpha_p / 2 of the initial shear modulus is kept non-negative, Hill's sufficient
+condition for stability, and the exponents stay in the ranges in which the identification searches: without both,
+three terms fitted to one curve are not unique (Ogden, Saccomandi, Sgura 2004, Comput. Mech. 34:484).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+
+from eimi_fitting.laws.law import (
+    SHEAR_MODULUS_PA,
+    CannotFit,
+    CardConstants,
+    Coordinate,
+    Law,
+    NotInSolver,
+    PlanarEnergy,
+    Section,
+    StressFit,
+)
+from eimi_fitting.laws.stable_cells import proved_stable
+from eimi_fitting.laws.tensile import correlation_of, covariance_of, engineering_stress
+
+Array = NDArray[np.float64]
+
+_STARTS_EACH = 2  # starting values of each exponent of a tensile fit
+
+_SERIES_TO = 0.1  # c - 1, and
+_SERIES_PRODUCT = 2.0  # nu^2 (c - 1), up to which ten terms are enough
+
+
+def _terms(nu2: float, z: float) -> int:
+    """How many terms of the series reach rounding for the second derivative, at most ten."""
+    z = min(z, _SERIES_TO, _SERIES_PRODUCT / nu2)
+    term = 1.0
+    for k in range(10):
+        term *= (nu2 + k * k) * z / ((2 * k + 1) * (k + 1))
+        if k >= 2 and term * (k + 1) * k < 1e-16 * z * z:
+            return k + 1
+    return 10
+
+
+def _cosh_of_scaled_angle(nu: Array, c: Array) -> tuple[Array, Array, Array]:
+    """g(c) = cosh(nu arccosh c) for c >= 1 with its first two derivatives in c.
+
+    (lambda1^alpha + lambda2^alpha) = 2 J^(alpha/2) g with nu = alpha/2 and c = a / (2 J) = cosh of the logarithm of
+    lambda1/lambda2. Near c = 1 (equal stretches) the closed forms are 0/0; g is the Chebyshev function T_nu there,
+    whose series in c - 1 has the coefficient ratio (nu^2 - k^2) / ((2k + 1)(k + 1)) (Abramowitz and Stegun 15.4.3).
+    """
+    z = np.maximum(c - 1.0, 0.0)
+    nu2 = nu * nu
+    n_terms = _terms(float(np.abs(nu2).max(initial=1.0)), float(z.max(initial=0.0)))
+    coefficients = [np.ones_like(nu2)]
+    for k in range(n_terms):
+        coefficients.append(coefficients[-1] * (nu2 - k * k) / ((2 * k + 1) * (k + 1)))
+    g = np.zeros_like(z + nu2)
+    g1, g2 = g.copy(), g.copy()
+    for k in range(n_terms, -1, -1):  # Horner for the value and both derivatives at once
+        g2 = g2 * z + 2 * g1
+        g1 = g1 * z + g
+        g = g * z + coefficients[k]
+    far = (z > _SERIES_TO) | (nu2 * z > _SERIES_PRODUCT)
+    if np.any(far):
+        z_far = np.where(far, z, 1.0)
+        angle = np.arccosh(1.0 + z_far)
+        sinh = np.sqrt(z_far * (z_far + 2.0))
+        with np.errstate(over="ignore", invalid="ignore"):
+            value = np.cosh(nu * angle)
+            first = nu * np.sinh(nu * angle) / sinh
+            second = (nu2 * value - (1.0 + z_far) * first) / sinh**2
+        g, g1, g2 = np.where(far, value, g), np.where(far, first, g1), np.where(far, second, g2)
+    return g, g1, g2
+
+
+@dataclass(frozen=True)
+class Ogden:
+    """psi = sum over p = 1..3 of mu_p/alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3).
+
+    The initial shear modulus is half the sum of mu_p alpha_p (Holzapfel's Eq. 6.120). A term with alpha_p = 0 is
+    refused by its bounds. Ranges of the exponents do not overlap: the terms keep their names. Positive mu_p alpha_p in
+    every term is Hill's sufficient condition for stability (Hill 1970, J. Mech. Phys. Solids 18:457).
+    """
+
+    name: str = "ogden"
+    formula: str = "W = sum of mu_p/alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3), p = 1..3"
+    parameter_names: tuple[str, ...] = ("mu1", "alpha1", "mu2", "alpha2", "mu3", "alpha3")
+    units: tuple[str, ...] = ("Pa", "1", "Pa", "1", "Pa", "1")
+    coordinates: tuple[Coordinate, ...] = (
+        Coordinate("half sum mu alpha", *SHEAR_MODULUS_PA),
+        Coordinate("share of term 1", 0.0, 1.0),
+        Coordinate("share of term 2 in the rest", 0.0, 1.0),
+        Coordinate("alpha1", 0.5, 4.0),
+        Coordinate("alpha2", 4.0, 12.0),
+        Coordinate("alpha3", -6.0, -0.5),
+    )
+
+    def from_coordinates(self, x: Array) -> Array:
+        """The modulus is shared out among the terms, mu_p alpha_p = 2 mu0 share_p."""
+        first = x[:, 1]
+        shares = np.column_stack([first, (1 - first) * x[:, 2], (1 - first) * (1 - x[:, 2])])
+        alpha = x[:, 3:6]
+        mu = 2 * x[:, :1] * shares / alpha
+        return np.stack([mu, alpha], axis=-1).reshape(len(x), 6)
+
+    def initial_shear_modulus(self, parameters: Array) -> Array:
+        """Half the sum of mu_p alpha_p."""
+        return 0.5 * np.sum(parameters[..., 0::2] * parameters[..., 1::2], axis=-1)
+
+    def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
+        """Energy density and derivatives of a planar state; equal stretches are no special case."""
+        c = a / (2 * J)
+        log_J = np.log(J)
+        total = [np.zeros_like(c) for _ in range(6)]
+        for p in range(3):
+            mu, alpha = parameters[..., 2 * p], parameters[..., 2 * p + 1]
+            # In-plane terms are 2 J^beta g(c), the third stretch gives J^-gamma.
+            beta, gamma = (alpha / 2, alpha) if section == "plane-stress" else (alpha / 6, alpha / 3)
+            g, g1, g2 = _cosh_of_scaled_angle(alpha / 2, c)
+            scale = mu / alpha
+            in_plane = scale * np.exp(beta * log_J)
+            third = scale * np.exp(-gamma * log_J)
+            over_J2 = in_plane / J**2
+            mixed = (beta - 1) * g1 - c * g2
+            total[0] += 2 * in_plane * g + third - 3 * scale
+            total[1] += in_plane / J * g1
+            total[2] += 2 * in_plane / J * (beta * g - c * g1) - gamma * third / J
+            total[3] += 0.5 * over_J2 * g2
+            total[4] += over_J2 * mixed
+            total[5] += (
+                2 * over_J2 * ((beta - 1) * (beta * g - c * g1) - c * mixed) + gamma * (gamma + 1) * third / J**2
+            )
+        return PlanarEnergy(*total)
+
+    def principal(self, parameters: Array, stretches: Array) -> tuple[Array, Array, Array]:
+        """Energy, gradient (..., 3) and Hessian (..., 3, 3) in the logarithms of the isochoric principal stretches."""
+        mu, alpha = parameters[..., None, 0::2], parameters[..., None, 1::2]
+        powers = stretches[..., :, None] ** alpha
+        energy = np.sum(mu / alpha * (powers - 1), axis=(-1, -2))
+        gradient = np.sum(mu * powers, axis=-1)
+        diagonal = np.sum(mu * alpha * powers, axis=-1)
+        return energy, gradient, diagonal[..., None] * np.eye(3)
+
+    def drucker_limit(self, parameters: Array, most: Array) -> Array:
+        """Everywhere with positive mu_p alpha_p, else as far as is proved."""
+        alpha = parameters[:, 1::2]
+        weight = parameters[:, 0::2] * alpha
+        limit = np.where(weight.sum(axis=1) > 0, np.inf, 0.0)
+        doubtful = np.flatnonzero((limit > 0) & (weight < 0).any(axis=1))
+        if len(doubtful):
+            limit[doubtful] = np.exp(proved_stable(weight[doubtful], alpha[doubtful], np.log(most[doubtful])))
+        return limit
+
+    def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
+        """The exponents are searched, the moduli follow."""
+        return _least_squares(self, strain, stress, weight)
+
+    def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
+        """In every program but SOFA, which has a single term."""
+        values = list(p.values())
+        terms = list(enumerate(zip(values[0::2], values[1::2], strict=True), 1))
+        match solver:
+            case "abaqus" | "calculix":
+                constants: dict[str, float] = {}
+                for i, (mu, alpha) in terms:
+                    constants |= {f"mu{i}": mu * alpha / 2, f"alpha{i}": alpha}
+                note = "card: W = sum 2 mu_i/alpha_i^2 (...), mu_i = mu_p alpha_p / 2; mu1, alpha1, ..., D1, D2, D3"
+                return CardConstants("OGDEN, N=3", constants | {"D1": 2 / bulk, "D2": 0.0, "D3": 0.0}, notes=[note])
+            case "ansys":
+                return CardConstants("TB,HYPER,1,1,3,OGDEN", {**p, "d": 2 / bulk})
+            case "comsol":
+                return CardConstants("", p, dimensionless=["alpha1", "alpha2", "alpha3"])
+            case "febio":
+                tags: dict[str, float] = {}
+                for i, (mu, alpha) in terms:
+                    tags |= {f"c{i}": mu * alpha, f"m{i}": alpha}
+                return CardConstants("Ogden", tags, notes=["card: W = sum c_i/m_i^2 (...), c_i = mu_p alpha_p"])
+            case "sofa":
+                there = [(mu, alpha) for _, (mu, alpha) in terms if mu != 0]
+                if len(there) != 1:
+                    raise NotInSolver(f"sofa has one ogden term, and this law {len(there)}: none can be left out")
+                (mu, alpha) = there[0]
+                return CardConstants(
+                    "Ogden",
+                    {"mu1": mu * alpha, "alpha1": alpha, "k0": bulk},
+                    notes=["card: W = mu1/alpha1^2 (...), mu1 = mu_p alpha_p"],
+                )
+            case _:
+                raise NotInSolver(f"{solver} has no ogden law here")
+
+
+def _stress_of_terms(law: Law, exponents: Array, strain: Array) -> Array:
+    """(m, 3): engineering stress of each term for a share mu_p alpha_p / 2 of one."""
+    parameters = np.zeros((3, 6))
+    parameters[:, 1::2] = exponents
+    parameters[np.arange(3), 2 * np.arange(3)] = 2 / exponents
+    return engineering_stress(law, parameters, strain).T
+
+
+def _least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
+    """The exponents are searched from several starts; the moduli are the least-squares ones for those exponents."""
+    lower = np.array([c.lower for c in law.coordinates[-3:]])
+    upper = np.array([c.upper for c in law.coordinates[-3:]])
+    target = weight * stress
+    if not target.any():
+        raise CannotFit("every stress is zero")
+
+    def shares_of(exponents: Array) -> tuple[Array, Array]:
+        terms = weight[:, None] * _stress_of_terms(law, exponents, strain)
+        size = np.linalg.norm(terms, axis=0)
+        shares = optimize.nnls(terms / size, target)[0] / size
+        return shares, terms @ shares - target
+
+    scale = np.linalg.norm(target)
+    fractions = (np.arange(_STARTS_EACH) + 0.5) / _STARTS_EACH
+    found = [
+        optimize.least_squares(
+            lambda exponents: shares_of(exponents)[1] / scale,
+            lower + np.array(start) * (upper - lower),
+            bounds=(lower, upper),
+            x_scale=upper - lower,
+            max_nfev=100,
+        )
+        for start in product(fractions, repeat=3)
+    ]
+    exponents: Array = min(found, key=lambda result: float(result.cost)).x
+    shares, residual = shares_of(exponents)
+    if not shares.any():
+        raise CannotFit("no stable ogden law has stresses of this sign")
+    parameters = np.column_stack([2 * shares / exponents, exponents]).ravel()
+    return _worth(law, parameters, strain, residual, weight, np.column_stack([lower, upper]))
+
+
+def _worth(law: Law, parameters: Array, strain: Array, residual: Array, weight: Array, ranges: Array) -> StressFit:
+    """Intervals of an Ogden fit.
+
+    Shares and exponents of the terms that are there are linearised; the range of an exponent enters as a normal prior
+    of its variance. A term without a share leaves its exponent free; its modulus is what the data would not notice.
+    """
+    exponents = parameters[1::2]
+    shares = 0.5 * parameters[0::2] * exponents
+    there = np.flatnonzero(shares > 0)
+    terms = weight[:, None] * _stress_of_terms(law, exponents, strain)
+    step = 1e-5  # of an exponent, about 1
+    slopes = (
+        weight[:, None]
+        * shares
+        * (_stress_of_terms(law, exponents + step, strain) - _stress_of_terms(law, exponents - step, strain))
+        / (2 * step)
+    )
+    k = len(there)
+    prior_variance = (ranges[:, 1] - ranges[:, 0]) ** 2 / 12
+    information = np.diag(np.concatenate([np.zeros(k), 1 / prior_variance[there]]))
+    covariance, t, tau = covariance_of(np.column_stack([terms[:, there], slopes[:, there]]), residual, information)
+    spread = np.sqrt(np.diag(covariance))
+    intervals = np.empty((6, 2))
+    held = [True] * 6
+    intervals[1::2] = ranges
+    for place, p in enumerate(there):
+        low, high = exponents[p] + t * spread[k + place] * np.array([-1, 1])
+        intervals[2 * p + 1] = max(low, ranges[p, 0]), min(high, ranges[p, 1])
+        held[2 * p + 1] = bool(low <= ranges[p, 0] and high >= ranges[p, 1])
+        # mu = 2 share / alpha, linearised.
+        slope = np.zeros(2 * k)
+        slope[place], slope[k + place] = 2 / exponents[p], -2 * shares[p] / exponents[p] ** 2
+        half = t * np.sqrt(slope @ covariance @ slope)
+        intervals[2 * p] = parameters[2 * p] + half * np.array([-1, 1])
+        held[2 * p] = False
+    variance_of_row = residual @ residual / max(len(residual) - 2 * k, 1)
+    for p in np.flatnonzero(shares == 0):
+        unnoticed = t * np.sqrt(tau * variance_of_row / (terms[:, p] @ terms[:, p]))
+        intervals[2 * p] = np.sort([0.0, 2 * unnoticed / exponents[p]])
+    total = np.concatenate([np.ones(k), np.zeros(k)])
+    # From shares and exponents to moduli and exponents.
+    turn = np.zeros((6, 2 * k))
+    for place, p in enumerate(there):
+        turn[2 * p, place], turn[2 * p, k + place] = 2 / exponents[p], -2 * shares[p] / exponents[p] ** 2
+        turn[2 * p + 1, k + place] = 1.0
+    correlation = correlation_of(turn @ covariance @ turn.T)
+    return StressFit(parameters, intervals, held, float(t * np.sqrt(total @ covariance @ total)), tau, correlation)

@@ -1,0 +1,115 @@
+"""Yeoh: a cubic in the first invariant (Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5).
+
+Stability is exact. With q_i = lambda_i^2 and q1 q2 q3 = 1 the determinant of the restricted Hessian of
+`laws.stability` is, up to a positive factor, W' (W' I2 + W'' (I1 I2 - 9)): a negative W'' makes it fall with I2 at a
+given I1. I1 and I2 are convex in the logarithmic stretches, and no state of a given I1 has a larger I2, or a smaller
+largest stretch, than the equibiaxial one. So stability is lost in equibiaxial tension first, and what is left is the
+smallest root of a polynomial in one unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from eimi_fitting.laws.cards import plain_number
+from eimi_fitting.laws.invariants import InvariantLaw
+from eimi_fitting.laws.law import SHEAR_MODULUS_PA, CardConstants, Coordinate, NotInSolver, StressFit
+from eimi_fitting.laws.stability import smallest_positive_root
+from eimi_fitting.laws.tensile import linear_least_squares
+
+Array = NDArray[np.float64]
+
+
+def _stiffness() -> Array:
+    """(10, 3): coefficients in s = q - 1 of W' I2 + W'' (I1 I2 - 9), times q^5, in equibiaxial tension.
+
+    There I1 - 3 = X/q^2 with X = 2 q^3 - 3 q^2 + 1, I2 = (q^3 + 2)/q and I1 I2 - 9 = 2 (q^3 - 1)^2/q^3.
+    """
+    q = Polynomial([1.0, 1.0])
+    x = 2 * q**3 - 3 * q**2 + 1
+    second, growth = q**3 + 2, 2 * (q**3 - 1) ** 2
+    columns = (
+        q**4 * second,
+        2 * x * q**2 * second + 2 * q**2 * growth,
+        3 * x**2 * second + 6 * x * growth,
+    )
+    return np.stack([np.pad(c.coef, (0, 10 - len(c.coef))) for c in columns], axis=1)
+
+
+_STIFFNESS = _stiffness()
+
+
+@dataclass(frozen=True)
+class Yeoh(InvariantLaw):
+    """psi = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3; the initial shear modulus is 2 C10."""
+
+    name: str = "yeoh"
+    formula: str = "W = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3"
+    parameter_names: tuple[str, ...] = ("C10", "C20", "C30")
+    units: tuple[str, ...] = ("Pa", "Pa", "Pa")
+    coordinates: tuple[Coordinate, ...] = (
+        Coordinate("2 C10", *SHEAR_MODULUS_PA),
+        Coordinate("C20/C10", -1.0, 2.0),
+        Coordinate("C30/C10", -2.0, 2.0),
+    )
+
+    def from_coordinates(self, x: Array) -> Array:
+        """C10 and its ratios."""
+        return 0.5 * x[:, :1] * np.column_stack([np.ones(len(x)), x[:, 1], x[:, 2]])
+
+    def initial_shear_modulus(self, parameters: Array) -> Array:
+        """2 C10."""
+        return 2 * parameters[..., 0]
+
+    def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+        """psi = C10 x + C20 x^2 + C30 x^3."""
+        c10, c20, c30 = parameters[..., 0], parameters[..., 1], parameters[..., 2]
+        return (
+            x * (c10 + x * (c20 + x * c30)),
+            c10 + x * (2 * c20 + 3 * x * c30),
+            np.zeros_like(x),
+            2 * c20 + 6 * x * c30,
+        )
+
+    def drucker_limit(self, parameters: Array, most: Array) -> Array:
+        """In equibiaxial tension the stress falls."""
+        limit = np.full(len(parameters), np.inf)
+        doubtful = (parameters[:, 1:] < 0).any(axis=1)
+        limit[doubtful] = np.sqrt(1 + smallest_positive_root(parameters[doubtful] @ _STIFFNESS.T))
+        return np.where(parameters[:, 0] > 0, limit, 0.0)
+
+    def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
+        """The stress is linear in all three."""
+        return linear_least_squares(self, strain, stress, weight)
+
+    def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
+        """In every program but SOFA."""
+        c10, c20, c30 = p["C10"], p["C20"], p["C30"]
+        match solver:
+            case "abaqus" | "calculix":
+                constants = {"C10": c10, "C20": c20, "C30": c30, "D1": 2 / bulk, "D2": 0.0, "D3": 0.0}
+                return CardConstants("YEOH", constants, notes=["card: C10, C20, C30, D1, D2, D3"])
+            case "ansys":
+                return CardConstants("TB,HYPER,1,1,3,YEOH", {"c10": c10, "c20": c20, "c30": c30, "d": 2 / bulk})
+            case "comsol":
+                return CardConstants(
+                    "", {"c1": c10, "c2": c20, "c3": c30}, meaning={"c1": "C10", "c2": "C20", "c3": "C30"}
+                )
+            case "febio":
+                # FEBio's own Yeoh material leaves the factor i out of the stress of c_i (I1 - 3)^i.
+                powers = (f"({plain_number(c)})*(I1-3)^{i}" for i, c in enumerate((c10, c20, c30), 1))
+                note = "the stress of FEBio's own Yeoh material is not the derivative of its energy"
+                return CardConstants(
+                    "uncoupled hyperelastic",
+                    {"W": " + ".join(powers)},
+                    notes=[f"as an energy expression: {note}"],
+                )
+            case "sofa":
+                raise NotInSolver("sofa has no yeoh law; neo-hookean, mooney-rivlin and one-term ogden are there")
+            case _:
+                raise NotInSolver(f"{solver} has no yeoh law here")

@@ -1,0 +1,37 @@
+"""Pa and MPa: moduli and stresses are in Pa for people and files, in MPa = N/mm² in the elements and on most cards."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+MPA_PER_PA = 1e-6
+PA_PER_MPA = 1e6
+
+
+def moduli_in_MPa(parameters: NDArray[np.float64], units: Sequence[str]) -> NDArray[np.float64]:
+    """Parameters (..., n) of a law with its moduli in MPa; units: Pa or 1, one a parameter. Exponents stay."""
+    return np.asarray(parameters * np.array([MPA_PER_PA if unit == "Pa" else 1.0 for unit in units]))
+
+
+def in_words(modulus_Pa: float, interval_Pa: tuple[float, float], digits: int = 5) -> str:
+    """A modulus with its interval for people, of gel and of steel: in Pa up to 10 MPa, and with so many digits there.
+
+    Examples
+    --------
+    >>> in_words(46380.2, (46359.1, 46401.3))
+    '46380 Pa [46359, 46401]'
+    >>> in_words(100.31, (99.2, 101.4))
+    '100.31 Pa [99.20, 101.40]'
+    >>> in_words(34.67e9, (34.6e9, 34.7e9))
+    '34.670 GPa [34.600, 34.700]'
+    """
+    size = abs(modulus_Pa)
+    factor, unit = (1e-9, "GPa") if size >= 1e9 else (1e-6, "MPa") if size >= 1e7 else (1.0, "Pa")
+    leading = math.floor(math.log10(factor * size)) if size > 0 else 0
+    places = min(max(digits - 1 - leading, 0), digits)
+    value, low, high = (f"{factor * x:.{places}f}" for x in (modulus_Pa, *interval_Pa))
+    return f"{value} {unit} [{low}, {high}]"

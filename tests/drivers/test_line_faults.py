@@ -1,0 +1,92 @@
+"""A single fault of the line, or of a driver, does not keep the output on; and no other program gets in between."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+
+import pytest
+
+from eimi_drivers.clock import WallClock
+from eimi_drivers.emulators import CoilSupply, emulate, serve_pty, serve_tcp
+from eimi_drivers.emulators.faults import Fault, FaultyInstrument
+from eimi_drivers.emulators.hislip import serve_hislip
+from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentTimeout, Limits, PowerSupply, SwitchOffFailed
+from eimi_drivers.supplies import open_supply
+from eimi_drivers.supplies.transport import VisaTransport
+
+LIMITS = Limits(current_A=1.0, voltage_V=12.0)
+
+
+@contextmanager
+def energised(serve) -> Iterator[tuple[PowerSupply, CoilSupply, FaultyInstrument]]:
+    coil = CoilSupply(WallClock())
+    line = FaultyInstrument(emulate("scpi", coil))
+    with serve(line) as address, closing(open_supply("scpi", address, LIMITS)) as supply:
+        supply.set_voltage(12.0)
+        supply.set_current(0.5)
+        supply.set_output(True)
+        yield supply, coil, line
+
+
+@pytest.mark.parametrize("serve", [serve_tcp, serve_hislip])
+@pytest.mark.parametrize("message", [b"CURR 0", b"CURR?", b"OUTP 0", b"OUTP?"])
+def test_a_line_that_is_dropped_once_is_opened_anew_and_the_output_goes_off(serve, message: bytes) -> None:
+    with energised(serve) as (supply, coil, line):
+        line.inject(Fault.DROP, lambda data: data.startswith(message))
+        supply.safe_off()
+        assert not coil.state.output
+        assert coil.state.set_current_A == 0.0
+        assert supply.measure().current_A == pytest.approx(0.0, abs=0.5)  # and the line is good for more
+
+
+def test_a_dropped_hislip_line_is_an_error_of_the_instrument() -> None:
+    with energised(serve_hislip) as (supply, _, line):
+        line.inject(Fault.DROP)
+        with pytest.raises(InstrumentDisconnected, match=r"hislip0.*dropped"):
+            supply.measure()
+
+
+def test_a_mistake_in_a_driver_does_not_keep_the_output_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    with energised(serve_tcp) as (supply, coil, _):
+        monkeypatch.setattr(supply, "_current_set", lambda: 1 / 0)
+        with pytest.raises(SwitchOffFailed, match=r"zero: failed \(ZeroDivisionError.*off: done; verify: done"):
+            supply.safe_off()
+        assert not coil.state.output
+
+
+def test_a_wall_clock_that_is_set_back_makes_no_wait_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        link = VisaTransport(f"TCPIP::127.0.0.1::{silent.getsockname()[1]}::SOCKET")
+        wall, caught = time.time, []
+
+        def ask() -> None:
+            link.write(b"*IDN?\n")
+            try:
+                link.read(10, 0.5, b"\n")
+            except InstrumentTimeout as error:
+                caught.append(error)
+
+        asking = threading.Thread(target=ask, daemon=True)
+        asking.start()
+        WallClock().sleep(0.1)
+        monkeypatch.setattr(time, "time", lambda: wall() - 3600)
+        asking.join(30)
+        assert len(caught) == 1
+        link.close()
+
+
+@pytest.mark.parametrize(("first", "second"), [("scpi", "scpi"), ("scpi", "korad"), ("genesys", "scpi")])
+def test_a_serial_port_belongs_to_one_program(first: str, second: str) -> None:
+    coil = CoilSupply(WallClock())
+    with serve_pty(emulate(first, coil)) as port:
+        places = {"scpi": f"ASRL{port}::INSTR", "korad": port, "genesys": port}
+        with closing(open_supply(first, places[first], LIMITS)) as supply:
+            said = supply.identify()
+            with pytest.raises(InstrumentDisconnected, match="lock"):
+                open_supply(second, places[second], LIMITS)
+            assert supply.identify() == said
+        open_supply(second, places[second], LIMITS).close()

@@ -1,0 +1,87 @@
+"""Other people's clients on the emulated supplies: PyMeasure's own instrument classes, over TCP, find nothing missing.
+
+They come with the extra `bench`; without it this is skipped.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from typing import Any
+
+import pytest
+
+from eimi_drivers.clock import WallClock
+from eimi_drivers.emulators import CoilSupply, emulate, serve_tcp
+
+pytest.importorskip("pymeasure", reason="PyMeasure is not installed (extra bench)")
+
+CLIENTS = {
+    "keysight-e36312a": ("keysight", "KeysightE36312A"),
+    "kepco-bop": ("kepco", "KepcoBOP3612"),
+    "rs-hmp": ("rohdeschwarz.hmp", "HMP4040"),
+    "siglent-spd": ("siglenttechnologies", "SPD1168X"),
+    "genesys": ("tdk.tdk_gen40_38", "TDK_Gen40_38"),
+}
+UNREADABLE = (LookupError, NotImplementedError)
+"""What PyMeasure raises for a property that its own class does not have."""
+
+
+def open_client(driver: str, address: str) -> Any:
+    """The client, talking to channel 1 or the addressed unit."""
+    module, name = CLIENTS[driver]
+    kind = getattr(importlib.import_module(f"pymeasure.instruments.{module}"), name)
+    lines = {"genesys": {"read_termination": "\r", "write_termination": "\r"}, "kepco-bop": {}}
+    ends = lines.get(driver, {"read_termination": "\n", "write_termination": "\n"})
+    client = kind(address, visa_library="@py", timeout=2000, **ends)
+    if driver == "kepco-bop":
+        client.adapter.connection.read_termination = client.adapter.connection.write_termination = "\n"
+    return client
+
+
+def asked(client: Any) -> dict[str, object]:
+    """Every value that the client can ask for."""
+    answers = {}
+    for name in dir(type(client)):
+        if not isinstance(inspect.getattr_static(type(client), name), property):
+            continue
+        try:
+            answers[name] = getattr(client, name)
+        except UNREADABLE:
+            continue
+    return answers
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+@pytest.mark.parametrize("driver", CLIENTS)
+def test_a_client_of_pymeasure_finds_nothing_missing(driver: str) -> None:
+    coil = CoilSupply(WallClock(), resistance_ohm=1.0, max_voltage_V=40.0)
+    with serve_tcp(emulate(driver, coil)) as address:
+        client = open_client(driver, address)
+        match driver:
+            case "genesys":
+                client.remote = "REM"
+                client.voltage_setpoint, client.current_setpoint, client.output_enabled = 5.0, 0.5, True
+                assert (client.over_voltage, client.under_voltage, client.remote) == (44.0, 0.0, "REM")
+            case "rs-hmp":
+                client.selected_channel = 1
+                client.voltage, client.current = 5.0, 0.5
+                client.selected_channel_active = client.output_enabled = True
+            case "kepco-bop":
+                client.operating_mode, client.current_setpoint, client.output_enabled = "CURR", 0.5, True
+            case "keysight-e36312a":
+                channel = client.ch_1
+                channel.voltage_setpoint, channel.current_limit, channel.output_enabled = 5.0, 0.5, True
+            case _:
+                channel = client.ch_1
+                channel.voltage_setpoint, channel.current_limit = 5.0, 0.5
+                channel.enable_output(True)
+        answers = asked(client)
+        for channel in getattr(client, "channels", {}).values():
+            if driver != "keysight-e36312a" or channel.id == 1:
+                answers |= asked(channel)
+        assert len(answers) > 5
+        assert not [name for name, answer in answers.items() if str(answer).startswith("C0")]
+        if driver != "genesys":
+            assert client.ask("SYST:ERR?").strip().startswith("0"), answers
+        assert (coil.state.output, coil.state.set_current_A) == (True, 0.5)

@@ -1,0 +1,130 @@
+"""A camera whose driver does not come back: an error within its deadline, and a program that can still end."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+from eimi_drivers.cameras import timed
+from eimi_drivers.cameras.settings import NO_SETTINGS
+from eimi_drivers.cameras.timed import TimedCamera, calls_under_way
+from eimi_drivers.interfaces import Camera, Frame, Identity, InstrumentDisconnected, InstrumentTimeout
+
+
+class StubbornCamera:
+    """Does not come back from the call `stuck` until `release`."""
+
+    settings = NO_SETTINGS
+
+    def __init__(self, stuck: str = "") -> None:
+        self.stuck = stuck
+        self.release = threading.Event()
+        self.calls: list[tuple[str, int]] = []
+
+    def _called(self, what: str) -> None:
+        self.calls.append((what, threading.get_ident()))
+        if what == self.stuck:
+            self.release.wait()
+
+    def identify(self) -> Identity:
+        self._called("identify")
+        return Identity("stubborn", "a camera", "here")
+
+    def flush(self) -> None:
+        self._called("flush")
+
+    def grab(self, timeout_s: float) -> Frame:
+        self._called("grab")
+        return Frame(np.zeros((2, 3), np.uint8), 7, 0.5)
+
+    def close(self) -> None:
+        self._called("close")
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(timed, "ANSWER_WITHIN_S", 0.3)
+    monkeypatch.setattr(timed, "OPEN_WITHIN_S", 0.3)
+    monkeypatch.setattr(timed, "GRACE_S", 0.2)
+    monkeypatch.setattr(timed, "_callers", [])
+
+
+def test_every_call_goes_through_one_thread_and_not_the_callers() -> None:
+    inner = StubbornCamera()
+    camera: Camera = TimedCamera("here", lambda: inner)
+    camera.flush()
+    assert camera.grab(1.0).number == 7
+    assert camera.identify().text == "a camera"
+    camera.close()
+    assert [what for what, _ in inner.calls] == ["flush", "grab", "identify", "close"]
+    assert not calls_under_way()
+    assert len({thread for _, thread in inner.calls}) == 1
+    assert inner.calls[0][1] != threading.get_ident()
+
+
+@pytest.mark.parametrize("call", ["flush", "grab", "identify", "close"])
+def test_a_call_that_never_returns_is_an_error_of_the_camera(call: str) -> None:
+    inner = StubbornCamera(call)
+    camera = TimedCamera("cam 3", lambda: inner)
+    act = (lambda: camera.grab(0.1)) if call == "grab" else getattr(camera, call)
+    with pytest.raises(InstrumentTimeout, match=f"cam 3: .*did not come back from {call} within"):
+        act()
+    with pytest.raises(InstrumentTimeout, match=f"did not come back from {call}"):
+        camera.grab(1.0)
+    camera.close()  # nothing is left to be done
+    assert calls_under_way()
+    inner.release.set()
+
+
+def test_one_that_cannot_be_opened_in_time_is_an_error() -> None:
+    never = threading.Event()
+    with pytest.raises(InstrumentTimeout, match="did not come back from being opened"):
+        TimedCamera("cam 3", lambda: never.wait())  # type: ignore[arg-type,return-value]
+    never.set()
+
+
+def test_the_drivers_own_errors_come_through() -> None:
+    def missing() -> StubbornCamera:
+        raise InstrumentDisconnected("cam 3: no such device")
+
+    with pytest.raises(InstrumentDisconnected, match="no such device"):
+        TimedCamera("cam 3", missing)
+    assert not calls_under_way()
+
+
+def test_the_caller_is_asked_meanwhile_and_may_leave() -> None:
+    inner = StubbornCamera("grab")
+    camera = TimedCamera("cam 3", lambda: inner)
+    asked = []
+
+    def leave() -> None:
+        asked.append(True)
+        if len(asked) == 2:
+            raise KeyboardInterrupt
+
+    camera.meanwhile = leave
+    with pytest.raises(KeyboardInterrupt):
+        camera.grab(30.0)
+    camera.meanwhile = lambda: None
+    inner.release.set()
+    camera.close()
+    assert [what for what, _ in inner.calls] == ["grab", "close"]
+
+
+def test_a_program_ends_with_a_call_that_never_does() -> None:
+    script = """
+import threading
+from eimi_drivers.cameras import timed
+from eimi_drivers.interfaces import InstrumentTimeout
+timed.OPEN_WITHIN_S = 0.2
+try:
+    timed.TimedCamera("cam", threading.Event().wait)
+except InstrumentTimeout as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True)
+    assert "did not come back" in done.stdout

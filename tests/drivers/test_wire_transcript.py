@@ -1,0 +1,98 @@
+"""A run's transcript, and the test that it turns into."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from eimi_drivers.clock import SimulatedClock, WallClock
+from eimi_drivers.emulators import DIALECTS, CoilSupply, emulate, serve_tcp
+from eimi_drivers.emulators.faults import Fault, FaultyInstrument
+from eimi_drivers.interfaces import InstrumentTimeout, Limits, PowerSupply, Reading
+from eimi_drivers.supplies import SUPPLIES, open_supply
+from eimi_drivers.supplies.transcript import (
+    RecordingTransport,
+    ReplayedTransport,
+    TranscriptMismatch,
+    escaped,
+    unescaped,
+)
+from eimi_drivers.supplies.transport import InProcessTransport
+
+LIMITS = Limits(1.0, 12.0)
+
+
+def run(supply: PowerSupply) -> Reading:
+    supply.identify()
+    supply.set_voltage(12.0)
+    supply.set_current(0.7)
+    supply.set_output(True)
+    found = supply.measure()
+    supply.check()
+    supply.safe_off()
+    return found
+
+
+def replayed(driver: str, file: Path) -> tuple[PowerSupply, ReplayedTransport]:
+    link = ReplayedTransport(file)
+    return SUPPLIES[driver](link, LIMITS, SimulatedClock()), link
+
+
+@pytest.mark.parametrize("driver", DIALECTS)
+def test_a_transcript_is_a_test_of_the_driver(driver: str, tmp_path: Path) -> None:
+    clock, file = SimulatedClock(), tmp_path / "wire.txt"
+    link = InProcessTransport(emulate(driver, CoilSupply(clock)), clock, "in-process")
+    supply = SUPPLIES[driver](RecordingTransport(link, file, clock), LIMITS, clock)
+    found = run(supply)
+    supply.close()
+    again, wire = replayed(driver, file)
+    assert run(again) == found
+    wire.assert_complete()
+    assert len(file.read_text().splitlines()) > 20
+
+
+def test_a_driver_that_does_something_else_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "wire.txt"
+    file.write_text('0.000000 open somewhere\n0.1 > CURR 0.700\\n\n0.2 > SYST:ERR?\\n\n0.3 < 0,"No error"\\n\n')
+    supply, wire = replayed("scpi", file)
+    with pytest.raises(TranscriptMismatch, match=r"sent CURR 0\.600.*line 2 of the transcript is: > CURR 0\.700"):
+        supply.set_current(0.6)
+    with pytest.raises(TranscriptMismatch, match="3 events never came, the first in line 2"):
+        wire.assert_complete()
+    with pytest.raises(TranscriptMismatch, match=r"sent CURR\?.* after the end"):
+        supply.set_current(0.7)
+
+
+def test_faults_of_the_line_are_played_back(tmp_path: Path) -> None:
+    clock, file = SimulatedClock(), tmp_path / "wire.txt"
+    line = FaultyInstrument(emulate("scpi", CoilSupply(clock)))
+    supply = SUPPLIES["scpi"](RecordingTransport(InProcessTransport(line, clock, "here"), file, clock), LIMITS, clock)
+    line.inject(Fault.SILENCE, lambda message: message == b"MEAS:CURR?\n")
+    with pytest.raises(InstrumentTimeout):
+        supply.measure()
+    again, wire = replayed("scpi", file)
+    with pytest.raises(InstrumentTimeout, match="here: no complete answer within 1 s"):
+        again.measure()
+    wire.assert_complete()
+    assert "1.000000 <! InstrumentTimeout here: no complete answer" in file.read_text()
+
+
+def test_any_bytes_come_back() -> None:
+    raw = bytes(range(256)) + b"\\n \\x00"
+    assert unescaped(escaped(raw)) == raw
+    assert escaped(raw).isascii()
+    assert "\n" not in escaped(raw)
+
+
+def test_a_real_port_is_written_down(tmp_path: Path) -> None:
+    file = tmp_path / "wire.txt"
+    with serve_tcp(emulate("scpi", CoilSupply(WallClock()))) as address:
+        supply = open_supply("scpi", address, LIMITS, transcript=file)
+        supply.identify()
+        supply.close()
+        with pytest.raises(FileExistsError):
+            open_supply("scpi", address, LIMITS, transcript=file)
+    lines = file.read_text().splitlines()
+    assert lines[0].endswith(f" open {address}")
+    assert [line.split(" ", 1)[1] for line in lines[1:]] == ["> *IDN?\\n", "< EIMI,EMULATED SUPPLY,0,1.0\\n"]

@@ -1,0 +1,227 @@
+"""Material cards: exact conversions, refusals, and CalculiX itself as the judge of its card."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import optimize
+
+from eimi_fitting.laws import LAWS, Law
+from eimi_fitting.laws.cards import SOLVERS, Material, NotInSolver, material_card
+from eimi_fitting.laws.tensile import engineering_stress
+
+PARAMETERS = {  # Pa; of the size of a soft silicone, every constant there
+    "neo-hookean": [46e3],
+    "mooney-rivlin": [20e3, 4e3],
+    "yeoh": [19.5e3, 3e3, 400.0],
+    "ogden": [20e3, 1.7, 300.0, 5.0, -6e3, -2.0],
+}
+NEEDS_CCX = pytest.mark.skipif(shutil.which("ccx") is None, reason="needs ccx (Debian package calculix-ccx)")
+
+
+def material(model: str, parameters: list[float] | None = None, ratio: float = 2000.0) -> Material:
+    return card_of(LAWS[model], parameters or PARAMETERS[model], ratio)
+
+
+def card_of(law: Law, parameters: list[float], ratio: float = 2000.0) -> Material:
+    values = np.array(parameters)
+    bulk = ratio * float(law.initial_shear_modulus(values))
+    return Material(law, values, bulk, "SILICONE", ("fitted up to a strain of 0.5", "from test.csv"))
+
+
+def numbers(lines: list[str]) -> list[float]:
+    return [float(x) for line in lines for x in line.split(",")]
+
+
+def keyword_constants(card: str) -> list[float]:
+    """The constants below *HYPERELASTIC."""
+    return numbers(card.partition("*HYPERELASTIC")[2].splitlines()[1:])
+
+
+UNIT_CUBE = """*NODE, NSET=ALL
+1, 0, 0, 0
+2, 1, 0, 0
+3, 1, 1, 0
+4, 0, 1, 0
+5, 0, 0, 1
+6, 1, 0, 1
+7, 1, 1, 1
+8, 0, 1, 1
+*ELEMENT, TYPE=C3D8, ELSET=CUBE
+1, 1, 2, 3, 4, 5, 6, 7, 8
+*NSET, NSET=END
+2, 3, 6, 7
+"""
+STRETCHES = np.array([1.2, 1.5, 2.0])
+HELD = {1: (1, 4, 5, 8), 2: (1, 2, 5, 6), 3: (1, 2, 3, 4)}  # axis: nodes of the face that may only slide
+
+
+def calculix_reactions(folder: Path, chosen: Material) -> np.ndarray:
+    """Force in MPa mm² that pulls a cube of 1 mm to the stretches."""
+    held = "".join(f"{node}, {axis}\n" for axis, face in HELD.items() for node in face)
+    steps = "".join(
+        "*STEP, NLGEOM, INC=1000\n*STATIC\n0.05, 1.0, 1e-5, 0.1\n*BOUNDARY\n"
+        f"END, 1, 1, {stretch - 1}\n*NODE PRINT, NSET=END, TOTALS=ONLY, FREQUENCY=1000\nRF\n*END STEP\n"
+        for stretch in STRETCHES
+    )
+    card = material_card("calculix", chosen)
+    deck = f"{UNIT_CUBE}{card}*SOLID SECTION, ELSET=CUBE, MATERIAL=SILICONE\n*BOUNDARY\n{held}{steps}"
+    (folder / "cube.inp").write_text(deck)
+    command = ["ccx", "cube"]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, env=environment)
+    assert done.returncode == 0, done.stdout[-2000:]
+    totals = re.findall(r"total force.*?\n\s*\n?\s*([-+0-9.E]+)\s", (folder / "cube.dat").read_text())
+    return np.array([float(x) for x in totals])
+
+
+@NEEDS_CCX
+def test_calculix_pulls_as_the_incompressible_law_does(tmp_path: Path, row) -> None:
+    chosen = card_of(row.law, row.silicone, ratio=1e4)
+    expected = 1e-6 * engineering_stress(chosen.law, chosen.parameters, STRETCHES - 1)
+    ratio = calculix_reactions(tmp_path, chosen) / expected
+    print(row.law.name, ratio)
+    assert ratio == pytest.approx(1, abs=1e-3)
+
+
+@NEEDS_CCX
+def test_calculix_has_the_volume_term_that_the_card_states(tmp_path: Path, row) -> None:
+    chosen = card_of(row.law, row.silicone, ratio=20.0)
+    expected = [1e-6 * compressible_force(chosen, row.volume_pressure, stretch) for stretch in STRETCHES]
+    ratio = calculix_reactions(tmp_path, chosen) / expected
+    print(row.law.name, ratio)
+    assert ratio == pytest.approx(1, abs=1e-3)
+
+
+def compressible_force(chosen: Material, pressure: Callable[[float, float], float], stretch: float) -> float:
+    """Uniaxial engineering stress in Pa with the pressure of the card's volume term, the sides being free."""
+
+    def kirchhoff(side: float) -> np.ndarray:
+        stretches = np.array([stretch, side, side])
+        J = stretches.prod()
+        _, gradient, _ = chosen.law.principal(chosen.parameters, stretches * J ** (-1 / 3))
+        return gradient - gradient.mean() + J * pressure(chosen.bulk_modulus_Pa, J)
+
+    side = optimize.brentq(lambda trial: kirchhoff(trial)[1], 0.9 * stretch**-0.5, 1.1 * stretch**-0.5, xtol=1e-14)
+    return float(kirchhoff(side)[0] / stretch)
+
+
+def test_abaqus_constants() -> None:
+    mu, c = 46e-3, 2 / (2000 * 46e-3)
+    assert keyword_constants(material_card("abaqus", material("neo-hookean"))) == pytest.approx([mu / 2, c])
+    card = material_card("abaqus", material("ogden"))
+    # W = sum 2 mu_i/alpha_i^2 (...): its initial shear modulus is the sum of mu_i.
+    values = keyword_constants(card)
+    assert "*HYPERELASTIC, OGDEN, N=3" in card
+    assert values[:6] == pytest.approx([17e-3, 1.7, 0.75e-3, 5.0, 6e-3, -2.0])
+    assert values[6:] == pytest.approx([2 / (2000 * 23.75e-3), 0, 0])
+    assert max(len(line) for line in card.splitlines()) <= 256
+    yeoh = keyword_constants(material_card("abaqus", material("yeoh")))
+    assert yeoh == pytest.approx([19.5e-3, 3e-3, 0.4e-3, 2 / (2000 * 39e-3), 0, 0])
+
+
+def test_ansys_constants() -> None:
+    card = material_card("ansys", material("ogden"))
+    rows = [line.split(",") for line in card.splitlines() if line.startswith("TBDATA")]
+    assert [row[1] for row in rows] == ["1", "7"]
+    assert [float(x) for x in rows[0][2:]] == pytest.approx([20e-3, 1.7, 0.3e-3, 5.0, -6e-3, -2.0])
+    assert float(rows[1][2]) == pytest.approx(2 / (2000 * 23.75e-3))
+    assert "TB,HYPER,1,1,3,OGDEN" in card
+
+
+def test_comsol_table_has_three_columns_and_units() -> None:
+    rows = [shlex.split(line) for line in material_card("comsol", material("yeoh")).splitlines()]
+    assert {len(row) for row in rows} == {3}
+    values = {name: value for name, value, _ in rows}
+    assert values["c2"] == "3000[Pa]"
+    assert values["kappa"] == "78000000[Pa]"
+
+
+def test_febio_yeoh_is_its_energy() -> None:
+    element = ET.fromstring(material_card("febio", material("yeoh")))
+    assert element.get("type") == "uncoupled hyperelastic"
+    assert (element.findtext("pressure_model"), element.findtext("k")) == ("2", "78")
+    energy = (element.findtext("W") or "").replace("^", "**")
+    for first in (3.01, 4.0, 6.5):
+        x = first - 3
+        assert eval(energy, {"I1": first}) == pytest.approx(19.5e-3 * x + 3e-3 * x**2 + 0.4e-3 * x**3)
+
+
+def test_febio_ogden_constants() -> None:
+    element = ET.fromstring(material_card("febio", material("ogden")))
+    got = [float(element.findtext(tag) or "nan") for tag in ("c1", "m1", "c2", "m2", "c3", "m3")]
+    assert got == pytest.approx([34e-3, 1.7, 1.5e-3, 5.0, 12e-3, -2.0])
+
+
+def test_sofa_constants_and_refusals() -> None:
+    def parameters(chosen: Material) -> list[float]:
+        return [float(x) for x in (ET.fromstring(material_card("sofa", chosen)).get("ParameterSet") or "").split()]
+
+    assert parameters(material("neo-hookean")) == pytest.approx([46e-3, 92 - 2 / 3 * 46e-3])
+    assert parameters(material("mooney-rivlin")) == pytest.approx([20e-3, 4e-3, 96])
+    one_term = material("ogden", [20e3, 1.7, 0.0, 5.0, -0.0, -2.0])
+    assert parameters(one_term) == pytest.approx([34e-3, 1.7, 34])
+    with pytest.raises(NotInSolver, match="sofa has one ogden term, and this law 3"):
+        material_card("sofa", material("ogden"))
+    with pytest.raises(NotInSolver, match="sofa has no yeoh law"):
+        material_card("sofa", material("yeoh"))
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@settings(max_examples=25, deadline=None)
+@given(mu=st.floats(1e2, 1e7), ratio=st.floats(2, 1e5))
+def test_every_card_says_what_it_is_and_keeps_nine_digits(solver: str, mu: float, ratio: float) -> None:
+    chosen = Material(LAWS["neo-hookean"], np.array([mu]), ratio * mu, "S", ("from a -- b", "line\nbreak"))
+    card = material_card(solver, chosen)
+    for words in ("neo-hookean", "mu/2 (I1 - 3)", "units: ", "bulk modulus", "chosen for this card", "line break"):
+        assert words in card
+    if solver in ("febio", "sofa"):
+        ET.fromstring(card)
+    found = [float(x) for x in re.findall(r"(?<![\w.])[0-9]+(?:\.[0-9]+)?(?:e[-+]?[0-9]+)?", card)]
+    assert min(abs(np.array(found) / (mu * 1e-6) - 1)) < 1e-9
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_program_has_the_law_in_full_or_it_is_refused_by_name(solver: str, row) -> None:
+    chosen = card_of(row.law, row.silicone)
+    if solver in row.refused:
+        with pytest.raises(NotInSolver, match=solver):
+            material_card(solver, chosen)
+        return
+    card = material_card(solver, chosen)
+    assert f"identified as {row.law.formula}" in card
+    if solver in ("febio", "sofa"):
+        ET.fromstring(card)
+    if solver == "febio" and (energy := ET.fromstring(card).findtext("W")):
+        first = 4.5
+        stretch = optimize.brentq(lambda x: x**2 + 2 / x - first, 1.0, 3.0)
+        expected, _, _ = row.law.principal(chosen.parameters, np.array([stretch, stretch**-0.5, stretch**-0.5]))
+        assert eval(energy.replace("^", "**"), {"I1": first}) == pytest.approx(1e-6 * expected, rel=1e-8)
+
+
+def test_a_program_that_a_law_has_never_heard_of_is_refused(row) -> None:
+    with pytest.raises(NotInSolver, match=f"elmer has no {row.law.name} law here"):
+        row.law.card("elmer", dict(zip(row.law.parameter_names, row.silicone, strict=True)), 1e8)
+
+
+@pytest.mark.parametrize("parameters", [[-1e4], [0.0]])
+def test_a_law_without_stiffness_is_refused(parameters: list[float]) -> None:
+    chosen = Material(LAWS["neo-hookean"], np.array(parameters), 1e8, "S", ())
+    with pytest.raises(NotInSolver, match="initial shear modulus is"):
+        material_card("abaqus", chosen)
+
+
+def test_a_bulk_modulus_below_two_thirds_of_the_shear_modulus_is_refused() -> None:
+    with pytest.raises(ValueError, match="should be above two thirds"):
+        material_card("ansys", material("yeoh", ratio=0.6))

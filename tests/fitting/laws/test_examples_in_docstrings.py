@@ -1,0 +1,15 @@
+"""What the docstrings of the laws show is what happens."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+
+import pytest
+
+
+@pytest.mark.parametrize("module", ["law", "invariants", "stability", "tensile", "cards", "search_space"])
+def test_docstrings(module: str) -> None:
+    result = doctest.testmod(importlib.import_module(f"eimi_fitting.laws.{module}"))
+    assert result.attempted > 0
+    assert result.failed == 0

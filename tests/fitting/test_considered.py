@@ -1,0 +1,180 @@
+"""Stated uncertainties in the intervals: what each source does to a fit, shared or not, considered or freed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.identification import Fit, identify
+from eimi_fitting.inference.measurements import EdgeObservation, PointObservation, edge_curves, points_on
+from eimi_fitting.inference.sources import SOURCES, StatedSource
+from eimi_fitting.inference.unknowns import Prior
+from eimi_fitting.laws import LAWS
+
+TRUTH_PA = 46e3
+NOISE_MM = 2e-3
+MAGNET = Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)
+BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", MAGNET)
+LOADS = Loads.along((2.0, 4.5, 7.0))
+
+
+def seen(beam: Specimen = BEAM, loads: Loads = LOADS, scale: float = 1.0, seed: int = 1) -> EdgeObservation:
+    """Edges of a beam of 46 kPa with noise."""
+    model = BeamModel(beam, 26, 2)
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), loads)
+    sides = scale * points_on(edge_curves(model, shapes)[0], 2)[:, :, 1:-1]
+    noisy = sides + np.random.default_rng(seed).normal(0, NOISE_MM, sides.shape)
+    sigma = np.full(sides.shape[2], NOISE_MM)
+    return EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in noisy])
+
+
+def experiment(observed: EdgeObservation, beam: Specimen = BEAM, **stated: float) -> Experiment:
+    """The edges beside what a specimen file says, with uncertainties of the first specimen's numbers."""
+    known = tuple(StatedSource(source.replace("_", "-"), size, "specimen 1") for source, size in stated.items())
+    return Experiment(BeamModel(beam), LOADS, observed, stated=known)
+
+
+def fitted(*experiments: Experiment, free: tuple[Prior, ...] = ()) -> Fit:
+    return identify("neo-hookean", experiments, free=free)
+
+
+def holds(interval: tuple[float, float] | None, value: float) -> bool:
+    assert interval is not None
+    return interval[0] <= value <= interval[1]
+
+
+def half_width(fit: Fit) -> float:
+    low, high = fit.initial_shear_modulus.interval_95
+    return 0.5 * (high - low)
+
+
+def test_a_width_wrong_within_its_uncertainty_is_in_the_interval_and_not_in_that_of_the_noise():
+    thicker = replace(BEAM, width_mm=3.03)
+    fit = fitted(experiment(seen(thicker), width=0.02))
+    modulus = fit.initial_shear_modulus
+    assert holds(modulus.interval_95, TRUTH_PA)
+    assert not holds(modulus.interval_95_fit, TRUTH_PA)
+    (entry,) = fit.budget
+    assert (entry.source, entry.standard_uncertainty, entry.unit) == ("width", 0.02, "mm")
+    # What a fit that knows better finds, by so much for 0.03 mm.
+    knows = fitted(experiment(seen(thicker), beam=thicker))
+    found = 100 * (modulus.value / knows.initial_shear_modulus.value - 1)
+    assert entry.effect_percent == pytest.approx(abs(found) * 2 / 3, rel=0.1)
+    assert half_width(fit) == pytest.approx(1.96 * modulus.value * entry.effect_percent / 100, rel=0.15)
+    low, high = fit.measure_next.initial_shear_modulus_interval_95_Pa
+    assert fit.measure_next.source == "width"
+    assert high - low == pytest.approx(half_width(fit), rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("source", "size", "hidden"),
+    [
+        ("scale", 0.003, {"scale": 1.0045}),
+        ("remanence", 0.02, {"beam": replace(BEAM, magnet=replace(MAGNET, remanence_T=1.17))}),
+    ],
+)
+def test_a_scale_and_a_moment_wrong_within_their_uncertainty_are_in_the_interval(source, size, hidden):
+    modulus = fitted(experiment(seen(**hidden), **{source: size})).initial_shear_modulus
+    assert holds(modulus.interval_95, TRUTH_PA)
+    assert not holds(modulus.interval_95_fit, TRUTH_PA)
+
+
+SHORT = ("scale", "depth")
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        *SHORT,
+        *(
+            pytest.param(key, marks=pytest.mark.slow)
+            for key, own in SOURCES.items()
+            if own.stated_in and key not in (*SHORT, "stand-off", "magnet-offset")
+        ),
+    ],
+)
+def test_what_a_source_does_to_the_modulus_is_what_a_refit_finds(source):
+    size = SOURCES[source].usual
+    observed = seen()
+    fit = fitted(experiment(observed, **{source.replace("-", "_"): size}))
+    parts = len(SOURCES[source].parts)
+    moved = []
+    for part in range(parts):
+        deviation = size * np.eye(parts)[part]
+        other = experiment(observed).under({source: deviation})
+        if image := SOURCES[source].image:
+            linear, shift = image(deviation[None])
+            places = (observed.points_mm - shift[0]) @ np.linalg.inv(linear[0]).T
+            other = replace(other, observed=replace(observed, points_mm=places))
+        if field := SOURCES[source].field:
+            factor = float(field(deviation[None])[0])
+            other = replace(other, loads=replace(other.loads, field_T=factor * other.loads.field_T))
+        moved.append(100 * (fitted(other).initial_shear_modulus.value / fit.initial_shear_modulus.value - 1))
+    (entry,) = fit.budget
+    assert entry.effect_percent == pytest.approx(float(np.linalg.norm(moved)), rel=0.2, abs=0.01)
+
+
+def test_datasets_of_one_specimen_share_its_error_and_two_specimens_do_not():
+    first, second = seen(seed=1), seen(seed=2)
+    one = fitted(experiment(first, remanence=0.02))
+    both = fitted(experiment(first, remanence=0.02), experiment(second, remanence=0.02))
+    other = replace(experiment(second), stated=(StatedSource("remanence", 0.02, "specimen 2"),))
+    apart = fitted(experiment(first, remanence=0.02), other)
+    assert [entry.datasets for entry in both.budget] == [(0, 1)]
+    assert sorted(entry.datasets for entry in apart.budget) == [(0,), (1,)]
+    assert half_width(both) == pytest.approx(half_width(one), rel=0.05)
+    assert half_width(apart) == pytest.approx(half_width(one) / np.sqrt(2), rel=0.1)
+
+
+def test_a_freed_width_is_found_from_the_edges_with_its_stated_uncertainty_as_the_prior():
+    thicker = replace(BEAM, width_mm=3.03)
+    fit = fitted(experiment(seen(thicker), width=0.02, remanence=0.02), free=(Prior("width"),))
+    (freed,) = fit.freed
+    assert (freed.name, freed.prior_standard_deviation, freed.deviation.unit) == ("width", 0.02, "mm")
+    assert freed.deviation.value == pytest.approx(0.03, abs=2e-3)
+    assert fit.initial_shear_modulus.value == pytest.approx(TRUTH_PA, rel=0.005)
+    assert [entry.source for entry in fit.budget] == ["remanence"]
+    with pytest.raises(ValueError, match="depth: dataset 0 states no standard uncertainty"):
+        fitted(experiment(seen()), free=(Prior("depth"),))
+
+
+def test_without_anything_uncertain_noise_is_all_there_is_and_it_is_told_from_a_source():
+    fit = fitted(experiment(seen(), width=0.0))
+    modulus = fit.initial_shear_modulus
+    assert fit.budget == ()
+    assert modulus.interval_95 == modulus.interval_95_fit
+    assert fit.measure_next.source is None
+    # Edges of a thicker beam leave residuals along both edges, which are no noise.
+    wrong = fitted(experiment(seen(replace(BEAM, width_mm=3.03)), width=0.02)).initial_shear_modulus
+    assert wrong.interval_95_fit is not None
+    assert modulus.interval_95_fit is not None
+    assert np.ptp(wrong.interval_95_fit) < 3 * np.ptp(modulus.interval_95_fit)
+
+
+def test_intervals_are_the_quantiles_of_the_draws():
+    fit = fitted(experiment(seen(), remanence=0.02))
+    drawn = fit.draws.column("mu")
+    assert np.quantile(drawn, [0.025, 0.975]) == pytest.approx(fit.parameters["mu"].interval_95)
+    assert np.std(fit.draws.column("remanence")) == pytest.approx(0.02, rel=0.1)
+    # A stronger magnet than stated needs a stiffer beam for the same edges.
+    assert np.corrcoef(drawn, fit.draws.column("remanence"))[0, 1] > 0.99
+
+
+def test_tracked_points_at_the_tip_bear_a_shorter_beam():
+    strip = Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")
+    model, loads = BeamModel(strip), Loads.along([0.0], gravity_angle_deg=90.0, tip_force_N=[0.002])
+    rest = np.column_stack([np.linspace(10, 30, 5), np.zeros(5)])
+    moved = model.positions(model.solve(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), loads), rest)[0]
+    tracked = PointObservation(rest[None], moved, np.full((1, 5), 0.01))
+    shorter = Experiment(model, loads, tracked).under({"length": np.array([-0.5])})
+    assert shorter.model.specimen.length_mm == 29.5
+    assert isinstance(shorter.observed, PointObservation)
+    step = shorter.observed.moved_mm - shorter.observed.rest_mm
+    assert step == pytest.approx(moved - rest, abs=1e-12)
+    assert shorter.observed.rest_mm.max() == pytest.approx(29.5)

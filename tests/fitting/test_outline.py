@@ -1,0 +1,90 @@
+"""What a camera sees of a bent solid: its faces lie within the outline, and the outline touches them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.solid import MAGNETIC, held
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.outline import View, edge_curves, outline, points_on
+from eimi_fitting.beam.solid_model import SolidModel
+from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.measurements import signed_distance
+from eimi_fitting.laws import LAWS
+
+NEO, MODULUS = LAWS["neo-hookean"], np.array([4.6e4])
+BEAMS = {
+    "a magnet in part of the depth": Specimen(
+        30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)
+    ),
+    "deep": Specimen(30.0, 3.0, 9.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 9.0, 0.48, 7500.0)),
+}
+VIEWS = {
+    "telecentric": None,
+    "150 mm": View(np.array([15.0, 10.0]), 150.0),
+    "aside": View(np.array([5.0, -30.0]), 300.0),
+}
+LOADS = Loads.along([3.0, 6.0])
+
+
+@pytest.mark.parametrize("beam", BEAMS)
+@pytest.mark.parametrize(
+    "view", ["aside", *(pytest.param(view, marks=pytest.mark.slow) for view in ("telecentric", "150 mm"))]
+)
+def test_the_faces_lie_within_the_outline_and_touch_it(beam, view):
+    specimen, camera = BEAMS[beam], VIEWS[view]
+    model = SolidModel(specimen, 20, 2)
+    shapes = model.solve(NEO, MODULUS, LOADS)
+    assert shapes.converged[0]
+    curves = outline(model, shapes, camera)[0]  # (K, 2, S, 3, 2)
+    x = np.linspace(1.0, 25.5, 60)
+    z = np.linspace(-0.5, 0.5, 41) * specimen.depth_mm
+    for side, y in enumerate((-1.5, 1.5)):
+        points = np.stack(np.broadcast_arrays(x[:, None], y, z), axis=-1)
+        places = model.positions(shapes, points.reshape(-1, 3))[0]
+        seen = places[..., :2] if camera is None else camera.seen(places)
+        out = signed_distance(curves[:, side], seen).reshape(2, 60, 41) * (-1 if side == 0 else 1)
+        assert out.max() < 1.5e-3  # quadratic segments follow the envelope as well as that
+        assert out.max(axis=2).min() > -1.5e-3
+
+
+def test_the_convex_edge_is_the_depth_faces_and_the_concave_one_is_mid_depth():
+    model = SolidModel(BEAMS["a magnet in part of the depth"], 20, 2)
+    shapes = model.solve(NEO, MODULUS, LOADS)
+    curves = outline(model, shapes)[0, -1]
+    middle, face = (
+        model.positions(shapes, np.array([[13.0, y, z] for y in (-1.5, 1.5)]))[0, -1, :, :2] for z in (0, 2.5)
+    )
+    # The tip turns toward y > 0: the right edge is the concave one.
+    off_middle = np.array([signed_distance(curves[s], middle[s : s + 1])[0] for s in (0, 1)])
+    off_face = np.array([signed_distance(curves[s], face[s : s + 1])[0] for s in (0, 1)])
+    assert off_middle[1] == pytest.approx(0, abs=1e-3)
+    assert off_face[0] == pytest.approx(0, abs=1e-3)
+    assert off_middle[0] > 0.02  # inside by the bow, which is about curvature times depth² over 16
+    assert off_face[1] < -0.02
+
+
+def test_with_the_depth_held_it_is_the_edge_of_plane_strain():
+    flat, solid = BeamModel(MAGNETIC, 8, 1), held(MAGNETIC, 8, 1)
+    one = edge_curves(flat, flat.solve(NEO, MODULUS, LOADS, tolerance_mm=1e-8))
+    shapes = solid.solve(NEO, MODULUS, LOADS, tolerance_mm=1e-8)
+    assert outline(solid, shapes) == pytest.approx(one, abs=1e-6)
+    # A flat section in perspective: the union of both faces, whichever lies farther out.
+    camera = VIEWS["aside"]
+    seen = outline(solid, shapes, camera)[0, -1]
+    faces = [camera.centre_mm + 300 / (300 + z) * (one[0, -1] - camera.centre_mm) for z in (-2.5, 2.5)]
+    for side, sign in ((0, -1), (1, 1)):
+        points = points_on(seen[side], 2)[2:-8]
+        out = sign * np.stack([signed_distance(face[side], points) for face in faces])
+        assert out.min(axis=0) == pytest.approx(0, abs=2e-3)
+
+
+def test_a_pupil_within_the_specimen_is_refused():
+    model = SolidModel(replace(MAGNETIC, magnet=None), 4, 1)
+    shapes = model.solve(NEO, MODULUS, LOADS)
+    with pytest.raises(ValueError, match="stand-off of 2 mm"):
+        outline(model, shapes, View(np.zeros(2), 2.0))

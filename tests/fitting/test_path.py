@@ -1,0 +1,141 @@
+"""Steps of the load lead to the equilibrium that a fine path leads to, whatever the mesh, the steps and the law."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.equilibrium import Status
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.solid_model import SolidModel
+from eimi_fitting.beam.specimen import Magnet, Section, Specimen
+from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.search_space import search_space
+
+HIGHEST_MT, FINE_STEPS = 15.0, 72
+
+
+def type3(section: Section) -> Specimen:
+    return Specimen(30.0, 4.0, 5.0, 1070.0, section, Magnet(4.0, 4.0, 4.0, 1.2, 7500.0))
+
+
+def candidates(name: str, count: int, seed: int) -> np.ndarray:
+    """Random parameters, with moduli of the usual silicones."""
+    space, rng = search_space(LAWS[name]), np.random.default_rng(seed)
+    unit = rng.random((count, len(space.names)))
+    unit[:, 0] = np.log(rng.uniform(1e4**0.1, 2e5**0.1, count) ** 10 / space.lower[0]) / np.log(1e3)
+    return space.parameters(unit)
+
+
+def leaps(model: BeamModel, name: str, parameters: np.ndarray) -> tuple[int, int, int]:
+    """Runs of stable candidates in 12, 6, 4, 3 and 2 steps: those that end elsewhere than in 72, that fail, all."""
+    law = LAWS[name]
+    fine = model.solve(law, parameters, Loads.along(np.linspace(0, HIGHEST_MT, FINE_STEPS + 1)))
+    stable = fine.converged
+    elsewhere = failed = 0
+    for steps in (12, 6, 4, 3, 2):
+        every = FINE_STEPS // steps
+        shapes = model.solve(law, parameters[stable], Loads.along(np.linspace(0, HIGHEST_MT, steps + 1)))
+        arrived = (shapes.status == Status.CONVERGED) | (shapes.status == Status.UNSTABLE)
+        turn = np.abs(shapes.rigid[:, :, 2] - fine.rigid[stable, ::every, 2])
+        stretch = np.abs(shapes.max_stretch - fine.max_stretch[stable, ::every])
+        elsewhere += int((arrived & ((turn > 1e-4) | (stretch > 1e-3))).any(axis=1).sum())
+        failed += int((~arrived).any(axis=1).sum())
+    return elsewhere, failed, 5 * int(stable.sum())
+
+
+@pytest.mark.parametrize("name", ["yeoh", pytest.param("ogden", marks=pytest.mark.slow)])
+def test_no_leap(name):
+    elsewhere, failed, total = leaps(BeamModel(type3("plane-strain")), name, candidates(name, 30, 0))
+    assert total > 100
+    assert elsewhere == 0
+    assert failed == 0
+
+
+@pytest.mark.parametrize("section", ["plane-strain", "plane-stress"])
+def test_all_states_at_once_from_a_beam_nearby_as_one_after_another(section):
+    law, parameters, loads = LAWS["yeoh"], candidates("yeoh", 1, 3), Loads.along(np.linspace(0, HIGHEST_MT, 7))
+    stated, wider = BeamModel(type3(section)), BeamModel(replace(type3(section), width_mm=4.04))
+    near = stated.solve(law, parameters, loads, keep=True).every
+    assert near is not None
+    alone = wider.solve(law, parameters, loads, tolerance_mm=1e-6)
+    once = wider.solve(law, parameters, loads, tolerance_mm=1e-6, near=near)
+    assert (once.status == alone.status).all()
+    np.testing.assert_allclose(once.displacement, alone.displacement, atol=1e-6)
+    assert once.iterations.max() <= 4
+    # From a beam that stands elsewhere it goes one state after another.
+    turned = Loads(-loads.field_T, loads.gravity, loads.tip_force_N)
+    back = wider.solve(law, parameters, turned, tolerance_mm=1e-6, near=near)
+    np.testing.assert_allclose(back.rigid[..., 2], -alone.rigid[..., 2], atol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("section", ["plane-strain", "plane-stress"])
+@pytest.mark.parametrize(("mesh", "count"), [((13, 1), 100), ((26, 3), 25)])
+@pytest.mark.parametrize("name", LAWS)
+def test_no_leap_of_a_thousand(name, section, mesh, count):
+    elsewhere, failed, total = leaps(BeamModel(type3(section), *mesh), name, candidates(name, count, 1))
+    assert elsewhere == 0
+    assert failed <= 0.01 * total
+
+
+def solid_leaps(name: str, parameters: np.ndarray, magnet: Magnet) -> tuple[int, int, int]:
+    """Runs of the solid beside its planar model in 6 and 3 steps: elsewhere than the solid alone in 24, failed, all."""
+    law, specimen = LAWS[name], replace(type3("solid"), magnet=magnet)
+    alone, beside = SolidModel(specimen, 8, 1), SolidBeside(specimen, 8, 1)
+    elsewhere = failed = total = 0
+    for own in parameters:
+        fine = alone.solve(law, own, Loads.along(np.linspace(0, HIGHEST_MT, 25)), tolerance_mm=1e-3)
+        if not fine.converged[0]:
+            continue
+        for steps in (6, 3):
+            shapes = beside.solve(law, own, Loads.along(np.linspace(0, HIGHEST_MT, steps + 1)))
+            arrived = np.isin(shapes.status[0], (Status.CONVERGED, Status.UNSTABLE)).all()
+            every = 24 // steps
+            turn = np.abs(shapes.rigid[0, :, 2] - fine.rigid[0, ::every, 2])
+            stretch = np.abs(shapes.max_stretch[0] - fine.max_stretch[0, ::every])
+            elsewhere += bool(arrived and ((turn > 3e-4) | (stretch > 5e-3)).any())
+            failed += not arrived
+            total += 1
+    return elsewhere, failed, total
+
+
+def test_no_leap_of_the_solid():
+    elsewhere, failed, total = solid_leaps("yeoh", candidates("yeoh", 2, 3), Magnet(4.0, 4.0, 2.0, 1.2, 7500.0))
+    assert (elsewhere, failed) == (0, 0)
+    assert total >= 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("magnet", [Magnet(4.0, 4.0, 2.0, 1.2, 7500.0), Magnet(4.0, 4.0, 5.0, 0.5, 7500.0)])
+@pytest.mark.parametrize("name", LAWS)
+def test_no_leap_of_a_hundred_solids(name, magnet):
+    elsewhere, failed, total = solid_leaps(name, candidates(name, 15, 1), magnet)
+    assert elsewhere == 0
+    assert failed <= 0.01 * total
+
+
+@pytest.mark.parametrize("magnet", [Magnet(4.0, 2.8, 2.0, 1.2, 7500.0), Magnet(4.0, 3.0, 2.0, 1.2, 7500.0, 0.05)])
+def test_a_thin_layer_of_silicone_about_the_magnet_is_followed_in_big_steps(magnet):
+    """Beside it, or beyond it: whole steps fail there, and the path through them is no guide to small ones."""
+    model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", magnet))
+    four, forty = (
+        model.solve(LAWS["neo-hookean"], np.array([[46390.0]]), Loads.along(np.linspace(0, 7.05, n + 1)))
+        for n in (4, 40)
+    )
+    assert four.converged[0]
+    assert four.rigid[0] == pytest.approx(forty.rigid[0, ::10], abs=1e-5)
+
+
+@pytest.mark.parametrize("mesh", [(13, 1), (26, 3), (52, 6)])
+def test_a_law_that_softens_beyond_its_stretches_stays_on_its_path(mesh):
+    model, parameters = BeamModel(type3("plane-strain"), *mesh), np.array([[23044.0, 534.0, -91.0]])
+    six = model.solve(LAWS["yeoh"], parameters, Loads.along(1.41 * np.arange(6)))
+    sixteen = model.solve(LAWS["yeoh"], parameters, Loads.along(0.47 * np.arange(16)))
+    assert six.converged[0]
+    assert six.rigid[0] == pytest.approx(sixteen.rigid[0, ::3], abs=1e-5)
+    assert six.max_stretch[0] == pytest.approx(sixteen.max_stretch[0, ::3], abs=1e-4)

@@ -1,0 +1,100 @@
+"""A beam taken for the solid that it is: what a fit makes of edges that no planar model follows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.outline import outline, points_on
+from eimi_fitting.beam.solid_model import SolidModel
+from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.measurements import EdgeObservation, PointObservation
+from eimi_fitting.laws import LAWS
+
+NEO, TRUE_PA = LAWS["neo-hookean"], 46e3
+BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, "solid", Magnet(4.0, 3.0, 5.0, 0.48, 7500.0))
+SHALLOW = replace(BEAM, magnet=Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
+LOADS = Loads.along([0.0, 2.0, 4.0, 6.0])
+
+
+@cache
+def hidden():
+    """A solid on a mesh that is finer than a fit's in all three directions."""
+    model = SolidModel(BEAM, 30, 3, more=1)
+    return model, model.solve(NEO, np.array([[TRUE_PA]]), LOADS, tolerance_mm=1e-3)
+
+
+def observed(sigma_mm=0.001):
+    model, shapes = hidden()
+    curves = points_on(outline(model, shapes)[0], 2)[:, :, 4:-2]
+    rng = np.random.default_rng(1)
+    sigma = np.full(curves.shape[2], sigma_mm)
+    return EdgeObservation.from_edges(
+        [
+            (*(part for side in own for part in (side + sigma_mm * rng.normal(size=side.shape), sigma)),)
+            for own in curves
+        ]
+    )
+
+
+def fitted(section, free=()):
+    model = BeamModel(replace(BEAM, section=section)).refined()
+    return identify("neo-hookean", [Experiment(model, LOADS, observed())], free=free)
+
+
+def test_a_solid_beams_modulus_is_found_where_planar_assumptions_miss_it():
+    solid, strain = fitted("solid"), fitted("plane-strain")
+    modulus = solid.initial_shear_modulus
+    assert modulus.value == pytest.approx(TRUE_PA, rel=0.005)
+    assert modulus.interval_95[0] < TRUE_PA < modulus.interval_95[1]
+    assert solid.mean_error_mm < 0.003
+    assert solid.corrections["section"].change_percent < -1
+    assert strain.initial_shear_modulus.value < 0.82 * TRUE_PA
+    assert strain.mean_error_mm > 5 * solid.mean_error_mm
+    assert "section" not in strain.corrections
+
+
+@pytest.mark.parametrize("specimen", [BEAM, SHALLOW], ids=["a magnet over the depth", "a shallower one"])
+def test_few_states_tell_the_others(specimen):
+    loads, modulus = Loads.along(np.linspace(0, 6, 11)), np.array([[TRUE_PA]])
+    beside = SolidBeside(specimen, 13, 1)
+    every = beside.solid.solve(NEO, modulus, loads, tolerance_mm=1e-4)
+    first = beside.solve(NEO, modulus, loads)
+    assert len(first.effect.places) < 8
+    assert first.displacement == pytest.approx(every.displacement, abs=1e-3)
+    assert first.max_stretch == pytest.approx(every.max_stretch, abs=1e-3)
+    near = beside.starting(first.effect).solve(NEO, 0.98 * modulus, loads)
+    assert len(near.effect.places) < len(first.effect.places)
+    every = beside.solid.solve(NEO, 0.98 * modulus, loads, tolerance_mm=1e-4)
+    assert near.displacement == pytest.approx(every.displacement, abs=1e-3)
+
+
+def test_states_that_lie_on_no_ray_of_loads_are_all_solved():
+    loads = Loads.along([0.0, 3.0, 3.0], gravity_angle_deg=0.0, tip_force_N=[0.0, 0.0, 0.003])
+    beside = SolidBeside(BEAM, 13, 1)
+    found = beside.solve(NEO, np.array([[TRUE_PA]]), loads)
+    every = beside.solid.solve(NEO, np.array([[TRUE_PA]]), loads, tolerance_mm=1e-4)
+    assert found.effect is None
+    assert found.displacement == pytest.approx(every.displacement, abs=1e-3)
+
+
+def test_tracked_points_lie_at_their_depth():
+    model, shapes = hidden()
+    rest = np.array([[x, y] for x in (8.0, 16.0, 24.0) for y in (-1.4, 1.4)])
+    depth = np.full(len(rest), 2.4)
+    moved = model.positions(shapes, np.column_stack([rest, depth]))[0, :, :, :2]
+    k = len(LOADS)
+    every = [np.tile(rest, (k, 1, 1)), moved, np.full((k, len(rest)), 0.002)]
+    flat = BeamModel(BEAM).refined()
+    found = identify("neo-hookean", [Experiment(flat, LOADS, PointObservation(*every, np.tile(depth, (k, 1))))])
+    amid = identify("neo-hookean", [Experiment(flat, LOADS, PointObservation(*every))])
+    assert found.initial_shear_modulus.value == pytest.approx(TRUE_PA, rel=0.005)
+    assert found.mean_error_mm < 0.003 < amid.mean_error_mm

@@ -1,0 +1,96 @@
+"""Steel and gel alike: the range of a search is that of the data. And what a clamp that is elsewhere does to a fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.checks import NotExplained, deflection_mm
+from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.measurements import PointObservation
+from eimi_fitting.inference.modulus_range import NothingActs
+from eimi_fitting.inference.unknowns import Prior
+from eimi_fitting.laws import LAWS
+
+YOUNG_PA = 104e9
+ROD = Specimen(300.0, 5.0, 5.0, 7850.0, "plane-stress")
+GEL = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
+
+
+def rod(forces_N: list[float], offset_mm: float = 0.0) -> Experiment:
+    """A dial gauge at the tip of a rod, as beam theory has it: F L^3 / (3 E I), beside the rod under its weight."""
+    second_moment_mm4 = ROD.depth_mm * ROD.width_mm**3 / 12
+    sag_mm = np.array(forces_N) * ROD.length_mm**3 / (3 * 1e-6 * YOUNG_PA * second_moment_mm4)
+    rest = np.tile([[[ROD.length_mm, 0.0]]], (len(forces_N), 1, 1))
+    moved = rest + np.stack([0 * sag_mm, sag_mm + offset_mm], axis=-1)[:, None]
+    loads = Loads.along([0.0] * len(forces_N), gravity_angle_deg=None, tip_force_N=forces_N, tip_force_angle_deg=90.0)
+    return Experiment(
+        BeamModel(ROD).refined(), loads, PointObservation(rest, moved, np.full((len(forces_N), 1), 0.005))
+    )
+
+
+def gel(modulus_Pa: float) -> Experiment:
+    """Points on a beam that the same fields, over its modulus, bend as they bend silicone."""
+    loads = Loads.along(np.array([0.0, 4.0, 7.0]) * modulus_Pa / 46e3, gravity_angle_deg=None)
+    model = BeamModel(GEL).refined()
+    rest = np.column_stack([np.linspace(3, 24, 8), np.zeros(8)])
+    places = model.positions(model.solve(LAWS["neo-hookean"], np.array([[modulus_Pa]]), loads), rest)[0]
+    noise = np.random.default_rng(0).normal(0, 0.005, places.shape)
+    return Experiment(model, loads, PointObservation(np.tile(rest, (3, 1, 1)), places + noise, np.full((3, 8), 0.005)))
+
+
+def test_a_steel_rod_with_a_dial_gauge():
+    fit = identify("neo-hookean", [rod([1.0, 2.0, 4.0])])
+    # Incompressible, so E = 3 mu; beam theory leaves out shear, which is worth (h/L)^2.
+    assert fit.initial_shear_modulus.value == pytest.approx(YOUNG_PA / 3, rel=5e-3)
+    low, high = fit.initial_shear_modulus.interval_95
+    assert low < YOUNG_PA / 3 < high < 1.2 * low
+
+
+@pytest.mark.parametrize("modulus_Pa", [100.0, 3e9])
+def test_gel_and_plastic_without_changing_units(modulus_Pa):
+    fit = identify("neo-hookean", [gel(modulus_Pa)])
+    assert fit.initial_shear_modulus.value == pytest.approx(modulus_Pa, rel=0.02)
+    assert not fit.identifiability.at_bound
+
+
+def test_without_a_load_there_is_nothing_to_find():
+    still = replace(gel(46e3), loads=Loads.along([0.0, 0.0, 0.0], gravity_angle_deg=None))
+    with pytest.raises(NothingActs, match="no load acts on the specimen in any state"):
+        identify("neo-hookean", [still])
+
+
+def test_the_largest_deflection_is_that_of_the_point_that_moved_most():
+    bent = gel(46e3)
+    moved = np.linalg.norm(bent.observed.moved_mm - bent.observed.rest_mm, axis=-1)
+    assert deflection_mm(bent) == pytest.approx(moved.max(), rel=1e-3)
+
+
+def test_a_dial_gauge_that_does_not_begin_at_zero_is_a_doubt_and_no_refusal():
+    fit = identify("neo-hookean", [rod([1.0, 2.0, 4.0], offset_mm=0.5)])
+    (doubt,) = [doubt for doubt in fit.doubts if "clamp" in doubt.words]
+    assert "+0.5) mm beside the simulated ones in all states alike" in doubt.words
+
+
+def test_a_clamp_that_is_elsewhere_is_a_doubt_with_its_remedy():
+    good = gel(46e3)
+    shift = np.array([0.1, -0.9])
+    off = replace(good, observed=replace(good.observed, moved_mm=good.observed.moved_mm + shift))
+    fit = identify("neo-hookean", [off])
+    (said,) = [doubt for doubt in fit.doubts if "clamp" in doubt.words]
+    assert (said.dataset, said.state) == (0, None)
+    assert "correct its place (clamp_midpoint_px), or free it (--free clamp=0.9)" in said.words
+    freed = identify("neo-hookean", [off], free=[Prior("clamp", 0.9)])
+    assert [doubt for doubt in freed.doubts if "clamp" in doubt.words] == []
+    assert freed.initial_shear_modulus.value == pytest.approx(46e3, rel=0.02)
+    # One state that is elsewhere is no clamp.
+    moved = good.observed.moved_mm.copy()
+    moved[2] += 3 * shift
+    with pytest.raises(NotExplained):
+        identify("neo-hookean", [replace(good, observed=replace(good.observed, moved_mm=moved))])

@@ -1,0 +1,68 @@
+"""Unknowns beside the law: one entry is all that a new one takes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.measurements import EdgeObservation, edge_curves, points_on
+from eimi_fitting.inference.sources import SOURCES, Source
+from eimi_fitting.inference.unknowns import Prior, Setup, freed_number, nuisances
+from eimi_fitting.laws import LAWS
+
+NOISE_MM = 3e-3
+
+
+@pytest.fixture
+def bent() -> Experiment:
+    """Edges of a beam of 46 kPa, with noise."""
+    magnet = Magnet(length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0)
+    beam = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", magnet)
+    model, loads = BeamModel(beam, 26, 2), Loads.along((0.0, 4.0, 7.0))
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads)
+    sides = points_on(edge_curves(model, shapes)[0], 1)[:, :, 1:-1]
+    seen = sides + np.random.default_rng(1).normal(0, NOISE_MM, sides.shape)
+    sigma = np.full(sides.shape[2], NOISE_MM)
+    observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in seen])
+    return Experiment(BeamModel(beam), loads, observed)
+
+
+def test_another_nuisance_is_one_entry(bent: Experiment, monkeypatch: pytest.MonkeyPatch) -> None:
+    def magnified(deviation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return (1 + deviation[:, :, None]) * np.eye(2), np.zeros((len(deviation), 2))
+
+    scale = Source(words="magnification", parts=("magnification",), unit="1", largest=0.5, usual=0.01, image=magnified)
+    monkeypatch.setitem(SOURCES, "magnification", scale)
+    points = 1.01 * bent.observed.points_mm
+    larger = replace(bent, observed=replace(bent.observed, points_mm=points))
+    fit = identify("neo-hookean", [larger], free=[Prior("magnification", 0.02)])
+    (freed,) = fit.freed
+    assert (freed.name, freed.deviation.unit, freed.prior_standard_deviation) == ("magnification", "1", 0.02)
+    assert freed.deviation.value == pytest.approx(0.01, abs=1e-3)
+    assert fit.initial_shear_modulus.value == pytest.approx(46e3, rel=0.01)
+    assert fit.mean_error_mm == pytest.approx(NOISE_MM, rel=0.3)
+
+
+def test_what_the_camera_does_is_taken_out_as_it_was_put_in() -> None:
+    places = np.random.default_rng(0).uniform(-5, 30, (2, 7, 2))
+    values = [("roll", 0, np.array([12.0])), ("clamp", 0, np.array([0.4])), ("clamp", 1, np.array([-0.7]))]
+    setup = Setup.of(values, 1)
+    assert setup.corrected(setup.imaged(places))[0] == pytest.approx(places, abs=1e-12)
+    # Counter-clockwise, then moved along.
+    assert Setup.of([("roll", 0, 90.0), ("clamp", 1, 0.5)], 1).imaged(np.array([1.0, 0.0])) == pytest.approx([0.0, 1.5])
+
+
+@pytest.mark.parametrize("datasets", [1, 3])
+def test_every_number_that_is_freed_is_found_again_by_its_name(datasets: int) -> None:
+    freed = nuisances([Prior(key, source.usual) for key, source in SOURCES.items()], datasets)
+    assert len({nuisance.name for nuisance in freed}) == len(freed)
+    for nuisance in freed:
+        assert freed_number(nuisance.name) == (nuisance.source, nuisance.part)
+        assert (len(nuisance.datasets) == datasets) == (SOURCES[nuisance.source].common or datasets == 1)

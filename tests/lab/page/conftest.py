@@ -1,0 +1,191 @@
+"""A page that is served, on a real socket, over a folder with a dataset; and a browser."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from http.client import HTTPConnection, HTTPResponse
+from pathlib import Path
+from typing import Any
+
+import cv2
+import pytest
+import uvicorn
+
+from eimi_drivers.clock import WallClock
+from eimi_drivers.emulators.serve import emulate, serve_tcp
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.specimen import load_specimen
+from eimi_lab.dataset.importing import import_frames
+from eimi_lab.page.server import Page, guarded
+
+TOKEN = "t" * 43
+
+
+@dataclass
+class Answer:
+    status: int
+    headers: dict[str, str]
+    body: bytes
+
+
+@dataclass
+class Served:
+    """A page that is being served. ask: with the cookie, unless other headers are given."""
+
+    folder: Path
+    port: int
+    page: Page
+    headers: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def host(self) -> str:
+        return f"127.0.0.1:{self.port}"
+
+    @property
+    def address(self) -> str:
+        return f"http://{self.host}/?token={TOKEN}"
+
+    def ask(self, path: str, method: str = "GET", body: bytes | None = None, **headers: str) -> Answer:
+        named = {name.replace("_", "-"): value for name, value in headers.items()}
+        sent = {"Host": self.host, "Cookie": f"eimi_{self.port}={TOKEN}"} | named
+        connection = HTTPConnection("127.0.0.1", self.port, timeout=60)
+        try:
+            connection.putrequest(method, path, skip_host=True)
+            for name, value in sent.items():
+                if value:
+                    connection.putheader(name, value)
+            if body is not None and "Content-Length" not in sent:
+                connection.putheader("Content-Length", str(len(body)))
+            connection.endheaders(body)
+            response: HTTPResponse = connection.getresponse()
+            return Answer(response.status, {k.lower(): v for k, v in response.getheaders()}, response.read())
+        finally:
+            connection.close()
+
+
+@pytest.fixture(scope="session")
+def data_folder(tmp_path_factory: pytest.TempPathFactory, texts: dict[str, str], frame: Callable[..., Any]) -> Path:
+    """Holds `frames/` with two pictures, `states.csv`, TOML files, and the dataset `run.h5` of them."""
+    folder = tmp_path_factory.mktemp("data")
+    for name, text in texts.items():
+        (folder / f"{name}.toml").write_text(text)
+    (folder / "frames").mkdir()
+    for index in (1, 2):
+        cv2.imwrite(str(folder / "frames" / f"frame_{index}.png"), frame(index, 2.0 * index))
+    (folder / "states.csv").write_text("frame,current_A\nframe_1.png,0\nframe_2.png,0.2\n")
+    specimen, calibration = load_specimen(folder / "specimen.toml"), load_calibration(folder / "calibration.toml")
+    import_frames(folder / "frames", folder / "states.csv", specimen, calibration, folder / "run.h5")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def served(data_folder: Path) -> Iterator[Served]:
+    """The page of `data_folder`."""
+    page = Page(data_folder)
+    listening = socket.create_server(("127.0.0.1", 0))
+    port = listening.getsockname()[1]
+    app = guarded(page, frozenset({f"127.0.0.1:{port}", f"localhost:{port}"}), TOKEN)
+    server = uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+    thread.start()
+    yield Served(data_folder, port, page)
+    server.should_exit = True
+    thread.join()
+    page.worker.close()
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Any]:
+    """Debian's Chromium, or whatever Playwright has installed."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
+    with playwright.sync_playwright() as driver:
+        own = shutil.which("chromium") or shutil.which("chromium-browser")
+        try:
+            browser = driver.chromium.launch(executable_path=own, args=["--no-sandbox"] if os.geteuid() == 0 else [])
+        except playwright.Error as error:
+            pytest.skip(f"needs a browser: install Debian's chromium ({str(error).splitlines()[0]})")
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def tab(chromium: Any) -> Iterator[Callable[[str], Any]]:
+    """Opens an address in a new tab of one browser; a script that fails, or breaks the policy, fails the test."""
+    context = chromium.new_context(viewport={"width": 1280, "height": 720})
+    context.set_default_timeout(60_000)
+    faults: list[str] = []
+
+    def open_tab(address: str) -> Any:
+        page = context.new_page()
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.on("console", lambda said: faults.append(said.text) if "Content Security Policy" in said.text else None)
+        page.goto(address)
+        return page
+
+    yield open_tab
+    context.close()
+    assert faults == []
+
+
+@dataclass
+class EmulatedBench:
+    """A folder with a rig of an emulated supply and a camera that plays pictures; and the coil of that supply."""
+
+    folder: Path
+    coil: CoilSupply
+
+    def is_off(self) -> bool:
+        return not self.coil.state.output and self.coil.state.set_current_A == 0.0
+
+
+@pytest.fixture
+def emulated_bench(files: Path, frame: Callable[..., Any]) -> Iterator[EmulatedBench]:
+    """A run on it takes 46 states, half a minute."""
+    (files / "shots").mkdir()
+    for number in range(4):
+        cv2.imwrite(str(files / "shots" / f"f_{number}.png"), frame(number, 3.0 * number))
+    protocol = (files / "protocol.toml").read_text()
+    (files / "protocol.toml").write_text(protocol.replace("stop_A = 0.3\nstep_A = 0.1", "stop_A = 0.9\nstep_A = 0.02"))
+    coil = CoilSupply(WallClock())
+    with serve_tcp(emulate("scpi", coil)) as address:
+        (files / "rig.toml").write_text(f"""
+name = "desk"
+calibration = "calibration.toml"
+supply = {{ driver = "scpi", address = "{address}", limits = {{ current_A = 1.0, voltage_V = 10.0 }} }}
+coil = {{ continuous_current_A = 1.0, thermal_time_constant_s = 60.0 }}
+
+[camera]
+driver = "opencv"
+source = "{files / "shots"}"
+playback = {{ picture_a_state = true, loop = true }}
+""")
+        yield EmulatedBench(files, coil)
+    assert not coil.state.output
+
+
+@pytest.fixture
+def dashboard() -> Iterator[Callable[[Path], tuple[subprocess.Popen[str], str]]]:
+    """Starts `eimi dashboard` on a folder; gives its process and the address that it printed."""
+    begun: list[subprocess.Popen[str]] = []
+
+    def begin(folder: Path) -> tuple[subprocess.Popen[str], str]:
+        command = [sys.executable, "-m", "eimi_lab", "dashboard", str(folder)]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        begun.append(process)
+        assert process.stdout is not None
+        return process, process.stdout.readline().strip()
+
+    yield begin
+    for process in begun:
+        process.terminate()
+        process.wait(30)
+        assert process.stdout is not None
+        process.stdout.close()

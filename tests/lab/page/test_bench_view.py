@@ -1,0 +1,137 @@
+"""Runs that are begun, watched, paused, stopped and lost in a browser, on an emulated supply."""
+
+from __future__ import annotations
+
+import json
+import signal
+import time
+from collections.abc import Callable
+from http.client import HTTPConnection
+from typing import Any
+
+import pytest
+
+from eimi_lab.dataset.reading import open_dataset
+
+
+def wait_until(true: Callable[[], bool], seconds: float = 20.0) -> None:
+    until = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < until
+        time.sleep(0.02)
+
+
+def start(page: Any) -> None:
+    page.locator("#protocol option").first.wait_for(state="attached")
+    page.get_by_role("button", name="Start").click()
+    page.locator("#live[data-seen]").wait_for()
+
+
+def frames_arrive(page: Any) -> None:
+    live = page.locator("#live[data-seen]")
+    live.wait_for()
+    before = int(live.get_attribute("data-seen"))
+    wait_until(lambda: int(live.get_attribute("data-seen")) > before + 3)
+
+
+def test_a_run_is_begun_watched_by_two_tabs_reloaded_and_stopped(emulated_bench: Any, dashboard: Any, tab: Any) -> None:
+    address = dashboard(emulated_bench.folder)[1]
+    page = tab(address)
+    page.locator("#protocol option").first.wait_for(state="attached")
+    page.get_by_role("button", name="Dry run").click()
+    page.get_by_text("duration:").first.wait_for()
+    assert "46 states" in page.locator("#dry-lines").inner_text()
+    start(page)
+    frames_arrive(page)
+    page.get_by_text("COIL ON").wait_for()
+    page.locator("#live polyline").first.wait_for(state="attached")
+    page.locator("#live-plot circle.dot >> nth=1").wait_for()
+    assert page.locator("#values").inner_text().count("not rated") == 0
+    page.reload()
+    page.get_by_text("in control").first.wait_for()
+    frames_arrive(page)
+    assert not emulated_bench.is_off()
+
+    other = tab(address.partition("?")[0])
+    other.get_by_text("looking on").wait_for()
+    frames_arrive(other)
+    assert other.get_by_role("button", name="End").is_disabled()
+    other.get_by_role("button", name="Take control").click()
+    page.get_by_text("looking on").wait_for()
+    assert page.get_by_role("button", name="End").is_disabled()
+
+    other.get_by_role("button", name="Pause").click()
+    other.get_by_text("paused, coil off").wait_for()
+    assert emulated_bench.is_off()
+    other.get_by_role("button", name="Go on").click()
+    other.get_by_text("COIL ON").wait_for()
+    other.close()
+    frames_arrive(page)  # a tab that closes stops nothing
+    page.keyboard.press("Escape")  # and whoever looks on may stop
+    page.get_by_text("the coil is off, confirmed after").wait_for()
+    assert emulated_bench.is_off()
+    page.get_by_role("button", name="Start").wait_for()
+    with open_dataset(emulated_bench.folder / "run.h5") as dataset:
+        assert 2 <= len(dataset.states) < 46
+
+
+def test_a_killed_server_takes_the_coil_off_and_loses_no_state(emulated_bench: Any, dashboard: Any, tab: Any) -> None:
+    server, address = dashboard(emulated_bench.folder)
+    page = tab(address)
+    start(page)
+    page.locator("#live-plot circle.dot >> nth=1").wait_for()
+    assert not emulated_bench.is_off()
+    server.send_signal(signal.SIGKILL)
+    wait_until(emulated_bench.is_off)
+    page.get_by_text("not connected").wait_for()
+    again = tab(dashboard(emulated_bench.folder)[1])
+    again.get_by_text("coil off").first.wait_for()
+    again.get_by_label("go on with that dataset").check()
+    stored = len(stored_currents(emulated_bench.folder / "run.h5"))
+    start(again)
+    again.get_by_role("button", name="End, with a ramp").click()
+    again.get_by_role("button", name="Start").wait_for()
+    assert emulated_bench.is_off()
+    assert len(stored_currents(emulated_bench.folder / "run.h5")) >= stored >= 2
+
+
+def stored_currents(path: Any) -> list[float]:
+    with open_dataset(path) as dataset:
+        return [state.current_A for state in dataset.states]
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"Origin": "http://evil.example"}, 403),
+        ({"Origin": ""}, 403),
+        ({"Cookie": ""}, 403),
+        ({"Host": "evil.example"}, 403),
+        ({}, 101),
+    ],
+)
+def test_the_socket_is_for_the_page_alone(served: Any, headers: dict[str, str], status: int) -> None:
+    sent = {
+        "Host": served.host,
+        "Origin": f"http://{served.host}",
+        "Cookie": f"eimi_{served.port}={'t' * 43}",
+        "Connection": "Upgrade",
+        "Upgrade": "websocket",
+        "Sec-WebSocket-Version": "13",
+        "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==",
+    }
+    connection = HTTPConnection("127.0.0.1", served.port, timeout=20)
+    connection.putrequest("GET", "/live", skip_host=True)
+    for name, value in (sent | headers).items():
+        if value:
+            connection.putheader(name, value)
+    connection.endheaders()
+    assert connection.getresponse().status == status
+    connection.close()
+
+
+@pytest.mark.parametrize("act", ["start", "pause", "go-on", "end", "dry"])
+def test_only_the_tab_in_control_steers(served: Any, act: str) -> None:
+    answer = served.ask(f"/api/run/{act}", "POST", b"{}", Origin=f"http://{served.host}", X_Tab="guess")
+    assert answer.status == 400
+    assert "take control first" in json.loads(answer.body)["error"]

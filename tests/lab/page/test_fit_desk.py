@@ -1,0 +1,58 @@
+"""Fits that are asked for: which are refused, and what is read of the log of one under way."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import Any
+
+import pytest
+from websockets.sync.client import connect
+
+
+def in_control(served: Any) -> Any:
+    """A socket whose tab steers, and the tab's name."""
+    socket_ = connect(
+        f"ws://{served.host}/live",
+        origin=f"http://{served.host}",
+        additional_headers={"Cookie": f"eimi_{served.port}={'t' * 43}"},
+    )
+    told = json.loads(socket_.recv(timeout=20))
+    if told["control"] != "you":
+        socket_.send(json.dumps({"take": True}))
+        while told["control"] != "you":
+            told = json.loads(socket_.recv(timeout=20))
+    return socket_, told["tab"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"dataset": "run.h5", "model": "hooke"}, "should be one of neo-hookean"),
+        ({"dataset": "none.h5", "model": "yeoh"}, "no such file"),
+        ({"dataset": "../none.h5", "model": "yeoh"}, "leads out of the folder"),
+    ],
+)
+def test_a_fit_of_nothing_is_refused(served: Any, asked: dict[str, str], words: str) -> None:
+    tab, name = in_control(served)
+    with tab:
+        answer = served.ask(
+            "/api/fit/start", "POST", json.dumps(asked).encode(), Origin=f"http://{served.host}", X_Tab=name
+        )
+    assert answer.status == 400
+    assert words in json.loads(answer.body)["error"]
+
+
+def test_what_a_fit_cannot_explain_is_told_in_the_tab(served: Any) -> None:
+    """The drawn beam has no magnet and no load that moves it."""
+    tab, name = in_control(served)
+    with tab:
+        asked = json.dumps({"dataset": "run.h5", "model": "neo-hookean"}).encode()
+        assert served.ask("/api/fit/start", "POST", asked, Origin=f"http://{served.host}", X_Tab=name).status == 200
+        told: dict[str, Any] = {"phase": ""}
+        until = time.monotonic() + 100
+        while told["phase"] != "failed" and time.monotonic() < until:
+            told = json.loads(tab.recv(timeout=100)).get("fit") or told
+    assert told["phase"] == "failed"
+    assert "run.h5" in told["last_words"]
+    assert not (served.folder / "run.fits.json").exists()

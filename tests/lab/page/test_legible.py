@@ -1,0 +1,59 @@
+"""The page can be read and used: contrast, small windows, and STOP always in reach."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+
+from eimi_lab.page.server import STATIC
+
+AA = 4.5  # WCAG 2.2, success criterion 1.4.3
+PAIRS = [
+    *((ink, ground) for ink in ("ink", "faint", "accent", "warn", "bad", "good") for ground in ("ground", "raised")),
+    ("ground", "accent"),
+    ("stop-ink", "stop"),
+]
+
+
+def colours() -> dict[str, dict[str, str]]:
+    """The custom properties of the style sheet by scheme."""
+    sheet = (STATIC / "page.css").read_text()
+    blocks = re.findall(r":root \{(.*?)\}", sheet, re.DOTALL)
+    return {
+        name: dict(re.findall(r"--([\w-]+): (#\w+);", block))
+        for name, block in zip(("light", "dark"), blocks, strict=True)
+    }
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance as WCAG 2.2 defines it."""
+    digits = colour[1:] if len(colour) == 7 else "".join(2 * digit for digit in colour[1:])
+    parts = [int(digits[at : at + 2], 16) / 255 for at in (0, 2, 4)]
+    linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_text_stands_out_from_its_ground(scheme: str) -> None:
+
+    named = colours()[scheme]
+    for ink, ground in PAIRS:
+        lighter, darker = sorted((luminance(named[ink]), luminance(named[ground])), reverse=True)
+        assert (lighter + 0.05) / (darker + 0.05) >= AA, (ink, ground)
+
+
+@pytest.mark.parametrize(("wide", "high"), [(1280, 720), (768, 1024)])
+def test_stop_is_in_reach_wherever_the_page_is_scrolled(served: Any, tab: Any, wide: int, high: int) -> None:
+    page = tab(served.address)
+    page.set_viewport_size({"width": wide, "height": high})
+    for view in ("Bench", "Runs", "Pictures"):
+        page.get_by_role("link", name=view).click()
+        page.mouse.wheel(0, 5000)
+        box = page.get_by_role("button", name="STOP").bounding_box()
+        assert box["y"] >= 0
+        assert box["y"] + box["height"] <= high
+        assert box["x"] + box["width"] <= wide
+        assert min(box["width"], box["height"]) >= 44  # for a finger
+        assert page.locator("html").evaluate("root => root.scrollWidth") <= wide

@@ -1,0 +1,75 @@
+"""Own pictures: clamp, axis and scale are dragged into place in a browser, and the files that come of it are used."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eimi_lab.config.calibration import load_calibration
+from eimi_lab.dataset.reading import open_dataset
+
+
+def drag(page: Any, name: str, x: float, y: float) -> None:
+    """Drag a handle to a place in the picture of 128 x 96 pixels."""
+    box = page.locator("#by-hand svg").bounding_box()
+    handle = page.get_by_role("button", name=name).bounding_box()
+    page.mouse.move(handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(box["x"] + (x + 0.5) / 128 * box["width"], box["y"] + (y + 0.5) / 96 * box["height"], steps=4)
+    page.mouse.up()
+
+
+def test_a_calibration_is_dragged_into_place_saved_and_used(served: Any, tab: Any) -> None:
+    own = served.folder / "own"
+    shutil.copytree(served.folder / "frames", own)
+    page = tab(f"{served.address}#pictures")
+    page.get_by_label("Folder of pictures").select_option("own")
+    page.get_by_label("Specimen (its length").select_option("specimen.toml")
+    page.get_by_role("button", name="frame_2.png").wait_for()
+    page.get_by_label("current of frame_1.png").fill("0")
+    page.get_by_label("current of frame_2.png").fill("0,2")
+    drag(page, "ruler's first end", 30, 90)
+    drag(page, "ruler's second end", 110, 90)  # 80 px are its 10 mm
+    drag(page, "clamp's middle", 66, 8)
+    drag(page, "direction of the straight beam", 66, 70)
+    page.get_by_role("button", name="clamp's middle").press("ArrowRight")
+    page.get_by_role("button", name="clamp's middle").press("ArrowLeft")
+    page.locator("#by-hand polyline.edge >> nth=1").wait_for(state="attached")
+    page.get_by_role("button", name="Save").click()
+    page.get_by_text("2 pictures have a current").wait_for()
+    saved = load_calibration(own / "calibration.toml")
+    assert saved.pixels_per_mm == pytest.approx(8.0, rel=0.02)
+    assert saved.clamp_midpoint_px == pytest.approx((66.0, 8.0), abs=0.6)
+    assert saved.axis_angle_deg == pytest.approx(90.0, abs=1.5)
+    assert (own / "states.csv").read_text() == "frame,current_A\nframe_1.png,0\nframe_2.png,0.2\n"
+    page.get_by_role("button", name="Save").click()
+    page.get_by_text("exists already").wait_for()
+    page.get_by_role("button", name="Make a dataset").click()
+    page.get_by_text("own/own.h5: 2 states").wait_for()
+    with open_dataset(own / "own.h5") as dataset:
+        assert [state.current_A for state in dataset.states] == [0.0, 0.2]
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"folder": "..", "picture": "x.png"}, "leads out of the folder"),
+        ({"folder": "frames", "picture": "../../x.png"}, "leads out of the folder"),
+        ({"folder": "frames", "picture": "frame_1.png", "specimen": "type1"}, "calibration is missing"),
+        ({"folder": "frames", "picture": "frame_1.png", "specimen": "type1", "calibration": {}}, "are missing"),
+        ({"folder": "frames", "picture": "frame_1.png", "specimen": "../type1"}, "leads out of the folder"),
+    ],
+)
+def test_what_is_wrong_with_a_request_is_told(served: Any, asked: dict[str, Any], words: str) -> None:
+    answer = served.ask("/api/pictures/edges", "POST", json.dumps(asked).encode(), Origin=f"http://{served.host}")
+    assert answer.status == 400
+    assert words in json.loads(answer.body)["error"]
+
+
+def test_files_are_written_by_the_tab_in_control_alone(served: Any, tmp_path: Path) -> None:
+    answer = served.ask("/api/pictures/save", "POST", b"{}", Origin=f"http://{served.host}", X_Tab="")
+    assert (answer.status, "take control first" in answer.body.decode()) == (400, True)

@@ -1,0 +1,50 @@
+"""Datasets that are looked at: what they say, their pictures and edges, and that nothing is written."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+
+def test_a_dataset_is_shown_with_its_edges_and_stays_as_it_is(served: Any) -> None:
+    before = hashlib.sha256((served.folder / "run.h5").read_bytes()).digest()
+    about = json.loads(served.ask("/api/dataset?file=run.h5").body)
+    assert about["specimen"] == "small"
+    assert [state["current_A"] for state in about["states"]] == [0.0, 0.2]
+    assert about["states"][1]["field_mT"] == pytest.approx(0.94)
+    assert (about["states_asked"], about["being_written"], about["segmented"]) == (2, False, False)
+    jpeg = served.ask("/api/dataset/picture?file=run.h5&state=1").body
+    assert cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE).shape == (96, 128)
+    edges = json.loads(served.ask("/api/dataset/edges?file=run.h5&state=1").body)
+    middles = [np.mean(edges[side], axis=0)[0] for side in ("left", "right")]
+    assert sorted(middles) == pytest.approx([64 + 4 - 8, 64 + 4 + 8], abs=0.3)  # as drawn: 16 px wide, moved by 4
+    assert edges["tip_angle_deg"] == pytest.approx(0.0, abs=1.0)
+    assert hashlib.sha256((served.folder / "run.h5").read_bytes()).digest() == before
+
+
+@pytest.mark.parametrize(
+    ("query", "words"),
+    [
+        ("dataset?file=specimen.toml", "is a TOML file"),
+        ("dataset?file=none.h5", "no such file"),
+        ("dataset/picture?file=run.h5&state=7", "has 2 states"),
+        ("dataset/picture?file=run.h5&state=-1", "should be a whole number"),
+    ],
+)
+def test_what_cannot_be_shown_is_told_in_one_line(served: Any, query: str, words: str) -> None:
+    answer = served.ask(f"/api/{query}")
+    assert answer.status == 400
+    assert words in json.loads(answer.body)["error"]
+
+
+def test_a_report_may_run_nothing(served: Any) -> None:
+    (served.folder / "report.html").write_text("<script>alert(1)</script>")
+    answer = served.ask("/report?file=report.html")
+    assert answer.status == 200
+    assert answer.headers["content-security-policy"].startswith("sandbox;")
+    assert served.ask("/report?file=run.h5").status == 400

@@ -1,0 +1,122 @@
+"""A run and its supply stay in touch; what a lost contact would do is told; signals that are answered in words."""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import replace
+from typing import Any
+
+import h5py
+import pytest
+
+from eimi_drivers.emulators.faults import Fault
+from eimi_drivers.interfaces import InstrumentError, InstrumentTimeout, ProtectionTripped
+from eimi_lab.acquisition.dry_run import dry_run
+from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.toml import parse
+from eimi_lab.stopping import Stopped
+
+STAYS = "nothing switches the output off, it stays as it was set"
+WATCHDOG = "the supply's own watchdog switches every output off 10 s after the last message"
+
+
+def restless(setup: Any) -> None:
+    """A beam that never settles, and a protocol that waits for it for a minute."""
+    text = setup.protocol.text.replace("timeout_s = 5.0", "timeout_s = 60.0")
+    setup.protocol = parse(Protocol, text, "patient")
+    setup.camera.sway_px = 0.5
+
+
+def test_a_supply_that_goes_off_while_the_beam_settles_is_noticed_then(setup: Any) -> None:
+    restless(setup)
+    tripped_s: list[float] = []
+
+    def trip(number: int) -> None:
+        if setup.coil.state.set_current_A == 0.2 and not tripped_s:
+            setup.coil.trip()
+            tripped_s.append(setup.bench.clock.now())
+
+    setup.camera.event = trip
+    with pytest.raises(ProtectionTripped):
+        setup.run()
+    assert setup.bench.clock.now() - tripped_s[0] < 10  # simulated seconds
+    assert setup.is_off()
+
+
+def test_a_pulled_cable_is_noticed_while_the_beam_settles(setup: Any) -> None:
+    restless(setup)
+
+    def pull(number: int) -> None:
+        if setup.coil.state.set_current_A == 0.1:
+            setup.line.inject(Fault.SILENCE)
+
+    setup.camera.event = pull
+    with pytest.raises(InstrumentError) as caught:
+        setup.run()
+    assert isinstance(caught.value.__context__, InstrumentTimeout)
+    assert setup.bench.clock.now() < 100
+
+
+@pytest.mark.parametrize(("driver", "words"), [("korad", STAYS), ("scpi", STAYS), ("keysight-n6700", WATCHDOG)])
+def test_the_dry_run_says_what_a_pulled_cable_does(setup: Any, driver: str, words: str) -> None:
+    supply = setup.rig.supply.model_copy(update={"driver": driver})
+    told: list[str] = []
+    dry_run(setup.protocol, setup.specimen, setup.rig.model_copy(update={"supply": supply}), told.append)
+    assert f"if the cable is pulled or the computer dies: {words}" in told
+
+
+def test_the_dataset_says_what_a_pulled_cable_would_have_done(setup: Any) -> None:
+    setup.bench = replace(setup.bench, truth=None)
+    setup.run()
+    with h5py.File(setup.path) as file:
+        assert file["entry/instrument/supply/without_contact"][()].decode() == STAYS
+
+
+def test_ctrl_z_is_refused_in_words_and_the_run_goes_on(setup: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    before = signal.getsignal(signal.SIGTSTP)
+    setup.camera.event = lambda number: signal.raise_signal(signal.SIGTSTP) if number == 30 else None
+    setup.run()
+    assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
+    assert "Ctrl-Z is refused" in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGTSTP) is before
+
+
+def test_a_second_ctrl_c_leaves_out_the_ramp(setup: Any) -> None:
+    text = setup.protocol.text.replace("rate_A_per_s = 10.0\nstep_A = 0.1", "rate_A_per_s = 0.1\nstep_A = 0.01")
+    setup.protocol = parse(Protocol, text, "slow")
+    currents: dict[int, list[float]] = {}
+    for signals in (1, 2):
+        currents[signals] = []
+
+        def ask(number: int, count: int = signals) -> None:
+            if setup.coil.state.set_current_A == 0.2:
+                for _ in range(count):
+                    signal.raise_signal(signal.SIGINT)
+                take = type(setup.coil).set_current
+
+                def watch(current_A: float) -> bool:
+                    currents[count].append(current_A)
+                    return take(setup.coil, current_A)
+
+                setup.coil.set_current = watch
+
+        setup.camera.event = ask
+        with pytest.raises(Stopped):
+            setup.run(force=True)
+        assert setup.is_off()
+    assert len(currents[1]) > 5
+    assert set(currents[2]) == {0.0}
+
+
+def stopped_twice() -> None:
+    try:
+        raise Stopped(signal.SIGHUP, "the coil is off; 1 of 4 states are in run.h5")
+    finally:
+        raise Stopped(signal.SIGHUP)
+
+
+def test_a_second_signal_on_the_way_out_does_not_take_the_first_ones_words() -> None:
+    with pytest.raises(Stopped) as caught:
+        stopped_twice()
+    assert caught.value.in_words() == "stopped by SIGHUP: the coil is off; 1 of 4 states are in run.h5"
+    assert Stopped(signal.SIGINT).in_words() == "stopped by SIGINT"

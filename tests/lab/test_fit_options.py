@@ -1,0 +1,65 @@
+"""An option of `eimi fit` is one field: the command line, the checkpoint and the fit have it from there."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from eimi_lab.commands.material_laws import fit
+from eimi_lab.commands.shared_options import Output, with_fields
+from eimi_lab.errors import InputError
+from eimi_lab.fits.options import FitOptions
+
+
+@dataclass(frozen=True)
+class MoreOptions(FitOptions):
+    """With one more."""
+
+    population: Annotated[int, typer.Option(help="of the search", min=2)] = 8
+
+
+found: list[MoreOptions] = []
+
+
+@with_fields(MoreOptions)
+def command(output: Output, options: MoreOptions, again: bool = False) -> None:
+    """Keep what was asked for."""
+    found.append(options)
+
+
+def test_every_field_is_an_option_of_the_command_and_stands_in_a_checkpoint() -> None:
+    names = {field.name for field in fields(FitOptions)}
+    assert names <= set(inspect.signature(fit).parameters)
+    assert names == set(FitOptions().head())
+
+
+def test_another_option_is_another_field() -> None:
+    found.clear()
+    app = typer.Typer()
+    app.command()(command)
+    told = CliRunner().invoke(app, ["-o", "fits.json", "--population", "12", "--bipop"])
+    assert told.exit_code == 0, told.output
+    assert found == [MoreOptions(population=12, bipop=True)]
+    assert found[0].head()["population"] == 12
+    assert CliRunner().invoke(app, ["-o", "fits.json", "--population", "1"]).exit_code == 2
+
+
+def test_a_wrong_nuisance_is_told_with_all_that_there_are() -> None:
+    with pytest.raises(InputError) as told:
+        FitOptions(free=["widht=0.1"]).for_identify()
+    for words in ("moment=0.02 (relative)", "coil=0.01 (relative)", "roll=0.1 (degrees)", "clamp=0.05 (mm)", "bulk"):
+        assert words in str(told.value)
+
+
+def test_curves_are_checked_before_anything_is_fitted(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--tensile-window 20: of which curve"):
+        FitOptions(tensile_window="20").for_identify()
+    (tmp_path / "short.csv").write_text("strain,stress_kPa\n0.1,5\n0.2,9\n")
+    with pytest.raises(InputError, match="2 rows in the window"):
+        FitOptions(tensile=[tmp_path / "short.csv"]).for_identify()

@@ -1,0 +1,20 @@
+"""Mutated datasets and TOML files: read or refused, no traceback, no hang, no dead process."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.fuzz_files import fuzz
+
+
+@pytest.mark.parametrize("files", [400, pytest.param(20_000, marks=pytest.mark.slow)])
+def test_mutated_files_are_read_or_refused_in_one_line(files: int) -> None:
+    counts = fuzz(files, seed=files)
+    assert set(counts) == {"read", "refused"}, counts
+
+
+@pytest.mark.parametrize("files", [12, pytest.param(2_000, marks=pytest.mark.slow)])
+def test_mutated_datasets_are_recovered_or_refused_in_one_line(files: int) -> None:
+    counts = fuzz(files, seed=files, recover=True)
+    assert set(counts) <= {"read", "refused", "died", "hang"}, counts  # the last two in a process of their own
+    assert counts["read"] > files / 10

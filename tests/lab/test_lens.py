@@ -1,0 +1,55 @@
+"""A lens that the calibration knows nothing of, seen in the edges."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.outline import View, edge_curves, points_on
+from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.measurements import EdgeObservation
+from eimi_fitting.laws import LAWS
+from eimi_lab.fits.perspective import seen_depth
+
+DEPTH_MM, CENTRE_MM = 5.0, np.array([15.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def sides() -> np.ndarray:
+    """(7, 2, n, 2) mm: edges of a beam of silicone in seven fields, those of its middle plane."""
+    model = BeamModel(Specimen(30.0, 3.0, DEPTH_MM, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(np.linspace(0, 8, 7)))
+    return points_on(edge_curves(model, shapes)[0], 8)[:, :, 1:-1]
+
+
+def seen(sides: np.ndarray, stand_off_mm: float | None, noise_mm: float) -> EdgeObservation:
+    """The union of the near and the far face's outline: of each pair of points the outer one."""
+    if stand_off_mm:
+        faces = [np.insert(sides, 2, z, axis=-1) for z in (-0.5 * DEPTH_MM, 0.5 * DEPTH_MM)]
+        near, far = map(View(CENTRE_MM, stand_off_mm).seen, faces)
+        ahead = np.gradient(sides, axis=2)
+        outward = np.stack([-ahead[..., 1], ahead[..., 0]], axis=-1) * np.array([-1.0, 1.0])[:, None, None]
+        sides = np.where(((near - far) * outward).sum(axis=-1, keepdims=True) > 0, near, far)
+    noisy = sides + np.random.default_rng(0).normal(0, noise_mm, sides.shape)
+    return EdgeObservation(noisy, np.full(sides.shape[:3], noise_mm))
+
+
+@pytest.mark.parametrize("stand_off_mm", [150.0, 300.0])
+def test_the_stand_off_of_an_ordinary_lens_is_seen(sides: np.ndarray, stand_off_mm: float) -> None:
+    found = seen_depth(seen(sides, stand_off_mm, 0.003), CENTRE_MM, DEPTH_MM)
+    assert found is not None
+    assert stand_off_mm < found.stand_off_mm < 1.4 * stand_off_mm
+
+
+@pytest.mark.parametrize("noise_mm", [0.001, 0.003, 0.02])
+def test_a_telecentric_lens_is_not_mistaken_for_one(sides: np.ndarray, noise_mm: float) -> None:
+    assert seen_depth(seen(sides, None, noise_mm), CENTRE_MM, DEPTH_MM) is None
+
+
+def test_a_beam_that_is_cut_wider_toward_its_tip_is_no_lens(sides: np.ndarray) -> None:
+    tapered = sides.copy()
+    middle = tapered.mean(axis=1, keepdims=True)
+    tapered = middle + (tapered - middle) * np.linspace(1.0, 1.1, tapered.shape[2])[:, None]
+    assert seen_depth(seen(tapered, None, 0.003), CENTRE_MM, DEPTH_MM) is None

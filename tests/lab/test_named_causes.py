@@ -1,0 +1,161 @@
+"""Datasets that no material could explain, and what a person is told: one line, the cause, the key to change."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.measurements import PointObservation
+from eimi_fitting.laws import LAWS
+from eimi_lab.dataset.state import State
+from eimi_lab.errors import InputError
+from eimi_lab.fits.before_search import check_states
+from eimi_lab.fits.fits_file import read_any_fits
+
+BEAM = """
+[specimen]
+name = "beam"
+material = "silicone"
+length_mm = 30.0
+width_mm = 3.0
+depth_mm = 5.0
+density_kg_m3 = 1070.0
+section = "plane-strain"
+"""
+MAGNET = """
+[magnet]
+length_mm = 4.0
+width_mm = 3.0
+depth_mm = 2.0
+remanence_T = 1.2
+density_kg_m3 = 7500.0
+"""
+FIELD_MT = (0.0, 3.0, 6.0)
+REST = np.column_stack([np.linspace(5, 24, 6), np.zeros(6)])
+
+
+def places(gravity_deg: float | None = 30.0) -> np.ndarray:
+    """(3, 6, 2) mm: points on a beam of 46 kPa in three fields, gravity to one side."""
+    magnet = Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)
+    model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", magnet)).refined()
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(FIELD_MT, 90.0, gravity_deg))
+    return model.positions(shapes, REST)[0]
+
+
+def bent() -> Experiment:
+    """The same as an experiment."""
+    model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
+    seen = PointObservation(np.tile(REST, (3, 1, 1)), places(), np.full((3, 6), 0.005))
+    return Experiment(model, Loads.along(FIELD_MT, 90.0, 30.0), seen)
+
+
+def fit(folder: Path, run, *, seen=None, fields=FIELD_MT, gravity="30", magnet=MAGNET, name="beam") -> tuple[int, str]:
+    """Import the places under stated loads, and fit them."""
+    rows = [
+        f"{k},p{i},{REST[i, 0]},{REST[i, 1]},{x:.6f},{y:.6f},0.005"
+        for k, state in enumerate(places() if seen is None else seen)
+        for i, (x, y) in enumerate(state)
+    ]
+    (folder / "points.csv").write_text("\n".join(["state,point,x0_mm,y0_mm,x_mm,y_mm,sigma_mm", *rows]) + "\n")
+    states = [f"{k},{field}" for k, field in enumerate(fields)]
+    (folder / "states.csv").write_text("\n".join(["state,field_mT", *states]) + "\n")
+    (folder / "beam.toml").write_text(BEAM + magnet)
+    tables = ("--states", folder / "states.csv", "--specimen", folder / "beam.toml", "--gravity-angle", gravity)
+    status, told = run("import", folder / "points.csv", *tables, "-o", folder / f"{name}.h5", "--force")
+    assert status == 0, told
+    status, told = run("fit", folder / f"{name}.h5", "--model", "neo-hookean", "-o", folder / "fits.json", "--force")
+    return status, told.splitlines()[-1]
+
+
+def test_nothing_is_named_where_nothing_is_wrong(tmp_path: Path, run) -> None:
+    assert fit(tmp_path, run)[0] == 0
+    (found,) = read_any_fits(tmp_path / "fits.json")
+    assert found.initial_shear_modulus.value == pytest.approx(46e3, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("stated", "cause", "remedy"),
+    [
+        ({"fields": (0.0, -3.0, -6.0)}, "a field that is the wrong way round", "change the sign of field_mT"),
+        ({"gravity": "-150"}, "a gravity that is upside down", "turn --gravity-angle by 180 degrees"),
+        ({"fields": (0.0, 3e3, 6e3)}, "a field a thousand times too large", "field_mT in states.csv is in mT"),
+        (
+            {"fields": (0.0, 3e-3, 6e-3)},
+            "a field a thousand times too small",
+            "field_mT in states.csv is in mT (not T)",
+        ),
+        ({"seen": places(None)}, "gravity", "give --no-gravity"),
+    ],
+)
+def test_a_slip_in_the_loads_is_named(tmp_path: Path, run, stated, cause: str, remedy: str) -> None:
+    status, line = fit(tmp_path, run, **stated)
+    assert status == 2
+    assert "beam.h5: no material explains this: as stated the best is" in line
+    assert f"without {cause} " in line
+    assert remedy in line
+    assert not (tmp_path / "fits.json").exists()
+
+
+def test_a_slip_that_is_hardly_seen_is_a_doubt(tmp_path: Path, run) -> None:
+    """Upside down, the weight of a hanging beam is worth a tenth of its bending."""
+    status, line = fit(tmp_path, run, seen=places(0.0), gravity="180")
+    if status == 0:
+        (found,) = read_any_fits(tmp_path / "fits.json")
+        line = " ".join(found.doubts_in_words())
+    assert "a gravity that is upside down" in line
+
+
+def test_a_field_that_nothing_feels_is_named(tmp_path: Path, run) -> None:
+    status, line = fit(tmp_path, run, magnet="")
+    assert status == 2
+    assert "beam.h5: the tip moves by" in line
+    assert "no [magnet] and no magnetisation_kA_per_m" in line
+
+
+@pytest.mark.parametrize(
+    ("key", "stated", "told"),
+    [
+        ("width_mm = 2.0", "width_mm = 1.0", "the beam in the picture is 2 times as wide as it should be: 2"),
+        ("width_mm = 2.0", "width_mm = 6.0", "the beam in the picture is 0.33 times as wide as it should be"),
+        (
+            "width_mm = 2.0\ndepth_mm = 2.0",
+            "width_mm = 0.8\ndepth_mm = 2.0",
+            "that is depth_mm: width_mm is what is",
+        ),
+    ],
+)
+def test_a_beam_of_another_width_than_stated_is_named(pictures: Path, run, key: str, stated: str, told: str) -> None:
+    text = (pictures / "specimen.toml").read_text()
+    assert key in text
+    (pictures / "specimen.toml").write_text(text.replace(key, stated))
+    tables = ("--states", pictures / "states.csv", "--specimen", pictures / "specimen.toml")
+    given = (pictures / "frames", *tables, "--calibration", pictures / "calibration.toml", "-o", pictures / "d.h5")
+    assert run("import", *given)[0] == 0
+    status, said = run("fit", pictures / "d.h5", "--model", "neo-hookean", "-o", pictures / "fits.json")
+    assert status == 2
+    assert told in said.splitlines()[-1]
+
+
+def test_milliampere_for_ampere_are_named() -> None:
+    states = [State(k, 500.0 * k, None, 2350.0 * k, 0.0, ()) for k in range(4)]
+    with pytest.raises(InputError, match=r"d\.h5: current_A of up to 1500 A .* were milliampere given\?"):
+        check_states(Path("d.h5"), bent(), states)
+
+
+def test_one_state_is_enough_where_it_determines_the_modulus(tmp_path: Path, run) -> None:
+    assert fit(tmp_path, run, seen=places()[2:], fields=FIELD_MT[2:])[0] == 0
+    (found,) = read_any_fits(tmp_path / "fits.json")
+    assert found.initial_shear_modulus.value == pytest.approx(46e3, rel=0.03)
+    assert found.held_out_error_mm is None
+    # Along gravity a beam of this stiffness hardly stretches, by less than the points are good to.
+    rng = np.random.default_rng(0)
+    hanging = REST[None] + rng.normal(0, 0.005, (1, *REST.shape))
+    status, line = fit(tmp_path, run, seen=hanging, fields=(0.0,), gravity="0", name="hanging")
+    assert status == 2
+    assert "hanging.h5: this one state leaves the initial shear modulus open" in line

@@ -1,0 +1,34 @@
+"""A few of the faults of the off campaign; `python -m benchmarks.off_campaign --trials 5` is the long one."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+QUICK = ("SIGSTOP pty korad", "guardian stopped")
+LONG = (
+    "grab never returns",
+    *("second acquire", "line cut, stopped, HiSLIP", "line cut, killed, HiSLIP", "clock steps back, silent for 3 s"),
+    *(
+        "stderr unread, killed",
+        "Ctrl-Z",
+        "grab keeps Python's lock",
+        "flush never returns",
+        "close never returns",
+        "stderr unread",
+        "guardian killed",
+    ),
+)
+
+
+@pytest.mark.parametrize("fault", [*QUICK, *(pytest.param(fault, marks=pytest.mark.slow) for fault in LONG)])
+def test_a_run_at_full_current_ends_with_the_coil_off(fault: str) -> None:
+    # How soon the coil is off is the script's to tell, not a test's: a busy machine is no defect.
+    command = [sys.executable, "-m", "benchmarks.off_campaign", "--trials", "1", "--patience", "10", "--fault", fault]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "trials with a fault: 0 of 1" in done.stdout

@@ -1,0 +1,187 @@
+"""A run that is paused, ended early, and run again: what the coil does and what a person is told."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import termios
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import h5py
+import numpy as np
+import pytest
+
+from eimi_drivers.clock import WallClock
+from eimi_drivers.emulators.serve import emulate, serve_tcp
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import InstrumentDisconnected
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.stopping import Stopped
+from eimi_lab.writer_lock import only_writer
+
+PICTURES, NAMES = 24, 3000
+
+
+def typist(setup: Any, paused_for: int) -> Callable[[], str | None]:
+    """Types `p` in the first state that is loaded, and Enter after so many looks at the terminal in the pause."""
+    looks: list[bool] = []
+
+    def typed() -> str | None:
+        if setup.coil.state.output:
+            return "p" if setup.coil.state.set_current_A == 0.1 and not looks else None
+        looks.append(setup.is_off())
+        assert all(looks)
+        return "" if len(looks) == paused_for else None
+
+    return typed
+
+
+def test_a_paused_run_switches_off_and_comes_back_the_same_way(setup: Any) -> None:
+    history: list[float] = []
+    take = setup.coil.set_current
+    setup.coil.set_current = lambda current_A: history.append(current_A) or take(current_A)
+    remarks: list[str] = []
+    said = setup.run(typed=typist(setup, 600), remark=remarks.append)
+    assert [line.split(",")[0] for line in said] == ["0 A", "0.1 A", "0.2 A", "0.3 A"]
+    assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
+    assert setup.is_off()
+    assert remarks[0] == "the run pauses as soon as this state is stored"
+    assert remarks[1] == (
+        f"paused before state 2: the coil is off, and 2 of 4 states are in {setup.path}; Enter goes on, "
+        "Ctrl-C ends the run"
+    )
+    assert len(remarks) == 3
+    again = history.index(0.0, history.index(0.1))
+    assert [value for value in history[again:] if value][:3] == [0.1, 0.2, 0.3]  # 0.1 again: the beam remembers
+    with h5py.File(setup.path) as file:
+        assert file["entry/sessions/first_state"][()].tolist() == [0, 2]
+        time_s = file["entry/data/time"][()]
+        assert np.diff(time_s).max() > 60.0
+
+
+def test_a_pause_can_be_ended_by_ctrl_c(setup: Any) -> None:
+    typed = typist(setup, 10**9)
+
+    def ask(seconds: float, sleep: Callable[[float], None] = setup.bench.clock.sleep) -> None:
+        sleep(seconds)
+        if not setup.coil.state.output and setup.camera.number > 20:
+            signal.raise_signal(signal.SIGINT)
+
+    setup.bench.clock.sleep = ask
+    with pytest.raises(Stopped) as stopped:
+        setup.run(typed=typed, remark=lambda words: None)
+    assert str(stopped.value) == (
+        f"stopped by SIGINT: the coil is off; 2 of 4 states are in {setup.path}, and the same command with --resume "
+        "goes on from there"
+    )
+    del setup.bench.clock.sleep
+    setup.run(resume=True)
+    assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
+
+
+def test_ctrl_c_before_the_first_state_leaves_nothing_and_says_so(setup: Any) -> None:
+    setup.camera.event = lambda number: signal.raise_signal(signal.SIGINT) if number == 9 else None
+    with pytest.raises(Stopped, match="the coil is off; no state was stored yet, so that there is no file"):
+        setup.run()
+    assert not setup.path.exists()
+
+
+def unfinished(setup: Any) -> None:
+    def fail(number: int) -> None:
+        if setup.coil.state.set_current_A == 0.2:
+            raise InstrumentDisconnected("memory: unplugged")
+
+    setup.camera.event = fail
+    with pytest.raises(InstrumentDisconnected):
+        setup.run(remark=lambda words: None)
+
+
+def test_a_rerun_on_an_unfinished_file_proposes_to_resume_it(setup: Any, run: Any) -> None:
+    unfinished(setup)
+    folder = setup.path.parent
+    command = ("acquire", folder / "protocol.toml", "--specimen", folder / "specimen.toml", "--rig", "virtual", "-o")
+    status, said = run(*command, setup.path)
+    assert (status, said.count("\n")) == (2, 1)
+    assert "run.h5: holds 2 of the 4 states of a run that ended early: --resume goes on with it" in said
+    assert "--force" not in said
+    (folder / "other.h5").write_text("something else")
+    assert "other.h5: exists already" in run(*command, folder / "other.h5")[1]
+
+
+def test_a_rerun_on_a_file_in_use_proposes_neither(setup: Any) -> None:
+    unfinished(setup)
+    other = [sys.executable, "-m", "eimi_lab", "acquire", "protocol.toml", "--specimen", "specimen.toml"]
+    with only_writer(setup.path):
+        done = subprocess.run(
+            [*other, "--rig", "virtual", "-o", "run.h5"],
+            cwd=setup.path.parent,
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+    assert done.returncode == 2
+    assert "run.h5: is being written to by process" in done.stderr
+    assert "--force" not in done.stderr
+
+
+@pytest.fixture
+def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
+    """A folder with a protocol, a specimen, and a recording of a beam at rest that lasts for a whole run."""
+    recording = files / "recording"
+    recording.mkdir()
+    for number in range(PICTURES):
+        cv2.imwrite(str(recording / f"f_{number}.png"), frame(number))
+    for number in range(PICTURES, NAMES):
+        os.link(recording / f"f_{number % PICTURES}.png", recording / f"f_{number}.png")
+    return files
+
+
+def test_p_and_enter_on_a_terminal_pause_a_run(bench: Path) -> None:
+    coil = CoilSupply(WallClock())
+    keys, terminal = os.openpty()
+
+    def own_terminal() -> None:
+        fcntl.ioctl(terminal, termios.TIOCSCTTY, 0)
+
+    with serve_tcp(emulate("scpi", coil)) as address:
+        (bench / "rig.toml").write_text(f"""
+name = "emulated"
+calibration = "calibration.toml"
+supply = {{ driver = "scpi", address = "{address}", limits = {{ current_A = 1.0, voltage_V = 10.0 }} }}
+camera = {{ driver = "opencv", source = "{bench / "recording"}" }}
+""")
+        command = [sys.executable, "-m", "eimi_lab", "acquire", "protocol.toml", "--specimen", "specimen.toml"]
+        process = subprocess.Popen(
+            [*command, "--rig", "rig.toml", "-o", "run.h5"],
+            cwd=bench,
+            stdin=terminal,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            preexec_fn=own_terminal,
+        )
+        os.close(terminal)
+        assert process.stderr is not None
+        said, off = [], []
+        for line in process.stderr:
+            said.append(line.rstrip())
+            if line.startswith("acquire 1/"):
+                os.write(keys, b"p\n")
+            if line.startswith("eimi: paused before state "):
+                WallClock().sleep(6.0 if not off else 0.0)  # longer than the guardian has patience with a run
+                off.append(not coil.state.output and coil.state.set_current_A == 0.0)
+                os.write(keys, b"\n")
+        assert process.wait(60) == 0, said
+    os.close(keys)
+    assert off == [True]
+    assert "eimi: p and Enter pause the run, with the coil off; Ctrl-C ends it" in said[:2]
+    assert "eimi: the run goes on, through the states before" in said
+    assert not coil.state.output
+    with open_dataset(bench / "run.h5") as dataset:
+        assert [state.current_A for state in dataset.states] == [0.0, 0.1, 0.2, 0.3]

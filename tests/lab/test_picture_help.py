@@ -1,0 +1,185 @@
+"""What a person says of the pictures: clamp, axis, region, polarity, colours; asked for where it is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from eimi_lab.config.calibration import Calibration, changed_calibration, load_calibration
+from eimi_lab.config.toml import parse
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.vision.projection import Projection, choose_projection
+
+Run = Callable[..., tuple[int, str]]
+
+
+def scene(beam: tuple[int, int, int], beside: tuple[int, int, int], seed: int = 0) -> np.ndarray:
+    """(96, 128, 3: blue, green, red): a beam 16 px wide and 80 px long that hangs from (64, 8), with some noise."""
+    image = np.empty((96, 128, 3))
+    image[:] = beside
+    image[8:88, 56:72] = beam
+    image = cv2.GaussianBlur(image, (0, 0), 0.8)
+    return np.clip(image + np.random.default_rng(seed).normal(0, 2, image.shape), 0, 255).astype(np.uint8)
+
+
+def imported(run: Run, files: Path, image: np.ndarray, *more: object) -> tuple[int, str]:
+    cv2.imwrite(str(files / "frame.png"), image)
+    (files / "states.csv").write_text("frame,current_A\nframe.png,0\n")
+    arguments = ["--states", files / "states.csv", "--specimen", files / "specimen.toml"]
+    arguments += ["--calibration", files / "calibration.toml", "-o", files / "out.h5"]
+    return run("import", files / "frame.png", *arguments, *more)
+
+
+def stored(files: Path) -> Calibration:
+    with open_dataset(files / "out.h5") as dataset:
+        assert dataset.calibration is not None
+        return dataset.calibration
+
+
+def edge_points(files: Path) -> int:
+    with open_dataset(files / "out.h5") as dataset:
+        return sum(len(edges.left.sigma_mm) + len(edges.right.sigma_mm) for edges in dataset.edges() or ())
+
+
+def test_what_a_person_says_is_kept(run: Run, files: Path) -> None:
+    """In the dataset's calibration, with what the file says; and it is an answer to what the file leaves out."""
+    with (files / "calibration.toml").open("a") as file:
+        file.write('calibrated_on = 2026-01-02\n[picture]\npolarity = "dark"\nchannel = "green"\n')
+    said = ("--clamp", "63.5,8", "--axis", "91", "--region", "10, 4, 100, 90", "--beam-colour", "200,30,40")
+    assert imported(run, files, scene((40, 30, 200), (200, 200, 200)), *said)[0] == 0
+    kept = stored(files)
+    assert (kept.clamp_midpoint_px, kept.axis_angle_deg, kept.pixels_per_mm) == ((63.5, 8.0), 91.0, 8.0)
+    assert kept.picture is not None
+    assert kept.picture.region_px == (10, 4, 100, 90)
+    assert (kept.picture.polarity, kept.picture.channel, kept.picture.beam_colour) == ("dark", None, (200, 30, 40))
+    assert parse(Calibration, kept.text, "text") == kept
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "told"),
+    [
+        ("--clamp", "60", "--clamp 60: should be 2 numbers with commas between them"),
+        ("--region", "1,2,3,x", "--region 1,2,3,x: should be 4 whole numbers"),
+        ("--region", "1,2,0,4", "[picture] region_px = [1, 2, 0, 4] should be left and top"),
+        ("--beam-colour", "1,2,300", "[picture] beam_colour = [1.0, 2.0, 300.0] should be red, green and blue from 0"),
+        ("--polarity", "white", "picture.polarity = 'white' should be 'dark' or 'bright'"),
+        ("--channel", "violet", "picture.channel = 'violet' should be 'red', 'green', 'blue' or 'grey'"),
+        ("--axis", "190.5", "field_angle_deg = 0 must lie across the beam"),
+    ],
+)
+def test_what_is_no_help_is_told_in_one_line(run: Run, files: Path, option: str, value: str, told: str) -> None:
+    status, said = imported(run, files, scene((40, 30, 200), (200, 200, 200)), option, value)
+    assert (status, said.count("\n"), told in said) == (2, 1, True), said
+    assert not (files / "out.h5").exists()
+
+
+def test_what_is_missing_is_asked_for_with_a_picture(run: Run, files: Path) -> None:
+    text = (files / "calibration.toml").read_text()
+    lines = [line for line in text.splitlines() if not line.startswith(("clamp_midpoint_px", "axis_angle_deg"))]
+    (files / "calibration.toml").write_text("\n".join(lines) + "\n")
+    image = scene((40, 30, 200), (200, 200, 200))
+    status, said = imported(run, files, image)
+    assert (status, said.count("\n")) == (2, 1)
+    assert "clamp_midpoint_px and axis_angle_deg is missing" in said
+    assert "give --clamp X,Y and --axis DEG" in said
+    assert f"{files / 'out_where.png'} is frame.png with its pixels counted" in said
+    asked = cv2.imread(str(files / "out_where.png"))
+    seen = asked[46 : 46 + 96, 46 : 46 + 128].astype(int)  # the picture itself, under thin lines
+    assert np.median(np.abs(seen - image)) == 0
+    assert (asked[:40] < 128).any()  # numbers above it
+    assert imported(run, files, image, "--clamp", "64,8")[0] == 2
+    assert imported(run, files, image, "--clamp", "64,8", "--axis", "90") == (0, "")
+
+
+def test_red_on_white_and_a_name_for_what_was_chosen(run: Run, files: Path) -> None:
+    """Red of 204 on 214: in grey by the brightest channel there is nothing; green has 50 on 208."""
+    assert imported(run, files, scene((50, 50, 204), (208, 208, 214)))[0] == 0
+    assert run("segment", files / "out.h5")[0] == 0
+    found = edge_points(files)
+    with open_dataset(files / "out.h5") as dataset:
+        projection = dataset.projection()
+    assert found > 30
+    assert projection is not None
+    assert abs(projection.weights[2]) < 0.3
+    assert run("segment", files / "out.h5", "--channel", "red")[0] == 0
+    with open_dataset(files / "out.h5") as dataset:
+        assert (dataset.projection() or projection).name == "red"
+    assert edge_points(files) < found
+    assert run("segment", files / "out.h5", "--beam-colour", "204,50,50")[0] == 0
+    assert edge_points(files) == pytest.approx(found, rel=0.1)
+    assert stored(files).picture is not None
+
+
+def test_one_projection_for_all_states_and_both_sides(files: Path) -> None:
+    """Pale on green: 119 on 113 in green, 120 on 55 in red; one state darker than the other."""
+    calibration = load_calibration(files / "calibration.toml")
+    images = [
+        scene((90, 119, 120), (60, 113, 55)).astype(np.float32),
+        scene((72, 95, 96), (48, 90, 44)).astype(np.float32),
+    ]
+    chosen = choose_projection(images, calibration, 2.0, 10.0)
+    seen = [chosen.apply(image) for image in images]
+    steps = [abs(float(np.median(image[20:80, 58:70]) - np.median(image[20:80, 20:50]))) for image in seen]
+    assert min(steps) > 20
+    assert Projection.from_json(chosen.to_json()) == chosen
+    full = np.full((4, 4, 3), 255, np.uint8)
+    assert [float(chosen.apply(full * k).max()) <= 255.0 for k in (0, 1)] == [True, True]
+
+
+def test_only_the_region_is_looked_at(run: Run, files: Path) -> None:
+    image = scene((30, 30, 30), (200, 200, 200))
+    image[:, 100:] = 10  # a black wall that touches nothing
+    image[84:, :] = 10  # and a floor on which the beam stands
+    assert imported(run, files, image)[0] == 0
+    assert run("segment", files / "out.h5", "--region", "30,0,60,84")[0] == 0
+    with open_dataset(files / "out.h5") as dataset:
+        edges = (dataset.edges() or ())[0]
+    assert "MULTI_CONTOUR" not in {flag.name for flag in edges.flags}
+    assert edges.calibration_digest == stored(files).digest
+    status, said = run("segment", files / "out.h5", "--region", "80,0,40,84")
+    assert (status, "should hold clamp_midpoint_px = [64.0, 8.0]" in said) == (2, True)
+    status, said = run("segment", files / "out.h5", "--region", "0,0,400,84")
+    assert (status, "should lie in the pictures of 128 x 96 px" in said) == (2, True)
+
+
+def test_a_polarity_that_is_said_is_not_guessed(run: Run, files: Path) -> None:
+    assert imported(run, files, scene((200, 200, 200), (30, 30, 30)), "--polarity", "bright")[0] == 0
+    assert run("segment", files / "out.h5")[0] == 0
+    assert edge_points(files) > 30
+    assert run("segment", files / "out.h5", "--polarity", "dark")[0] == 0
+    assert edge_points(files) == 0
+
+
+def test_changing_a_calibration_forgets_the_edges_found_with_it(run: Run, files: Path) -> None:
+    assert imported(run, files, scene((30, 30, 30), (200, 200, 200)))[0] == 0
+    before = stored(files)
+    after = changed_calibration(before, {"axis_angle_deg": 89.0})
+    assert (after.axis_angle_deg, after.digest == before.digest) == (89.0, False)
+    assert run("segment", files / "out.h5", "--axis", "89")[0] == 0
+    assert stored(files) == after
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        ("pixels_per_mm", "4.0", "one would be with pixels_per_mm = 8, 2 times as much: is the scale right?"),
+        ("clamp_midpoint_px", "[24.0, 8.0]", "one would be with clamp_midpoint_px = [64, 8]: is the clamp where"),
+        ("clamp_midpoint_px", "[118.0, 80.0]", "nothing of the stated width leaves the clamp there, nor near by"),
+    ],
+)
+def test_where_no_beam_is_found_it_is_said_what_may_be_wrong(
+    run: Run, files: Path, key: str, value: str, told: str
+) -> None:
+    lines = (files / "calibration.toml").read_text().splitlines()
+    lines = [f"{key} = {value}" if line.startswith(key) else line for line in lines]
+    (files / "calibration.toml").write_text("\n".join(lines) + "\n")
+    assert imported(run, files, scene((30, 30, 30), (200, 200, 200)))[0] == 0
+    status, said = run("segment", files / "out.h5")
+    assert (status, told in said) == (0, True), said
+    assert f"{files / 'out_where.png'} shows where it was looked for" in said
+    drawn = cv2.imread(str(files / "out_where.png")).astype(int)
+    assert ((drawn[..., 0] > 200) & (drawn[..., 1] < 60) & (drawn[..., 2] > 200)).sum() > 50  # the stated beam

@@ -1,0 +1,76 @@
+"""The command that plans the next run: what it refuses, and the protocol that it writes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eimi_fitting import LAWS, BeamModel, Experiment, Loads, PointObservation, Specimen, identify
+from eimi_lab.config.protocol import load_protocol
+from eimi_lab.dataset.state import State
+from eimi_lab.fits.evidence import Evidence
+from eimi_lab.fits.fits_file import write_fits
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.states_used import StatesUsed
+
+ARGUMENTS = ("dragon_skin_10_quick", "--rig", "virtual")
+
+
+@pytest.fixture(scope="module")
+def fits(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A Neo-Hookean fit of a strip under two weights."""
+    strip = Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")
+    model, loads = BeamModel(strip), Loads.along([0.0, 0.0], gravity_angle_deg=90.0, tip_force_N=[0.001, 0.002])
+    rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
+    moved = model.positions(model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads), rest)[0]
+    moved += np.random.default_rng(1).normal(0, 0.01, moved.shape)
+    experiment = Experiment(model, loads, PointObservation(np.tile(rest, (2, 1, 1)), moved, np.full((2, 9), 0.01)))
+    states = tuple(State(index, 0.0, None, 0.0, force, ()) for index, force in enumerate((0.001, 0.002)))
+    evidence = Evidence(Path("strip.h5"), "0" * 64, experiment, states, StatesUsed(2, (), ()))
+    path = tmp_path_factory.mktemp("plan") / "fits.json"
+    write_fits(path, [FitRecord.of(identify("neo-hookean", [experiment]), [evidence])])
+    return path
+
+
+def test_a_protocol_says_what_it_is_for(fits: Path, run, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "planned.toml"
+    mounting = ("--gravity-angle", 90, "--gravity-angle", 0, "--tip-weight", 2)
+    assert run("plan", fits, *ARGUMENTS, "--specimen", "type1", "--states", 3, *mounting, "-o", out)[0] == 0
+    protocol = load_protocol(out)
+    assert len(protocol.currents_A) == 3
+    assert max(protocol.currents_A) <= protocol.limits.current_A
+    assert protocol.tip_force_N == pytest.approx(2e-3 * 9.80665)
+    assert "# Mounting: type1, gravity at " in out.read_text()
+    # What hangs at a virtual beam is not simulated.
+    status, told = run("acquire", out, "--specimen", "type1", "--rig", "virtual", "-o", tmp_path / "run.h5")
+    assert (status, "a virtual beam bears no weight" in told) == (2, True)
+
+
+def test_the_table_is_there_as_json(fits: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:
+    from eimi_lab import cli
+
+    arguments = ["plan", fits, *ARGUMENTS, "--specimen", "type1", "--states", 2, "--json", "-o", tmp_path / "p.toml"]
+    monkeypatch.setattr("sys.argv", ["eimi", *map(str, arguments)])
+    monkeypatch.setattr(cli, "unwind_on_termination", lambda: None)
+    with pytest.raises(SystemExit):
+        cli.main()
+    (found,) = json.loads(capsys.readouterr().out)["runs"]
+    assert found["expected"] <= found["equally_spaced"]
+    assert len(found["currents_A"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        (("--goal", "C10"), "--goal C10: should be modulus, one of neo-hookean's parameters (mu)"),
+        (("--model", "yeoh"), "--model yeoh: should be one of neo-hookean"),
+        (("--states", "99"), "--states 99: should be at most 41"),
+    ],
+)
+def test_what_cannot_be_planned_is_told(fits: Path, run, tmp_path: Path, more: tuple[str, ...], told: str) -> None:
+    status, said = run("plan", fits, *ARGUMENTS, "--specimen", "type1", *more, "-o", tmp_path / "planned.toml")
+    assert (status, said.count("\n"), told in said) == (2, 1, True), said
+    assert not (tmp_path / "planned.toml").exists()

@@ -1,0 +1,169 @@
+"""What is brought back of files that are damaged: a flipped bit anywhere, links elsewhere, sizes that cannot be."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from eimi_drivers.interfaces import Frame
+from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.specimen import load_specimen
+from eimi_lab.dataset.checksums import fletcher32, flipped_bit, flipped_bit_of_chunk, lookup3
+from eimi_lab.dataset.layout import Header
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.dataset.recovery import recover
+from eimi_lab.dataset.writing import DatasetWriter
+from eimi_lab.errors import InputError
+
+STATES = 4
+
+
+def image(number: int) -> np.ndarray:
+    return np.random.default_rng(number).integers(0, 255, (48, 64)).astype(np.uint8)
+
+
+@pytest.fixture
+def two(files: Path) -> dict[str, Path]:
+    """A dataset as it was when its writer crashed, and the same closed properly."""
+    header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
+    with DatasetWriter(files / "finished.h5", header, Frame(image(0), 0, 0.0)) as writer:
+        for k in range(STATES):
+            frames = [Frame(image(2 * k), 2 * k, 0.0), Frame(image(2 * k + 1), 2 * k + 1, 0.1)]
+            writer.append_state(frames, current_A=k / 10, field_mT=k * 0.47)
+        shutil.copyfile(files / "finished.h5", files / "crashed.h5")
+    return {name: files / f"{name}.h5" for name in ("finished", "crashed")}
+
+
+def assert_everything_is_there(path: Path) -> None:
+    with open_dataset(path) as dataset:
+        assert [state.current_A for state in dataset.states] == [k / 10 for k in range(STATES)]
+        assert not any(state.flags for state in dataset.states)
+        for k in range(STATES):
+            np.testing.assert_array_equal(dataset.images(k), [image(2 * k), image(2 * k + 1)])
+
+
+def test_the_checksums_are_those_of_hdf5(two: dict[str, Path]) -> None:
+    raw = two["finished"].read_bytes()
+    assert lookup3(raw[:44]) == int.from_bytes(raw[44:48], "little")
+    with h5py.File(two["finished"]) as file:
+        for place in ("entry/data/frames", "entry/states/flags", "entry/data/time"):
+            chunk = file[place].id.get_chunk_info(0)
+            stored = raw[chunk.byte_offset : chunk.byte_offset + chunk.size]
+            assert fletcher32(stored[:-4]) == int.from_bytes(stored[-4:], "little")
+
+
+@pytest.mark.parametrize("length", [9, 44, 127, 128, 129, 700])
+def test_a_flipped_bit_is_found_by_the_checksum(length: int) -> None:
+    random = np.random.default_rng(length)
+    block = random.integers(0, 256, length, dtype=np.uint8).tobytes()
+    chunk = block + fletcher32(block).to_bytes(4, "little")
+    for bit in random.integers(0, 8 * length, 20).tolist():
+        damaged = bytearray(block)
+        damaged[bit // 8] ^= 1 << bit % 8
+        assert flipped_bit(bytes(damaged), lookup3(block)) == bit
+        assert flipped_bit_of_chunk(bytes(damaged) + chunk[-4:]) == bit
+
+
+@pytest.mark.parametrize("kind", ["finished", "crashed"])
+@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 120))])
+def test_a_flipped_bit_costs_nothing(two: dict[str, Path], files: Path, kind: str, seed: int) -> None:
+    raw = bytearray(two[kind].read_bytes())
+    random = np.random.default_rng(seed)
+    # The tables and everything around them stand in the first part of the file, frames in the rest.
+    bit = int(random.integers(0, 8 * (20_000 if seed % 2 else len(raw))))
+    raw[bit // 8] ^= 1 << bit % 8
+    (files / "damaged.h5").write_bytes(raw)
+    refused = ""
+    try:
+        recover(files / "damaged.h5", files / "whole.h5", say=lambda words: None)
+    except InputError as error:
+        refused = str(error)
+    if not refused:
+        assert_everything_is_there(files / "whole.h5")
+    else:  # texts have no checksum: a letter may be another one now
+        assert "damaged.h5: specimen" in refused or "damaged.h5: calibration" in refused
+
+
+HOSTILE: dict[str, Callable[[h5py.File], object]] = {
+    "is a link to another place": lambda file: swap(file, "entry/data/frames", h5py.ExternalLink("other.h5", "/x")),
+    "entry/specimen is a link": lambda file: swap(file, "entry/specimen", h5py.SoftLink("/entry/specimen")),
+    "is kept in another file": lambda file: swap_by(
+        file, "entry/data/time", lambda at: file.create_dataset(at, (8,), "f8", external=[("/etc/passwd", 0, 64)])
+    ),
+    "claims a size of": lambda file: swap_by(
+        file, "entry/data/time", lambda at: file.create_dataset(at, (10**15,), "f8", chunks=(64,))
+    ),
+    "is of type object": lambda file: swap_by(
+        file, "entry/data/time", lambda at: file.create_dataset(at, (8,), h5py.string_dtype())
+    ),
+    "is damaged, or not what a dataset should be": lambda file: swap_by(
+        file, "entry/states/current", lambda at: file.create_group(at)
+    ),
+    "is an HDF5 file, but not a dataset": lambda file: file.__delitem__("entry/states"),
+    "holds no specimen": lambda file: file.__delitem__("entry/specimen"),
+    "specimen: is not valid TOML": lambda file: swap_by(
+        file, "entry/specimen/data", lambda at: file.create_dataset(at, data=np.bytes_(b"= ="))
+    ),
+    "(Expecting value": lambda file: file["entry/states/flags"].__setitem__(0, b"none"),
+}
+
+
+def swap(file: h5py.File, place: str, link: object) -> None:
+    del file[place]
+    file[place] = link
+
+
+def swap_by(file: h5py.File, place: str, make: Callable[[str], object]) -> None:
+    del file[place]
+    make(place)
+
+
+@pytest.mark.parametrize("said", HOSTILE)
+def test_a_hostile_file_is_refused_in_one_line(
+    two: dict[str, Path], said: str, run: Callable[..., tuple[int, str]]
+) -> None:
+    with h5py.File(two["finished"], "r+") as file:
+        HOSTILE[said](file)
+    status, told = run("segment", two["finished"])
+    assert (status, told.count("\n")) == (2, 1), told
+    assert said in told
+    status, told = run("recover", two["finished"], "-o", two["finished"].with_name("whole.h5"))
+    assert status in (0, 2), told
+    assert "Traceback" not in told
+
+
+def test_what_nobody_thought_of_is_told_as_a_fault_of_the_program(
+    two: dict[str, Path], run: Callable[..., tuple[int, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = two["crashed"].parent
+    (folder / "sitecustomize.py").write_text("""
+from eimi_lab.dataset import reading
+
+def surprised(*arguments):
+    raise ValueError("nobody thought of this")
+
+reading.flags_from_text = surprised
+reading.Dataset._read_states = surprised
+reading.Dataset._damage_named = lambda self: __import__("contextlib").nullcontext()
+""")
+    monkeypatch.setenv("PYTHONPATH", str(folder))
+    status, said = run("recover", two["crashed"], "-o", folder / "out.h5")
+    assert (status, said.count("\n")) == (1, 1)
+    assert "crashed.h5: the recovery of it failed: ValueError: nobody thought of this: a fault of this program" in said
+    assert "damaged" not in said
+    assert not (folder / "out.h5").exists()
+
+
+@pytest.mark.parametrize("length", [8, 11, 12, 47])
+def test_the_first_bytes_of_a_dataset_are_refused_in_one_line(two: dict[str, Path], length: int) -> None:
+    raw = two["crashed"].read_bytes()
+    two["crashed"].write_bytes(raw[:length])
+    with pytest.raises(InputError, match=r"crashed\.h5: is a damaged HDF5 file"), open_dataset(two["crashed"]):
+        pass
+    with pytest.raises(InputError, match=r"crashed\.h5: is "):
+        recover(two["crashed"], two["crashed"].with_name("out.h5"))

@@ -1,0 +1,100 @@
+"""What a command found, for a person and for a program, and how its help says that it is used."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import typer
+
+from eimi_lab import cli
+from eimi_lab.commands.examples import EXAMPLES
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.progress import progress, unseen
+
+Eimi = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Eimi:
+    """Runs the command line in this process; exit status, what it printed and what it said on stderr."""
+
+    def eimi(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["eimi", *map(str, arguments)])
+        with pytest.raises(SystemExit) as exit_:
+            cli.main()
+        return (int(exit_.value.code or 0), *capsys.readouterr())
+
+    monkeypatch.setattr(cli, "unwind_on_termination", lambda: None)
+    return eimi
+
+
+def test_a_program_gets_json_and_a_person_words(eimi: Eimi, dataset: Path) -> None:
+    status, said, progressed = eimi("segment", dataset)
+    assert "segment 1/" in progressed
+    assert (status, said.startswith(f"{dataset}: edges of ")) == (0, True)
+    status, said, progressed = eimi("segment", dataset, "--json")
+    found = json.loads(said)
+    with open_dataset(dataset) as opened:
+        assert found["states"] == len(opened.states) == len(found["flags"])
+    assert found["dataset"] == str(dataset)
+    assert "segment 1/" in progressed
+    assert eimi("segment", dataset, "--quiet") == (0, "", "")
+    status, said, progressed = eimi("segment", dataset, "--quiet", "--json")
+    assert (status, json.loads(said), progressed) == (0, found, "")
+
+
+def test_what_goes_wrong_is_told_however_quiet(eimi: Eimi, tmp_path: Path) -> None:
+    status, said, told = eimi("segment", tmp_path / "none.h5", "--quiet", "--json")
+    assert (status, said) == (2, "")
+    assert told.startswith("eimi: ")
+    assert len(told.splitlines()) == 1
+
+
+def test_a_tensile_fit_prints_what_its_file_holds(eimi: Eimi, tmp_path: Path) -> None:
+    rows = "".join(f"{0.02 * k},{3 * 15e3 * (1 + 0.02 * k - (1 + 0.02 * k) ** -2) / 3e6}\n" for k in range(60))
+    (tmp_path / "curve.csv").write_text("strain,stress_MPa\n" + rows)
+    arguments = ("--model", "neo-hookean", "--window", "50", "-o", tmp_path / "fits.json", "--json")
+    status, said, told = eimi("tensile", tmp_path / "curve.csv", *arguments)
+    assert status == 0, told
+    assert json.loads(said) == json.loads((tmp_path / "fits.json").read_text())
+
+
+@pytest.mark.parametrize(
+    ("name", "example"), [(name, example) for name, examples in EXAMPLES.items() for example in examples]
+)
+def test_the_examples_in_the_help_are_commands_that_exist(name: str, example: str) -> None:
+    program, command, *arguments = shlex.split(example)
+    assert (program, command) == ("eimi", name)
+    with typer.main.get_command(cli.app).commands[name].make_context(name, arguments) as context:  # type: ignore[attr-defined]
+        assert context.params
+
+
+def test_every_command_has_an_example_and_takes_h(eimi: Eimi) -> None:
+    assert set(EXAMPLES) == set(typer.main.get_command(cli.app).commands)  # type: ignore[attr-defined]
+    status, said, _ = eimi("fit", "-h")
+    assert status == 0
+    assert "\n    eimi fit run.h5 --model neo-hookean -o fits.json\n" in said
+
+
+def test_an_estimate_is_of_the_steps_alone(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """What comes before the first step, the conditioning of a coil, is no part of a step."""
+    now = iter([1000.0, 1010.0, 1020.0, 1030.0])
+    monkeypatch.setattr("eimi_lab.progress.time.monotonic", lambda: next(now))
+    with progress("acquire", 4) as report:
+        for _ in range(4):
+            report("done")
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[1:3] == ["acquire 2/4: done, about 20 s left", "acquire 3/4: done, about 10 s left"]
+    assert [line.endswith("done") for line in lines] == [True, False, False, True]
+
+
+def test_nothing_is_told_unseen(capsys: pytest.CaptureFixture[str]) -> None:
+    with unseen(), progress("fit", 1) as report:
+        report.underway("half")
+        report("done")
+    assert capsys.readouterr().err == ""

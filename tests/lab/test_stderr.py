@@ -1,0 +1,58 @@
+"""Standard error that nobody reads: nothing waits for it, and nothing is lost to whoever reads late."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+from eimi_lab.stderr import NeverBlocking
+
+
+def test_a_full_pipe_takes_everything_at_once_and_the_reader_gets_it_later() -> None:
+    reads, writes = os.pipe()
+    stream = NeverBlocking(writes)
+    lines = [f"line {number} {'.' * 80}\n" for number in range(2000)]  # more than twice what a pipe holds
+    for line in lines:
+        stream.write(line)
+    got = bytearray()
+    while len(got) < sum(map(len, lines)):
+        got += os.read(reads, 65536)
+        stream.flush()
+    assert got.decode() == "".join(lines)
+    assert os.get_blocking(writes)  # the end that other programs share is as it was
+    for end in (reads, writes):
+        os.close(end)
+
+
+def test_what_is_too_much_is_dropped_and_counted() -> None:
+    reads, writes = os.pipe()
+    stream = NeverBlocking(writes)
+    for number in range(20_000):
+        stream.write(f"line {number} {'.' * 80}\n")
+    got = bytearray()
+    while b"line 19999 " not in got or not got.endswith(b"\n"):
+        got += os.read(reads, 65536)
+        stream.flush()
+    text = got.decode().splitlines()
+    dropped = [int(line.split()[1]) for line in text if "were dropped: nobody read them" in line]
+    assert len([line for line in text if line.startswith("line ")]) + dropped[-1] == 20_000
+    for end in (reads, writes):
+        os.close(end)
+
+
+def test_a_reader_that_left_is_no_error() -> None:
+    reads, writes = os.pipe()
+    os.close(reads)
+    stream = NeverBlocking(writes)
+    stream.write("nobody hears this\n")
+    stream.finish()
+    os.close(writes)
+
+
+def test_the_command_line_ends_with_its_message_where_the_reader_is_late() -> None:
+    command = [sys.executable, "-m", "eimi_lab", "acquire", "nothing.toml", "--specimen", "type1", "--rig", "virtual"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "nothing.toml" in done.stderr

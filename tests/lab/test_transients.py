@@ -1,0 +1,201 @@
+"""What a run keeps of the beam between its states, over real files."""
+
+from __future__ import annotations
+
+import shutil
+import signal
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from eimi_drivers.emulators.faults import Fault
+from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentError
+from eimi_lab.acquisition.dry_run import dry_run
+from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.toml import parse
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.dataset.recordings import Recording
+from eimi_lab.dataset.recovery import recover
+from eimi_lab.segmentation import segment
+from eimi_lab.stopping import Stopped
+
+
+def asked(setup: Any, lines: str) -> None:
+    setup.protocol = parse(Protocol, f"{lines}\n{setup.protocol.text}", "p")
+
+
+def transients(path: Path) -> list[Recording | None]:
+    with open_dataset(path) as dataset:
+        return [dataset.transient(state.index) for state in dataset.states]
+
+
+def middle(image: np.ndarray) -> float:
+    dark = np.flatnonzero(image.mean(axis=0) < 115)
+    return float(dark[0] + dark[-1]) / 2
+
+
+def test_frames_are_kept_while_the_beam_settles(setup: Any) -> None:
+    asked(setup, "transients = { frames_per_state = 6 }")
+    setup.run()
+    kept = transients(setup.path)
+    assert all(one is not None and 1 <= len(one.images) <= 6 for one in kept)
+    last = kept[3]
+    assert last is not None
+    assert set(last.belongs_to.tolist()) == {3}
+    assert set(last.set_A.tolist()) == {0.3}
+    ratios = last.elapsed_s[1:] / last.elapsed_s[:-1]
+    assert ratios.min() > 1.2  # log-spaced, whatever the camera's rate
+    np.testing.assert_allclose(np.diff(last.time_s), np.diff(last.elapsed_s))
+    swings = [abs(middle(image) - 67.0) for image in last.images]
+    assert max(swings) > 1.0  # the swing that the frames of the state no longer show
+    assert swings[-1] < 0.6
+    with open_dataset(setup.path) as dataset:
+        assert middle(dataset.images(3)[-1]) == pytest.approx(67.0, abs=0.5)
+    with h5py.File(setup.path) as file:
+        of_states = file["entry/data/time"][()]
+        assert last.time_s[-1] <= of_states[-2] < of_states[-1]
+
+
+def test_none_are_kept_on_request(setup: Any) -> None:
+    asked(setup, "transients = { frames_per_state = 0 }")
+    setup.run()
+    assert transients(setup.path) == [None] * 4
+    with h5py.File(setup.path) as file:
+        assert "transients" not in file["entry"]
+
+
+def test_a_beam_that_never_rests_takes_no_more_than_the_budget(setup: Any) -> None:
+    setup.camera.sway_px = 0.5
+    setup.run()
+    kept = transients(setup.path)[2]
+    assert kept is not None
+    assert len(kept.images) == 12
+    assert kept.elapsed_s[-1] == pytest.approx(5.0, rel=0.35)  # spread over the whole time-out
+
+
+def test_the_release_is_recorded_at_the_rate_of_the_camera(setup: Any) -> None:
+    asked(setup, "release = { seconds = 0.5 }")
+    setup.run()
+    assert setup.is_off()
+    with open_dataset(setup.path) as dataset:
+        release = dataset.release()
+        assert len(dataset.states) == 4
+    assert release is not None
+    # The camera's period is 5 ms; the supply's exchange advances the same simulated clock.
+    assert 100 <= len(release.images) <= 200
+    assert 0.5 <= release.elapsed_s[-1] < 1.5
+    assert np.median(np.diff(release.elapsed_s)) == pytest.approx(0.005)
+    assert set(release.set_A.tolist()) == {0.0}
+    assert middle(release.images[-1]) == pytest.approx(64.0, abs=0.5)
+
+
+def test_a_supply_that_does_not_let_go_ends_the_release_and_the_run(setup: Any) -> None:
+    asked(setup, "release = { seconds = 500 }")
+
+    def deaf(data: bytes) -> bool:
+        return data.startswith(b"ISET1:0.000") and setup.coil.state.set_current_A == 0.3
+
+    setup.line.inject(Fault.SILENCE, deaf)
+    with pytest.raises(InstrumentError):
+        setup.run()
+    assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
+    assert not setup.coil.state.output
+
+
+def test_ctrl_c_keeps_what_was_recorded_of_the_release(setup: Any) -> None:
+    asked(setup, "release = { seconds = 500 }")
+    let_go: list[int] = []
+
+    def ask(number: int) -> None:
+        if setup.stored_all and setup.coil.state.set_current_A == 0.0:
+            let_go.append(number)
+            if len(let_go) == 20:
+                signal.raise_signal(signal.SIGINT)
+
+    setup.stored_all = False
+    setup.camera.event = ask
+
+    def watch(live: Any) -> None:
+        setup.stored_all |= live.state == 3
+
+    with pytest.raises(Stopped):
+        setup.run(show=watch)
+    assert setup.is_off()
+    with open_dataset(setup.path) as dataset:
+        release = dataset.release()
+    assert release is not None
+    assert len(release.images) >= 20
+
+
+def test_a_crash_loses_no_transient_of_a_state_that_was_acknowledged(setup: Any) -> None:
+    copies: list[Path] = []
+
+    def crash(number: int) -> None:
+        if setup.coil.state.set_current_A == 0.3:
+            copies.append(setup.path.with_name("crashed.h5"))
+            shutil.copyfile(setup.path, copies[0])
+            raise InstrumentDisconnected("memory: unplugged")
+
+    setup.camera.event = crash
+    with pytest.raises(InstrumentDisconnected):
+        setup.run()
+    whole = setup.path.with_name("whole.h5")
+    assert recover(copies[0], whole) == 3
+    for crashed, recovered in zip(transients(copies[0]), transients(whole), strict=True):
+        assert crashed is not None
+        assert recovered is not None
+        np.testing.assert_array_equal(crashed.images, recovered.images)
+        np.testing.assert_array_equal(crashed.elapsed_s, recovered.elapsed_s)
+    setup.camera.event = lambda number: None
+    setup.run(resume=True)
+    kept = transients(setup.path)
+    assert [one.belongs_to[0] for one in kept if one is not None] == [0, 1, 2, 3]
+
+
+def test_recovery_leaves_out_what_is_damaged_of_the_transients_alone(setup: Any) -> None:
+    setup.run()
+    before = transients(setup.path)
+    assert before[1] is not None
+    with h5py.File(setup.path) as file:
+        chunk = file["entry/transients/frames"].id.get_chunk_info(len(before[0].images) + 2)  # type: ignore[union-attr]
+    raw = bytearray(setup.path.read_bytes())
+    raw[chunk.byte_offset + 100 : chunk.byte_offset + 140] = bytes(40)
+    setup.path.write_bytes(raw)
+    said: list[str] = []
+    whole = setup.path.with_name("whole.h5")
+    assert recover(setup.path, whole, say=said.append) == 4
+    assert said == [f"{setup.path}: damaged frames left out of transients: 1"]
+    after = transients(whole)
+    assert after[1] is not None
+    assert len(after[1].images) == len(before[1].images) - 1
+    assert [one.flags for one in _states(whole)] == [()] * 4
+
+
+def test_segmentation_leaves_the_transients_as_they_were(setup: Any) -> None:
+    asked(setup, "release = { seconds = 0.2 }")
+    setup.run()
+    before = transients(setup.path)
+    segment(setup.path, lambda words: None)
+    for one, other in zip(before, transients(setup.path), strict=True):
+        assert one is not None
+        assert other is not None
+        np.testing.assert_array_equal(one.images, other.images)
+    with open_dataset(setup.path) as dataset:
+        assert dataset.release() is not None
+
+
+def test_a_dry_run_tells_what_is_kept_and_counts_the_release(setup: Any) -> None:
+    told: list[str] = []
+    asked(setup, "release = { seconds = 100 }\ntransients = { frames_per_state = 7 }")
+    dry_run(setup.protocol, setup.specimen, setup.rig, told.append)
+    assert "transients: at most 7 frames of each state while the beam settles" in told
+    assert "release: to zero in one step, recorded for 100 s" in told
+    assert int(told[-1].split()[1]) > 100
+
+
+def _states(path: Path) -> Any:
+    with open_dataset(path) as dataset:
+        return dataset.states

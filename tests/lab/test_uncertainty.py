@@ -1,0 +1,110 @@
+"""[uncertainty] in the files of a bench: what may stand there, and what becomes of it in a fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eimi_fitting.laws import LAWS
+from eimi_lab.config.calibration import Calibration, load_calibration
+from eimi_lab.config.rig import load_rig, stated_by_rig
+from eimi_lab.config.specimen import SpecimenFile, load_specimen
+from eimi_lab.config.toml import parse
+from eimi_lab.errors import InputError
+from eimi_lab.simulation import simulate
+
+PROTOCOLS = Path(__file__).parents[2] / "protocols"
+
+
+def text_of(name: str, table: str = "") -> str:
+    """A shipped file with another table of uncertainties."""
+    before, _, _ = (PROTOCOLS / name).read_text(encoding="utf-8").partition("[uncertainty]")
+    return before + (f"[uncertainty]\n{table}\n" if table else "")
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ("widht_mm = 0.02", "[uncertainty] widht_mm is not a known key; did you mean width_mm?"),
+        ("width_mm = -0.02", "width_mm = -0.02 should be a standard uncertainty: 0 (exact) or above"),
+        ("width_mm = 2.0", "width_mm = 2 should be at most 0.1 of the value, 3"),
+        ("width_mm = nan", "width_mm = nan should be a finite number"),
+        ("width_mm = '0.02'", "uncertainty.width_mm = '0.02' should be a valid number"),
+        ("pixels_per_mm = 0.1", "pixels_per_mm is not a known key"),
+    ],
+)
+def test_what_cannot_be_an_uncertainty_is_said_in_one_line(table, said):
+    with pytest.raises(InputError) as told:
+        parse(SpecimenFile, text_of("specimens/type1.toml", table), "beam.toml")
+    assert str(told.value).startswith("beam.toml: ")
+    assert said in str(told.value)
+    assert "\n" not in str(told.value)
+
+
+def test_an_uncertainty_of_what_is_not_there_is_refused():
+    telecentric = text_of("rigs/virtual_calibration.toml", "stand_off_mm = 1.0")
+    with pytest.raises(InputError, match="there is no stand_off_mm that it could be of"):
+        parse(Calibration, telecentric, "calibration.toml")
+    beam, _, _ = text_of("specimens/type1.toml").partition("[magnet]")
+    with pytest.raises(InputError, match="there is no remanence_T that it could be of"):
+        parse(SpecimenFile, beam + "[uncertainty]\nremanence_T = 0.01\n", "beam.toml")
+
+
+def test_shares_and_pixels_become_what_the_inference_takes():
+    calibration = parse(
+        Calibration,
+        text_of(
+            "rigs/virtual_calibration.toml",
+            "pixels_per_mm = 0.1\ncoil_constant_mT_per_A = 0.047\nclamp_midpoint_px = 0.5",
+        ),
+        "calibration.toml",
+    )
+    sizes = {stated.source: stated.standard_uncertainty for stated in calibration.stated()}
+    assert sizes == pytest.approx({"scale": 0.1 / 25, "coil": 0.01, "clamp": 0.5 / 25})
+    rig = (PROTOCOLS / "rigs" / "bench_example.toml").read_text(encoding="utf-8")
+    (current,) = stated_by_rig(rig, "rig.toml", 4.7)
+    assert (current.source, current.standard_uncertainty) == ("offset", pytest.approx(0.003 * 4.7))
+
+
+def test_who_shares_an_error_follows_from_names_and_numbers():
+    def of(text: str) -> dict[str, str]:
+        return {s.source: s.of for s in parse(SpecimenFile, text, "beam.toml").stated()}
+
+    text = text_of("specimens/type1.toml", "width_mm = 0.02\nremanence_T = 0.01")
+    first, second = of(text), of(text.replace('"type1"', '"type2"'))
+    assert first["width"] != second["width"]
+    with_caliper = text.replace('name = "type1"', 'name = "type1"\nmeasured_with = "caliper 3"')
+    first, second = of(with_caliper), of(with_caliper.replace('"type1"', '"type2"'))
+    assert first["width"] == second["width"]
+    assert first["remanence"] != second["remanence"]
+
+
+def test_the_virtual_rig_is_exact_and_the_bench_states_all_it_has():
+    assert all(
+        s.standard_uncertainty == 0 for s in load_calibration(PROTOCOLS / "rigs/virtual_calibration.toml").stated()
+    )
+    for name in ("type1", "type2", "type3", "type4"):
+        specimen = load_specimen(name)
+        assert all(s.standard_uncertainty == 0 for s in specimen.stated())
+        assert len(specimen.stated()) == len(specimen.keys_that_count())
+    bench = load_specimen("bench_example")
+    assert {s.standard_uncertainty > 0 for s in bench.stated()} == {True}
+    assert len(bench.stated()) == len(bench.keys_that_count())
+    calibration = load_rig("bench_example").calibration
+    assert set(calibration.uncertainty or {}) == set(calibration.keys_that_count())
+
+
+def test_a_simulation_of_a_fit_has_the_intervals_of_its_draws():
+    beam = load_specimen("type1")
+    law, truth, field_mT = LAWS["neo-hookean"], np.array([46e3]), np.array([2.0, 4.0])
+    drawn = np.linspace(40e3, 52e3, 21)[:, None]
+    found = simulate(beam, law, truth, field_mT, 0.0, drawn=drawn)
+    assert found.tips is not None
+    assert found.tips.shape == (2, 3, 2)
+    stiff, soft = (simulate(beam, law, drawn[i], field_mT, 0.0) for i in (-1, 0))
+    ends = [s.model.tip_angle_deg(s.shapes)[0] for s in (stiff, soft)]
+    assert (ends[0] < found.tips[:, 2, 0]).all()
+    assert (found.tips[:, 2, 1] < ends[1]).all()
+    assert pytest.approx(np.array(ends), rel=0.02) == found.tips[:, 2].T

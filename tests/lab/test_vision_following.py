@@ -1,0 +1,213 @@
+"""Beams followed from their clamp: rendered photographs of known shape, and other people's where they are at hand."""
+
+import cv2
+import numpy as np
+import pytest
+
+from benchmarks import lab_photographs, photographs, real_pictures
+from benchmarks.flag_pictures import CASES
+from benchmarks.photographs import CALIBRATION, KINDS, SPECIMEN, measured, photograph
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.check import Severity
+from eimi_lab.vision.edges.finding import find_edges, follow_beam
+from eimi_lab.vision.edges.overlay import FLAG_COLOUR, STATED_COLOUR, draw_overlay
+from eimi_lab.vision.following.explaining import explained
+
+DEVELOPMENT = list(real_pictures.pictures("development"))
+REFUSAL = list(real_pictures.pictures("refusal"))
+HARDEST = "fabric_test"  # a cut 4 to 20 px wide, which is no beam of one width
+
+pictures_at_hand = pytest.mark.skipif(not DEVELOPMENT, reason="../shared/data/pictures is not there")
+
+
+def severities(edges):
+    return {flag.severity for flag in edges.flags}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_coloured_beam_on_clutter_is_followed(kind):
+    for seed in (0, 1):
+        photo = photograph(kind, np.random.default_rng([7, seed]))
+        edges = find_edges(photo.image, CALIBRATION, SPECIMEN)
+        outcome = measured(photo, edges, 0.0)
+        assert outcome.usable
+        assert outcome.rms_px < 0.3
+        assert outcome.coverage > 0.6
+
+
+@pytest.mark.parametrize("seed", [(2, 169), (5, 24)])  # an edge four times as blurred as the other, and one twice
+def test_the_soft_border_of_a_shadow_is_doubted(seed):
+    photo = photograph("own shadow", np.random.default_rng(seed))
+    edges = find_edges(photo.image, CALIBRATION, SPECIMEN)
+    outcome = measured(photo, edges, 0.0)
+    assert outcome.rms_px > 1.0  # one edge is the shadow's
+    told = [flag for flag in edges.flags if flag.name == "DEFOCUS"]
+    assert [flag.severity for flag in told] == [Severity.DOUBTFUL]
+    assert told[0].value > outcome.rms_px  # which is added to the deviation
+
+
+def test_the_picture_may_be_turned_and_mirrored():
+    photo = photograph("clutter", np.random.default_rng(3), 50.0)
+    upright = find_edges(photo.image, CALIBRATION, SPECIMEN)
+    x, y = CALIBRATION.clamp_midpoint_px
+    changes = {
+        "clamp_midpoint_px": (photo.image.shape[1] - 1 - x, y),
+        "field_angle_deg": 180.0,
+    }
+    mirrored = find_edges(photo.image[:, ::-1].copy(), CALIBRATION.model_copy(update=changes), SPECIMEN)
+    for own, other in ((upright.left, mirrored.left), (upright.right, mirrored.right)):
+        nearest = np.abs(own.points_mm[:, None] - other.points_mm).sum(axis=2).min(axis=1)
+        assert np.median(nearest) < 0.3
+        assert np.sign(np.median(own.points_mm[:8, 1])) == np.sign(np.median(other.points_mm[:8, 1]))
+
+
+def test_nothing_is_followed_where_there_is_no_beam():
+    photo = photograph("clutter", np.random.default_rng(4), 0.0, np.array([[90.0, 90.0, 90.0]] * 2))
+    edges = find_edges(photo.image, CALIBRATION, SPECIMEN)
+    assert len(edges.left.points_mm) == len(edges.right.points_mm) == 0
+    assert Severity.UNUSABLE in severities(edges)
+
+
+def test_too_narrow_a_beam_is_told_as_such():
+    photo = photograph("clutter", np.random.default_rng(0))
+    thin = SPECIMEN.model_copy(update={"specimen": SPECIMEN.specimen.model_copy(update={"width_mm": 0.3})})
+    told = [flag.remedy for flag in find_edges(photo.image, CALIBRATION, thin).flags if flag.name == "TOO_NARROW"]
+    assert len(told) == 1
+    assert "4.2 px wide, and 6 are needed" in told[0]
+
+
+def test_a_beam_that_leaves_the_picture_keeps_its_long_edges():
+    photo = photograph("uneven light", np.random.default_rng(2), 10.0)
+    edges = find_edges(photo.image[:400], CALIBRATION, SPECIMEN)
+    outcome = measured(photo, edges, 0.0)
+    assert outcome.rms_px < 0.3
+    assert BeamFrame(CALIBRATION).to_px(edges.left.points_mm)[-1, 1] > 370.0
+    assert {"TOUCHES_FRAME"} <= {flag.name for flag in edges.flags}
+    assert Severity.UNUSABLE not in severities(edges)
+
+
+def stripes(*shown):
+    """Red, left of the clamp's middle, and blue, right of it, each as long and wide as the beam of `files`."""
+    image = np.full((96, 128, 3), 120.0)
+    for name, colour, columns in (("red", (40, 60, 200), slice(48, 63)), ("blue", (200, 170, 40), slice(66, 81))):
+        if name in shown:
+            image[8:88, columns] = colour
+    image = cv2.GaussianBlur(image, (0, 0), 0.8) + np.random.default_rng(1).normal(0.0, 2.0, image.shape)
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
+def followed_in(run, files, *states):
+    """Which stripe each state's edges are of, and whether ROOT_AMBIGUOUS says that it may be the other."""
+    pictures, dataset_file = files / f"pictures_{len(states)}", files / f"{len(states)}.h5"
+    pictures.mkdir()
+    for index, shown in enumerate(states):
+        cv2.imwrite(str(pictures / f"{index}.png"), stripes(*shown))
+    rows = [f"{index}.png,{0.1 * index}" for index in range(len(states))]
+    (files / "states.csv").write_text("\n".join(["frame,current_A", *rows]) + "\n")
+    arguments = ["--states", files / "states.csv", "--specimen", files / "specimen.toml"]
+    arguments += ["--calibration", files / "calibration.toml", "-o", dataset_file]
+    status, said = run("import", pictures, *arguments)
+    assert status == 0, said
+    status, said = run("segment", dataset_file)
+    assert status == 0, said
+    with open_dataset(dataset_file) as dataset:
+        frame = BeamFrame(dataset.calibration)
+        edge_sets = dataset.edges()
+    names = []
+    for edges in edge_sets:
+        assert len(edges.left.points_mm) > 5
+        middle = frame.to_px(np.concatenate([edges.left.points_mm, edges.right.points_mm]))[:, 0].mean()
+        doubt = any(flag.name == "ROOT_AMBIGUOUS" for flag in edges.flags)
+        names.append(("red" if middle < 64 else "blue") + (", in doubt" if doubt else ""))
+    return names
+
+
+def test_an_earlier_state_decides_between_equals_and_nothing_else(run, files):
+    both = ("red", "blue")
+    alone = followed_in(run, files, both)[0]
+    assert alone.endswith(", in doubt")
+    other = "blue" if alone.startswith("red") else "red"
+    # The third state is told what was sure in the first, not guessed in the second; the last has one stripe only.
+    found = followed_in(run, files, (other,), both, both, (alone.split(",")[0],))
+    assert found == [other, f"{other}, in doubt", f"{other}, in doubt", alone.split(",")[0]]
+
+
+@pictures_at_hand
+@pytest.mark.parametrize("picture", DEVELOPMENT, ids=lambda picture: picture.name)
+def test_other_peoples_pictures(picture):
+    edges = picture.edges()
+    scored = picture.score(edges, picture.calibration)
+    used = len(edges.left.points_mm) > 0 and Severity.UNUSABLE not in severities(edges)
+    assert not (used and scored.wrong)
+    assert picture.name == HARDEST or (used and scored.good)
+
+
+@pictures_at_hand
+def test_a_gleam_near_the_clamp_does_not_end_the_edge_behind_it():
+    picture = next(picture for picture in DEVELOPMENT if picture.name == "diffcal_red_2")
+    beam = picture.specimen.specimen
+    x, y = picture.calibration.clamp_midpoint_px
+    changes = {"clamp_midpoint_px": (x - 1.0, y - 3.1), "axis_angle_deg": picture.calibration.axis_angle_deg - 2.4}
+    size = {"width_mm": 0.965 * beam.width_mm, "length_mm": 0.963 * beam.length_mm}
+    calibration = picture.calibration.model_copy(update=changes)
+    specimen = picture.specimen.model_copy(update={"specimen": beam.model_copy(update=size)})
+    edges = picture.edges((calibration, specimen))
+    assert Severity.UNUSABLE not in severities(edges)
+    assert picture.score(edges, calibration).good
+
+
+@pytest.mark.parametrize(
+    ("kind", "number", "expected"),
+    [
+        ("stripes behind", 1, "good"),  # one of them goes on where an edge ends
+        ("lookalike, stripes", 4, "doubted"),  # a stripe as wide as the beam, of no length
+        ("hard shadow", 0, "good"),
+        ("7 px wide", 0, "good"),
+    ],
+)
+def test_what_benches_have_beside_a_beam(kind, number, expected):
+    rng = np.random.default_rng([1, list(lab_photographs.KINDS).index(kind), number])
+    image, scene = lab_photographs.lab_photograph(kind, rng)
+    calibration, specimen = lab_photographs.stated(scene, rng)
+    edges = find_edges(image, calibration, specimen)
+    assert lab_photographs.verdict(kind, scene, edges, calibration)[0] == expected
+
+
+@pictures_at_hand
+@pytest.mark.parametrize("picture", REFUSAL, ids=lambda picture: picture.name)
+def test_pictures_without_a_beam_are_refused(picture):
+    edges = picture.edges()
+    assert len(edges.left.points_mm) == 0
+    assert Severity.UNUSABLE in severities(edges)
+
+
+def test_the_benchmark_counts_what_is_wrong():
+    outcomes = photographs.run(2, seed=3)
+    assert [outcome.kind for outcome in outcomes] == list(KINDS[:2])
+    assert all(outcome.rms_px < photographs.WRONG_PX for outcome in outcomes)
+
+
+def test_a_failed_overlay_shows_what_is_stated_what_was_followed_and_where_it_ended():
+    case = CASES["NOT_FOLLOWED"]()
+    edges = case.edges()
+    followed = follow_beam(case.image, case.calibration, case.specimen)
+    picture = draw_overlay(case.image, edges, case.calibration, case.specimen, followed)
+    height, width = case.image.shape[:2]
+    assert picture.shape[0] > height + 40  # the words are below
+    assert picture.shape[1] == width
+    changed = (picture[:height].astype(int) != case.image).any(axis=2)
+    assert 0.002 < changed.mean() < 0.1  # lines and no text on the picture
+    x, y = np.rint(followed.path_px[-1]).astype(int)
+    assert (picture[y - 2 : y + 3, x - 2 : x + 3] == FLAG_COLOUR).all(axis=2).any()
+    clamp_x, clamp_y = np.rint(case.calibration.clamp_midpoint_px).astype(int)
+    assert (np.abs(picture[clamp_y - 2 : clamp_y + 3, clamp_x - 32] - np.array(STATED_COLOUR)) < 80).all(axis=1).any()
+
+
+def test_the_way_is_explained_in_pictures():
+    photo = photograph("clutter", np.random.default_rng(6), 20.0)
+    pictures = explained(follow_beam(photo.image, CALIBRATION, SPECIMEN))
+    assert set(pictures) == {"strip", "unrolled"}
+    assert all(picture.ndim == 3 and picture.dtype == np.uint8 for picture in pictures.values())
+    sure = (pictures["unrolled"] == (0, 200, 0)).all(axis=2).sum()
+    assert sure > (pictures["unrolled"] == (0, 0, 255)).all(axis=2).sum()

@@ -1,0 +1,250 @@
+"""Runs without any instrument: a virtual beam in an emulated coil, and pictures that play the camera."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from eimi_drivers.clock import SimulatedClock, WallClock
+from eimi_drivers.emulators.coil_line import RemoteCoil, serve_coil
+from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import InstrumentDisconnected, Limits
+from eimi_drivers.supplies.supply_names import supply_driver
+from eimi_drivers.supplies.transcript import ReplayedTransport
+from eimi_lab.config.rig import load_rig
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.errors import InputError
+
+FOUR_STATES = [0.0, 0.1, 0.2, 0.3]
+
+MAGNET = """
+[magnet]
+length_mm = 2.0
+width_mm = 2.0
+depth_mm = 2.0
+remanence_T = 1.3
+density_kg_m3 = 7500.0
+"""
+
+VIRTUAL = """
+[virtual]
+seed = 1
+coil_time_constant_s = 0.05
+current_noise_A = 0.0
+frame_size_px = [128, 96]
+mesh = [8, 1, 1]
+materials = "virtual_materials.toml"
+"""
+
+
+@dataclass
+class RunEnd:
+    status: int
+    said: list[str]
+
+
+def rig(folder: Path, supply: str, camera: str, more: str = "") -> Path:
+    path = folder / "rig.toml"
+    path.write_text(f"""
+name = "desk"
+calibration = "calibration.toml"
+supply = {{ {supply}, limits = {{ current_A = 1.0, voltage_V = 10.0 }} }}
+camera = {{ {camera} }}
+{more}""")
+    return path
+
+
+def acquire(folder: Path, *more: str) -> RunEnd:
+    command = [sys.executable, "-m", "eimi_lab", "acquire", "protocol.toml", "--specimen", "specimen.toml"]
+    command += ["--rig", "rig.toml", "-o", "run.h5", *more]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=240, check=False)
+    return RunEnd(done.returncode, done.stderr.splitlines())
+
+
+@contextmanager
+def emulated() -> Iterator[tuple[CoilSupply, str]]:
+    coil = CoilSupply(WallClock())
+    with serve_tcp(emulate("scpi", coil)) as address:
+        yield coil, f'driver = "scpi", address = "{address}"'
+    assert not coil.state.output
+    assert coil.state.set_current_A == 0.0
+
+
+@pytest.fixture
+def pictures(files: Path, frame: Callable[..., np.ndarray]) -> Path:
+    """A folder with four pictures, of a beam that moves by 10 px from one to the next."""
+    (files / "shots").mkdir()
+    for number in range(4):
+        cv2.imwrite(str(files / "shots" / f"f_{number}.png"), frame(number, 10.0 * number))
+    return files
+
+
+def shown(path: Path, folder: Path) -> list[int]:
+    """Which of the pictures each state holds."""
+    stored = [cv2.imread(str(folder / f"f_{number}.png"), cv2.IMREAD_GRAYSCALE) for number in range(4)]
+    found = []
+    with open_dataset(path) as dataset:
+        for state in dataset.states:
+            same = [number for number, image in enumerate(stored) if (dataset.images(state.index) == image).all()]
+            assert len(same) == 1
+            assert state.flags == ()
+            found += same
+    return found
+
+
+def test_a_virtual_beam_hangs_in_the_coil_of_an_emulated_supply(files: Path) -> None:
+    (files / "specimen.toml").write_text((files / "specimen.toml").read_text() + MAGNET)
+    materials = load_rig("virtual").virtual
+    assert materials is not None
+    (files / "virtual_materials.toml").write_text(materials.materials.text)
+    coil = CoilSupply(WallClock())
+    with serve_pty(emulate("korad", coil)) as port, serve_coil(coil) as line:
+        camera = f'driver = "virtual", source = "{line}"'
+        rig(files, f'driver = "korad", address = "{port}"', camera, VIRTUAL)
+        ended = acquire(files)
+        assert ended.status == 0, ended.said
+        assert not coil.state.output
+    means = []
+    with open_dataset(files / "run.h5") as dataset:
+        assert [state.current_A for state in dataset.states] == FOUR_STATES
+        truth = dataset.truth()
+        means += [dataset.images(state.index).mean(axis=0) for state in dataset.states]
+    assert truth is not None
+    assert truth["mesh"] == [8, 1, 1]
+    rig(files, 'driver = "virtual", address = "virtual"', 'driver = "virtual", source = "virtual"', VIRTUAL)
+    assert acquire(files, "--force").status == 0
+    with open_dataset(files / "run.h5") as dataset:
+        simulated = [dataset.images(state.index).mean(axis=0) for state in dataset.states]
+    for mean, other in zip(means, simulated, strict=True):
+        assert np.abs(mean - other).mean() < 3.0  # noise alone: the beam is where the coil's true current puts it
+    assert np.abs(means[3] - means[0]).max() > 60.0  # and that is not where it was at rest
+
+
+def test_the_coil_s_line_tells_the_true_current_and_its_own_end() -> None:
+    coil = CoilSupply(WallClock())
+    with serve_coil(coil) as line:
+        far = RemoteCoil(line)
+        assert far.coil_current_A() == 0.0
+        coil.set_voltage(10.0)
+        coil.set_current(0.5)
+        coil.switch(True)
+        WallClock().sleep(1.0)
+        assert far.coil_current_A() == pytest.approx(0.5, abs=1e-6)
+    far.close()
+    with pytest.raises(InstrumentDisconnected, match="no emulated coil answers"):
+        RemoteCoil(line)
+
+
+@pytest.mark.parametrize(
+    ("supply", "camera", "more", "told"),
+    [
+        (
+            "virtual",
+            'driver = "opencv", source = 0',
+            "",
+            "camera.driver = 'opencv' sees nothing of supply",
+        ),
+        ("korad", 'driver = "virtual", source = "virtual"', VIRTUAL, "camera.source = 'virtual' must be where an emul"),
+        (
+            "korad",
+            'driver = "opencv", source = 0',
+            VIRTUAL,
+            "the table [virtual] belongs with camera.driver",
+        ),
+        (
+            "korad",
+            'driver = "opencv", source = 0, playback = { loop = true }',
+            "",
+            "[camera] playback is for",
+        ),
+    ],
+)
+def test_instruments_that_do_not_go_together_are_told(
+    files: Path, supply: str, camera: str, more: str, told: str
+) -> None:
+    materials = load_rig("virtual").virtual
+    assert materials is not None
+    (files / "virtual_materials.toml").write_text(materials.materials.text)
+    path = rig(files, f'driver = "{supply}", address = "here"', camera, more)
+    with pytest.raises(InputError) as caught:
+        load_rig(path)
+    assert str(caught.value).startswith(f"{path}: {told}")
+
+
+def test_a_picture_is_held_for_each_state(pictures: Path) -> None:
+    with emulated() as (_, supply):
+        rig(pictures, supply, 'driver = "opencv", source = "shots", playback = { picture_a_state = true }')
+        ended = acquire(pictures)
+    assert ended.status == 0, ended.said
+    assert ended.said[0] == "eimi: camera.source = 'shots' has 4 pictures; the run shows 4, one a state"
+    assert shown(pictures / "run.h5", pictures / "shots") == [0, 1, 2, 3]
+
+
+def test_pictures_begin_again_where_they_may(pictures: Path) -> None:
+    (pictures / "shots" / "f_3.png").rename(pictures / "f_3.png")
+    with emulated() as (_, supply):
+        camera = 'driver = "opencv", source = "shots", playback = { picture_a_state = true, loop = true }'
+        rig(pictures, supply, camera)
+        ended = acquire(pictures)
+    assert ended.said[0].endswith("has 3 pictures; the run shows 4, one a state; it begins again after the last")
+    (pictures / "f_3.png").rename(pictures / "shots" / "f_3.png")
+    assert shown(pictures / "run.h5", pictures / "shots") == [0, 1, 2, 0]
+
+
+@pytest.mark.parametrize(
+    ("playback", "told"),
+    [
+        (
+            "",
+            "the run takes at least 28, and as many more as it asks for while the beam settles: [camera]",
+        ),
+        (
+            ", playback = { picture_a_state = true }",
+            "has 3 pictures; the run shows 4, one a state: [camera]",
+        ),
+    ],
+)
+def test_too_few_pictures_are_refused_before_the_run(pictures: Path, playback: str, told: str) -> None:
+    (pictures / "shots" / "f_3.png").unlink()
+    rig(pictures, 'driver = "scpi", address = "nowhere"', f'driver = "opencv", source = "shots"{playback}')
+    ended = acquire(pictures)
+    assert ended.status == 2
+    assert len(ended.said) == 1
+    assert told in ended.said[0]
+
+
+def test_pictures_that_change_their_size_end_the_run(files: Path, frame: Callable[..., np.ndarray]) -> None:
+    (files / "shots").mkdir()
+    for number in range(60):
+        cv2.imwrite(str(files / "shots" / f"f_{number}.png"), frame(number)[:, : 128 if number < 20 else 64])
+    with emulated() as (_, supply):
+        rig(files, supply, 'driver = "opencv", source = "shots"')
+        ended = acquire(files)
+    assert ended.status == 1
+    assert "is 64 x 96 uint8, those before it are 128 x 96 uint8; size, depth and colour must" in ended.said[-1]
+
+
+def test_the_transcript_of_a_run_plays_the_supply_again(pictures: Path) -> None:
+    with emulated() as (_, supply):
+        rig(pictures, supply, 'driver = "opencv", source = "shots", playback = { picture_a_state = true }')
+        ended = acquire(pictures, "--transcript", "wire.txt")
+        assert ended.status == 0, ended.said
+        assert acquire(pictures, "--force", "--transcript", "wire.txt").status == 2  # never over an older one
+    with open_dataset(pictures / "run.h5") as dataset:
+        kept = dataset.instruments()[0]
+    again = supply_driver("scpi")(ReplayedTransport(pictures / "wire.txt"), Limits(1.0, 10.0), SimulatedClock())
+    identity = again.identify()  # in the order of a run: another message than the next one is refused
+    assert kept == f"{identity.driver}: {identity.text} at {identity.address}"
+    assert not again.output_on()
+    again.check()
+    again.set_current(0.0)
+    again.set_voltage(10.0)

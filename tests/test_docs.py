@@ -1,0 +1,183 @@
+"""The documentation: every command runs in order, what is written from the code is up to date, the site builds.
+
+A comment before a block of commands says what is special about it: `<!-- not run: why -->`, `<!-- refused -->` where
+it ends with status 2, `<!-- short: command -->` for one in its place unless slow tests are run. Blocks with a title are
+files that the reader makes. Shortened runs have three states of a coarse virtual beam, shortened fits are planar.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import runpy
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+ROOMS = ("drivers", "eimi_lab", "examples", "fitting")
+WITH_COMMANDS = ("tutorials", "howto")
+PAGES = [page for room in WITH_COMMANDS for page in sorted((DOCS / room).glob("*.md")) if "```sh" in page.read_text()]
+BLOCK = re.compile(
+    r"(?:<!-- (?P<note>[^>]*) -->\n)?```(?P<kind>\w+)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)```", re.S
+)
+FIRST = "tutorials/first_beam.md"
+LONG = ("your_own_rig", "weights", "refit_a_folder", "whole_way", "report")
+TRUE_PA = {"first_beam": 46390, "your_own_pictures": 46e3, "weights": 46e3, "tracked_points": 88e3}
+SHORTER = {
+    "dragon_skin_10_quick": "short.toml",
+    "--rig virtual": "--rig coarse.toml",
+    "--specimen type1": "--specimen planar.toml",
+    ".h5 --model": ".h5 --section plane-stress --model",
+}
+
+
+@dataclass(frozen=True)
+class Block:
+    """note: of the comment before it; title: of a file."""
+
+    note: str
+    title: str
+    text: str
+
+
+def blocks(page: Path) -> list[Block]:
+    """Commands and files of a page, in order."""
+    found = BLOCK.finditer(page.read_text(encoding="utf-8"))
+    every = [(match["kind"], Block(match["note"] or "", match["title"] or "", match["text"])) for match in found]
+    return [block for kind, block in every if kind == "sh" or block.title]
+
+
+def follow(page: Path, folder: Path, shortened: bool) -> None:
+    """Do what a page says, in a folder that looks like the clone."""
+    for name in ("examples", "protocols", "benchmarks"):
+        (folder / name).symlink_to(ROOT / name)
+    if shortened:
+        shorten(folder)
+    environment = os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    for block in blocks(page):
+        if block.title:
+            (folder / block.title).parent.mkdir(exist_ok=True)
+            (folder / block.title).write_text(block.text, encoding="utf-8")
+        elif not block.note.startswith("not run"):
+            script = block.text
+            if shortened:
+                script = block.note.removeprefix("short: ") if block.note.startswith("short: ") else script
+                script = script.replace("dragon_skin_10_quick", "short.toml").replace(
+                    "--rig virtual", "--rig coarse.toml"
+                )
+            done = subprocess.run(
+                ["bash", "-euo", "pipefail", "-c", script],
+                cwd=folder,
+                env=environment,
+                capture_output=True,
+                text=True,
+                timeout=600,
+                check=False,
+            )
+            told = f"{page.name}:\n{script}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+            assert done.returncode == (2 if block.note == "refused" else 0), told
+
+
+def shorten(folder: Path) -> None:
+    """A protocol of three states, a virtual rig on a coarse mesh, and a specimen that is taken in plane stress."""
+    protocols = ROOT / "protocols"
+    protocol = (protocols / "dragon_skin_10_quick.toml").read_text(encoding="utf-8")
+    protocol = re.sub(r"start_A = .*\nstop_A = .*\nstep_A = .*\n", "values_A = [0.0, 0.8, 1.5]\n", protocol, count=1)
+    specimen = (protocols / "specimens" / "type1.toml").read_text(encoding="utf-8")
+    (folder / "planar.toml").write_text(specimen.replace('section = "solid"', 'section = "plane-stress"'))
+    (folder / "short.toml").write_text(protocol.replace("frames_per_state = 12", "frames_per_state = 0"))
+    for path in (protocols / "rigs").glob("virtual*.toml"):
+        name = "coarse.toml" if path.stem == "virtual" else path.name
+        text = path.read_text(encoding="utf-8")
+        (folder / name).write_text(re.sub(r"^mesh = \[.*\]", "mesh = [13, 1, 1]", text, flags=re.M), encoding="utf-8")
+
+
+@pytest.fixture(scope="session")
+def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder in which the first tutorial was followed, shortened."""
+    folder = tmp_path_factory.mktemp("first_beam")
+    follow(DOCS / FIRST, folder, shortened=True)
+    return folder
+
+
+def marked(page: Path) -> Any:
+    """A page whose commands are, for the most part, those of others as well runs among the slow tests."""
+    return pytest.param(page, marks=[pytest.mark.slow] if page.stem in LONG else [])
+
+
+@pytest.mark.parametrize("page", [marked(page) for page in PAGES], ids=lambda page: page.stem)
+def test_every_command_runs(page: Path, begun: Path, tmp_path: Path) -> None:
+    assert blocks(page)
+    if page == DOCS / FIRST:
+        assert (begun / "report.html").is_file()
+        return
+    if page.parent.name == "howto":
+        for made in ("run.h5", "fits.json"):
+            shutil.copy(begun / made, tmp_path)
+    follow(page, tmp_path, shortened=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_a_page_is_right_as_it_stands(page: Path, begun: Path, tmp_path: Path) -> None:
+    """Nothing shortened; and what a tutorial identifies is what its beam is made of."""
+    if page.parent.name == "howto":
+        for made in ("run.h5", "fits.json"):
+            shutil.copy(begun / made, tmp_path)
+    follow(page, tmp_path, shortened=False)
+    for name in tmp_path.glob("*.json"):
+        for fit in json.loads(name.read_text(encoding="utf-8")).get("fits", ()):
+            low, high = fit["initial_shear_modulus"]["interval_95"]
+            true_Pa = TRUE_PA.get(page.stem)
+            assert true_Pa is None or low * 0.995 < true_Pa < high * 1.005, name
+
+
+@pytest.mark.parametrize("path", sorted((DOCS / "notebooks").glob("*.ipynb")), ids=lambda path: path.stem)
+def test_a_notebook_runs(path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    found: dict[str, object] = {}
+    exec(compile(code, str(path), "exec"), found)
+    if "fit" in found:
+        assert found["fit"].initial_shear_modulus.value == pytest.approx(46e3, rel=0.02)  # type: ignore[attr-defined]
+    assert capsys.readouterr().out
+
+
+@pytest.mark.parametrize("script", ["file_formats.py", "gallery.py"])
+def test_a_written_page_is_what_its_script_writes(script: str) -> None:
+    written = runpy.run_path(str(DOCS / "scripts" / script))
+    again = f"python docs/scripts/{script} writes it anew"
+    assert written["PAGE"].read_text(encoding="utf-8") == written["page"](), again
+
+
+def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
+    for package in ("material", "mkdocstrings"):
+        pytest.importorskip(package, reason="needs pip install '.[docs]'")
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "-d", str(tmp_path / "site")]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "site" / "file_formats" / "index.html").is_file()
+
+
+@pytest.mark.parametrize(
+    "page",
+    [ROOT / "README.md", *sorted(path for room in ROOMS for path in (ROOT / room).rglob("README.md"))],
+    ids=lambda page: page.parent.name,
+)
+def test_links_of_the_repository_lead_somewhere(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    missing = [
+        link
+        for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text)
+        if "://" not in link and not (page.parent / link).exists()
+    ]
+    assert missing == []
