@@ -30,7 +30,12 @@ export async function showPictures() {
 
 async function openFolder() {
   const name = byId("picture-folder").value;
-  folder = { name, ...await ask("/api/pictures", { folder: name }) };
+  byId("picture-list").replaceChildren(); // what is typed beside another folder's pictures would be lost
+  byId("by-hand-words").textContent = "";
+  asked += 1; // edges that are still sought there are not shown here
+  const opened = await ask("/api/pictures", { folder: name });
+  if (byId("picture-folder").value !== name) return;
+  folder = { name, ...opened };
   const { calibration, size_px: [wide, high] } = folder;
   for (const [id, key] of Object.entries(FIELDS)) byId(id).value = calibration[key];
   [byId("clamp-x").value, byId("clamp-y").value] = calibration.clamp_midpoint_px;
@@ -53,8 +58,8 @@ function listPictures() {
 async function showPicture(name) {
   shown = name;
   for (const button of byId("picture-list").querySelectorAll("button")) button.setAttribute("aria-current", String(button.textContent === name));
-  const blob = await askPicture("/api/pictures/picture", { folder: folder.name, picture: name });
-  if (shown !== name) return;
+  const of = folder, blob = await askPicture("/api/pictures/picture", { folder: of.name, picture: name });
+  if (shown !== name || folder !== of) return;
   await picture.show(blob, folder.size_px, name);
   drawHandles();
   await findEdges();
