@@ -65,8 +65,9 @@ def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Arra
     """Mean (n, c) and covariance (n, c, c) of the masked colours within a window along the beam."""
     share = mask.astype(np.float64)
     count = share.sum(axis=1)
-    total = np.einsum("nm,nmc->nc", share, colours)
-    square = np.einsum("nm,nmc,nmd->ncd", share, colours, colours)
+    weighted = share[..., None] * colours
+    total = weighted.sum(axis=1)
+    square = np.swapaxes(weighted, 1, 2) @ colours
     count, total, square = (uniform_filter1d(part, window, axis=0, mode="nearest") for part in (count, total, square))
     count = np.maximum(count, 1e-3)
     mean = total / count[:, None]

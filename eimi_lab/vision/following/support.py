@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_opening, median_filter
 
 from eimi_lab.vision.following.discriminant import ColourProjection, project
-from eimi_lab.vision.following.seams import fall_across, find_seam
+from eimi_lab.vision.following.seams import fall_across, find_seams
 from eimi_lab.vision.following.unrolled import UnrolledPicture
 
 Array = NDArray[np.float64]
@@ -56,21 +56,19 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
 
     length: stated, in widths.
     """
-    edges = [outward * 0.5 * unrolled.width for outward in _OUTWARD]
+    edge = np.outer(_OUTWARD, 0.5 * unrolled.width)
     for tolerance in TOLERANCES:
-        projected, found, support = [], [], []
-        for edge, outward in zip(edges, _OUTWARD, strict=True):
-            side = project(unrolled, edge, outward, noise)
-            fall = fall_across(side.share, outward, unrolled.across, unrolled.stations_in_width)
-            seam = find_seam(fall, unrolled.across, edge, tolerance)
-            column = np.rint((seam - unrolled.across[0]) / (unrolled.across[1] - unrolled.across[0])).astype(int)
-            projected.append(side)
-            found.append(seam)
-            support.append(
-                np.where(unrolled.inside[np.arange(len(seam)), column], fall[np.arange(len(seam)), column], 0)
-            )
-        edges = found
-    edge, sure = np.stack(edges), np.clip(np.stack(support), 0.0, 1.0)
+        projected = [project(unrolled, seam, outward, noise) for seam, outward in zip(edge, _OUTWARD, strict=True)]
+        fall = np.stack(
+            [
+                fall_across(side.share, outward, unrolled.across, unrolled.stations_in_width)
+                for side, outward in zip(projected, _OUTWARD, strict=True)
+            ]
+        )
+        edge = find_seams(fall, unrolled.across, edge, tolerance)
+    column = np.rint((edge - unrolled.across[0]) / (unrolled.across[1] - unrolled.across[0])).astype(int)
+    rows = np.arange(edge.shape[1])
+    sure = np.clip(np.where(unrolled.inside[rows, column], fall[[[0], [1]], rows, column], 0.0), 0.0, 1.0)
     sound = _sound(unrolled, edge, sure, projected)
     # The beam ends where the support of both sides sums to most.
     sound[:, int(np.cumsum(sure.sum(axis=0) - 2.0 * _HALF).argmax()) + 1 :] = False
