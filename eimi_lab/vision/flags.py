@@ -189,6 +189,19 @@ CHECKS = (
     ),
     Check(
         name="NOT_FOLLOWED",
+        finding="followed_patches",
+        quantity="the same, where no stretch without a sure place is a tenth of the way",
+        limit=0.7,
+        below=True,
+        remedy="See in the overlay whether the places that are sure lie on the edge; something even behind the beam, "
+        "and light from its sides, would show more of it.",
+        severity=Severity.DOUBTFUL,
+        unusable_beyond=0.4,
+        widens=lambda share: 0.05 * (1.0 - share),
+        widens_in="width",
+    ),
+    Check(
+        name="NOT_FOLLOWED",
         finding="followed_contrast",
         quantity="difference of inside and outside along the worse edge, standard deviations of their colours",
         limit=3.0,
