@@ -60,6 +60,7 @@ READ = (
 )
 
 
+_IF_DAMAGED = "`eimi recover` makes a copy of what is readable"
 _NOT_HDF5 = "is not an HDF5 file; `eimi import` makes a dataset from images or points"
 # What a person may give in a dataset's place, by the ending of its name.
 _INSTEAD = {
@@ -75,11 +76,13 @@ class Dataset:
     """An open dataset; see `open_dataset`. It closes at the end of a `with`, by `close`, or when nobody has it.
 
     gravity_angle_deg and field_angle_deg are in the beam frame, from +x toward +y; gravity: whether the weight bends
-    the beam. finished is False while a run is going on, and after it crashed.
+    the beam. finished is False while a run is going on, and after it crashed. if_damaged: what is told of a damaged
+    file beside the damage.
     """
 
-    def __init__(self, path: Path, file: h5py.File, finished: bool) -> None:
+    def __init__(self, path: Path, file: h5py.File, finished: bool, if_damaged: str = _IF_DAMAGED) -> None:
         self.path = path
+        self._if_damaged = if_damaged
         self.finished = finished
         self._file = file
         with self._damage_named():
@@ -105,8 +108,7 @@ class Dataset:
         except Exception as error:
             reason = " ".join(str(error).split())[:200] or type(error).__name__
             raise InputError(
-                f"{self.path}: is damaged, or not what a dataset should be ({reason}); `eimi recover` makes a copy of "
-                "what is readable"
+                f"{self.path}: is damaged, or not what a dataset should be ({reason}); {self._if_damaged}"
             ) from error
 
     def _open(self, path: Path, file: h5py.File) -> None:
