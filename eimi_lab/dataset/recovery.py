@@ -130,7 +130,7 @@ def _copy(source: h5py.File, crashed: Path, path: Path) -> tuple[int, list[str]]
         copy.attrs["default"] = "entry"
         _copy_group(source["entry"], copy.create_group("entry"), lost, {})
         lost += _rebuild_states(copy["entry"])
-        dataset = Dataset(crashed, copy, True)
+        dataset = Dataset(crashed, copy, True, "what is left of it is no dataset")
         states = len(dataset.states)
         if dataset.kind == "points":  # or the frames are what is lost
             dataset.points()

@@ -3,8 +3,13 @@
 An ordinary lens sees the union of the outlines of the near and the far face. To first order each edge is moved outward
 by d depth / (2 S), with d its distance from the optical axis along its normal and S the stand-off: a beam that bends
 looks the wider, the farther its edges are from the axis. Each place along the beam is compared with itself in other
-states, so that a beam that is not cut true has no say. A beam also grows a little thinner where it is bent, which makes
-the stand-off come out too large, by some tenths of it: it is to be measured, not taken from here.
+states, so that a beam that is not cut true has no say.
+
+A solid also bows across its depth where it is bent: its faces stand out by about kappa depth^2 / 16 on one side, which
+widens the outline as curvature does, and curvature grows with the distance from the axis. So the width is taken as a
+sum of both, and only what the distance explains beside the curvature counts. A beam also grows a little thinner where
+it is bent, which makes the stand-off come out too large, by some tenths of it: it is to be measured, not taken from
+here.
 """
 
 from __future__ import annotations
@@ -38,28 +43,24 @@ def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> 
     """
     if len(observed.points_mm) < _FEWEST_STATES:
         return None
-    widths, distances = np.array([_along(observed, k, centre_mm) for k in range(len(observed.points_mm))]).swapaxes(
-        0, 1
-    )
-    slope, rest = _slope(widths, distances), []
-    for k in range(len(widths)):
-        others = np.arange(len(widths)) != k
-        rest.append(_slope(widths[others], distances[others]))
-    count = len(widths)
-    error = np.sqrt((count - 1) / count * np.sum((np.array(rest) - np.mean(rest)) ** 2))
+    count = len(observed.points_mm)
+    seen = np.array([_along(observed, k, centre_mm) for k in range(count)])
+    slope = _slope(seen)
+    rest = np.array([_slope(np.delete(seen, k, axis=0)) for k in range(count)])
+    error = np.sqrt((count - 1) / count * np.sum((rest - rest.mean()) ** 2))
     if not slope > _SURE * error or not slope > 0:
         return None
-    return SeenDepth(0.5 * depth_mm / slope, float(slope * np.ptp(distances, axis=0).max()))
+    return SeenDepth(0.5 * depth_mm / slope, float(slope * np.ptp(seen[:, 1], axis=0).max()))
 
 
-def _slope(widths: Array, distances: Array) -> float:
-    """Of widths (K, S) in distances (K, S), each station's mean over the states taken off."""
-    w, d = widths - widths.mean(axis=0), distances - distances.mean(axis=0)
-    return float((w * d).sum() / max((d**2).sum(), 1e-12))
+def _slope(seen: Array) -> float:
+    """Of width in distance beside curvature, from (K, 3, S), each station's mean over the states taken off."""
+    width, distance, curvature = (seen - seen.mean(axis=0)).transpose(1, 0, 2).reshape(3, -1)
+    return float(np.linalg.lstsq(np.stack([distance, curvature], axis=1), width, rcond=None)[0][0])
 
 
-def _along(observed: EdgeObservation, k: int, centre_mm: Array) -> tuple[Array, Array]:
-    """Width (S,), and the sum of both edges' distances from the axis along their normals (S,), at each station."""
+def _along(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
+    """(3, S) at each station: width, the sum of both edges' distances from the axis along their normals, curvature."""
     left, right = (
         side[np.isfinite(sigma)] for side, sigma in zip(observed.points_mm[k], observed.sigma_mm[k], strict=True)
     )
@@ -68,7 +69,9 @@ def _along(observed: EdgeObservation, k: int, centre_mm: Array) -> tuple[Array, 
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1) / np.linalg.norm(tangent, axis=1, keepdims=True)
     ends = [_crossing(side, middle, normal) for side in (left, right)]
     distances = sum(np.abs(((middle + end[:, None] * normal - centre_mm) * normal).sum(axis=1)) for end in ends)
-    return np.abs(ends[1] - ends[0]), np.asarray(distances)
+    turned = np.gradient(np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0])))
+    curvature = np.abs(turned) / np.linalg.norm(tangent, axis=1)
+    return np.stack([np.abs(ends[1] - ends[0]), np.asarray(distances), curvature])
 
 
 def _at_stations(points: Array) -> Array:

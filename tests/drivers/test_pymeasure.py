@@ -47,6 +47,8 @@ def asked(client: Any) -> dict[str, object]:
             continue
         try:
             answers[name] = getattr(client, name)
+        except KeyError:  # an answer that PyMeasure cannot map
+            raise
         except UNREADABLE:
             continue
     return answers

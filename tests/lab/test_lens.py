@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from eimi_fitting.beam.beside import SolidBeside
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
-from eimi_fitting.beam.outline import View, edge_curves, points_on
+from eimi_fitting.beam.outline import View, edge_curves, outline, points_on
 from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.inference.measurements import EdgeObservation
 from eimi_fitting.laws import LAWS
@@ -53,3 +54,18 @@ def test_a_beam_that_is_cut_wider_toward_its_tip_is_no_lens(sides: np.ndarray) -
     middle = tapered.mean(axis=1, keepdims=True)
     tapered = middle + (tapered - middle) * np.linspace(1.0, 1.1, tapered.shape[2])[:, None]
     assert seen_depth(seen(tapered, None, 0.003), CENTRE_MM, DEPTH_MM) is None
+
+
+@pytest.mark.parametrize("stand_off_mm", [None, 200.0])
+def test_a_solid_that_bows_across_its_depth_is_not_mistaken_for_one(stand_off_mm: float | None) -> None:
+    model = SolidBeside(Specimen(30.0, 3.0, DEPTH_MM, 1070.0, "solid", Magnet(4.0, 3.0, 3.0, 1.2, 7500.0)), 20, 2)
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(np.linspace(0, 7, 16)))
+    view = View(CENTRE_MM, stand_off_mm) if stand_off_mm else None
+    found = seen_depth(
+        seen(points_on(outline(model, shapes, view)[0], 8)[:, :, 1:-1], None, 0.001), CENTRE_MM, DEPTH_MM
+    )
+    if stand_off_mm is None:
+        assert found is None
+    else:
+        assert found is not None
+        assert 0.5 * stand_off_mm < found.stand_off_mm < 1.5 * stand_off_mm

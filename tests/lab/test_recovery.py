@@ -165,5 +165,14 @@ def test_the_first_bytes_of_a_dataset_are_refused_in_one_line(two: dict[str, Pat
     two["crashed"].write_bytes(raw[:length])
     with pytest.raises(InputError, match=r"crashed\.h5: is a damaged HDF5 file"), open_dataset(two["crashed"]):
         pass
-    with pytest.raises(InputError, match=r"crashed\.h5: is "):
+    with pytest.raises(InputError, match=r"crashed\.h5: is ") as told:
         recover(two["crashed"], two["crashed"].with_name("out.h5"))
+    assert "eimi recover" not in str(told.value)
+
+
+def test_what_recover_is_told_does_not_send_it_to_recover(two: dict[str, Path]) -> None:
+    with h5py.File(two["finished"], "r+") as file:
+        del file["entry/data/frames"]
+    with pytest.raises(InputError, match="what is left of it is no dataset") as told:
+        recover(two["finished"], two["crashed"].with_name("out.h5"))
+    assert "eimi recover" not in str(told.value)

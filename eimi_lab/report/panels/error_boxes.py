@@ -66,7 +66,9 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
         return None
     caption = (
         "Errors of the states, by specimen and fit: median, quartiles and extremes. Fits stand in the order of the "
-        "table of laws; whiskers have the line of what the law was fitted to."
+        "table of laws; whiskers have the line of what the law was fitted to. The fits are simulated anew: of a "
+        "solid within half a µm of the errors that the fits had themselves, which told the depth's effect from state "
+        "to state."
     )
     return {"picture": Picture("error_boxes", drawn_boxes(report), "box plots of the errors", caption)}
 

@@ -42,6 +42,7 @@ def drawn_correlations(every: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
         axes.set_yticks(range(len(names)), [f"{name}  {i + 1}" for i, name in enumerate(names)])
         axes.set_xlim(-0.5, most - 0.5)  # cells of one size in every matrix
         axes.set_ylim(most - 0.5, -0.5)
+        axes.xaxis.tick_top()
         axes.set_title(shown.label, loc="left")
         axes.grid(visible=False)
         axes.spines[:].set_visible(False)

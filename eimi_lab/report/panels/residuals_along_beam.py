@@ -21,9 +21,9 @@ from eimi_lab.report.simulated import SimulatedOutlines
 Array = NDArray[np.float64]
 
 _AT_THE_MAGNET = (
-    "A narrow spike at the magnet's face, of a few µm and growing with the load, is a corner and not the material: the "
-    "soft beam bends up to a rigid block, its edge turns there within less than a pixel, and blur and mesh each round "
-    "that off in their own way. It is a few points of many."
+    "A narrow spike at the magnet's face, of a few µm and growing with the load, may be the corner and not the "
+    "material: the soft beam bends up to a rigid block, its edge turns there within less than a pixel, and blur and "
+    "mesh each round that off in their own way."
 )
 
 

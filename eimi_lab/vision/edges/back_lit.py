@@ -41,6 +41,15 @@ class _BackLit:
     lit_beam: bool
 
 
+@dataclass(frozen=True)
+class OutlinedBeam:
+    """A silhouette with corners, in the picture in which it is dark, and the clamp line that it leaves."""
+
+    picture: _BackLit
+    clamp: ClampLine
+    silhouette: Silhouette
+
+
 @dataclass
 class BackLitSearch:
     """The search in one image. findings gathers what was measured so far, by the names of the table of flags.
@@ -64,13 +73,16 @@ class BackLitSearch:
         self.length_mm, self.width_mm, self.depth_mm = beam.length_mm, beam.width_mm, beam.depth_mm
         self.width_px = self.width_mm * self.pixels_per_mm
 
-    def edges(self, image: ArrayLike, spacing_mm: float) -> tuple[EdgePoints, EdgePoints, Array] | None:
-        """Left and right edge and the corners (4, 2) px; None where no beam is found."""
+    def outlined(self, image: ArrayLike) -> OutlinedBeam | None:
+        """The beam to a pixel; None where no beam with two corners at its tip is found."""
         picture = self._back_lit(image)
         outline = None if picture is None else self._outline(picture)
-        if picture is None or outline is None:
-            return None
-        found = self._two_passes(picture, *outline, spacing_mm)
+        return None if picture is None or outline is None else OutlinedBeam(picture, *outline)
+
+    def edges(self, beam: OutlinedBeam, spacing_mm: float) -> tuple[EdgePoints, EdgePoints, Array] | None:
+        """Left and right edge and the corners (4, 2) px; None where they are no edges of a beam."""
+        picture = beam.picture
+        found = self._two_passes(picture, beam.clamp, beam.silhouette, spacing_mm)
         if found is None:
             self.findings["residual"] = 1.0
             return None

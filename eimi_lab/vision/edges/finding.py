@@ -60,9 +60,12 @@ def find_edges(
     findings = {"contrast": 0.0, "clamp_seen": 0.0} | age
     search = BackLitSearch(BeamFrame(calibration), calibration.pixels_per_mm, specimen_file, findings, limits)
     search.projection, search.polarity = projection, calibration.picture.polarity if calibration.picture else None
-    found = search.edges(image, spacing_mm)
-    flags = judge(findings, limits, search.words())
-    if found is None or _is_in_doubt(image, search):
+    outlined = search.outlined(image)
+    sure = outlined is not None and not _is_in_doubt(image, search)
+    found = search.edges(outlined, spacing_mm) if outlined is not None and sure else None
+    if found is not None and not _is_in_doubt(image, search):
+        flags = judge(findings, limits, search.words())
+    else:
         followed = follow_beam(
             image, calibration, specimen_file, spacing_mm=spacing_mm, projection=projection, earlier=earlier
         )
@@ -70,11 +73,15 @@ def find_edges(
         if instead is not None:
             seen = {"followed_clamp": findings["clamp_seen"]}
             found, flags = instead, judge(followed.findings | seen | age, limits, followed.words)
-        elif found is None:
-            known = {flag.name for flag in flags}
-            told = judge(followed.findings, limits, followed.words)
-            grave = {flag.name: flag for flag in told if flag.severity is Severity.UNUSABLE}
-            flags += tuple(flag for name, flag in grave.items() if name not in known)
+        else:
+            if outlined is not None and not sure:  # the best there is, and what is wrong with it
+                found = search.edges(outlined, spacing_mm)
+            flags = judge(findings, limits, search.words())
+            if found is None:
+                known = {flag.name for flag in flags}
+                told = judge(followed.findings, limits, followed.words)
+                grave = {flag.name: flag for flag in told if flag.severity is Severity.UNUSABLE}
+                flags += tuple(flag for name, flag in grave.items() if name not in known)
     nothing = EdgePoints(np.zeros((0, 2)), np.zeros(0))
     left, right, corners_px = found or (nothing, nothing, np.full((4, 2), np.nan))
     return EdgeSet(left, right, flags, corners_px, calibration.digest, calibration_age_days)

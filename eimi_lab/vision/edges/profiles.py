@@ -35,9 +35,11 @@ def sample(image: NDArray[Any], points_px: Array) -> Array:
     flat, first = image.reshape(height * width, *image.shape[2:]), top * width + left
     if image.ndim == 3:
         x, y = x[..., None], y[..., None]
-    upper = flat[first] * (1.0 - x) + flat[first + right] * x
-    lower = flat[first + below] * (1.0 - x) + flat[first + below + right] * x
-    return np.asarray(upper * (1.0 - y) + lower * y, dtype=np.float64)
+    read = np.take(flat, first, axis=0) * ((1.0 - x) * (1.0 - y))
+    read += np.take(flat, first + right, axis=0) * (x * (1.0 - y))
+    read += np.take(flat, first + below, axis=0) * ((1.0 - x) * y)
+    read += np.take(flat, first + below + right, axis=0) * (x * y)
+    return np.asarray(read, dtype=np.float64)
 
 
 def normals_of(tangents: Array) -> Array:

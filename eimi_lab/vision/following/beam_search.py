@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,79 +108,74 @@ def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None)
     for along in (-0.25 * width, 0.0, 0.25 * width):
         middle = angle + 0.5 * bend * along
         place = root + along * np.column_stack([np.cos(middle), np.sin(middle)])
-        lines.append(hypothesis.read_across(picture, place, angle + bend * along, wide))
+        lines.append(hypothesis.read_across(picture, place[:, 0], place[:, 1], angle + bend * along, wide))
     seen = np.stack(lines)
     colours = seen.mean(axis=0)
     template = hypothesis.inside_of(colours)
     scatter = ((seen - colours) ** 2)[:, :, 3:12].sum(axis=3).mean(axis=(0, 2)) * len(seen) / (len(seen) - 1)
     lateral = template.var(axis=1).sum(axis=1)
     variance = hypothesis.least_variance(picture) + scatter + 0.15 * lateral
-    left, right = hypothesis.side_support(colours, variance)
-    score = left + right - _NEEDED - _implausible(np.zeros(len(bend)), wide / width, bend, stiffness, width)
+    score = hypothesis.side_support(colours, variance) - _NEEDED
+    score -= _implausible(np.zeros(len(bend)), wide / width, bend, width)
     score -= 0.5 * (offset / aside) ** 2  # the clamp is nearly where it is said to be
     if polarity is not None:
         brighter = hypothesis.brightness_step(colours) > 0.0
         score = np.where(brighter == (polarity == "bright"), score, -_OTHER_POLARITY)
-    return Hypotheses(root, angle, bend, wide, template, variance, np.arange(len(bend)), score)
+    return Hypotheses(root, angle, bend, wide, template, variance, score)
 
 
 def _grown(
     picture: WorkingPicture, now: Hypotheses, stiffness: _Stiffness, step: float
 ) -> tuple[Hypotheses, NDArray[np.int64], Array]:
     """Every strip a step farther in all its ways, the best of those; whose child each is, and what the step gained."""
-    parent = np.repeat(np.arange(len(now)), len(_MORE_BEND))
-    way = np.tile(np.arange(len(_MORE_BEND)), len(now))
-    allowed = np.abs(now.bend[parent] + stiffness.bend * _MORE_BEND[way]) <= stiffness.most
-    parent, way = parent[allowed], way[allowed]
-    more_bend = stiffness.bend * _MORE_BEND[way]
-    bend, width = now.bend[parent] + more_bend, now.width[parent] * _MORE_WIDTH[way]
-    aside = (picture.beam.width_px * _MORE_ASIDE[way])[:, None]
-    begin = now.place[parent] + aside * np.column_stack([-np.sin(now.angle[parent]), np.cos(now.angle[parent])])
+    # All are (n, ways): a strip's ways are not written out as strips of their own before the best are known.
+    bend = now.bend[:, None] + stiffness.bend * _MORE_BEND
+    width = now.width[:, None] * _MORE_WIDTH
+    old, aside = now.angle[:, None], picture.beam.width_px * _MORE_ASIDE
+    begin_x, begin_y = now.place[:, :1] - np.sin(old) * aside, now.place[:, 1:] + np.cos(old) * aside
     lines = max(1, min(3, round(step / (0.5 * picture.beam.width_px))))
-    colours = np.zeros((len(parent), len(hypothesis.ACROSS), picture.pixels.shape[2]), dtype=np.float32)
+    read = []
     for share in (np.arange(lines) + 1.0) / lines:
-        middle = now.angle[parent] + 0.5 * share * step * bend
-        place = begin + share * step * np.column_stack([np.cos(middle), np.sin(middle)])
-        angle = now.angle[parent] + share * step * bend
-        colours += hypothesis.read_across(picture, place, angle, width) / lines
-    gain = _gain(picture, now, parent, colours)
-    gain -= 0.6 * (_MORE_ASIDE[way] / 0.35) ** 2
-    gain -= _implausible(more_bend, width / picture.beam.width_px, bend, stiffness, picture.beam.width_px)
+        middle = old + 0.5 * share * step * bend
+        x, y = begin_x + share * step * np.cos(middle), begin_y + share * step * np.sin(middle)
+        angle = old + share * step * bend
+        read.append(hypothesis.read_across(picture, x, y, angle, width))
+    colours = read[0] if lines == 1 else np.stack(read).mean(axis=0)
+    variance = now.variance[:, None]
+    gain = hypothesis.side_support(colours, variance) - _NEEDED
+    gain -= 0.42 * hypothesis.misfit(colours, now.template[:, None], variance)
+    gain -= 0.6 * (_MORE_ASIDE / 0.35) ** 2
+    gain -= _implausible(_MORE_BEND, width / picture.beam.width_px, bend, picture.beam.width_px)
     high, wide = picture.pixels.shape[:2]
-    gone = ((place < -0.5) | (place > np.array([wide, high]) - 0.5)).any(axis=1)
-    gain[gone] = -_NEEDED - 0.42 * 2.0
-    score = now.score[parent] + gain
-    kept = _best_of_each_cell(place, angle, score, picture.beam.width_px)
-    at = parent[kept]
-    grown = Hypotheses(
-        place[kept], angle[kept], bend[kept], width[kept], now.template[at], now.variance[at], now.root[at], score[kept]
-    )
-    template = hypothesis.learnt(colours[kept], grown.template, grown.variance)
-    return replace(grown, template=template), at, gain[kept]
+    gain[(x < -0.5) | (y < -0.5) | (x > wide - 0.5) | (y > high - 0.5)] = -_NEEDED - 0.42 * 2.0
+    score = np.where(np.abs(bend) <= stiffness.most, now.score[:, None] + gain, -np.inf)
+    kept = _best_of_each_cell(x.ravel(), y.ravel(), angle.ravel(), score.ravel(), picture.beam.width_px)
+    at = kept // len(_MORE_BEND)
+    place = np.column_stack([x.ravel()[kept], y.ravel()[kept]])
+    template = hypothesis.learnt(colours.reshape(-1, *colours.shape[2:])[kept], now.template[at], now.variance[at])
+    bends, widths, scores = bend.ravel()[kept], width.ravel()[kept], score.ravel()[kept]
+    grown = Hypotheses(place, angle.ravel()[kept], bends, widths, template, now.variance[at], scores)
+    return grown, at, gain.ravel()[kept]
 
 
-def _gain(picture: WorkingPicture, now: Hypotheses, parent: NDArray[np.int64], colours: NDArray[np.float32]) -> Array:
-    variance = now.variance[parent]
-    left, right = hypothesis.side_support(colours, variance)
-    other = hypothesis.misfit(colours, now.template[parent], variance)
-    return np.asarray(left + right - _NEEDED - 0.42 * other)
+def _implausible(more_bend: Array, width: Array, bend: Array, width_px: float) -> Array:
+    """What a sudden bend, another width than stated and a strong bend cost.
+
+    more_bend: over the largest usual change. width: over the stated one.
+    """
+    return np.asarray(0.6 * more_bend**2 + _WIDTH_COST * np.log(width) ** 2 + 0.03 * (bend * width_px / 0.6) ** 2)
 
 
-def _implausible(more_bend: Array, width: Array, bend: Array, stiffness: _Stiffness, width_px: float) -> Array:
-    """(n,) what a sudden bend, another width than stated and a strong bend cost. width: over the stated one."""
-    sudden = 0.6 * (more_bend / stiffness.bend) ** 2
-    return np.asarray(sudden + _WIDTH_COST * np.log(width) ** 2 + 0.03 * (bend * width_px / 0.6) ** 2)
-
-
-def _best_of_each_cell(place: Array, angle: Array, score: Array, width: float) -> NDArray[np.int64]:
+def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: float) -> NDArray[np.int64]:
     """The best hypotheses, best first, one for each cell of place and direction."""
-    order = np.flatnonzero(score > score.max() - _BEHIND)
-    order = order[np.argsort(-score[order])]
-    cell = np.column_stack([np.floor(place / (_CELL * width)), np.floor(angle / _CELL_RAD)]).astype(np.int64)
-    cell -= cell.min(axis=0)
-    size = cell.max(axis=0) + 1
-    key = (cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2]
-    first = np.unique(key[order], return_index=True)[1]
+    near = np.flatnonzero(score > score.max() - _BEHIND)
+    order = near[np.argsort(-score[near])]
+    key = np.zeros(len(order), dtype=np.int64)
+    for value, step in ((x, _CELL * width), (y, _CELL * width), (angle, _CELL_RAD)):
+        cell = np.floor(value[order] / step).astype(np.int64)
+        cell -= cell.min()
+        key = key * (int(cell.max()) + 1) + cell
+    first = np.unique(key, return_index=True)[1]
     return np.asarray(order[np.sort(first)[:_KEPT]])
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import cv2
@@ -45,22 +46,19 @@ class Hypotheses:
     width: Array
     template: NDArray[np.float32]
     variance: Array
-    root: NDArray[np.int64]
     score: Array
 
     def __len__(self) -> int:
         return len(self.score)
 
-    def pick(self, which: NDArray[np.int64]) -> Hypotheses:
-        """Some of them, in a given order and as often as given."""
-        return replace(self, **{field.name: getattr(self, field.name)[which] for field in fields(self)})
 
-
-def read_across(picture: WorkingPicture, place: Array, angle: Array, width: Array) -> NDArray[np.float32]:
-    """Colours (n, 15, channels) at `ACROSS` of n strips; beyond the frame the border's."""
-    right = (width * np.stack([-np.sin(angle), np.cos(angle)])).astype(np.float32)[..., None] * _ACROSS
-    x, y = place.T.astype(np.float32)[..., None] + right
-    return read_colours(picture.pixels, x, y)
+def read_across(picture: WorkingPicture, x: Array, y: Array, angle: Array, width: Array) -> NDArray[np.float32]:
+    """Colours (..., 15, channels) at `ACROSS` of strips at places x, y; beyond the frame the border's."""
+    across = width.ravel().astype(np.float32)[:, None] * _ACROSS
+    turn = angle.ravel().astype(np.float32)[:, None]
+    columns = x.ravel().astype(np.float32)[:, None] - np.sin(turn) * across
+    rows = y.ravel().astype(np.float32)[:, None] + np.cos(turn) * across
+    return read_colours(picture.pixels, columns, rows).reshape(*x.shape, len(_ACROSS), -1)
 
 
 def read_colours(pixels: NDArray[np.float32], x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.float32]:
@@ -76,12 +74,19 @@ def least_variance(picture: WorkingPicture) -> float:
     return picture.pixels.shape[2] * max(2.0, 2.0 * picture.noise, 0.025 * picture.span) ** 2
 
 
-def side_support(colours: NDArray[np.float32], variance: Array) -> tuple[Array, Array]:
-    """(n,) each, 0 to 1: how surely inside and outside differ at the left and at the right edge."""
-    steps = np.einsum("su,nuc->snc", _STEPS, colours, optimize=True)
-    evidence = np.einsum("snc,snc->sn", steps, steps) / variance
-    supports = evidence / (evidence + _CERTAIN)
-    return supports[0], supports[1]
+def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
+    """(...) 0 to 2: how surely inside and outside differ at both edges together, of colours (..., 15, c)."""
+    channels = colours.shape[-1]
+    steps = colours.reshape(-1, len(_ACROSS) * channels) @ _steps_of_channels(channels)
+    squares = np.square(steps) @ np.kron(np.eye(2, dtype=np.float32), np.ones((channels, 1), dtype=np.float32))
+    evidence = squares.reshape(*colours.shape[:-2], 2) / variance[..., None]
+    return np.asarray((evidence / (evidence + _CERTAIN)).sum(axis=-1))
+
+
+@cache
+def _steps_of_channels(channels: int) -> NDArray[np.float32]:
+    """(15 c, 2 c): `_STEPS` for every channel by itself, so that one product of matrices reads both edges."""
+    return np.kron(_STEPS.T, np.eye(channels, dtype=np.float32))
 
 
 def brightness_step(colours: NDArray[np.float32]) -> Array:
@@ -90,10 +95,10 @@ def brightness_step(colours: NDArray[np.float32]) -> Array:
 
 
 def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array) -> Array:
-    """(n,) 0 to 2: by how much the inside is another than the one that was followed up to here."""
-    off = colours[:, _INSIDE] - template
-    off = np.einsum("nuc,nuc->n", off, off) / off.shape[1]
-    return np.minimum(off / (_CERTAIN * variance), _LARGEST_MISFIT)
+    """(...) 0 to 2: by how much the inside of colours (..., 15, c) is another than the one followed up to here."""
+    off = colours[..., _INSIDE, :] - template
+    square = np.einsum("...uc,...uc->...", off, off) / off.shape[-2]
+    return np.asarray(np.minimum(square / (_CERTAIN * variance), _LARGEST_MISFIT))
 
 
 def learnt(colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array) -> NDArray[np.float32]:

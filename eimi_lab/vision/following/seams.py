@@ -27,26 +27,27 @@ def fall_across(share: Array, outward: float, across: Array, stations_in_width: 
     return uniform_filter1d(outward * (lower - upper), window, axis=0, mode="nearest")
 
 
-def find_seam(fall: Array, across: Array, expected: Array, tolerance: float) -> Array:
-    """(n,) place across of the connected seam with the largest fall; expected (n,) and its tolerance in widths."""
-    value = fall - _PRIOR * ((across - expected[:, None]) / tolerance) ** 2
-    stations, places = value.shape
+def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) -> Array:
+    """(k, n) places across of the connected seams with the largest falls (k, n, m), k of them at a time.
+
+    expected: (k, n), and its tolerance in widths.
+    """
+    value = fall - _PRIOR * ((across - expected[..., None]) / tolerance) ** 2
+    count, stations, places = value.shape
     moves = np.arange(-_STEEPEST, _STEEPEST + 1)
-    cost = _UNREST * np.abs(moves)
+    cost = (_UNREST * np.abs(moves))[:, None]
     index = np.clip(np.arange(places) + moves[:, None], 0, places - 1)
-    came = np.empty((stations, places), dtype=np.int64)
-    best = value[0]
-    columns = np.arange(places)
+    best = np.empty((stations, count, places))
+    best[0] = value[:, 0]
     for station in range(1, stations):
-        options = best[index] - cost[:, None]
-        choice = options.argmax(axis=0)
-        came[station] = index[choice, columns]
-        best = options[choice, columns] + value[station]
-    seam = np.empty(stations, dtype=np.int64)
-    seam[-1] = int(best.argmax())
+        np.add((best[station - 1][:, index] - cost).max(axis=1), value[:, station], out=best[station])
+    seams = np.empty((count, stations), dtype=np.int64)
+    seams[:, -1] = best[-1].argmax(axis=1)
+    rows = np.arange(count)
     for station in range(stations - 1, 0, -1):
-        seam[station - 1] = came[station, seam[station]]
-    return _between(value, seam, across)
+        came = index[:, seams[:, station]]
+        seams[:, station - 1] = came[(best[station - 1][rows, came] - cost).argmax(axis=0), rows]
+    return np.stack([_between(own, seam, across) for own, seam in zip(value, seams, strict=True)])
 
 
 def _between(value: Array, seam: NDArray[np.int64], across: Array) -> Array:

@@ -148,12 +148,12 @@ class EmulatedBench:
 
 @pytest.fixture
 def emulated_bench(files: Path, frame: Callable[..., Any]) -> Iterator[EmulatedBench]:
-    """A run on it takes 46 states, half a minute."""
+    """A run on it takes 451 states, minutes on any machine: no test waits for its end, or meets it."""
     (files / "shots").mkdir()
     for number in range(4):
         cv2.imwrite(str(files / "shots" / f"f_{number}.png"), frame(number, 3.0 * number))
     protocol = (files / "protocol.toml").read_text()
-    (files / "protocol.toml").write_text(protocol.replace("stop_A = 0.3\nstep_A = 0.1", "stop_A = 0.9\nstep_A = 0.02"))
+    (files / "protocol.toml").write_text(protocol.replace("stop_A = 0.3\nstep_A = 0.1", "stop_A = 0.9\nstep_A = 0.002"))
     coil = CoilSupply(WallClock())
     with serve_tcp(emulate("scpi", coil)) as address:
         (files / "rig.toml").write_text(f"""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import time
 from collections.abc import Callable
 from http.client import HTTPConnection
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,7 +16,7 @@ import pytest
 from eimi_lab.dataset.reading import open_dataset
 
 
-def wait_until(true: Callable[[], bool], seconds: float = 20.0) -> None:
+def wait_until(true: Callable[[], bool], seconds: float = 60.0) -> None:
     until = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < until
@@ -40,7 +42,7 @@ def test_a_run_is_begun_watched_by_two_tabs_reloaded_and_stopped(emulated_bench:
     page.locator("#protocol option").first.wait_for(state="attached")
     page.get_by_role("button", name="Dry run").click()
     page.get_by_text("duration:").first.wait_for()
-    assert "46 states" in page.locator("#dry-lines").inner_text()
+    assert "451 states" in page.locator("#dry-lines").inner_text()
     start(page)
     frames_arrive(page)
     page.get_by_text("COIL ON").wait_for()
@@ -72,7 +74,7 @@ def test_a_run_is_begun_watched_by_two_tabs_reloaded_and_stopped(emulated_bench:
     assert emulated_bench.is_off()
     page.get_by_role("button", name="Start").wait_for()
     with open_dataset(emulated_bench.folder / "run.h5") as dataset:
-        assert 2 <= len(dataset.states) < 46
+        assert 2 <= len(dataset.states) < 451
 
 
 def test_a_killed_server_takes_the_coil_off_and_loses_no_state(emulated_bench: Any, dashboard: Any, tab: Any) -> None:
@@ -93,6 +95,23 @@ def test_a_killed_server_takes_the_coil_off_and_loses_no_state(emulated_bench: A
     again.get_by_role("button", name="Start").wait_for()
     assert emulated_bench.is_off()
     assert len(stored_currents(emulated_bench.folder / "run.h5")) >= stored >= 2
+
+
+def test_a_run_that_does_not_answer_to_stop_is_killed_and_its_guardian_switches_off(
+    emulated_bench: Any, dashboard: Any, tab: Any
+) -> None:
+    server, address = dashboard(emulated_bench.folder)
+    page = tab(address)
+    start(page)
+    page.get_by_text("COIL ON").wait_for()
+    children = Path(f"/proc/{server.pid}/task/{server.pid}/children").read_text().split()
+    (run,) = [int(child) for child in children if b"acquire" in Path(f"/proc/{child}/cmdline").read_bytes()]
+    os.kill(run, signal.SIGSTOP)  # it answers to nothing but SIGKILL
+    page.keyboard.press("Escape")
+    page.get_by_text("the coil is off, confirmed after").wait_for()
+    assert emulated_bench.is_off()
+    page.get_by_role("button", name="Start").wait_for()
+    assert not Path(f"/proc/{run}").exists()
 
 
 def stored_currents(path: Any) -> list[float]:

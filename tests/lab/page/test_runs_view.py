@@ -1,8 +1,42 @@
-"""Past runs in a browser."""
+"""Past runs in a browser, and fits of them."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
+
+import pytest
+
+ROD = """
+[specimen]
+name = "rod"
+material = "silicone"
+length_mm = 60.0
+width_mm = 5.0
+depth_mm = 5.0
+density_kg_m3 = 1070.0
+section = "plane-stress"
+"""
+YOUNG_PA, FORCES_N = 150e3, (1e-4, 2e-4, 3e-4)
+
+
+@pytest.fixture
+def rod(served: Any, run: Callable[..., tuple[int, str]]) -> Path:
+    """The dataset rods/rod.h5: a cantilever's tip under three small forces, by the formula of slender beams."""
+    folder: Path = served.folder / "rods"
+    folder.mkdir()
+    sag_mm = [force * 60.0**3 / (3 * 1e-6 * YOUNG_PA * 5.0**4 / 12) for force in FORCES_N]
+    rows = [f"{k},tip,60,0,60,{sag:.5f},0.005" for k, sag in enumerate(sag_mm)]
+    (folder / "points.csv").write_text("\n".join(["state,point,x0_mm,y0_mm,x_mm,y_mm,sigma_mm", *rows]) + "\n")
+    states = [f"{k},0,{force},90" for k, force in enumerate(FORCES_N)]
+    (folder / "states.csv").write_text("\n".join(["state,field_mT,tip_force_N,tip_force_angle_deg", *states]) + "\n")
+    (folder / "rod.toml").write_text(ROD)
+    tables = ("--states", folder / "states.csv", "--specimen", folder / "rod.toml", "--no-gravity")
+    status, told = run("import", folder / "points.csv", *tables, "-o", folder / "rod.h5")
+    assert status == 0, told
+    return folder / "rod.h5"
 
 
 def test_a_run_is_opened_and_gone_through_by_keyboard(served: Any, tab: Any) -> None:
@@ -17,3 +51,21 @@ def test_a_run_is_opened_and_gone_through_by_keyboard(served: Any, tab: Any) -> 
     page.get_by_text("1: 0.2 A, 0.94 mT").wait_for()
     page.locator('canvas[aria-label="state 1 at 0.94 mT"]').wait_for()
     assert page.get_by_role("button", name="next").is_disabled()
+
+
+def test_a_run_is_fitted_and_its_report_opened(served: Any, tab: Any, rod: Path) -> None:
+    page = tab(f"{served.address}#runs")
+    page.get_by_text("in control").first.wait_for()
+    page.get_by_role("button", name="rods/").click()
+    page.get_by_role("button", name="rod.h5").click()
+    page.locator("#law").select_option("neo-hookean")
+    page.get_by_role("button", name="Fit", exact=True).click()
+    page.get_by_text("neo-hookean: done").wait_for()
+    page.get_by_text("Fit again, in place of this").wait_for()
+    assert "noise alone" in page.locator("#fit-result").inner_text()
+    assert page.locator("#fit-plot circle.dot").count() > 3  # how it converged
+    (fit,) = json.loads(rod.with_suffix(".fits.json").read_text())["fits"]
+    assert fit["initial_shear_modulus"]["value"] == pytest.approx(YOUNG_PA / 3, rel=0.02)
+    report = served.ask(page.locator("#fit-report").get_attribute("href"))
+    assert report.status == 200
+    assert b"rod" in report.body
