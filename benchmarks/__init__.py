@@ -10,6 +10,7 @@ mesh_convergence    error of the tip against the mesh
 edges               error of the edges on rendered frames
 real_pictures       edges of other people's photographs against traced ones
 photographs         error of the edges in rendered photographs of coloured beams
+lab_photographs     photographs with one difficulty of a bench each; with `lab_scene`, `lab_difficulties`
 flag_pictures       a picture for every flag
 report_pictures     a report in a browser, wide and narrow, and on paper
 seeds               error of the modulus by law and seed

@@ -67,12 +67,14 @@ def _stress_strain(findings: Findings) -> Figure:
     figure, grid = _grid(len(keys), 2, 4.6, 3.0)
     for row, key in zip(grid, keys, strict=True):
         routes = findings.routes(key, "solid")
+        reached = max(fit["max_stretch"] for fit in findings.bending[key, "solid"]) - 1
         for axes, most in zip(row, (0.3, 1.5), strict=True):
             strain = np.linspace(0, most, 200)
             _curves_by_route(axes, routes, strain)
             material = MATERIALS[key]
             truth = engineering_stress(material.law, material.parameters[0], strain)
             axes.plot(100 * strain, 1e-3 * truth, color=MEASURED, linewidth=1.0, linestyle=(0, (4, 3)), label="hidden")
+            axes.axvspan(0, 100 * reached, color="#e8e8e8", zorder=0)
             axes.set_ylim(0, 1.6e-3 * truth[-1])
             label(axes, "engineering strain, %", "engineering stress, kPa")
         row[0].set_title(MATERIALS[key].name, fontsize=9)
@@ -138,13 +140,19 @@ def _boxes(findings: Findings) -> Figure:
 
 
 def _overlays(findings: Findings) -> Figure:
-    """Figure 8: the strongest state of every type, as seen and as simulated in plane strain."""
+    """Figure 8: the strongest state of every type, as seen and as simulated; inset, the tip of the left edge."""
     keys, types = findings.inputs.extent.materials, findings.inputs.extent.types
     figure, grid = _grid(len(keys), len(types), max(3.0, 10.0 / len(types)), 3.2)
     for row, key in zip(grid, keys, strict=True):
         for axes, kind in zip(row, types, strict=True):
-            for side in findings.edges[key, kind][-1]:
+            seen = findings.edges[key, kind][-1]
+            near = axes.inset_axes((0.5, 0.5, 0.5, 0.5))
+            tip = seen[0, -1]
+            near.set(xlim=tip[1] + _NEAR, ylim=-tip[0] + _NEAR, xticks=[], yticks=[])
+            near.set_aspect("equal")
+            for side in seen:
                 axes.plot(side[:, 1], -side[:, 0], color="#999999", linewidth=4.0, label="seen")
+            near.plot(seen[0, :, 1], -seen[0, :, 0], color="#999999", linewidth=4.0)
             for section, dashes in zip(SECTIONS, ("-", (0, (3, 2))), strict=True):
                 tension = _best_tension(findings, key, section)
                 for i, colour, words in (
@@ -153,19 +161,17 @@ def _overlays(findings: Findings) -> Figure:
                 ):
                     edges = findings.errors[key, section, kind][i]["edges_mm"]
                     for side in np.array(edges or []):
-                        axes.plot(
-                            side[:, 1],
-                            -side[:, 0],
-                            color=colour,
-                            linewidth=1.0,
-                            linestyle=dashes,
-                            label=f"{words}, {section}",
-                        )
+                        for own in (axes, near):
+                            line = {"color": colour, "linewidth": 1.0, "linestyle": dashes}
+                            own.plot(side[:, 1], -side[:, 0], label=f"{words}, {section}", **line)
             axes.set_aspect("equal")
             axes.set_title(f"{MATERIALS[key].name}, {kind}", fontsize=8)
             label(axes, "across, mm", "along, mm")
     _legend(figure)
     return figure
+
+
+_NEAR = np.array([-0.5, 0.5])  # mm from the tip
 
 
 def _by_field(findings: Findings) -> Figure:

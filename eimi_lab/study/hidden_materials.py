@@ -79,7 +79,7 @@ class FadingGent(_OfOneShape):
 @dataclass(frozen=True)
 class HiddenMaterial:
     """A silicone of the study. protocol: the shipped one whose currents it is measured at; tested_to: the engineering
-    strain at which its tensile test ends.
+    strain at which its tensile test ends; numbers: of its law, beside the modulus, in words.
     """
 
     name: str
@@ -87,6 +87,7 @@ class HiddenMaterial:
     modulus_Pa: float
     protocol: str
     tested_to: float
+    numbers: str = ""
 
     @property
     def parameters(self) -> Array:
@@ -101,7 +102,19 @@ class HiddenMaterial:
 
 MATERIALS = {
     "dragon_skin_10": HiddenMaterial(
-        "like Dragon Skin 10", PowersOfFirstInvariant(), 52e3, "dragon_skin_10", tested_to=6.0
+        "like Dragon Skin 10",
+        PowersOfFirstInvariant(),
+        52e3,
+        "dragon_skin_10",
+        tested_to=6.0,
+        numbers="a = -10, 1, 2.4 with m = 0.24, 0.64, 0.02; c = 0.05",
     ),
-    "ecoflex_00_50": HiddenMaterial("like Ecoflex 00-50", FadingGent(), 22e3, "ecoflex_00_50", tested_to=6.0),
+    "ecoflex_00_50": HiddenMaterial(
+        "like Ecoflex 00-50",
+        FadingGent(),
+        22e3,
+        "ecoflex_00_50",
+        tested_to=6.0,
+        numbers="g = 0.66, Jm = 60, f = 0.26, b = 6, c = 0.04",
+    ),
 }

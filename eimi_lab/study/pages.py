@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from eimi_lab.outputs import whole_file
-from eimi_lab.study.claims import Verdict, in_words, verdicts
+from eimi_lab.study.claims import MEASURE, Verdict, in_words, verdicts
 from eimi_lab.study.figures import every_figure
 from eimi_lab.study.hidden_materials import MATERIALS
 from eimi_lab.study.observed import NOISE_MM, TWIST_DEG, TWISTED
@@ -14,9 +14,10 @@ from eimi_lab.study.paper_tables import Table, every_table
 from eimi_lab.study.whole_study import Findings
 
 _TITLES = {
-    "stress_strain.png": "Stress against strain (figure 1): laws by bending as the solid, Yeoh by windows of tension",
-    "errors.png": "Errors by type (figure 7): boxes over the states",
-    "overlays.png": "The strongest state of every type (figure 8)",
+    "stress_strain.png": "Stress against strain (figure 1): laws by bending as the solid, Yeoh by windows of tension; "
+    "grey: what type 1 reaches",
+    "errors.png": "Errors by type (figure 7): boxes over the states; a law without equilibrium has none",
+    "overlays.png": "The strongest state of every type (figure 8), and the tip of one edge, 1 mm across",
     "error_by_field.png": "Error against field (figure 9): mean over the unseen types that do not twist",
 }
 
@@ -24,8 +25,8 @@ _TITLES = {
 def claims_table(found: Sequence[Verdict]) -> Table:
     """The verdicts as a table."""
     rows = tuple((v.claim, v.material, v.section, "yes" if v.agrees else "**no**", v.evidence) for v in found)
-    head = ("the paper says", "material", "section", "so here", "figures, and why")
-    return Table("claims", "The paper's claims", head, rows)
+    head = ("the paper says", "material", "section", "so here", "figures")
+    return Table("claims", "The paper's claims", head, rows, MEASURE)
 
 
 def write_pages(output: Path, findings: Findings) -> list[str]:
@@ -48,7 +49,10 @@ def _page(
     findings: Findings, claims: Table, tables: Sequence[Table], figures: dict[str, bytes], answers: Sequence[str]
 ) -> str:
     extent = findings.inputs.extent
-    laws = "\n".join(f"- {MATERIALS[key].name}: {MATERIALS[key].law.formula}" for key in extent.materials)
+    hidden = [MATERIALS[key] for key in extent.materials]
+    laws = "\n".join(
+        f"- {own.name}: {own.law.formula}, mu = {1e-3 * own.modulus_Pa:g} kPa, {own.numbers}" for own in hidden
+    )
     parts = [
         "# The evaluation of Di Lecce et al. 2022 on hidden materials",
         f"Type 1 trains, {', '.join(extent.unseen)} validate. Truth is the solid; its outline is taken as edges "

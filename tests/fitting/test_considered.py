@@ -10,12 +10,15 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.estimate import Estimate
 from eimi_fitting.inference.experiment import Experiment
-from eimi_fitting.inference.identification import Fit, identify
+from eimi_fitting.inference.identification import Fit, identify, refine
 from eimi_fitting.inference.measurements import EdgeObservation, PointObservation, edge_curves, points_on
+from eimi_fitting.inference.objective import Problem
 from eimi_fitting.inference.sources import SOURCES, StatedSource
-from eimi_fitting.inference.unknowns import Prior
+from eimi_fitting.inference.unknowns import Prior, Unknowns
 from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.search_space import search_space
 
 TRUTH_PA = 46e3
 NOISE_MM = 2e-3
@@ -24,10 +27,17 @@ BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", MAGNET)
 LOADS = Loads.along((2.0, 4.5, 7.0))
 
 
-def seen(beam: Specimen = BEAM, loads: Loads = LOADS, scale: float = 1.0, seed: int = 1) -> EdgeObservation:
+def seen(
+    beam: Specimen = BEAM,
+    loads: Loads = LOADS,
+    scale: float = 1.0,
+    seed: int = 1,
+    law: str = "neo-hookean",
+    parameters: tuple[float, ...] = (TRUTH_PA,),
+) -> EdgeObservation:
     """Edges of a beam of 46 kPa with noise."""
     model = BeamModel(beam, 26, 2)
-    shapes = model.solve(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), loads)
+    shapes = model.solve(LAWS[law], np.array([parameters]), loads)
     sides = scale * points_on(edge_curves(model, shapes)[0], 2)[:, :, 1:-1]
     noisy = sides + np.random.default_rng(seed).normal(0, NOISE_MM, sides.shape)
     sigma = np.full(sides.shape[2], NOISE_MM)
@@ -164,6 +174,44 @@ def test_intervals_are_the_quantiles_of_the_draws():
     assert np.std(fit.draws.column("remanence")) == pytest.approx(0.02, rel=0.1)
     # A stronger magnet than stated needs a stiffer beam for the same edges.
     assert np.corrcoef(drawn, fit.draws.column("remanence"))[0, 1] > 0.99
+
+
+def estimated(law: str, seen_so: Experiment) -> Estimate:
+    """What follows a search, from a modulus a tenth off."""
+    space = search_space(LAWS[law])
+    unit = np.full(len(space.names), 0.5)
+    unit[0] = np.log(1.1 * TRUTH_PA / space.lower[0]) / np.log(space.upper[0] / space.lower[0])
+    return refine(Problem(LAWS[law], Unknowns(space), (seen_so,)), unit, 1).estimate
+
+
+@pytest.mark.parametrize("off_mm", [0.2, -0.2])
+def test_what_a_source_did_is_undone_where_a_bound_holds_the_optimum(off_mm):
+    """A length that is two standard uncertainties off drives the ratio of Mooney and Rivlin to its bounds."""
+    longer = replace(BEAM, length_mm=BEAM.length_mm + off_mm)
+    edges = seen(longer, law="mooney-rivlin", parameters=(0.4 * TRUTH_PA, 0.1 * TRUTH_PA))
+    stated = {"length": 0.1, "width": 0.02, "remanence": 0.01, "magnet_length": 0.03, "scale": 0.001}
+    found = estimated("mooney-rivlin", experiment(edges, **stated))
+    knows = estimated("mooney-rivlin", experiment(edges, longer, **stated))
+    assert len(found.identifiability.at_bound) == 1
+    assert knows.identifiability.at_bound == ()
+    # The draws in which the length is off by what was hidden have the modulus that a fit finds that knows it.
+    modulus = np.log(2 * (found.draws.column("C10") + found.draws.column("C01")))
+    drawn = [found.draws.column(name) for name in ("length", "width", "remanence", "magnet's length", "scale")]
+    level, slope, *_ = np.linalg.lstsq(np.column_stack([np.ones_like(modulus), *drawn]), modulus, rcond=None)[0]
+    before, after = found.initial_shear_modulus.value, knows.initial_shear_modulus.value
+    assert level + slope * off_mm - np.log(before) == pytest.approx(np.log(after / before), rel=0.12)
+    assert holds(found.initial_shear_modulus.interval_95, after)
+
+
+def test_what_no_source_can_have_done_stays_the_laws():
+    """A Yeoh material drives the ratio of Mooney and Rivlin to a bound: the interval stays about the value."""
+    edges = seen(law="yeoh", parameters=(0.5 * TRUTH_PA, -0.8 * TRUTH_PA, TRUTH_PA))
+    found = estimated("mooney-rivlin", experiment(edges, length=0.002))
+    assert len(found.identifiability.at_bound) == 1
+    modulus = found.initial_shear_modulus
+    assert modulus.interval_95_fit is not None
+    assert holds(modulus.interval_95, modulus.value)
+    assert modulus.interval_95 == pytest.approx(modulus.interval_95_fit, abs=0.3 * np.ptp(modulus.interval_95_fit))
 
 
 def test_tracked_points_at_the_tip_bear_a_shorter_beam():

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from eimi_fitting.beam.equilibrium import Configuration, Status
 from eimi_fitting.beam.model import BeamModel, Shapes
-from eimi_fitting.inference._quadratic import step_to_minimum
 from eimi_fitting.inference.covariance import Linearisation
 from eimi_fitting.inference.experiment import Experiment
 from eimi_fitting.inference.objective import Problem
@@ -158,15 +157,36 @@ def _in_equilibrium(shapes: Shapes) -> bool:
     return bool(np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all())
 
 
-def steps_of(about: Linearisation, sources: Sequence[ConsideredSources]) -> tuple[Array, Array]:
-    """(S, n) each: how far one standard uncertainty more, and one less, moves the optimum within its bounds."""
-    n = len(about.unit)
-    more, less = np.zeros((2, len(sources), n))
+@dataclass(frozen=True)
+class Steps:
+    """How sources move an optimum: sizes (S, n) for one standard uncertainty more; held (n,): from a bound to where the
+    optimum would be without it.
+    """
+
+    sizes: Array
+    held: Array
+
+
+# Standard deviations of noise and sources: an optimum that would be farther beyond a bound is so for the law's sake.
+_FARTHEST = 2.0
+
+
+def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
+    """What each source does to an optimum with the covariance (n, n) of its noise.
+
+    As if the law had no bounds: where one holds the optimum, the sources may have brought it there from inside, and the
+    steps that it lets them take from there are not those that they took. Least squares without bounds is free of bias
+    and normal; so the optimum without them is what intervals are about, as far as noise and sources can have moved it.
+    """
+    sizes, n = np.zeros((len(sources), len(about.unit))), len(about.unit)
     for i, source in enumerate(sources):
         score = np.zeros(n)
         for own, change in zip(about.states, source.changes, strict=True):
             if change is not None:
                 score += own.score(change)
-        more[i] = step_to_minimum(about.unit, score, about.hessian)
-        less[i] = step_to_minimum(about.unit, -score, about.hessian)
-    return more, less
+        sizes[i] = -np.linalg.solve(about.hessian, score)
+    outward = ((about.unit <= 0.0) & (about.score > 0)) | ((about.unit >= 1.0) & (about.score < 0))
+    held = -np.linalg.solve(about.hessian, np.where(outward, about.score, 0.0))
+    far = (np.abs(held) / np.sqrt(np.diag(covariance) + (sizes**2).sum(axis=0)))[outward].max(initial=_FARTHEST)
+    share = _FARTHEST / far if sources else 0.0
+    return Steps(sizes, np.asarray(share * held))

@@ -145,8 +145,7 @@ def estimate(
         remaining[unknowns.searched - 1] = 1.0
     rng = np.random.default_rng(seed)
     noise = draw_noise(rng, unit, covariance, ends, left / _NORMAL, alone / _NORMAL)
-    more, less = steps_of(about, sources)
-    moves = Moves(unit, noise, normal_draws(rng, len(sources)), more, less)
+    moves = Moves(unit, noise, normal_draws(rng, len(sources)), steps_of(about, sources, covariance))
     entries, measure_next = budget(sources, moves, lambda units: _modulus(problem.law, unknowns, units))
     quantities = _quantities(problem.law, unknowns, moves, sources, seed)
     return Estimate(
