@@ -13,9 +13,9 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.inference.budget import Moves, budget
-from eimi_fitting.inference.considered import ConsideredSources, sources_of
+from eimi_fitting.inference.considered import ConsideredSources, Steps, sources_of
 from eimi_fitting.inference.covariance import Linearisation, LinearStates, point_correlation
-from eimi_fitting.inference.draws import draw_noise, interval_95, moved_by, quantity
+from eimi_fitting.inference.draws import draw_noise, interval_95, quantity
 from eimi_fitting.inference.experiment import Experiment
 from eimi_fitting.inference.identification import identify
 from eimi_fitting.inference.measurements import EdgeObservation, PointObservation, edge_curves, points_on
@@ -151,7 +151,8 @@ def test_the_budget_has_the_largest_source_first_and_halves_it() -> None:
     sources = [ConsideredSources(name, shared(name, 0.1), (None,)) for name in ("depth", "width")]
     rng = np.random.default_rng(1)
     moved = np.array([[0.01], [0.03]])
-    moves = Moves(np.full(1, 0.5), 1e-5 * rng.normal(size=(4000, 1)), rng.normal(size=(4000, 2)), moved, -moved)
+    steps = Steps(moved, np.zeros(1))
+    moves = Moves(np.full(1, 0.5), 1e-5 * rng.normal(size=(4000, 1)), rng.normal(size=(4000, 2)), steps)
     entries, measure_next = budget(sources, moves, lambda unit: 46e3 * np.exp(unit[:, 0] - 0.5))
     assert [entry.source for entry in entries] == ["width", "depth"]
     assert [entry.effect_percent for entry in entries] == pytest.approx([3.0, 1.0], rel=1e-2)
@@ -160,10 +161,16 @@ def test_the_budget_has_the_largest_source_first_and_halves_it() -> None:
     assert 0.5 * np.log(high / low) == pytest.approx(1.96 * np.hypot(0.015, 0.01), rel=0.1)
 
 
-def test_draws_move_both_ways_and_hold_what_the_corrections_leave() -> None:
-    more, less = np.array([[0.02]]), np.array([[-0.05]])  # one more of a source does less than one less
-    deviations = np.array([[1.0], [-1.0], [2.0], [0.0]])
-    assert moved_by(deviations, more, less)[:, 0].tolist() == [0.02, -0.05, 0.04, 0.0]
+def test_draws_move_as_the_sources_do_and_hold_what_the_corrections_leave() -> None:
+    moves = Moves(
+        np.full(1, 0.5),
+        np.array([[0.01], [0.0], [-0.02]]),
+        np.array([[1.0, 0.0], [-1.0, 2.0], [0.0, 0.0]]),
+        Steps(np.array([[0.02], [0.05]]), np.zeros(1)),
+    )
+    assert moves.units()[:, 0] == pytest.approx([0.53, 0.58, 0.48])
+    assert moves.units(of_sources=0.0)[:, 0] == pytest.approx([0.51, 0.5, 0.48])
+    assert moves.units(of_noise=0.5, of_sources=np.array([1.0, 0.5]))[:, 0] == pytest.approx([0.525, 0.53, 0.49])
     rng = np.random.default_rng(0)
     unit, covariance = np.full(2, 0.5), np.diag([0.01**2, 0.02**2])
     ends = Ends(unit - 0.1, unit + 0.1, ())
