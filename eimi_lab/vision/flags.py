@@ -284,6 +284,15 @@ CHECKS = (
         widens=lambda px: px,  # so far from the body's edge the border of a shadow lies that is taken for it
     ),
     Check(
+        name="SATURATED",
+        finding="followed_clipped",
+        quantity="share of a followed edge at which the light on one side of it is clipped",
+        limit=0.1,
+        remedy="Lower the exposure until neither the beam nor what is beside it is clipped in any colour.",
+        severity=Severity.DOUBTFUL,
+        widens=lambda share: 0.5 * math.sqrt(min(share, 1.0)),  # at twice the light, edges moved by 0.4 to 1.2 px
+    ),
+    Check(
         name="HOLE_OR_REFLECTION",
         finding="followed_gleam",
         quantity="share of a followed edge along which a clipped reflection lies",

@@ -76,6 +76,17 @@ def test_a_clipped_reflection_beside_an_edge_is_doubted():
     assert "HOLE_OR_REFLECTION" in names[1]
 
 
+def test_clipped_light_beside_an_edge_is_doubted():
+    colours = np.array([[40.0, 60.0, 110.0], [150.0, 160.0, 130.0]])
+    photo = photograph("uneven light", np.random.default_rng(4), 20.0, colours)
+    brighter = np.clip(2.2 * photo.image.astype(float), 0, 255).astype(np.uint8)
+    told = [
+        {flag.severity for flag in find_edges(image, CALIBRATION, SPECIMEN).flags if flag.name == "SATURATED"}
+        for image in (photo.image, brighter)
+    ]
+    assert told == [set(), {Severity.DOUBTFUL}]
+
+
 def test_an_edge_that_is_sure_in_patches_all_along_is_doubted_and_one_with_a_hole_is_not_used():
     """Half of it is sure both times: every second place of ten, or the first half."""
     place = np.arange(400)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.vision.following.beam_search import WIDTH_PX, Strip, find_strip
-from eimi_lab.vision.following.doubts import gleam, penumbra_px, shadow_px
+from eimi_lab.vision.following.doubts import clipped_share, gleam, penumbra_px, shadow_px
 from eimi_lab.vision.following.edge_points import StripEdges, place_side
 from eimi_lab.vision.following.ends import as_wide_at_ends
 from eimi_lab.vision.following.stated import StatedBeam
@@ -99,6 +99,7 @@ def follow(
         "followed_penumbra": penumbra_px(left, right, sides, beam.width_px),
         "followed_shadow": shadow_px(sides, beam.width_px),
         "followed_gleam": gleam(unrolled, sides),
+        "followed_clipped": clipped_share(unrolled, sides),
     }
     return FollowedBeam(findings, coarse, strip, unrolled, sides, (left, right))
 
