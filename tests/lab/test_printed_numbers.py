@@ -37,6 +37,7 @@ from eimi_lab.fits.fit_figures import drawn_law
 from eimi_lab.fits.fit_summary import comparison_table, remarks
 from eimi_lab.fits.fitting import fit_evidence
 from eimi_lab.fits.records import BootstrapRecord, CurveRecord, FitRecord, ReplicateRecord, StateError, TensileRecord
+from eimi_lab.fits.states_used import FlaggedState, StatesUsed, WidenedState
 from eimi_lab.fits.tensile_files import read_tensile
 from eimi_lab.fits.tensile_fits import fit_window
 from eimi_lab.fits.validation import FitReference, Validation
@@ -258,6 +259,13 @@ def test_states_are_told_by_their_own_numbers_and_datasets_apart(fitted: FitReco
     assert record.doubts_in_words() == ["short.h5, state 7: odd"]
 
 
+def test_states_left_out_are_taken_off_those_that_there_are() -> None:
+    used = StatesUsed(16, (FlaggedState(2, ("DEFOCUS",)), FlaggedState(7, ("DEFOCUS",))), (), (WidenedState(3, 0.02),))
+    assert used.in_words() == (
+        "14 of 16 states used; left out 2 DEFOCUS (2, 7); points widened in 1, by up to 0.02 mm (3)"
+    )
+
+
 def test_tables_of_validations_are_in_micrometres_and_kilopascal(fit: FitRecord) -> None:
     other = FitReference(path="fits.json", index=1, kind="bending", window_percent=None)
     worse = validation(fit, fit=other, seen=False, mean_error_mm=0.05, within_fitted_stretch=False, stable=False)
@@ -384,7 +392,7 @@ def test_the_first_screen_says_what_the_fit_says(fit: FitRecord, evidence: Evide
     said = {verdict.question: verdict for verdict in found.verdicts}
     belief = said["Can it be believed?"]
     assert belief.answer == "yes"
-    assert "12 µm (0.31 pixel) off in the mean, 23 µm in states left out" in belief.words
+    assert "beam is 12 µm (0.31 pixel) off in the mean, 23 µm in states left out" in belief.words
     assert said["What is extrapolated?"].answer == "beyond 25.0 % strain"
     assert "a stretch of 1.250" in said["What is extrapolated?"].words
     assert "width (±3 % of the modulus)" in found.limit
