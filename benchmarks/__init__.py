@@ -23,6 +23,7 @@ kill_campaign       runs killed at random moments: the coil off, states kept
 off_campaign        every fault that can keep a coil on, at full current; with `spoilt_bench`, `spoilt_run`,
                     `emulated_supply`
 fuzz_files          mutated HDF5 and TOML files: no traceback, no hang
+mutants             small mistakes in a copy of the code, and which of them the tests notice
 numbers             results of whole cases before and after a change
 timing              seconds, as the others take them
 

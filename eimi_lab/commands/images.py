@@ -58,8 +58,11 @@ def import_(
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.dataset.listing import is_image, is_video
     from eimi_lab.dataset.tracked.points_csv import import_points
+    from eimi_lab.outputs import check_distinct
 
     _check_source(source, states)
+    given = (source, states, Path(specimen), calibration, dark, flat)
+    check_distinct([path for path in dict.fromkeys(given) if path], [output])
     tables = _Tables(source, states, load_specimen(specimen), output, force)
     if options.format is not None:
         if dark or flat or average:
@@ -189,10 +192,12 @@ def calibrate(
 ) -> Result:
     """Scale, distortion and orientation from images of a board, of the beam itself, or of a ruler."""
     from eimi_lab.config.specimen import load_specimen
-    from eimi_lab.outputs import refuse_existing
+    from eimi_lab.outputs import check_distinct, refuse_existing
     from eimi_lab.vision.calibration import calibration_file
 
     output = output or Path("board.pdf" if print_board else "calibration.toml")
+    given = (*(images or []), mid_plane, beam, plumb_line, Path(specimen) if specimen else None)
+    check_distinct([path for path in dict.fromkeys(given) if path], [output])
     refuse_existing(output, force)
     if print_board:
         _write_board(_board(board or "charuco", columns, rows, square_mm), output, force)

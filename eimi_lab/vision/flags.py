@@ -189,6 +189,19 @@ CHECKS = (
     ),
     Check(
         name="NOT_FOLLOWED",
+        finding="followed_patches",
+        quantity="the same, where no stretch without a sure place is a tenth of the way",
+        limit=0.7,
+        below=True,
+        remedy="See in the overlay whether the places that are sure lie on the edge; something even behind the beam, "
+        "and light from its sides, would show more of it.",
+        severity=Severity.DOUBTFUL,
+        unusable_beyond=0.4,
+        widens=lambda share: 0.05 * (1.0 - share),
+        widens_in="width",
+    ),
+    Check(
+        name="NOT_FOLLOWED",
         finding="followed_contrast",
         quantity="difference of inside and outside along the worse edge, standard deviations of their colours",
         limit=3.0,
@@ -269,6 +282,15 @@ CHECKS = (
         "move the lamp, or the background farther behind the beam.",
         severity=Severity.DOUBTFUL,
         widens=lambda px: px,  # so far from the body's edge the border of a shadow lies that is taken for it
+    ),
+    Check(
+        name="SATURATED",
+        finding="followed_clipped",
+        quantity="share of a followed edge at which the light on one side of it is clipped",
+        limit=0.1,
+        remedy="Lower the exposure until neither the beam nor what is beside it is clipped in any colour.",
+        severity=Severity.DOUBTFUL,
+        widens=lambda share: 0.5 * math.sqrt(min(share, 1.0)),  # at twice the light, edges moved by 0.4 to 1.2 px
     ),
     Check(
         name="HOLE_OR_REFLECTION",

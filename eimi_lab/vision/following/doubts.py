@@ -1,4 +1,4 @@
-"""What a followed beam's edges may be instead of edges: borders of its shadow, and of a lamp's reflection."""
+"""What a followed beam's edges may be instead of edges, borders of shadows and reflections, and what clipping does."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.vision.following.colour_seams import OUTWARD
-from eimi_lab.vision.following.discriminant import OUTSIDE_BAND
+from eimi_lab.vision.following.discriminant import INSIDE_BAND, OUTSIDE_BAND
 from eimi_lab.vision.following.edge_points import StripEdges
 from eimi_lab.vision.following.support import Sides
 from eimi_lab.vision.following.unrolled import UnrolledPicture
@@ -15,6 +15,7 @@ Mask = NDArray[np.bool_]
 
 _SOFTER = 1.25  # times the other edge's blur; by light from one side a body's edges differ by up to 1.6,
 _SOFTEST = 2.0  # and no lens or shading makes more of it
+_FULL = 253.0  # of 255, after a JPEG
 _CLIPPED = 240.0  # of 255, after a lens, a sharpening and a JPEG
 _NEAR = 0.2  # widths to both sides of an edge: a reflection there has its own border where the edge is looked for
 _AMID = 0.2  # widths to both sides of the middle: the beam's own colour
@@ -53,4 +54,20 @@ def gleam(unrolled: UnrolledPicture, sides: Sides) -> float:
         wall = (clipped & (away > _NEAR) & (away <= OUTSIDE_BAND[1])).any(axis=1)
         shines = (clipped & (np.abs(away) <= _NEAR)).any(axis=1) & ~own & ~wall
         shares.append(float(shines[sound].mean()) if sound.any() else 0.0)
+    return max(shares)
+
+
+def clipped_share(unrolled: UnrolledPicture, sides: Sides) -> float:
+    """Share of the worse edge at which the light on one side of it is clipped in a colour: it then looks wider."""
+    full = (unrolled.colours >= _FULL).any(axis=2)
+    shares = []
+    for edge, outward, sound in zip(sides.edge, OUTWARD, sides.sound, strict=True):
+        away = outward * (unrolled.across - edge[:, None])
+        clipped = np.zeros(len(edge), dtype=bool)
+        for near in (
+            (-away >= INSIDE_BAND[0]) & (-away <= INSIDE_BAND[1]),
+            (away >= OUTSIDE_BAND[0]) & (away <= OUTSIDE_BAND[1]),
+        ):
+            clipped |= (full & near).sum(axis=1) > 0.5 * near.sum(axis=1)
+        shares.append(float(clipped[sound].mean()) if sound.any() else 0.0)
     return max(shares)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.vision.edges.dimensions import local_widths
-from eimi_lab.vision.following.edge_points import StripEdges
+from eimi_lab.vision.following.edge_points import StripEdges, with_scatter
 
 Array = NDArray[np.float64]
 
@@ -31,9 +31,16 @@ def as_wide_at_ends(left: StripEdges, right: StripEdges, width_px: float) -> tup
         widths = local_widths(own.points, other.points) / width_px
         begin = _toward_last(own.along[::-1], widths[::-1])[::-1]
         kept.append(begin & _toward_last(own.along, widths))
-    sides = zip((left, right), kept, strict=True)
-    one, two = (replace(s, points=s.points[k], sigma=s.sigma[k], along=s.along[k]) for s, k in sides)
+    one, two = (_without(edge, keep) for edge, keep in zip((left, right), kept, strict=True))
     return one, two
+
+
+def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
+    """The edge with some of its points, and the scatter that is theirs."""
+    if kept.all() or kept.sum() < _FEWEST:
+        return edge
+    points, sigma, near = with_scatter(edge.points[kept], edge.sigma[kept])
+    return replace(edge, points=points[near], sigma=sigma[near], along=edge.along[kept][near])
 
 
 def _toward_last(along: Array, widths: Array) -> NDArray[np.bool_]:

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.vision.following.beam_search import WIDTH_PX, Strip, find_strip
-from eimi_lab.vision.following.doubts import gleam, penumbra_px, shadow_px
+from eimi_lab.vision.following.doubts import clipped_share, gleam, penumbra_px, shadow_px
 from eimi_lab.vision.following.edge_points import StripEdges, place_side
 from eimi_lab.vision.following.ends import as_wide_at_ends
 from eimi_lab.vision.following.stated import StatedBeam
-from eimi_lab.vision.following.support import Sides, find_sides
+from eimi_lab.vision.following.support import Sides, find_sides, how_sure
 from eimi_lab.vision.following.unrolled import FINENESS, UnrolledPicture, unroll
 from eimi_lab.vision.following.working import WorkingPicture, working_picture
 
@@ -99,6 +99,7 @@ def follow(
         "followed_penumbra": penumbra_px(left, right, sides, beam.width_px),
         "followed_shadow": shadow_px(sides, beam.width_px),
         "followed_gleam": gleam(unrolled, sides),
+        "followed_clipped": clipped_share(unrolled, sides),
     }
     return FollowedBeam(findings, coarse, strip, unrolled, sides, (left, right))
 
@@ -121,7 +122,7 @@ def _findings(
     return {
         "followed_length": length,
         "followed_beyond": length,
-        "followed_sides": float(sides.sound[:, first : sides.end].mean(axis=1).min()),
+        **how_sure(sides.sound[:, first : sides.end]),
         "followed_contrast": float(min(np.median(side.separation[: sides.end]) for side in sides.projected)),
         "followed_gain": float(strip.gain.mean()),
         "followed_begin": float(unrolled.along[first]),

@@ -28,6 +28,7 @@ _ASIDE = 0.12  # widths by which an edge may come out of a gap beside where it w
 _STRAY = 0.25  # and for each width on the way
 _LOCAL = 1.0  # widths: a running median's window
 _OUTLIER = 0.08  # widths off it
+_LONGEST_GAP = 0.1  # of the way: within so little of its length a beam bends in no other way
 _SURELY_BEAM = 0.9  # of the length, which is stated to a tenth
 
 
@@ -73,6 +74,17 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
     end = _end(unrolled.along, sound, length)
     sound[:, end:] = False
     return Sides(edge, sure, sound, end, projected, seams.shadow)
+
+
+def how_sure(sound: Mask) -> dict[str, float]:
+    """Share of the way (2, n) on which the worse edge is sure, named by whether those places are spread all along it.
+
+    Then the gaps are short for the beam's length: what was followed leaves and meets its edge again and again.
+    """
+    worse = sound[int(sound.mean(axis=1).argmin())]
+    at = np.flatnonzero(np.concatenate([[True], worse, [True]]))
+    spread = float(np.diff(at).max() - 1) < _LONGEST_GAP * len(worse)
+    return {"followed_patches" if spread else "followed_sides": float(worse.mean())}
 
 
 def _end(along: Array, sound: Mask, length: float) -> int:
