@@ -154,7 +154,7 @@ def shared(source: str, size: float) -> SharedUnknowns:
 
 def test_the_budget_has_the_largest_source_first_and_halves_it() -> None:
     """One unknown, the logarithm of a modulus; two sources that move it by 1 and by 3 %."""
-    sources = [ConsideredSources(name, shared(name, 0.1), (None,)) for name in ("depth", "width")]
+    sources = [ConsideredSources(name, shared(name, 0.1), 0, (None,)) for name in ("depth", "width")]
     rng = np.random.default_rng(1)
     moved = np.array([[0.01], [0.03]])
     steps = Steps(moved, np.zeros(1))
