@@ -4,9 +4,12 @@ Every set of at most so many terms is fitted; one that asks for a negative coeff
 predicted from the others (Hastie, Tibshirani, Friedman 2009, The Elements of Statistical Learning, section 7.10), those
 that hang together at once, in up to twenty folds. Of two sets whose predictions differ by delta, the sums of squared
 errors differ by sum delta^2 on average and by 2 |delta| of standard error, if one is right and the noise has unit
-variance: a set stays in play while its sum is within one standard error of the smallest (the one-standard-error rule of
-the same section, for paired errors). The answer are the sets in play that hold no other one: terms that can be spared
-are. Where that is a single set, every set in play holds it. What a further term could carry is then asked of each.
+variance: a set stays in play while its sum is within one and a half standard errors of the smallest (after the
+one-standard-error rule of the same section, for paired errors). A term that is added has to gain nine then, three
+standard deviations: one of seven seldom does by chance.
+
+The answer are the sets in play that hold no other one: terms that can be spared are. Where that is a single set, every
+set in play holds it. What a further term could carry is then asked of each.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ from eimi_fitting.discovery.rows import Rows
 Array = NDArray[np.float64]
 
 _FOLDS = 20
-_STANDARD_ERRORS = 1.0
+_STANDARD_ERRORS = 1.5
 
 
 @dataclass(frozen=True)

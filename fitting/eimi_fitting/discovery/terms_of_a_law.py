@@ -157,7 +157,8 @@ def discover(
     has_modulus = np.array([term.has_modulus for term in terms])
     pulled = [tensile_rows(curve, terms) for curve in curves]
     curve_rows = [rows for rows, _ in pulled]
-    parts, noise_mm = curve_rows, []
+    parts = curve_rows
+    noise_mm: list[float] = []
     if experiments:
         about = _near(_modulus_Pa(experiments, modulus_Pa, seed), curve_rows, terms)
         bent, noise_mm = _about_what_it_leads_to(experiments, terms, about, lot if curves else 0.0, curve_rows)
