@@ -10,6 +10,7 @@ mesh_convergence    error of the tip against the mesh
 edges               error of the edges on rendered frames
 real_pictures       edges of other people's photographs against traced ones
 photographs         error of the edges in rendered photographs of coloured beams
+lab_photographs     photographs with one difficulty of a bench each; with `lab_scene`, `lab_difficulties`
 flag_pictures       a picture for every flag
 report_pictures     a report in a browser, wide and narrow, and on paper
 seeds               error of the modulus by law and seed
@@ -23,6 +24,7 @@ kill_campaign       runs killed at random moments: the coil off, states kept
 off_campaign        every fault that can keep a coil on, at full current; with `spoilt_bench`, `spoilt_run`,
                     `emulated_supply`
 fuzz_files          mutated HDF5 and TOML files: no traceback, no hang
+mutants             small mistakes in a copy of the code, and which of them the tests notice
 numbers             results of whole cases before and after a change
 timing              seconds, as the others take them
 

@@ -18,7 +18,8 @@ What makes so many affordable, and what that leaves out:
   by how far their tips turn: it is some hundredths of the deflection, and what is drawn changes it by hundredths of it.
 
 A row is right where, within what chance does to so many experiments, 93 to 97 % of the intervals hold the truth, and
-where none is wider than 1.15 times what holds 95 %.
+where none is wider than 1.15 times what holds 95 %. "Drawn" is how much of that chance lies in the draws: the share of
+experiments whose drawn sources, times what the intervals say that each does, lie within 1.96 standard deviations.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache
@@ -40,6 +41,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.inference.estimate import Estimate
 from eimi_fitting.inference.experiment import Experiment
 from eimi_fitting.inference.identification import refine
 from eimi_fitting.inference.measurements import EdgeObservation
@@ -67,6 +69,7 @@ SPECIMENS = ("type1", "type2", "type3", "type4")
 ALONG, ACROSS = 26, 3  # of the hidden beam
 BEGUN_WITHIN = 0.2  # of the modulus
 LARGEST_RATIO, LOWEST, HIGHEST = 1.15, 93.0, 97.0
+NORMAL = 1.96
 
 
 @dataclass(frozen=True)
@@ -100,12 +103,16 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Identified over true modulus, its interval's ends over the truth, those of the fit alone; processor time."""
+    """Identified over true modulus, its interval's ends over the truth, those of the fit alone; processor time.
+
+    drawn: how far the drawn sources move the modulus by its intervals' own word, in standard deviations of all sources.
+    """
 
     case: Case
     value: float
     interval: tuple[float, float]
     fit_alone: tuple[float, float]
+    drawn: float
     seconds: float
 
 
@@ -149,9 +156,13 @@ def effect_of_depth(model: str, specimen: Specimen) -> DepthEffect | None:
     return SolidBeside(specimen, ALONG, ACROSS).solve(LAWS[model], true_parameters(model), turns).effect
 
 
-def measured(case: Case, rng: np.random.Generator) -> Experiment:
+def deviations_drawn(rng: np.random.Generator) -> dict[str, Array]:
+    """What every source (parts,) is off in one experiment."""
+    return {s.source: s.standard_uncertainty * rng.normal(size=len(SOURCES[s.source].parts)) for s in stated()}
+
+
+def measured(case: Case, deviations: Mapping[str, Array], rng: np.random.Generator) -> Experiment:
     """What is stated, with what was seen of the hidden beam."""
-    deviations = {s.source: s.standard_uncertainty * rng.normal(size=len(SOURCES[s.source].parts)) for s in stated()}
     setup = Setup.of(((s, part, value) for s, own in deviations.items() for part, value in enumerate(own)), 1)
     loads = Loads.along(FIELD_MT)
     beam = specimen_under(case.specimen, deviations)
@@ -187,9 +198,11 @@ def outcome(case: Case) -> Outcome:
     """One measurement and its fit."""
     begun = time.process_time()
     rng = np.random.default_rng([case.seed, case.number])
-    experiment, law = measured(case, rng), LAWS[case.model]
+    deviations, law = deviations_drawn(rng), LAWS[case.model]
+    experiment = measured(case, deviations, rng)
     problem = Problem(law, Unknowns(search_space(law)), (experiment,))
-    modulus = refine(problem, begun_at(case.model, rng), case.number).estimate.initial_shear_modulus
+    estimate = refine(problem, begun_at(case.model, rng), case.number).estimate
+    modulus = estimate.initial_shear_modulus
     truth = COORDINATES[case.model][0]
     low, high = modulus.interval_95
     alone_low, alone_high = modulus.interval_95_fit or modulus.interval_95
@@ -198,15 +211,30 @@ def outcome(case: Case) -> Outcome:
         value=modulus.value / truth,
         interval=(low / truth, high / truth),
         fit_alone=(alone_low / truth, alone_high / truth),
+        drawn=drawn(case.model, estimate, deviations),
         seconds=time.process_time() - begun,
     )
+
+
+def drawn(model: str, estimate: Estimate, deviations: Mapping[str, Array]) -> float:
+    """`Outcome.drawn`, by what the sources do to the modulus in the estimate's draws."""
+    law = LAWS[model]
+    parameters = np.column_stack([estimate.draws.column(name) for name in law.parameter_names])
+    numbers = [(key, part) for key, own in deviations.items() for part in range(len(own))]
+    moved = np.column_stack([estimate.draws.column(SOURCES[key].parts[part]) for key, part in numbers])
+    all_of_it = np.column_stack([np.ones(len(moved)), moved])
+    slopes = np.linalg.lstsq(all_of_it, np.log(law.initial_shear_modulus(parameters)), rcond=None)[0][1:]
+    sizes = {s.source: s.standard_uncertainty for s in stated()}
+    spread = np.linalg.norm([slope * sizes[key] for slope, (key, _) in zip(slopes, numbers, strict=True)])
+    off = sum(slope * deviations[key][part] for slope, (key, part) in zip(slopes, numbers, strict=True))
+    return float(off / spread)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
     """What a group of experiments says, in percent; over_needed: half-widths over those that would hold 95 %.
 
-    chance_percent: between which the share that holds may lie, with 95 % confidence.
+    chance_percent: between which the share that holds may lie, with 95 % confidence; drawn_percent: see `Outcome`.
     """
 
     name: str
@@ -215,6 +243,7 @@ class Row:
     fit_alone_half_width_percent: float
     held_percent: float
     chance_percent: tuple[float, float]
+    drawn_percent: float
     fit_alone_percent: float
     over_needed: float
     over_needed_least: float
@@ -242,6 +271,7 @@ def row(name: str, outcomes: Sequence[Outcome]) -> Row:
         fit_alone_half_width_percent=float(50 * np.mean(fit_high - fit_low)),
         held_percent=float(100 * np.mean(held)),
         chance_percent=(100 * chance.low, 100 * chance.high),
+        drawn_percent=float(100 * np.mean([abs(o.drawn) < NORMAL for o in outcomes])),
         fit_alone_percent=float(100 * np.mean((fit_low <= 0) & (fit_high >= 0))),
         over_needed=float(1 / np.quantile(shares, 0.95)),
         over_needed_least=float(1 / shares[upper]),
@@ -262,8 +292,8 @@ def rows(outcomes: Iterable[Outcome]) -> Iterator[Row]:
 
 
 HEADER = (
-    "| rows | experiments | half-width, % | of noise and mesh | hold the truth, % | chance | width over needed |\n"
-    "| --- | --- | --- | --- | --- | --- | --- |"
+    "| rows | experiments | half-width, % | of noise | hold the truth, % | chance | drawn | width over needed |\n"
+    "| --- | --- | --- | --- | --- | --- | --- | --- |"
 )
 
 
@@ -273,6 +303,7 @@ def line(found: Row) -> str:
     return (
         f"| {found.name} | {found.experiments} | {found.half_width_percent:.1f} | "
         f"{found.fit_alone_half_width_percent:.2f} | {found.held_percent:.1f} | {low:.1f} to {high:.1f} | "
+        f"{found.drawn_percent:.1f} | "
         f"{found.over_needed:.2f}{'' if found.is_right else ' (not right)'} |"
     )
 

@@ -113,6 +113,12 @@ def _photographed(half_hidden: bool = False, share: float = 1.0) -> Case:
     return Case(image, calibration.model_copy(update=changes), photographs.SPECIMEN)
 
 
+def _on_its_shadow() -> Case:
+    """A coloured beam close in front of a wall, whose shadow's border is a stronger edge than its own."""
+    image = photographs.photograph("own shadow", np.random.default_rng([11, 22])).image
+    return Case(image, photographs.CALIBRATION, photographs.SPECIMEN)
+
+
 def _two_stripes() -> Case:
     """Two stripes as wide as the beam, side by side, and the clamp stated between them."""
     colours = {"left": (40.0, 60.0, 200.0), "right": (200.0, 170.0, 40.0)}
@@ -155,6 +161,7 @@ CASES: dict[str, Callable[[], Case]] = {
     "LENGTH_ANOMALY": lambda: _believed(length_mm=34.0),
     "TOO_NARROW": lambda: _photographed(share=0.125),
     "NOT_FOLLOWED": lambda: _photographed(half_hidden=True),
+    "OWN_SHADOW": _on_its_shadow,
     "ROOT_AMBIGUOUS": _two_stripes,
     "TWIST": lambda: Case(photograph(beam=twisted(2.0))),
     "CALIBRATION_STALE": lambda: Case(photograph(), calibration_age_days=400.0),

@@ -16,7 +16,8 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from benchmarks.lab_photographs import KINDS, lab_photograph, stated
+from benchmarks.lab_difficulties import KINDS
+from benchmarks.lab_photographs import lab_photograph, stated
 from benchmarks.real_pictures import Picture, pictures
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import leaves_out

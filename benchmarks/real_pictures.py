@@ -26,7 +26,7 @@ from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import Severity
-from eimi_lab.vision.edges.edge_set import EdgeSet
+from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.edges.overlay import draw_overlay
 
@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 PICTURES = Path(__file__).parents[2] / "shared" / "data" / "pictures"
 COVERAGE, MEDIAN_PX, P95_PX = 0.85, 1.5, 4.0
 """What a good result has at least and at most."""
+_DEGREE = 7  # of the polynomial off which an edge scatters
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,20 @@ def pictures(group: str) -> Iterator[Picture]:
         yield Picture(folder.name, image, calibration, specimen, folder, group == "development")
 
 
+def stated_over_seen(edge: EdgePoints) -> float:
+    """An edge's stated deviation over that from a polynomial of its arc length, both root mean squares."""
+    points = edge.points_mm
+    if len(points) < 2 * _DEGREE:
+        return math.nan
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    terms = np.polynomial.chebyshev.chebvander(2.0 * along / along[-1] - 1.0, _DEGREE)
+    off = points - terms @ np.linalg.lstsq(terms, points, rcond=None)[0]
+    tangent = np.gradient(points, axis=0)
+    across = (off[:, 0] * tangent[:, 1] - off[:, 1] * tangent[:, 0]) / np.hypot(*tangent.T)
+    seen = math.sqrt(float((across**2).sum()) / (len(points) - _DEGREE - 1))
+    return math.sqrt(float((edge.sigma_mm**2).mean())) / seen
+
+
 def _foot() -> Any:
     spec = importlib.util.spec_from_file_location("score", PICTURES / "score.py")
     assert spec is not None
@@ -143,9 +158,7 @@ def main() -> None:
     if not PICTURES.is_dir():
         print(f"{PICTURES} is not there: nothing to measure")
         return
-    print(
-        "| picture | points | coverage | median px | 95 % px | s | flags |\n| --- | --- | --- | --- | --- | --- | --- |"
-    )
+    print("| picture | points | coverage | median px | 95 % px | stated over seen | s | flags |\n|" + " --- |" * 8)
     rng = np.random.default_rng(1)
     counts = {"good": 0, "thin": 0, "WRONG": 0, "refused": 0}
     for group in ("development", "refusal"):
@@ -169,7 +182,8 @@ def _report(picture: Picture, edges: EdgeSet, scored: PictureScore, seconds: flo
     kind = "refused" if not usable else "good" if scored.good else "WRONG" if scored.wrong else "thin"
     counts[kind] += 1
     flags = " ".join(dict.fromkeys(flag.name for flag in edges.flags)) or "none"
-    figures = f"{scored.coverage:.2f} | {scored.median:.2f} | {scored.p95:.2f} | {seconds:.2f}"
+    ratios = ", ".join(f"{stated_over_seen(edge):.2f}" for edge in (edges.left, edges.right) if len(edge.points_mm))
+    figures = f"{scored.coverage:.2f} | {scored.median:.2f} | {scored.p95:.2f} | {ratios} | {seconds:.2f}"
     print(f"| {picture.name} | {points[0]} + {points[1]} | {figures} | {flags} |", flush=True)
 
 

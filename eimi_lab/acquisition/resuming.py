@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.config.protocol import Protocol
-from eimi_lab.config.toml import parse
+from eimi_lab.config.toml import differences, parse
 from eimi_lab.dataset.layout import Header, identity_text
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.recovery import recover
@@ -71,28 +70,12 @@ def take_up(path: Path, header: Header, image: NDArray[Any]) -> UnfinishedRun:
 
 def _difference(dataset: Dataset, header: Header) -> str:
     for name, document in header.documents.items():
-        before, after = _keys(dataset.text(name) or ""), _keys(document.text if document else "")
-        for key in sorted(before.keys() | after.keys()):
-            if before.get(key) != after.get(key):
-                return (
-                    f"the {name} differs: {key} was {before.get(key, 'absent')}, and is {after.get(key, 'absent')} now"
-                )
+        for line in differences(dataset.text(name) or "", document.text if document else ""):
+            return f"the {name} differs: {line}"
     instruments = tuple(identity_text(identity) for identity in header.instruments)
     if dataset.instruments() != instruments:
         return f"the instruments differ: {', '.join(dataset.instruments())} before, {', '.join(instruments)} now"
     return ""
-
-
-def _keys(text: str) -> dict[str, Any]:
-    """Every key of a TOML text with its value; comments and the order of keys are no difference."""
-
-    def flat(table: dict[str, Any], prefix: str) -> dict[str, Any]:
-        found: dict[str, Any] = {}
-        for key, value in table.items():
-            found |= flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
-        return found
-
-    return flat(tomllib.loads(text), "")
 
 
 def _other_frames(dataset: Dataset, image: NDArray[Any]) -> str:

@@ -58,8 +58,11 @@ def import_(
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.dataset.listing import is_image, is_video
     from eimi_lab.dataset.tracked.points_csv import import_points
+    from eimi_lab.outputs import check_distinct
 
     _check_source(source, states)
+    given = (source, states, Path(specimen), calibration, dark, flat)
+    check_distinct([path for path in dict.fromkeys(given) if path], [output])
     tables = _Tables(source, states, load_specimen(specimen), output, force)
     if options.format is not None:
         if dark or flat or average:
@@ -189,10 +192,12 @@ def calibrate(
 ) -> Result:
     """Scale, distortion and orientation from images of a board, of the beam itself, or of a ruler."""
     from eimi_lab.config.specimen import load_specimen
-    from eimi_lab.outputs import refuse_existing
+    from eimi_lab.outputs import check_distinct, refuse_existing
     from eimi_lab.vision.calibration import calibration_file
 
     output = output or Path("board.pdf" if print_board else "calibration.toml")
+    given = (*(images or []), mid_plane, beam, plumb_line, Path(specimen) if specimen else None)
+    check_distinct([path for path in dict.fromkeys(given) if path], [output])
     refuse_existing(output, force)
     if print_board:
         _write_board(_board(board or "charuco", columns, rows, square_mm), output, force)
@@ -250,6 +255,12 @@ def _write_board(board: Board, output: Path, force: bool) -> None:
 @with_fields(PictureOptions)
 def segment(
     dataset: Annotated[Path, typer.Argument(help="a dataset of frames")],
+    specimen: Annotated[
+        str | None, typer.Option(help="specimen.toml to take the place of the stored one, which the dataset keeps too")
+    ] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(help="calibration.toml to take the place of the stored one, which is kept too")
+    ] = None,
     csv: Annotated[Path | None, typer.Option(help="folder for the edges as CSV and quality.json")] = None,
     overlay: Annotated[Path | None, typer.Option(help="folder for pictures of the edges on the frames")] = None,
     explain: Annotated[
@@ -267,7 +278,7 @@ def segment(
     """Find the beam's edges in every state and store them in the dataset, as a dark frame and a flat field are."""
     from eimi_lab.dataset.dark_and_flat import forget_correction, read_correction_images, store_correction
     from eimi_lab.dataset.reading import open_dataset
-    from eimi_lab.dataset.recalibrating import change_calibration
+    from eimi_lab.dataset.restating import restate
     from eimi_lab.outputs import whole_file, whole_folder
     from eimi_lab.progress import progress
     from eimi_lab.segmentation import segment as find
@@ -283,8 +294,12 @@ def segment(
         unfinished = {
             folder: stack.enter_context(whole_folder(folder, force)) for folder in (csv, overlay, explain) if folder
         }
-        if changes := options.changes():
-            change_calibration(dataset, changes)
+        changes = options.changes()
+        restated: tuple[str, ...] = ()
+        if changes or specimen or calibration:
+            restated = restate(dataset, specimen=specimen, calibration=calibration, changes=changes)
+            if not restated:
+                tell(f"{dataset}: states the same already")
         if correction:
             store_correction(dataset, correction)
         if uncorrected:
@@ -308,11 +323,20 @@ def segment(
     unusable = sum(leaves_out(edge_set.flags) for edge_set in edge_sets)
     with open_dataset(dataset) as opened:
         colours = opened.projection()
-    lines = [] if colours is None else [f"colours seen as one: {colours}"]
+    lines = list(restated)
+    lines += [] if colours is None else [f"colours seen as one: {colours}"]
     lines.append(
         f"{dataset}: edges of {total} state{'s' if total > 1 else ''}, {flagged} with flags, {unusable} unusable"
     )
     flags = [[flag.name for flag in edge_set.flags] for edge_set in edge_sets]
     return Result(
-        lines, {"dataset": dataset, "states": total, "flagged": flagged, "unusable": unusable, "flags": flags}
+        lines,
+        {
+            "dataset": dataset,
+            "states": total,
+            "flagged": flagged,
+            "unusable": unusable,
+            "flags": flags,
+            "restated": restated,
+        },
     )

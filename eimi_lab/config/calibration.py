@@ -112,7 +112,7 @@ class Calibration(Document):
             raise ValueError(f"distortion has {len(self.distortion)} numbers; OpenCV has 4, 5, 8, 12 or 14")
         if self.telecentric and self.stand_off_mm is not None:
             raise ValueError(f"stand_off_mm = {self.stand_off_mm:g} has no meaning beside telecentric = true")
-        sizes = {key: getattr(self, key) for key in ("pixels_per_mm", "coil_constant_mT_per_A", "stand_off_mm")}
+        sizes = {key: (key, getattr(self, key)) for key in ("pixels_per_mm", "coil_constant_mT_per_A", "stand_off_mm")}
         check_sizes(self.uncertainty or {}, sizes, largest=0.5)  # half: a lens from a few views tells its place badly
         return self
 

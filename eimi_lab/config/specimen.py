@@ -118,21 +118,19 @@ class SpecimenFile(Document):
         check_sizes(self.uncertainty or {}, self._values())
         return self
 
-    def _values(self) -> dict[str, float | None]:
-        """What an uncertainty is a share of, by its key; a magnet's offset may be zero."""
+    def _values(self) -> dict[str, tuple[str, float | None]]:
+        """What an uncertainty is a share of, by its key: where it stands, and its value; an offset may be zero."""
         beam, magnet = self.specimen, self.magnet
+        sizes = ("length_mm", "width_mm", "depth_mm", "density_kg_m3")
         return {
-            **{key: getattr(beam, key) for key in ("length_mm", "width_mm", "depth_mm", "density_kg_m3")},
-            **{
-                f"magnet_{key}": getattr(magnet, key) if magnet else None
-                for key in ("length_mm", "width_mm", "depth_mm", "density_kg_m3")
-            },
-            "remanence_T": magnet.remanence_T if magnet else None,
+            **{key: (f"specimen.{key}", getattr(beam, key)) for key in sizes},
+            **{f"magnet_{key}": (f"magnet.{key}", getattr(magnet, key, None)) for key in sizes},
+            "remanence_T": ("magnet.remanence_T", getattr(magnet, "remanence_T", None)),
         }
 
     def keys_that_count(self) -> tuple[str, ...]:
         """Keys whose values this specimen has."""
-        return tuple(key for key, value in self._values().items() if value is not None)
+        return tuple(key for key, (_, value) in self._values().items() if value is not None)
 
     def stated(self) -> tuple[StatedSource, ...]:
         """How uncertain its numbers are; lengths by one instrument and all numbers of one specimen err together."""

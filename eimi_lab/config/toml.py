@@ -102,6 +102,27 @@ def parse_table(text: str, origin: str | Path) -> dict[str, Any]:
         raise InputError(f"{origin}: is not valid TOML: {error}") from error
 
 
+def differences(before: str, after: str) -> tuple[str, ...]:
+    """What another TOML text says otherwise, a line a key; comments and the order of keys are no difference."""
+    old, new = _flat(tomllib.loads(before), ""), _flat(tomllib.loads(after), "")
+    return tuple(
+        f"{key} was {_stated(old, key)}, and is {_stated(new, key)} now"
+        for key in sorted(old.keys() | new.keys())
+        if old.get(key) != new.get(key)
+    )
+
+
+def _flat(table: dict[str, Any], prefix: str) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        found |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+    return found
+
+
+def _stated(table: dict[str, Any], key: str) -> str:
+    return _toml(table[key]) if key in table else "absent"
+
+
 # What only one kind of file has, by the name of its model.
 _KINDS = {
     "specimen": ("SpecimenFile", "a specimen"),

@@ -51,19 +51,21 @@ OfCalibration = Annotated[Table, AfterValidator(_checked("calibration", FOCAL_LE
 OfRig = Annotated[Table, AfterValidator(_checked("rig"))]
 
 
-def check_sizes(table: Table, values: Mapping[str, float | None], largest: float = LARGEST_SHARE) -> None:
+def check_sizes(table: Table, values: Mapping[str, tuple[str, float | None]], largest: float = LARGEST_SHARE) -> None:
     """Raises ValueError for an uncertainty of a value that is not there, or is too large a share of it.
 
-    values: by the same keys, of those that have no zero of their own.
+    values: by the same keys, of those that have no zero of their own: where each stands in the file, and what it is.
     """
     for key, uncertainty in table.items():
         if key not in values:
             continue
-        value = values[key]
+        place, value = values[key]
         if value is None:
-            raise ValueError(f"{key} = {uncertainty:g}: there is no {key} that it could be of")
+            raise ValueError(f"[uncertainty] {key} = {uncertainty:g}: there is no {place} that it could be of")
         if uncertainty > largest * value:
-            raise ValueError(f"{key} = {uncertainty:g} should be at most {largest:g} of the value, {value:g}")
+            raise ValueError(
+                f"[uncertainty] {key} = {uncertainty:g} should be at most {largest:g} of {place} = {value:g}"
+            )
 
 
 def missing_keys(everything: str, table: Table | None, keys: Sequence[str]) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ state       one loading, as a dataset tells it; labelled makes an xarray.Dataset
 stored_edges what segmentation found, stored beside the frames
 default_plots, plotting, upright    what viewers and notebooks draw of it, the beam as it hangs
 dark_and_flat the dark frame and the flat field that correct the frames, stored beside them
+restating   specimen and calibration corrected after a run; the former ones stay in the file
 recovery    a crashed file made whole again
 importing   frames or tracked points that a lab already has; csv_tables and videos read them
 """

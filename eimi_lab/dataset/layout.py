@@ -6,6 +6,7 @@
   instrument                NXinstrument: detector (NXdetector), supply (NXcollection of two NXlog)
   instrument/detector/settings    NXcollection: exposure, gain and what else the camera read back
   specimen, calibration, protocol, rig    NXnote: the TOML texts as they were
+  former                    NXcollection of NXnote with a date: specimens and calibrations that others took the place of
   host                      NXnote: time zone and versions of what wrote the file
   user_note                 NXnote: what the user had to say
   data                      NXdata: frames (n, H, W), or (n, H, W, 3: red, green, blue), or tracked points, with columns

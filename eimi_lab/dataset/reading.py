@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.config.toml import parse
+from eimi_lab.config.toml import differences, parse
 from eimi_lab.dataset.dark_and_flat import correction_by, stored_correction
 from eimi_lab.dataset.labelled import labelled_edges, labelled_points
 from eimi_lab.dataset.layout import FORMAT, FORMAT_ATTRIBUTE, Kind, flags_from_text, get_text
@@ -43,9 +43,13 @@ MOST_BYTES = 1 << 30
 
 MOST_OF_A_STATE_BYTES = 8 << 30
 
+FORMER = "former"
+"""The group of files that others took the place of."""
+
 READ = (
     *("entry/specimen", "entry/calibration", "entry/protocol", "entry/rig", "entry/truth", "entry/start_time"),
     *("entry/user_note", "entry/data", "entry/states", "entry/sessions", "entry/correction", "entry/instrument"),
+    f"entry/{FORMER}",
     *(f"entry/{name}" for name in BELONGS_TO),
     *(
         "entry/segmentation/projection",
@@ -174,6 +178,20 @@ class Dataset:
         """The stored TOML text of the specimen, calibration, protocol or rig; None where there is none."""
         with self._damage_named():
             return get_text(self._entry[name], "data") if name in self._entry else None
+
+    def corrections(self) -> tuple[str, ...]:
+        """What was stated otherwise before, a line a file that another took the place of, oldest first."""
+        with self._damage_named():
+            former = self._entry.get(FORMER, {})
+            every = [(get_text(former[name], "date"), name) for name in former]
+            found = []
+            for date, name in sorted(every):
+                kind, _, number = name.rpartition("_")
+                later = f"{kind}_{int(number) + 1}"
+                text = get_text(former[later], "data") if later in former else self.text(kind) or ""
+                words = "; ".join(differences(get_text(former[name], "data"), text))
+                found.append(f"{kind} on {date[:10]}: {words}")
+            return tuple(found)
 
     def images(self, state_index: int, most: int | None = None) -> NDArray[Any]:
         """(n, H, W) or (n, H, W, 3: blue, green, red), uint8 or uint16: the frames of a state, at most so many.

@@ -7,6 +7,7 @@ the loads.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -27,53 +28,74 @@ _SAME = 0.06  # relative, of two widths
 _MOST_A, _MOST_MT = 100.0, 500.0  # more of both at once is no coil on a bench
 _MOVED = 0.01  # of the beam's length
 
-# What to change, in frames and in tracked points, for each of `eimi_fitting.inference.named_causes.CAUSES`.
+
+@dataclass(frozen=True)
+class _Remedy:
+    """What to change in calibration.toml, in the states.csv of imported pictures, and for tracked points."""
+
+    calibration: str
+    states: str
+    points: str
+
+
+_SIGN_OF_FORCE = "change the sign of tip_force_N in states.csv, or its tip_force_angle_deg, and import again"
+_UNIT_OF_FORCE = "tip_force_N in states.csv is in newton (not mN, nor gram): correct it and import again"
+
+# For each of `eimi_fitting.inference.named_causes.CAUSES`.
 _REMEDIES = {
-    "a field that is the wrong way round": (
-        "turn field_angle_deg in calibration.toml by 180 degrees, or change the sign of current_A in states.csv",
-        "change the sign of field_mT in states.csv",
+    "a field that is the wrong way round": _Remedy(
+        "turn field_angle_deg by 180 degrees",
+        "change the sign of current_A in states.csv and import again",
+        "change the sign of field_mT in states.csv and import again",
     ),
-    "a gravity that is upside down": (
-        "turn gravity_angle_deg in calibration.toml by 180 degrees",
-        "turn --gravity-angle by 180 degrees",
+    "a gravity that is upside down": _Remedy(
+        "turn gravity_angle_deg by 180 degrees",
+        "",
+        "turn --gravity-angle by 180 degrees and import again",
     ),
-    "a field a thousand times too large": (
-        "current_A is in ampere (not mA) and coil_constant_mT_per_A in mT per ampere",
-        "field_mT in states.csv is in mT",
+    "a field a thousand times too large": _Remedy(
+        "see that coil_constant_mT_per_A is in mT per ampere (not per kiloampere)",
+        "see that current_A in states.csv is in ampere (not mA) and import again",
+        "see that field_mT in states.csv is in mT and import again",
     ),
-    "a field a thousand times too small": (
-        "coil_constant_mT_per_A is in mT per ampere (not T), current_A in ampere",
-        "field_mT in states.csv is in mT (not T)",
+    "a field a thousand times too small": _Remedy(
+        "see that coil_constant_mT_per_A is in mT per ampere (not T)",
+        "see that current_A in states.csv is in ampere and import again",
+        "see that field_mT in states.csv is in mT (not T) and import again",
     ),
-    "tip forces the wrong way round": (
-        "change the sign of tip_force_N in states.csv, or its tip_force_angle_deg",
-        "change the sign of tip_force_N in states.csv, or its tip_force_angle_deg",
-    ),
-    "tip forces a thousand times too large": (
-        "tip_force_N in states.csv is in newton (not mN, nor gram)",
-        "tip_force_N in states.csv is in newton (not mN, nor gram)",
-    ),
-    "gravity": (
-        "set gravity = false in calibration.toml if the beam bends in a horizontal plane",
-        "give --no-gravity in place of --gravity-angle if the beam bends in a horizontal plane",
+    "tip forces the wrong way round": _Remedy("", _SIGN_OF_FORCE, _SIGN_OF_FORCE),
+    "tip forces a thousand times too large": _Remedy("", _UNIT_OF_FORCE, _UNIT_OF_FORCE),
+    "gravity": _Remedy(
+        "set gravity = false if the beam bends in a horizontal plane",
+        "",
+        "give --no-gravity in place of --gravity-angle if the beam bends in a horizontal plane, and import again",
     ),
 }
 
 
-def in_words(cause: NamedCause, experiment: Experiment) -> str:
-    """What a person is told of a slip in the loads."""
-    frames, points = _REMEDIES[cause.cause]
+def in_words(cause: NamedCause, path: Path, experiment: Experiment) -> str:
+    """What a person is told of a slip in the loads of a dataset."""
+    remedy = _REMEDIES[cause.cause]
+    remedies = [remedy.points]
+    if _is_edges(experiment):
+        remedies = [_with(remedy.calibration, "calibration", path)] if remedy.calibration else []
+        remedies += [remedy.states] if remedy.states else []
     return (
-        f"no material explains this: as stated the best is {cause.error_mm:.2g} mm off, and without {cause.cause} "
-        f"{cause.error_without_mm:.2g} mm; {frames if isinstance(experiment.observed, EdgeObservation) else points}"
+        f"{path}: no material explains this: as stated the best is {cause.error_mm:.2g} mm off, and without "
+        f"{cause.cause} {cause.error_without_mm:.2g} mm; {'; or, of imported pictures, '.join(remedies)}"
     )
+
+
+def _with(change: str, file: str, path: Path) -> str:
+    """A change of a file, and how a dataset is told of it."""
+    return f"{change} in {file}.toml, and give that: eimi segment {path} --{file} {file}.toml"
 
 
 def check_states(path: Path, experiment: Experiment, states: Sequence[State]) -> None:
     """Raises InputError for states that no fit need look at, with the file's name before it."""
     try:
         _check_currents(states)
-        _check_magnet(experiment)
+        _check_magnet(path, experiment)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 
@@ -88,7 +110,7 @@ def _check_currents(states: Sequence[State]) -> None:
         )
 
 
-def _check_magnet(experiment: Experiment) -> None:
+def _check_magnet(path: Path, experiment: Experiment) -> None:
     """For fields that alone differ, while nothing in the specimen feels them, and yet it moves."""
     specimen, loads = experiment.model.specimen, experiment.loads
     deaf = specimen.magnet is None and not any(specimen.magnetisation_A_per_m)
@@ -99,7 +121,8 @@ def _check_magnet(experiment: Experiment) -> None:
         largest = 1e3 * float(np.linalg.norm(loads.field_T, axis=1).max())
         raise InputError(
             f"the tip moves by {moved:.2g} mm in fields of up to {largest:g} mT, but nothing in the specimen feels "
-            "them: its file has no [magnet] and no magnetisation_kA_per_m; state it there"
+            "them: its file has no [magnet] and no magnetisation_kA_per_m; state it there, and "
+            + (f"give it: eimi segment {path} --specimen specimen.toml" if _is_edges(experiment) else "import again")
         )
 
 
@@ -119,8 +142,18 @@ def check_width(dataset: Dataset) -> None:
         f"should be: {seen:.3g} mm by pixels_per_mm = {calibration.pixels_per_mm:g}, where width_mm = {beam.width_mm:g}"
     )
     if abs(seen / beam.depth_mm - 1) < _SAME:
-        raise InputError(f"{words}; that is depth_mm: width_mm is what is imaged, depth_mm points to the camera")
-    raise InputError(f"{words}; correct width_mm in specimen.toml or pixels_per_mm in calibration.toml")
+        raise InputError(
+            f"{words}; that is depth_mm: width_mm is what is imaged, depth_mm points to the camera; "
+            f"{_with('exchange them', 'specimen', dataset.path)}"
+        )
+    raise InputError(
+        f"{words}; {_with('correct width_mm', 'specimen', dataset.path)}; or "
+        f"{_with('correct pixels_per_mm', 'calibration', dataset.path)}"
+    )
+
+
+def _is_edges(experiment: Experiment) -> bool:
+    return isinstance(experiment.observed, EdgeObservation)
 
 
 def _tips_mm(experiment: Experiment) -> Array:

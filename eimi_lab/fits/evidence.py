@@ -260,7 +260,7 @@ def _lens_doubts(dataset: Dataset, observed: Observation) -> tuple[str, ...]:
     return (
         f"the beam looks up to {found.change_mm:.2g} mm wider away from the picture's middle, as through an ordinary "
         f"lens some {round(found.stand_off_mm, -1):g} mm away, where the calibration has {stated}: measure and state "
-        "stand_off_mm",
+        "stand_off_mm (eimi segment --calibration takes the corrected file)",
     )
 
 

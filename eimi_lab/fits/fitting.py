@@ -53,7 +53,7 @@ def refused(error: Exception, evidence: Sequence[Evidence]) -> InputError:
         return InputError(f"{own.path}: state {own.states[error.state].index}: {error}")
     if isinstance(error, NamedCause):
         own = evidence[error.experiment]
-        return InputError(f"{own.path}: {in_words(error, own.experiment)}")
+        return InputError(in_words(error, own.path, own.experiment))
     return InputError(f"{', '.join(str(e.path) for e in evidence)}: {error}")
 
 

@@ -189,6 +189,19 @@ CHECKS = (
     ),
     Check(
         name="NOT_FOLLOWED",
+        finding="followed_patches",
+        quantity="the same, where no stretch without a sure place is a tenth of the way",
+        limit=0.7,
+        below=True,
+        remedy="See in the overlay whether the places that are sure lie on the edge; something even behind the beam, "
+        "and light from its sides, would show more of it.",
+        severity=Severity.DOUBTFUL,
+        unusable_beyond=0.4,
+        widens=lambda share: 0.05 * (1.0 - share),
+        widens_in="width",
+    ),
+    Check(
+        name="NOT_FOLLOWED",
         finding="followed_contrast",
         quantity="difference of inside and outside along the worse edge, standard deviations of their colours",
         limit=3.0,
@@ -250,7 +263,18 @@ CHECKS = (
         widens_in="width",
     ),
     Check(
-        name="DEFOCUS",
+        name="OWN_SHADOW",
+        finding="followed_shadow",
+        quantity="by how much the edges were moved off the border of a shadow, root mean square, px",
+        limit=0.0,
+        remedy="See in the overlay whether the edges are the beam's and not its shadow's: they were found in colours "
+        "that a shadow does not change; move the lamp, or the background farther behind the beam.",
+        picture="a beam on its own shadow",
+        severity=Severity.DOUBTFUL,
+        widens=lambda px: 0.5 * px,  # the one or the other: half of their distance
+    ),
+    Check(
+        name="OWN_SHADOW",
         finding="followed_penumbra",
         quantity="blur of a followed edge that may be the soft border of a shadow, or what it makes the beam wider, px",
         limit=0.0,
@@ -258,6 +282,26 @@ CHECKS = (
         "move the lamp, or the background farther behind the beam.",
         severity=Severity.DOUBTFUL,
         widens=lambda px: px,  # so far from the body's edge the border of a shadow lies that is taken for it
+    ),
+    Check(
+        name="SATURATED",
+        finding="followed_clipped",
+        quantity="share of a followed edge at which the light on one side of it is clipped",
+        limit=0.1,
+        remedy="Lower the exposure until neither the beam nor what is beside it is clipped in any colour.",
+        severity=Severity.DOUBTFUL,
+        widens=lambda share: 0.5 * math.sqrt(min(share, 1.0)),  # at twice the light, edges moved by 0.4 to 1.2 px
+    ),
+    Check(
+        name="HOLE_OR_REFLECTION",
+        finding="followed_gleam",
+        quantity="share of a followed edge along which a clipped reflection lies",
+        limit=0.03,
+        remedy="See in the overlay whether the border of the reflection was taken for the edge; shade the beam from "
+        "that lamp, or powder it.",
+        severity=Severity.DOUBTFUL,
+        widens=lambda share: 0.1 * math.sqrt(min(share, 1.0)),  # half of how far inside a reflection is looked for
+        widens_in="width",
     ),
     Check(
         name="ROOT_AMBIGUOUS",

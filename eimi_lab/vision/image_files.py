@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +12,13 @@ from numpy.typing import NDArray
 from eimi_drivers.cameras.image_series import natural_key
 from eimi_lab.errors import InputError
 from eimi_lab.vision.image_sizes import MOST_PIXELS, claimed_size
+from eimi_lab.vision.image_wholeness import is_whole
 from eimi_lab.vision.intensity import camera_grey
 
 ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm"})
-PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-JPEG_START, JPEG_END = b"\xff\xd8", b"\xff\xd9"
+_HEIC, _HEIF, _AVIF = "a HEIC picture", "a HEIF picture", "an AVIF picture"
+_BRANDS = {b"heic": _HEIC, b"heix": _HEIC, b"mif1": _HEIF, b"msf1": _HEIF, b"avif": _AVIF}  # ISO/IEC 23008-12, annex B
+_ENDINGS_OF_PHONES = frozenset({".heic", ".heif", ".avif", ".dng"})
 
 
 def find_images(folder: Path) -> list[Path]:
@@ -26,7 +27,9 @@ def find_images(folder: Path) -> list[Path]:
         raise InputError(f"{folder}: is not a folder of images")
     images = [file for file in folder.iterdir() if file.suffix.lower() in ENDINGS and not file.name.startswith(".")]
     if not images:
-        raise InputError(f"{folder}: holds no images ({', '.join(sorted(ENDINGS))})")
+        others = sorted(file.name for file in folder.iterdir() if file.suffix.lower() in _ENDINGS_OF_PHONES)
+        told = f"; save {others[0]} and its like as JPEG or PNG" if others else ""
+        raise InputError(f"{folder}: holds no images ({', '.join(sorted(ENDINGS))}){told}")
     return sorted(images, key=lambda file: (natural_key(file.name), file.name))
 
 
@@ -40,10 +43,9 @@ def read_image(path: Path) -> NDArray[Any]:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     if not raw:
         raise InputError(f"{path}: is empty")
-    # Some versions of OpenCV decode the part of a PNG or JPEG that is there and leave the rest grey or black.
-    if (raw.startswith(PNG_SIGNATURE) and not _png_is_whole(raw)) or (
-        raw.startswith(JPEG_START) and JPEG_END not in raw[-1024:]
-    ):
+    if raw[4:8] == b"ftyp" and raw[8:12] in _BRANDS:
+        raise InputError(f"{path}: is {_BRANDS[raw[8:12]]}; save it as JPEG or PNG")
+    if not is_whole(raw):
         raise InputError(f"{path}: is truncated or damaged; copy it again")
     size = claimed_size(raw)
     if size is not None and size[0] * size[1] > MOST_PIXELS:
@@ -73,17 +75,3 @@ def described(image: NDArray[Any]) -> str:
     """Size and depth of an image (H, W) or (H, W, 3) in words."""
     colour = " in colour" if image.ndim == 3 else ""
     return f"{image.shape[1]} x {image.shape[0]} px of {8 * image.dtype.itemsize} bits{colour}"
-
-
-def _png_is_whole(raw: bytes) -> bool:
-    """Every chunk up to IEND is there and has its checksum (PNG specification, W3C, section 5.3)."""
-    at = len(PNG_SIGNATURE)
-    while at + 12 <= len(raw):
-        length = int.from_bytes(raw[at : at + 4], "big")
-        checksum = raw[at + 8 + length : at + 12 + length]
-        if zlib.crc32(raw[at + 4 : at + 8 + length]) != int.from_bytes(checksum, "big") or len(checksum) < 4:
-            return False
-        if raw[at + 4 : at + 8] == b"IEND":
-            return True
-        at += 12 + length
-    return False

@@ -88,9 +88,9 @@ def scpi(
         *(channel(family["trip?"], family["no_trip"]) if family["trip?"] else []),
         *channel(family["out?"], family["is_on"]),
         *channel(family["zero"]),
+        *channel(family["off"]),
         *no_error,
         *channel(family["curr?"], "0.000"),
-        *channel(family["off"]),
         *channel(family["out?"], family["is_off"]),
         *disarmed,
     ]
@@ -205,8 +205,8 @@ SCPI_TRANSCRIPTS = {
         *(("OUTP 1", ""), ("SYST:ERR?", NONE), ("OUTP?", "1")),
         *(("MEAS:CURR?", "6.99E-1"), ("MEAS:VOLT?", "2.8E0")),
         *(("SYST:ERR?", NONE), ("OUTP?", "1")),
-        *(("FUNC:MODE CURR", ""), ("CURR 0.00", ""), ("SYST:ERR?", NONE), ("CURR?", "0.0E0")),
-        *(("FUNC:MODE CURR", ""), ("CURR 0.00", ""), ("CURR?", "0.0E0"), ("MEAS:CURR?", "1.2E-3")),
+        *(("FUNC:MODE CURR", ""), ("CURR 0.00", ""), ("FUNC:MODE CURR", ""), ("CURR 0.00", "")),
+        *(("SYST:ERR?", NONE), ("CURR?", "0.0E0"), ("CURR?", "0.0E0"), ("MEAS:CURR?", "1.2E-3")),
     ],
 }
 
@@ -224,8 +224,8 @@ GENESYS = [
     ),
     *(("MC?", "00.699"), ("MV?", "02.800")),
     ("STT?", "MV(02.800),PV(12.000),MC(00.699),PC(00.700),SR(02),FR(00)"),
-    *(("OUT?", "ON"), ("PC 0.00", "OK"), ("PC?", "00.000"), ("PC?", "00.000")),
-    *(("OUT OFF", "OK"), ("OUT?", "OFF"), ("OUT?", "OFF")),
+    *(("OUT?", "ON"), ("PC 0.00", "OK"), ("OUT OFF", "OK"), ("PC?", "00.000"), ("PC?", "00.000")),
+    *(("OUT?", "OFF"), ("OUT?", "OFF")),
 ]
 
 KORAD = [
@@ -234,8 +234,8 @@ KORAD = [
     *(("ISET1:0.700", ""), ("ISET1?", "0.700K"), ("ISET1?", "0.700K")),
     *(("OCP0", ""), ("OUT1", ""), ("STATUS?", "\x50"), ("STATUS?", "\x50"), ("STATUS?", "\x50")),
     *(("IOUT1?", "0.699"), ("VOUT1?", "02.80"), ("STATUS?", "\x50")),
-    *(("ISET1:0.000", ""), ("ISET1?", "0.000K"), ("ISET1?", "0.000K")),
-    *(("OUT0", ""), ("STATUS?", "\x10"), ("STATUS?", "\x10")),
+    *(("ISET1:0.000", ""), ("OUT0", ""), ("ISET1?", "0.000K"), ("ISET1?", "0.000K")),
+    *(("STATUS?", "\x10"), ("STATUS?", "\x10")),
 ]
 
 TRANSCRIPTS = {

@@ -10,12 +10,16 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.choice_of_law import Candidate, choose
+from eimi_fitting.inference.estimate import Estimate
 from eimi_fitting.inference.experiment import Experiment
-from eimi_fitting.inference.identification import Fit, identify
+from eimi_fitting.inference.identification import Fit, identify, refine
 from eimi_fitting.inference.measurements import EdgeObservation, PointObservation, edge_curves, points_on
+from eimi_fitting.inference.objective import Problem
 from eimi_fitting.inference.sources import SOURCES, StatedSource
-from eimi_fitting.inference.unknowns import Prior
+from eimi_fitting.inference.unknowns import Prior, Unknowns
 from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.search_space import search_space
 
 TRUTH_PA = 46e3
 NOISE_MM = 2e-3
@@ -24,10 +28,17 @@ BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", MAGNET)
 LOADS = Loads.along((2.0, 4.5, 7.0))
 
 
-def seen(beam: Specimen = BEAM, loads: Loads = LOADS, scale: float = 1.0, seed: int = 1) -> EdgeObservation:
+def seen(
+    beam: Specimen = BEAM,
+    loads: Loads = LOADS,
+    scale: float = 1.0,
+    seed: int = 1,
+    law: str = "neo-hookean",
+    parameters: tuple[float, ...] = (TRUTH_PA,),
+) -> EdgeObservation:
     """Edges of a beam of 46 kPa with noise."""
     model = BeamModel(beam, 26, 2)
-    shapes = model.solve(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), loads)
+    shapes = model.solve(LAWS[law], np.array([parameters]), loads)
     sides = scale * points_on(edge_curves(model, shapes)[0], 2)[:, :, 1:-1]
     noisy = sides + np.random.default_rng(seed).normal(0, NOISE_MM, sides.shape)
     sigma = np.full(sides.shape[2], NOISE_MM)
@@ -164,6 +175,92 @@ def test_intervals_are_the_quantiles_of_the_draws():
     assert np.std(fit.draws.column("remanence")) == pytest.approx(0.02, rel=0.1)
     # A stronger magnet than stated needs a stiffer beam for the same edges.
     assert np.corrcoef(drawn, fit.draws.column("remanence"))[0, 1] > 0.99
+
+
+def estimated(law: str, *seen_so: Experiment) -> Estimate:
+    """What follows a search, from a modulus a tenth off."""
+    space = search_space(LAWS[law])
+    unit = np.full(len(space.names), 0.5)
+    unit[0] = np.log(1.1 * TRUTH_PA / space.lower[0]) / np.log(space.upper[0] / space.lower[0])
+    return refine(Problem(LAWS[law], Unknowns(space), seen_so), unit, 1).estimate
+
+
+@pytest.mark.parametrize("off_mm", [0.2, -0.2])
+def test_what_a_source_did_is_undone_where_a_bound_holds_the_optimum(off_mm):
+    """A length that is two standard uncertainties off drives the ratio of Mooney and Rivlin to its bounds."""
+    longer = replace(BEAM, length_mm=BEAM.length_mm + off_mm)
+    edges = seen(longer, law="mooney-rivlin", parameters=(0.4 * TRUTH_PA, 0.1 * TRUTH_PA))
+    stated = {"length": 0.1, "width": 0.02, "remanence": 0.01, "magnet_length": 0.03, "scale": 0.001}
+    found = estimated("mooney-rivlin", experiment(edges, **stated))
+    knows = estimated("mooney-rivlin", experiment(edges, longer, **stated))
+    assert len(found.identifiability.at_bound) == 1
+    assert knows.identifiability.at_bound == ()
+    # The draws in which the length is off by what was hidden have the modulus that a fit finds that knows it.
+    modulus = np.log(2 * (found.draws.column("C10") + found.draws.column("C01")))
+    drawn = [found.draws.column(name) for name in ("length", "width", "remanence", "magnet's length", "scale")]
+    level, slope, *_ = np.linalg.lstsq(np.column_stack([np.ones_like(modulus), *drawn]), modulus, rcond=None)[0]
+    before, after = found.initial_shear_modulus.value, knows.initial_shear_modulus.value
+    assert level + slope * off_mm - np.log(before) == pytest.approx(np.log(after / before), rel=0.12)
+    assert holds(found.initial_shear_modulus.interval_95, after)
+
+
+def test_what_no_source_can_have_done_stays_the_laws():
+    """A Yeoh material drives the ratio of Mooney and Rivlin to a bound: the interval stays about the value."""
+    edges = seen(law="yeoh", parameters=(0.5 * TRUTH_PA, -0.8 * TRUTH_PA, TRUTH_PA))
+    found = estimated("mooney-rivlin", experiment(edges, length=0.002))
+    assert len(found.identifiability.at_bound) == 1
+    modulus = found.initial_shear_modulus
+    assert modulus.interval_95_fit is not None
+    assert holds(modulus.interval_95, modulus.value)
+    assert modulus.interval_95 == pytest.approx(modulus.interval_95_fit, abs=0.3 * np.ptp(modulus.interval_95_fit))
+
+
+@pytest.mark.parametrize(
+    ("law", "parameters"),
+    [
+        ("neo-hookean", (TRUTH_PA,)),
+        pytest.param("yeoh", (0.5 * TRUTH_PA, 0.4 * TRUTH_PA, 0.0), marks=pytest.mark.slow),
+    ],
+)
+def test_a_wrong_width_speaks_for_no_law(law, parameters):
+    """Width and length that are wrong within their uncertainty leave ten times the noise, and laws compared by less."""
+    wrong = replace(BEAM, width_mm=3.03, length_mm=30.15)
+    edges = experiment(seen(wrong, law=law, parameters=parameters), length=0.1, width=0.02, remanence=0.01)
+    found = {model: estimated(model, edges) for model in ("neo-hookean", "mooney-rivlin", "yeoh")}
+    told = found[law].identifiability
+    assert told.noise_mm == pytest.approx(NOISE_MM, rel=0.15)
+    assert told.residual_mm > 5 * NOISE_MM
+    assert told.stated_squares == pytest.approx(2 * 1.5**2, rel=0.3)
+    assert found[law].held_out_error_mm == pytest.approx(NOISE_MM, rel=0.2)
+    choices = choose(
+        [
+            Candidate(
+                model,
+                len(own.identifiability.names),
+                ((own.identifiability.noise_points, own.identifiability.noise_mm),),
+                stated_squares=own.identifiability.stated_squares,
+            )
+            for model, own in found.items()
+        ]
+    )
+    weights = {choice.model: choice.weight for choice in choices}
+    if law == "yeoh":
+        assert weights[law] > 0.9
+    else:
+        assert weights[law] > 0.3  # the others hold it, and bend no better than it does
+
+
+def test_laws_are_compared_with_one_error_where_datasets_share_it():
+    """Two beams, one wider and one narrower than stated, as those of one specimen cannot be and of two can."""
+    beams = [replace(BEAM, width_mm=3.0 + off) for off in (0.03, -0.03)]
+    one, other = (experiment(seen(beam, seed=seed), width=0.02) for seed, beam in enumerate(beams, 1))
+    apart = replace(other, stated=(StatedSource("width", 0.02, "specimen 2"),))
+    shared, told_apart = (estimated("neo-hookean", one, second).identifiability for second in (other, apart))
+    assert told_apart.noise_mm == pytest.approx(NOISE_MM, rel=0.15)
+    assert told_apart.stated_squares == pytest.approx(2 * 1.5**2, rel=0.3)
+    assert shared.noise_mm is not None
+    assert shared.noise_mm > 5 * NOISE_MM
+    assert shared.stated_squares < 0.5
 
 
 def test_tracked_points_at_the_tip_bear_a_shorter_beam():

@@ -77,6 +77,18 @@ def test_few_states_tell_the_others(specimen):
     assert near.displacement == pytest.approx(every.displacement, abs=1e-3)
 
 
+@pytest.mark.parametrize("gravity_deg", [0.0, 90.0], ids=["hanging", "level"])
+def test_one_state_tells_of_a_candidate_very_near(gravity_deg):
+    loads = Loads.along(np.linspace(0, 6, 7), gravity_angle_deg=gravity_deg)
+    beside = SolidBeside(BEAM, 13, 1)
+    effect = beside.solve(NEO, np.array([[TRUE_PA]]), loads).effect
+    near = beside.starting(effect).solve(NEO, np.array([[1.003 * TRUE_PA]]), loads)
+    assert len(near.effect.places) == 1
+    every = beside.solid.solve(NEO, np.array([[1.003 * TRUE_PA]]), loads, tolerance_mm=1e-4)
+    assert near.displacement == pytest.approx(every.displacement, abs=1e-3)
+    assert len(beside.solve(NEO, np.array([[TRUE_PA]]), loads).effect.places) > 1  # that of a near one is not kept
+
+
 def test_states_that_lie_on_no_ray_of_loads_are_all_solved():
     loads = Loads.along([0.0, 3.0, 3.0], gravity_angle_deg=0.0, tip_force_N=[0.0, 0.0, 0.003])
     beside = SolidBeside(BEAM, 13, 1)

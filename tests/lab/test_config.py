@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from eimi_fitting.beam.specimen import VACUUM_PERMEABILITY
 from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.config.materials import load_materials
-from eimi_lab.config.protocol import Protocol, load_protocol
+from eimi_lab.config.protocol import Protocol, SupplyLimits, load_protocol
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import Document, parse
@@ -38,6 +38,17 @@ def test_steps_never_pick_up_rounding(start: int, steps: int, step: int, down: b
     currents = parse(Protocol, text, "p.toml").currents_A
     expected = [Decimal(start + (-1 if down else 1) * k * step) / 100 for k in range(steps + 1)]
     assert [Decimal(repr(current)) for current in currents] == expected
+
+
+def test_of_two_sets_of_limits_each_the_smaller_one_holds() -> None:
+    one, other = SupplyLimits(current_A=1.0, voltage_V=20.0), SupplyLimits(current_A=2.0, voltage_V=5.0)
+    for limits in (one.stricter(other), other.stricter(one)):
+        assert (limits.current_A, limits.voltage_V) == (1.0, 5.0)
+
+
+def test_the_way_back_passes_every_current_once_more() -> None:
+    text = load_protocol("dragon_skin_10").text.replace("stop_A = 1.5", "stop_A = 0.3\nup_and_down = true")
+    assert parse(Protocol, text, "p.toml").currents_A == (0.0, 0.1, 0.2, 0.3, 0.2, 0.1, 0.0)
 
 
 @pytest.mark.parametrize("path", sorted(SHIPPED.glob("specimens/*.toml")), ids=lambda path: path.stem)
@@ -117,6 +128,7 @@ def refuse(model: type[Document], shipped: Document, old: str, new: str) -> str:
         ("length_mm = 30.0", "length_mm = 3.5", None),
         ("length_mm = 30.0", "length_mm = 4.0", "magnet.length_mm = 4 must be less than specimen.length_mm = 4"),
         ("width_mm = 3.0", "width_mm = 2.0", "magnet.width_mm = 3 must not exceed specimen.width_mm = 2"),
+        ("depth_mm = 5.0", "depth_mm = 1.0", "magnet.depth_mm = 2 must not exceed specimen.depth_mm = 1"),
         ('"solid"', '"plane"', "specimen.section = 'plane' should be 'solid', 'plane-strain' or 'plane-stress'"),
         ("density_kg_m3", "# density_kg_m3", "specimen.density_kg_m3 is missing"),
         ("[specimen]", "[specimen", None),
@@ -159,6 +171,7 @@ def test_a_bad_specimen_is_told_in_one_line(old: str, new: str, told: str | None
         ("step_A = 0.1", "step_A = 1e-9", "[current] step_A = 1E-9 gives more than 1000 states"),
         ("stop_A = 1.5", "stop_A = 0.0", "[current] stop_A = 0.0 is start_A"),
         ("stop_A = 1.5", "stop_A = 1.7", "current.stop_A goes to 1.7 A, which exceeds limits.current_A = 1.6"),
+        ("start_A = 0.0", "start_A = -1.7", "current.start_A goes to -1.7 A, which exceeds limits.current_A = 1.6"),
         ("start_A = 0.0", "values_A = [0.0, 0.1]", "[current] needs start_A, stop_A and step_A, or values_A alone"),
         ("[settle]", "[setle]", "setle is not a known key; did you mean settle?"),
         ("[ramp]", "[limits.ramp]", "limits.ramp is not a known key"),

@@ -29,7 +29,12 @@ def text_of(name: str, table: str = "") -> str:
     [
         ("widht_mm = 0.02", "[uncertainty] widht_mm is not a known key; did you mean width_mm?"),
         ("width_mm = -0.02", "width_mm = -0.02 should be a standard uncertainty: 0 (exact) or above"),
-        ("width_mm = 2.0", "width_mm = 2 should be at most 0.1 of the value, 3"),
+        ("width_mm = 2.0", "beam.toml: [uncertainty] width_mm = 2 should be at most 0.1 of specimen.width_mm = 3"),
+        (
+            "magnet_depth_mm = 1",
+            "beam.toml: [uncertainty] magnet_depth_mm = 1 should be at most 0.1 of magnet.depth_mm =",
+        ),
+        ("magnet_depth = 1", "beam.toml: [uncertainty] magnet_depth is not a known key; did you mean magnet_depth_mm?"),
         ("width_mm = nan", "width_mm = nan should be a finite number"),
         ("width_mm = '0.02'", "uncertainty.width_mm = '0.02' should be a valid number"),
         ("pixels_per_mm = 0.1", "pixels_per_mm is not a known key"),
@@ -45,10 +50,14 @@ def test_what_cannot_be_an_uncertainty_is_said_in_one_line(table, said):
 
 def test_an_uncertainty_of_what_is_not_there_is_refused():
     telecentric = text_of("rigs/virtual_calibration.toml", "stand_off_mm = 1.0")
-    with pytest.raises(InputError, match="there is no stand_off_mm that it could be of"):
+    with pytest.raises(
+        InputError, match=r"\[uncertainty\] stand_off_mm = 1: there is no stand_off_mm that it could be of"
+    ):
         parse(Calibration, telecentric, "calibration.toml")
     beam, _, _ = text_of("specimens/type1.toml").partition("[magnet]")
-    with pytest.raises(InputError, match="there is no remanence_T that it could be of"):
+    with pytest.raises(
+        InputError, match=r"\[uncertainty\] remanence_T = 0.01: there is no magnet.remanence_T that it could be of"
+    ):
         parse(SpecimenFile, beam + "[uncertainty]\nremanence_T = 0.01\n", "beam.toml")
 
 

@@ -26,7 +26,12 @@ LISTED = {
 }
 ALONE = set(CASES) - {
     *("LOW_CONTRAST", "EDGE_RESIDUAL", "TOUCHES_FRAME", "CORNER_AMBIGUOUS"),
-    *("TOO_NARROW", "NOT_FOLLOWED", "ROOT_AMBIGUOUS"),  # of photographs, in which there is no silhouette either
+    *(
+        "TOO_NARROW",
+        "NOT_FOLLOWED",
+        "ROOT_AMBIGUOUS",
+        "OWN_SHADOW",
+    ),  # of photographs, in which there is no silhouette either
 }
 
 

@@ -136,13 +136,16 @@ class SupplyBase(ABC):
     def set_voltage(self, voltage_V: float) -> None:
         """Set the compliance voltage and read it back. Raises SetPointRefused, SetPointNotTaken."""
         self._refuse_outside("voltage", voltage_V, 0.0, self.limits.voltage_V, "V")
-        self._program("voltage", voltage_V, self.voltage_step_V, "V", self._send_voltage, self._voltage_set)
+        sent = _text(voltage_V, self.voltage_step_V)
+        self._send_voltage(sent)
+        self._verify("voltage", sent, self.voltage_step_V, "V", self._voltage_set)
 
     def set_current(self, current_A: float) -> None:
         """Set the current and read the set-point back. Raises SetPointRefused, SetPointNotTaken."""
         lowest = -self.limits.current_A if self.bipolar else 0.0
         self._refuse_outside("current", current_A, lowest, self.limits.current_A, "A")
-        self._program_current(current_A)
+        self._send_current(_text(current_A, self.current_step_A))
+        self._verify_current(current_A)
 
     def set_output(self, on: bool) -> None:
         """Switch the output and verify it. Raises SetPointNotTaken."""
@@ -168,8 +171,9 @@ class SupplyBase(ABC):
             )
 
     def safe_off(self) -> None:
-        """Program zero, switch off, verify; each stage is tried whatever became of the others.
+        """Program zero, switch off, read both back; each stage is tried whatever became of the others.
 
+        Off is told before zero is read back: on a slow line that question takes longer than all the rest.
         Where one failed the line is opened anew and all are tried again. Raises SwitchOffFailed with the outcome of
         every stage when one failed then, too.
         """
@@ -186,22 +190,26 @@ class SupplyBase(ABC):
 
     def _try_to_switch_off(self) -> SwitchOffFailed | None:
         stages: tuple[tuple[str, Callable[[], None]], ...] = (
-            ("zero", lambda: self._program_current(0.0)),
+            ("zero", lambda: self._send_current(_text(0.0, self.current_step_A))),
             ("off", lambda: self._send_output(False)),
+            ("zero", lambda: self._verify_current(0.0)),
             ("verify", lambda: self._verify_output(False)),
         )
-        outcomes: list[str] = []
+        outcomes: dict[str, str] = {}
         first: Exception | None = None
         for stage, act in stages:
+            if outcomes.get(stage, "done") != "done":
+                continue
             try:
                 act()
-                outcomes.append(f"{stage}: done")
+                outcomes[stage] = "done"
             except Exception as error:  # a mistake in a driver must not keep the stages after it from being tried
-                outcomes.append(f"{stage}: failed ({type(error).__name__}: {error})")
+                outcomes[stage] = f"failed ({type(error).__name__}: {error})"
                 first = first or error
         if first is None:
             return None
-        failed = SwitchOffFailed(f"{self._link.address}: {'; '.join(outcomes)}")
+        said = "; ".join(f"{stage}: {outcome}" for stage, outcome in outcomes.items())
+        failed = SwitchOffFailed(f"{self._link.address}: {said}")
         failed.__cause__ = first
         return failed
 
@@ -230,21 +238,11 @@ class SupplyBase(ABC):
                 f"it must be from {lowest:g} to {limit:g} {unit}"
             )
 
-    def _program_current(self, current_A: float) -> None:
-        self._program("current", current_A, self.current_step_A, "A", self._send_current, self._current_set)
+    def _verify_current(self, current_A: float) -> None:
+        self._verify("current", _text(current_A, self.current_step_A), self.current_step_A, "A", self._current_set)
 
-    def _program(
-        self,
-        quantity: str,
-        value: float,
-        step: str,
-        unit: str,
-        send: Callable[[str], None],
-        ask: Callable[[], float],
-    ) -> None:
-        # The inner rounding removes what binary fractions add: 0.7999999999999999 is 0.800, not 0.799.
-        sent = Decimal(repr(round(float(value), 9))).quantize(Decimal(step), ROUND_DOWN) + 0  # no minus zero
-        send(str(sent))
+    def _verify(self, quantity: str, sent: str, step: str, unit: str, ask: Callable[[], float]) -> None:
+        """What was sent, against the instrument's errors and what it reads back. Raises SetPointNotTaken."""
         self._raise_reported_errors()
         found = self._read_back(ask, lambda answer: abs(answer - float(sent)) <= 1.001 * float(step))
         if found is not None:
@@ -288,3 +286,8 @@ class SupplyBase(ABC):
         return ReplyNotUnderstood(
             f"{self._link.address}: the answer to {question} must be {expected}, but it is {reply!r}"
         )
+
+
+def _text(value: float, step: str) -> str:
+    """A value as it is sent, in whole steps. The rounding removes what binary fractions add: 0.7999999999999999."""
+    return str(Decimal(repr(round(float(value), 9))).quantize(Decimal(step), ROUND_DOWN) + 0)  # no minus zero

@@ -30,6 +30,7 @@ def facts(contents: DatasetContents) -> Facts:
     )
     note = dataset.text("user_note")
     found += [("operator's note", note)] if note else []
+    found += [("corrected", words) for words in dataset.corrections()]
     if dataset.truth() is not None:
         found.append(("origin", "simulated on the virtual rig"))
     if contents.validations and not any(v.seen for v in contents.validations):

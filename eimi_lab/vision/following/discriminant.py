@@ -38,8 +38,13 @@ class ColourProjection:
     step: Array
 
 
-def project(unrolled: UnrolledPicture, edge: Array, outward: float, noise: float) -> ColourProjection:
-    """One side's projection. edge: (n,) place across, widths. outward: -1 for the left edge, +1 for the right."""
+def project(
+    unrolled: UnrolledPicture, edge: Array, outward: float, noise: float, shadowless: bool = False
+) -> ColourProjection:
+    """One side's projection. edge: (n,) place across, widths. outward: -1 for the left edge, +1 for the right.
+
+    shadowless: one in which any share of the outside's colour is the same; of one channel there is none.
+    """
     colours = unrolled.colours.astype(np.float64)
     distance = outward * (unrolled.across - edge[:, None])
     inside = (distance <= -INSIDE_BAND[0]) & (distance >= -INSIDE_BAND[1]) & unrolled.inside
@@ -53,12 +58,17 @@ def project(unrolled: UnrolledPicture, edge: Array, outward: float, noise: float
     spread = spread + least[:, None, None] * np.eye(channels)
     step = mean_in - mean_out
     weight = np.linalg.solve(spread, step[..., None])[..., 0]
+    if shadowless:
+        across = np.linalg.solve(spread, mean_out[..., None])[..., 0]
+        share = (weight * mean_out).sum(axis=1) / np.maximum((across * mean_out).sum(axis=1), 1e-9)
+        weight -= share[:, None] * across
     height = np.maximum((weight * step).sum(axis=1), 1e-9)
     weight /= height[:, None]
     level = (mean_out * weight).sum(axis=1)
-    linear = np.einsum("nmc,nc->nm", colours, weight) - level[:, None]
-    ratio = _histogram_ratio(unrolled.bins, inside, outside)
-    return ColourProjection(0.5 * (np.clip(linear, *_LIMITS) + ratio), np.sqrt(height), weight, level, step)
+    linear = np.clip(np.einsum("nmc,nc->nm", colours, weight) - level[:, None], *_LIMITS)
+    if not shadowless:  # the histogram knows the shadow's colours by themselves
+        linear = 0.5 * (linear + _histogram_ratio(unrolled.bins, inside, outside))
+    return ColourProjection(linear, np.sqrt(height), weight, level, step)
 
 
 def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Array, Array]:

@@ -78,7 +78,7 @@ def place_side(
         blur = steps.blur_px
         half = float(np.clip(_REACH_IN_BLURS * blur + 1.0, _LEAST_HALF_PX, half))
         curve = SmoothCurve(points[kept], max(1, round(curve.length / (_PIECE * width_px))))
-    points, sigma, near = _with_scatter(points[kept], steps.sensitivity[kept])
+    points, sigma, near = with_scatter(points[kept], steps.sensitivity[kept])
     return StripEdges(points[near], sigma[near], unrolled.along[station[kept][near]], blur)
 
 
@@ -163,11 +163,11 @@ def _common(slope: Array, left_over: Array) -> Array:
     return common
 
 
-def _with_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, Mask]:
+def with_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, Mask]:
     """Points, their standard deviations, and which are near a smooth line; the scatter is what that line leaves.
 
     Neighbours err alike on a real picture, by texture and uneven light; that is in the residuals of a line of few
-    pieces, and in no difference of neighbours.
+    pieces, and in no difference of neighbours. sensitivity: (n,) to noise, of any unit.
     """
     kept = np.ones(len(points), dtype=bool)
     offset, freedom = _off_smooth_line(points, kept)

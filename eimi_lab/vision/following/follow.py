@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.vision.following.beam_search import WIDTH_PX, Strip, find_strip
+from eimi_lab.vision.following.doubts import clipped_share, gleam, penumbra_px, shadow_px
 from eimi_lab.vision.following.edge_points import StripEdges, place_side
+from eimi_lab.vision.following.ends import as_wide_at_ends
 from eimi_lab.vision.following.stated import StatedBeam
-from eimi_lab.vision.following.support import Sides, find_sides
+from eimi_lab.vision.following.support import Sides, find_sides, how_sure
 from eimi_lab.vision.following.unrolled import FINENESS, UnrolledPicture, unroll
 from eimi_lab.vision.following.working import WorkingPicture, working_picture
 
@@ -20,8 +22,6 @@ Array = NDArray[np.float64]
 NARROWEST_PX = 6.0  # of a beam: below, its inside has no pixel clear of both edges
 _FIFTHS = 5
 _AT_BORDER = 0.75  # widths
-_SOFTER = 1.25  # times the other edge's blur; by light from one side a body's edges differ by up to 1.6,
-_SOFTEST = 2.0  # and no lens or shading makes more of it
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,13 @@ def follow(
     left, right = (place_side(image, unrolled, sides, side, spacing_px) for side in (0, 1))
     if left is None or right is None:
         return FollowedBeam(findings | {"followed_sides": 0.0}, coarse, strip, unrolled, sides)
-    findings["followed_penumbra"] = _penumbra((left.blur_px, right.blur_px), sides, beam.width_px)
+    left, right = as_wide_at_ends(left, right, beam.width_px)
+    findings |= {
+        "followed_penumbra": penumbra_px(left, right, sides, beam.width_px),
+        "followed_shadow": shadow_px(sides, beam.width_px),
+        "followed_gleam": gleam(unrolled, sides),
+        "followed_clipped": clipped_share(unrolled, sides),
+    }
     return FollowedBeam(findings, coarse, strip, unrolled, sides, (left, right))
 
 
@@ -116,7 +122,7 @@ def _findings(
     return {
         "followed_length": length,
         "followed_beyond": length,
-        "followed_sides": float(sides.sound[:, first : sides.end].mean(axis=1).min()),
+        **how_sure(sides.sound[:, first : sides.end]),
         "followed_contrast": float(min(np.median(side.separation[: sides.end]) for side in sides.projected)),
         "followed_gain": float(strip.gain.mean()),
         "followed_begin": float(unrolled.along[first]),
@@ -132,23 +138,6 @@ def _findings(
 def _is_at_border(place: Array, width_px: float, size: tuple[int, int]) -> bool:
     near = _AT_BORDER * width_px
     return bool((place < near).any() or (place > np.array(size) - 1.0 - near).any())
-
-
-def _penumbra(blur_px: tuple[float, float], sides: Sides, width_px: float) -> float:
-    """px: how far the softer edge may be off, if it is the border of the beam's own shadow; 0 where it is none.
-
-    Both edges of one body are about equally far from the lens. A shadow's border has the lamp's size in it as well, and
-    its inside is the darker one in every colour. It lies outside the body, which looks wider by as much.
-    """
-    soft = int(blur_px[1] > blur_px[0])
-    ratio = blur_px[soft] / blur_px[1 - soft]
-    sound = sides.sound[soft]
-    darkens = bool((np.median(sides.projected[soft].step[sound], axis=0) < 0.0).all())
-    if ratio < _SOFTER or (ratio < _SOFTEST and not darkens):
-        return 0.0
-    both = sides.sound.all(axis=0)
-    wider = float(np.median(sides.width[both])) - 1.0 if both.any() else 0.0
-    return max(blur_px[soft], wider * width_px)
 
 
 def _change(width: Array) -> float:

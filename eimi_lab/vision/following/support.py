@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_opening, median_filter
 
-from eimi_lab.vision.following.discriminant import ColourProjection, project
-from eimi_lab.vision.following.seams import fall_across, find_seams
+from eimi_lab.vision.following.colour_seams import OUTWARD, find_colour_seams
+from eimi_lab.vision.following.discriminant import ColourProjection
+from eimi_lab.vision.following.shadows import off_shadows
 from eimi_lab.vision.following.unrolled import UnrolledPicture
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 TOLERANCES = (0.3, 0.2, 0.2)  # widths by which an edge may be off the strip's, then off the seam before
-_OUTWARD = (-1.0, 1.0)
 _HALF = 0.5  # of a whole edge's fall
 _LEAST_SEPARATION = 3.0  # standard deviations between inside and outside
 _ARM = 0.25  # widths to both sides of a station, over which an edge's turn is measured
@@ -28,6 +28,7 @@ _ASIDE = 0.12  # widths by which an edge may come out of a gap beside where it w
 _STRAY = 0.25  # and for each width on the way
 _LOCAL = 1.0  # widths: a running median's window
 _OUTLIER = 0.08  # widths off it
+_LONGEST_GAP = 0.1  # of the way: within so little of its length a beam bends in no other way
 _SURELY_BEAM = 0.9  # of the length, which is stated to a tenth
 
 
@@ -36,7 +37,8 @@ class Sides:
     """Both edges in the unrolled strip: left, right.
 
     edge: (2, n) places across, widths. support: (2, n) 0 to 1 how much of a whole edge falls there. sound: (2, n) where
-    an edge is sure. end: number of the stations before the beam's end.
+    an edge is sure. end: number of the stations before the beam's end. shadow: (2, n) widths by which an edge was moved
+    off the border of a shadow.
     """
 
     edge: Array
@@ -44,6 +46,7 @@ class Sides:
     sound: Mask
     end: int
     projected: tuple[ColourProjection, ColourProjection]
+    shadow: Array
 
     @property
     def width(self) -> Array:
@@ -56,19 +59,9 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
 
     length: stated, in widths.
     """
-    edge = np.outer(_OUTWARD, 0.5 * unrolled.width)
-    for tolerance in TOLERANCES:
-        projected = [project(unrolled, seam, outward, noise) for seam, outward in zip(edge, _OUTWARD, strict=True)]
-        fall = np.stack(
-            [
-                fall_across(side.share, outward, unrolled.across, unrolled.stations_in_width)
-                for side, outward in zip(projected, _OUTWARD, strict=True)
-            ]
-        )
-        edge = find_seams(fall, unrolled.across, edge, tolerance)
-    column = np.rint((edge - unrolled.across[0]) / (unrolled.across[1] - unrolled.across[0])).astype(int)
-    rows = np.arange(edge.shape[1])
-    sure = np.clip(np.where(unrolled.inside[rows, column], fall[[[0], [1]], rows, column], 0.0), 0.0, 1.0)
+    strip = np.outer(OUTWARD, 0.5 * unrolled.width)
+    seams = off_shadows(unrolled, find_colour_seams(unrolled, strip, noise, TOLERANCES), noise)
+    edge, sure, projected = seams.edge, seams.support, seams.projected
     sound = _sound(unrolled, edge, sure, projected)
     # The beam ends where the support of both sides sums to most.
     sound[:, int(np.cumsum(sure.sum(axis=0) - 2.0 * _HALF).argmax()) + 1 :] = False
@@ -80,7 +73,18 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
         sound[row] = _continued(seam, width, sound[row], scale, lever)
     end = _end(unrolled.along, sound, length)
     sound[:, end:] = False
-    return Sides(edge, sure, sound, end, (projected[0], projected[1]))
+    return Sides(edge, sure, sound, end, projected, seams.shadow)
+
+
+def how_sure(sound: Mask) -> dict[str, float]:
+    """Share of the way (2, n) on which the worse edge is sure, named by whether those places are spread all along it.
+
+    Then the gaps are short for the beam's length: what was followed leaves and meets its edge again and again.
+    """
+    worse = sound[int(sound.mean(axis=1).argmin())]
+    at = np.flatnonzero(np.concatenate([[True], worse, [True]]))
+    spread = float(np.diff(at).max() - 1) < _LONGEST_GAP * len(worse)
+    return {"followed_patches" if spread else "followed_sides": float(worse.mean())}
 
 
 def _end(along: Array, sound: Mask, length: float) -> int:
@@ -96,7 +100,9 @@ def _end(along: Array, sound: Mask, length: float) -> int:
     return min(end, max(int(both[-1]) + 1, alone)) if len(both) else end
 
 
-def _sound(unrolled: UnrolledPicture, edge: Array, support: Array, projected: list[ColourProjection]) -> Mask:
+def _sound(
+    unrolled: UnrolledPicture, edge: Array, support: Array, projected: tuple[ColourProjection, ColourProjection]
+) -> Mask:
     seam = unrolled.middle + edge[..., None] * unrolled.aside
     turn = np.stack([_turn(side, round(_ARM * unrolled.stations_in_width)) for side in seam])
     separation = np.stack([side.separation for side in projected])

@@ -38,7 +38,7 @@ class DepthEffect:
     """How a solid differs from its planar model: at places, where a beam may stand, the configurations' differences.
 
     by_turn: a place is how far the planar tip is turned (rad), else how far along a ray of loads it is; base: an effect
-    of a candidate near this one, about which this one is interpolated.
+    of a candidate near this one, about which this one is interpolated. Where the tip is not turned the two are alike.
     """
 
     places: tuple[float, ...]
@@ -51,14 +51,18 @@ class DepthEffect:
         if not self.places:
             assert self.base
             return self.base.at(place)
-        weights = [
-            prod((place - s) / (t - s) for j, s in enumerate(self.places) if j != i) for i, t in enumerate(self.places)
-        ]
+        known = (*self.places, *self.alike)
+        weights = [prod((place - s) / (t - s) for s in known if s != t) for t in self.places]
         if self.base is None:
             return combine(weights, self.differences)
         below = [self.base.at(own) for own in self.places]
         minus = [-w for w in weights]
         return combine([1.0, *weights, *minus], [self.base.at(place), *self.differences, *below])
+
+    @property
+    def alike(self) -> tuple[float, ...]:
+        """Places where it is the same as its base."""
+        return (0.0,) if self.base and self.by_turn else ()
 
     def covers(self, places: Array) -> bool:
         """Whether it is known that far, or nearly so: beyond its places a polynomial swings."""
@@ -102,6 +106,11 @@ class SolidBeside:
         own._known = effect
         return own
 
+    def __copy__(self) -> SolidBeside:
+        own = object.__new__(SolidBeside)
+        vars(own).update(vars(self))
+        return own
+
     def of(self, specimen: Specimen) -> SolidBeside:
         """Another specimen on as many elements."""
         return SolidBeside(specimen, self.planar.along, self.planar.across, self.solid.more)
@@ -126,7 +135,7 @@ class SolidBeside:
         parameters = np.atleast_2d(parameters)
         if len(parameters) != 1:
             raise ValueError(f"one candidate at a time, not {len(parameters)}")
-        flat = self.planar.solve(law, parameters, loads, field_factor=field_factor)
+        flat = self.planar.solve(law, parameters, loads, tolerance_mm=tolerance_mm, field_factor=field_factor)
         chosen = candidates(law, parameters, "solid", bulk_modulus_Pa, field_factor)
         effect = lift = None
         if np.isin(flat.status, (Status.CONVERGED, Status.UNSTABLE)).all():
@@ -178,8 +187,10 @@ class SolidBeside:
         effect = DepthEffect((), (), by_turn, base if near else None)
         apart = _SAME * max(float(np.ptp(places)), _LEAST_TURN)
         left = np.arange(len(places))
+        for own in effect.alike:
+            left = left[np.abs(places[left] - own) > apart]
         while len(left):
-            known = np.array(effect.places)
+            known = np.array([*effect.places, *effect.alike])
             distance = np.abs(places[left, None] - known).prod(axis=1) if len(known) else np.abs(places[left])
             k = int(left[np.argmax(distance)])
             foretold = effect.at(places[k]) if len(known) > 1 or effect.base else None
@@ -189,7 +200,7 @@ class SolidBeside:
                 return None
             effect = effect.with_one(float(places[k]), found)
             left = left[np.abs(places[left] - places[k]) > apart]
-            if foretold and np.abs(foretold.displacement - found.displacement).max() < _FORETOLD_MM and len(known) > 1:
+            if foretold and len(known) and np.abs(foretold.displacement - found.displacement).max() < _FORETOLD_MM:
                 break
         return effect
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.inference.considered import ConsideredSources
-from eimi_fitting.inference.draws import interval_95, moved_by, thinned
+from eimi_fitting.inference.considered import ConsideredSources, Steps
+from eimi_fitting.inference.draws import interval_95, thinned
 from eimi_fitting.inference.sources import SOURCES
 
 Array = NDArray[np.float64]
@@ -43,20 +43,18 @@ class MeasureNext:
 class Moves:
     """What moves the optimum ``unit`` (n,) in each of D draws.
 
-    noise: (D, n); deviations: (D, S) of the sources, in standard uncertainties; more, less: (S, n) what one more and
-    one less of these does.
+    noise: (D, n); deviations: (D, S) of the sources, in standard uncertainties; steps: what these do.
     """
 
     unit: Array
     noise: Array
     deviations: Array
-    more: Array
-    less: Array
+    steps: Steps
 
     def units(self, of_noise: float = 1.0, of_sources: Array | float = 1.0) -> Array:
         """(D, n) unknowns, with some share of the noise and of each source (S,)."""
-        moved = of_noise * self.noise + moved_by(of_sources * self.deviations, self.more, self.less)
-        return np.clip(self.unit + moved, 0.0, 1.0)
+        moved = of_noise * self.noise + (of_sources * self.deviations) @ self.steps.sizes
+        return np.clip(self.unit + moved + np.any(of_sources) * self.steps.held, 0.0, 1.0)
 
 
 def budget(
@@ -64,7 +62,8 @@ def budget(
 ) -> tuple[tuple[BudgetEntry, ...], MeasureNext]:
     """The entries, largest first, and what to measure next; modulus: of unknowns (P, n)."""
     here = float(modulus(moves.unit[None])[0])
-    ends = modulus(np.clip(moves.unit + np.concatenate([moves.more, moves.less]), 0.0, 1.0))
+    sizes = moves.steps.sizes
+    ends = modulus(np.clip(moves.unit + np.concatenate([sizes, -sizes]), 0.0, 1.0))
     effect = 50 * np.abs(np.subtract(*np.split(ends, 2))) / here
     groups = list(dict.fromkeys(source.shared for source in sources))
     own = np.array([[source.shared == group for source in sources] for group in groups]).reshape(

@@ -168,17 +168,23 @@ def _in_words(own: CommonError) -> str:
         x, y = own.sizes
         seen = f"lie ({x:+.2g}, {y:+.2g}) mm beside the simulated ones"
         remedy = (
-            "the clamp is not where it is stated; correct its place (clamp_midpoint_px), "
+            "the clamp is not where it is stated; correct its place (clamp_midpoint_px; eimi segment --calibration), "
             f"or free it (--free clamp={np.hypot(x, y):.1g})"
         )
     elif own.kind == "roll":
         degrees = float(np.degrees(own.sizes[0]))
         seen = f"are turned by {degrees:+.2g} degrees about the clamp"
-        remedy = f"correct axis_angle_deg, or free the camera's roll (--free roll={abs(degrees):.1g})"
+        remedy = (
+            "correct axis_angle_deg (eimi segment --calibration), "
+            f"or free the camera's roll (--free roll={abs(degrees):.1g})"
+        )
     else:
         seen = f"are {100 * own.sizes[0]:+.2g} % off in scale"
         size = abs(own.sizes[0])
-        remedy = f"check pixels_per_mm, length_mm and width_mm, or free the scale (--free scale={size:.1g})"
+        remedy = (
+            "check pixels_per_mm, length_mm and width_mm (eimi segment takes the corrected file), "
+            f"or free the scale (--free scale={size:.1g})"
+        )
     return (
         f"the measured places {seen} in all states alike: {remedy}; as it is, the parameters take a part of that upon "
         "themselves"

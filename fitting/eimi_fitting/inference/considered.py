@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 
 from eimi_fitting.beam.equilibrium import Configuration, Status
 from eimi_fitting.beam.model import BeamModel, Shapes
-from eimi_fitting.inference._quadratic import step_to_minimum
 from eimi_fitting.inference.covariance import Linearisation
 from eimi_fitting.inference.experiment import Experiment
 from eimi_fitting.inference.objective import Problem
 from eimi_fitting.inference.sources import SOURCES
-from eimi_fitting.inference.unknowns import Setup, SharedUnknowns, shared
+from eimi_fitting.inference.unknowns import Nuisance, Setup, SharedUnknowns, shared
 from eimi_fitting.laws.law import Law
 
 Array = NDArray[np.float64]
@@ -38,17 +37,24 @@ _TOLERANCE_MM = 1e-3  # of the last Newton step: what it leaves is far below the
 class ConsideredSources:
     """One number that is uncertain: a part of a source, and what one standard uncertainty of it does.
 
-    name: in a result; changes: of the residuals of each experiment, (K, G, m) mm, None where it is not concerned.
+    name: in a result; part: of its source; changes: of the residuals of each experiment, (K, G, m) mm, None where it is
+    not concerned.
     """
 
     name: str
     shared: SharedUnknowns
+    part: int
     changes: tuple[Array | None, ...]
 
     @property
     def standard_uncertainty(self) -> float:
         """In its source's unit; above zero."""
         return self.shared.standard_uncertainty or 0.0
+
+    @property
+    def freed(self) -> Nuisance:
+        """The same number as an unknown of a fit."""
+        return Nuisance(self.name, self.shared.source, self.part, self.shared.datasets, self.standard_uncertainty)
 
 
 def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
@@ -73,18 +79,28 @@ def considered(problem: Problem, unit: Array) -> tuple[ConsideredSources, ...]:
     numbers = [(group, part) for group in sources_of(problem) for part in range(len(SOURCES[group.source].parts))]
     if not numbers:
         return ()
-    changes = [_changes(problem, unit, index, numbers) for index in range(len(problem.experiments))]
+    changes = changes_of(problem, unit, numbers)
     every = (
-        ConsideredSources(group.part_name(part, len(changes)), group, tuple(own[i] for own in changes))
+        ConsideredSources(group.part_name(part, len(changes)), group, part, tuple(own[i] for own in changes))
         for i, (group, part) in enumerate(numbers)
     )
     return tuple(c for c in every if any(change is not None for change in c.changes))
 
 
+def changes_of(
+    problem: Problem, unit: Array, numbers: Sequence[tuple[SharedUnknowns, int]]
+) -> list[list[Array | None]]:
+    """Of each experiment for each (source, part) the change of the residuals (K, G, m) mm at ``unit`` (n,).
+
+    For one standard uncertainty more, from where the source is there if it is freed; None where it is not concerned.
+    """
+    return [_changes(problem, unit, index, numbers) for index in range(len(problem.experiments))]
+
+
 def _changes(
     problem: Problem, unit: Array, index: int, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[Array | None]:
-    """(K, G, m) of one experiment for each of the numbers, for one standard uncertainty more."""
+    """Of one experiment."""
     freed = [
         (n.source, n.part, float(n.value(unit[column])))
         for column, n in enumerate(problem.unknowns.freed, problem.unknowns.searched)
@@ -158,15 +174,36 @@ def _in_equilibrium(shapes: Shapes) -> bool:
     return bool(np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all())
 
 
-def steps_of(about: Linearisation, sources: Sequence[ConsideredSources]) -> tuple[Array, Array]:
-    """(S, n) each: how far one standard uncertainty more, and one less, moves the optimum within its bounds."""
-    n = len(about.unit)
-    more, less = np.zeros((2, len(sources), n))
+@dataclass(frozen=True)
+class Steps:
+    """How sources move an optimum: sizes (S, n) for one standard uncertainty more; held (n,): from a bound to where the
+    optimum would be without it.
+    """
+
+    sizes: Array
+    held: Array
+
+
+# Standard deviations of noise and sources: an optimum that would be farther beyond a bound is so for the law's sake.
+_FARTHEST = 2.0
+
+
+def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
+    """What each source does to an optimum with the covariance (n, n) of its noise.
+
+    As if the law had no bounds: where one holds the optimum, the sources may have brought it there from inside, and the
+    steps that it lets them take from there are not those that they took. Least squares without bounds is free of bias
+    and normal; so the optimum without them is what intervals are about, as far as noise and sources can have moved it.
+    """
+    sizes, n = np.zeros((len(sources), len(about.unit))), len(about.unit)
     for i, source in enumerate(sources):
         score = np.zeros(n)
         for own, change in zip(about.states, source.changes, strict=True):
             if change is not None:
                 score += own.score(change)
-        more[i] = step_to_minimum(about.unit, score, about.hessian)
-        less[i] = step_to_minimum(about.unit, -score, about.hessian)
-    return more, less
+        sizes[i] = -np.linalg.solve(about.hessian, score)
+    outward = ((about.unit <= 0.0) & (about.score > 0)) | ((about.unit >= 1.0) & (about.score < 0))
+    held = -np.linalg.solve(about.hessian, np.where(outward, about.score, 0.0))
+    far = (np.abs(held) / np.sqrt(np.diag(covariance) + (sizes**2).sum(axis=0)))[outward].max(initial=_FARTHEST)
+    share = _FARTHEST / far if sources else 0.0
+    return Steps(sizes, np.asarray(share * held))

@@ -64,14 +64,6 @@ def draw_noise(
     return drawn
 
 
-def moved_by(sources: Array, more: Array, less: Array) -> Array:
-    """(D, n): how far deviations (D, S) of the sources, in standard uncertainties, move the optimum.
-
-    more, less: (S, n) for one standard uncertainty more, and one less.
-    """
-    return np.asarray(np.maximum(sources, 0.0) @ more + np.maximum(-sources, 0.0) @ less)
-
-
 def thinned(modulus: Array) -> Rows:
     """Which of the draws to keep: every so-many-th in the order of the modulus (D,), whose quantiles then stay."""
     every = _DRAWN // _KEPT

@@ -1,0 +1,82 @@
+"""A rendered bench: a beam of known shape in front of cloth, and what is painted behind, on and before it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.edges import BentBeam
+from eimi_lab.config.calibration import Calibration
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.virtual.raster import coverage
+from eimi_lab.vision.beam_frame import BeamFrame
+
+Array = NDArray[np.float64]
+Image = NDArray[Any]
+
+_APART = 70.0  # of two colours that an eye clearly parts
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One bench. size: (width, height) px. beam: the true outline, of a beam as `specimen` and `calibration` state."""
+
+    rng: np.random.Generator
+    size: tuple[int, int]
+    calibration: Calibration
+    specimen: SpecimenFile
+    beam: BentBeam
+    own: Array
+    behind: Array
+
+    @property
+    def width_px(self) -> float:
+        return self.specimen.specimen.width_mm * self.calibration.pixels_per_mm
+
+    def outline(self, along: tuple[float, float] = (0.0, 1.0), across: tuple[float, float] = (-0.5, 0.5)) -> Array:
+        """(n, 2) px: a part of the beam from a share of its length to another, between places across it in widths."""
+        count = len(self.beam.left)
+        first, last = (int(np.clip(round(share * (count - 1)), 0, count - 1)) for share in along)
+        left, right = self.beam.left[first : last + 1], self.beam.right[first : last + 1]
+        one, other = (left + (place + 0.5) * (right - left) for place in across)
+        return BeamFrame(self.calibration).to_px(np.vstack([one, other[::-1]]))
+
+    def paint(self, picture: Array, polygon: Array, colour: Array | float, share: float = 1.0) -> None:
+        """A polygon (n, 2) px of one colour, in place."""
+        picture += share * coverage(polygon, self.size)[..., None] * (np.asarray(colour) - picture)
+
+    def box(self, ahead: tuple[float, float], aside: tuple[float, float]) -> Array:
+        """(4, 2) px: a rectangle in the beam's frame, in widths from the clamp and from the axis."""
+        corners = [[a, b] for a, b in zip((*ahead, *ahead[::-1]), np.repeat(aside, 2), strict=True)]
+        return BeamFrame(self.calibration).to_px(self.specimen.specimen.width_mm * np.array(corners))
+
+    def other_colour(self) -> Array:
+        """One that is neither the beam's nor what is behind it."""
+        return another_colour(self.rng, self.own, self.behind)
+
+
+def another_colour(rng: np.random.Generator, *others: Array) -> Array:
+    """One that is none of those."""
+    while True:
+        colour = rng.uniform(25.0, 235.0, 3)
+        if all(np.linalg.norm(colour - other) > _APART for other in others):
+            return colour
+
+
+def cloth(scene: Scene) -> Array:
+    """What is behind: a colour in uneven light, with some grain."""
+    rng = np.random.default_rng(int(1e3 * scene.behind.sum()))  # the same each time
+    lumps = rng.uniform(-10.0, 10.0, (6, 8, 3)).astype(np.float32)
+    grain = rng.standard_normal((scene.size[1], scene.size[0])).astype(np.float32)
+    picture = cv2.resize(lumps, scene.size, interpolation=cv2.INTER_CUBIC).astype(np.float64)
+    return np.asarray(picture + scene.behind + 8.0 * cv2.GaussianBlur(grain, (0, 0), 1.5)[..., None])
+
+
+def through_jpeg(picture: Array, quality: int) -> Image:
+    """A picture (height, width, 3) of 255 as a camera stores it."""
+    image = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+    return cv2.imdecode(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1], cv2.IMREAD_COLOR)

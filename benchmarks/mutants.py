@@ -1,0 +1,199 @@
+"""Small mistakes put into a copy of the project, one at a time: which of them the tests notice.
+
+``python -m benchmarks.mutants [--room NAME] [--only N] [--jobs N] [--results FILE]``
+
+The mistakes stand in ``benchmarks/mistakes/ROOM.toml``: the file, the fragment that is right, what it becomes, and the
+tests that concern it, which run until one fails: the mistake is caught then. One that hangs is caught only where the
+test's own limit ends it. With ``--results`` a run goes on where an earlier one ended; mistakes that lived are tried
+again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import compileall
+import json
+import multiprocessing
+import os
+import queue
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import tomllib
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+
+PROJECT = Path(__file__).parents[1]
+LISTS = Path(__file__).parent / "mistakes"
+LEAST = 150  # mistakes
+TEST_LIMIT_S = 300  # of one test, in place of that of pyproject.toml
+RUN_LIMIT_S = 1800  # of all tests of one mistake: what lasts longer is not caught
+
+CAUGHT, SURVIVED, BROKEN = "caught", "survived", "broken"
+_PRELOADED = [  # what is not of the project, loaded once for all
+    *("cma", "cv2", "h5py", "hypothesis", "matplotlib.figure", "matplotlib.backends.backend_agg", "pydantic", "pytest"),
+    *("pyvisa", "scipy.optimize", "scipy.spatial", "serial", "typer"),
+]
+_PROCESSES = multiprocessing.get_context("forkserver")
+_PROCESSES.set_forkserver_preload(_PRELOADED)
+_OUTCOMES = {0: SURVIVED, 1: CAUGHT}  # of pytest's exit status; any other is a fault of the list
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One mistake. file: in the project; right: a fragment that is there once; wrong: what stands in its place.
+
+    tests: files or node identifiers of pytest; number: its place among all, from 1.
+    """
+
+    number: int
+    room: str
+    says: str
+    file: str
+    right: str
+    wrong: str
+    tests: tuple[str, ...]
+
+    @property
+    def key(self) -> str:
+        """The same mistake against the same tests has the same one, wherever it stands in the list."""
+        return sha256("\0".join((self.file, self.right, self.wrong, *self.tests)).encode()).hexdigest()[:16]
+
+    def applied(self, text: str) -> str:
+        """The file's text with the mistake in it. Raises ValueError where the fragment is not there once."""
+        if text.count(self.right) != 1:
+            raise ValueError(f"{self.room}: {self.says}: {self.file} has {self.right!r} {text.count(self.right)} times")
+        return text.replace(self.right, self.wrong)
+
+
+def every_mutant() -> list[Mutant]:
+    """All of the lists, room by room."""
+    found: list[Mutant] = []
+    for path in sorted(LISTS.glob("*.toml")):
+        for row in tomllib.loads(path.read_text(encoding="utf-8"))["mistake"]:
+            row["tests"] = tuple(row["tests"])
+            found.append(Mutant(number=len(found) + 1, room=path.stem, **row))
+    return found
+
+
+def copied(project: Path, folder: Path) -> Path:
+    """A copy of the project to put mistakes into, compiled, so that no run has to."""
+    left_out = shutil.ignore_patterns(".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "site")
+    copy = folder / project.name
+    shutil.copytree(project, copy, ignore=left_out, symlinks=True)
+    compileall.compile_dir(copy, quiet=2)
+    return copy
+
+
+def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
+    """Whether the tests notice the mistake in this copy, and the last line they print. The copy is left as it was."""
+    file = copy / mutant.file
+    right, stat = file.read_bytes(), file.stat()
+    file.write_text(mutant.applied(right.decode("utf-8")), encoding="utf-8")
+    os.utime(file, (stat.st_atime + 2, stat.st_mtime + 2))  # compiled code goes by the time, to the second
+    try:
+        return run_tests(mutant.tests, copy)
+    finally:
+        file.write_bytes(right)
+        os.utime(file, (stat.st_atime, stat.st_mtime))
+
+
+def run_tests(tests: Sequence[str], copy: Path) -> tuple[str, str]:
+    """Run tests in a copy until one fails: the outcome, and the last line that they print."""
+    said = copy.with_suffix(".txt")
+    child = _PROCESSES.Process(target=_pytest, args=(copy, said, tuple(tests)))
+    child.start()
+    child.join(RUN_LIMIT_S)
+    if child.exitcode is None:
+        os.killpg(child.pid or 0, signal.SIGKILL)
+        child.join()
+        return SURVIVED, f"no end within {RUN_LIMIT_S} s"
+    lines = said.read_text(encoding="utf-8", errors="replace").strip().splitlines() or [""]
+    failed = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
+    return _OUTCOMES.get(child.exitcode, BROKEN), (failed or lines)[-1]
+
+
+def _pytest(copy: Path, said: Path, tests: Sequence[str]) -> None:
+    """In a process of its own, with what is not of the project loaded already: the project is the copy from here on."""
+    os.setsid()
+    folders = [str(copy), str(copy / "drivers"), str(copy / "fitting")]
+    sys.path[:] = [*folders, *(path for path in sys.path if path not in ("", str(PROJECT)))]
+    for name in [name for name in sys.modules if name.partition(".")[0] == "benchmarks"]:
+        del sys.modules[name]
+    sys.dont_write_bytecode = True
+    os.environ |= {"PYTHONPATH": os.pathsep.join(folders), "PYTHONDONTWRITEBYTECODE": "1"}
+    os.chdir(copy)
+    with said.open("wb") as output:
+        os.dup2(output.fileno(), 1)
+        os.dup2(output.fileno(), 2)
+    import pytest
+
+    options = ("-x", "-q", "-n0", "-p", "no:cacheprovider", f"--timeout={TEST_LIMIT_S}", "--tb=no")
+    sys.exit(int(pytest.main([*options, *tests])))
+
+
+def table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
+    """Lines of Markdown: by room how many there are and how many were caught."""
+    lines = ["| room | mistakes | caught | share |", "| --- | ---: | ---: | ---: |"]
+
+    def row(name: str, own: Sequence[Mutant]) -> str:
+        caught = sum(outcomes[m.key] == CAUGHT for m in own)
+        return f"| {name} | {len(own)} | {caught} | {100 * caught / max(len(own), 1):.0f} % |"
+
+    run = [m for m in mutants if m.key in outcomes]
+    for room in dict.fromkeys(m.room for m in run):
+        lines.append(row(room, [m for m in run if m.room == room]))
+    return [*lines, row("all", run)]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--room", action="append", help="a list's name; may be repeated")
+    parser.add_argument("--only", type=int, action="append", metavar="N", help="one mistake by its number")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--results", type=Path, help="a JSON file of outcomes, to go on from")
+    parser.add_argument("--list", action="store_true", help="print the mistakes, run nothing")
+    options = parser.parse_args()
+    chosen = [
+        m
+        for m in every_mutant()
+        if (not options.room or m.room in options.room) and (not options.only or m.number in options.only)
+    ]
+    for mutant in chosen:  # before anything runs
+        mutant.applied((PROJECT / mutant.file).read_text(encoding="utf-8"))
+    if options.list:
+        print("\n".join(f"{m.number:4d} {m.room:12s} {m.says} ({m.file})" for m in chosen))
+        return 0
+    known = json.loads(options.results.read_text()) if options.results and options.results.exists() else {}
+    outcomes = {m.key: known[m.key] for m in chosen if m.key in known}
+    due = [m for m in chosen if outcomes.get(m.key) != CAUGHT]
+    with tempfile.TemporaryDirectory(prefix="mutants") as folder, ThreadPoolExecutor(options.jobs) as pool:
+        copies: queue.SimpleQueue[Path] = queue.SimpleQueue()
+        for job in range(options.jobs):
+            copies.put(copied(PROJECT, Path(folder) / str(job)))
+
+        def one(mutant: Mutant) -> tuple[Mutant, str, str, float]:
+            copy, begun = copies.get(), time.perf_counter()
+            try:
+                return mutant, *tried(mutant, copy), time.perf_counter() - begun
+            finally:
+                copies.put(copy)
+
+        for mutant, outcome, line, seconds in pool.map(one, due):
+            outcomes[mutant.key] = known[mutant.key] = outcome
+            print(f"{mutant.number:4d} {mutant.room:12s} {outcome:8s} {mutant.says} ({seconds:.0f} s)", flush=True)
+            if outcome != CAUGHT:
+                print(f"     {line}", flush=True)
+            if options.results:
+                options.results.write_text(json.dumps(known, indent=1))
+    print("\n".join(table(chosen, outcomes)))
+    return int(any(outcomes[m.key] != CAUGHT for m in chosen))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

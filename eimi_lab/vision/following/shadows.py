@@ -1,0 +1,74 @@
+"""Where an edge is the border of a shadow, told by colours that a shadow does not change.
+
+White light dims all colours of what is in its shadow by one share (R. Gershon, A. D. Jepson and J. K. Tsotsos, Ambient
+illumination and the determination of material changes, J. Opt. Soc. Am. A 3 (1986) 1700). In a projection across the
+colour of what is beside the beam any share of that colour is 0: there the border of its shadow has no step, and the
+body's edge has one wherever its colour is no dimmed one of what is beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter, uniform_filter1d
+
+from eimi_lab.vision.following.colour_seams import OUTWARD, Seams, find_colour_seams
+from eimi_lab.vision.following.discriminant import OUTSIDE_BAND, ColourProjection
+from eimi_lab.vision.following.unrolled import UnrolledPicture
+
+Array = NDArray[np.float64]
+
+_TOLERANCES = (0.3, 0.2)  # widths by which the body's edge may be off the shadow's, then off where it was found
+_WINDOW = 1.0  # widths along the beam over which both edges are compared
+_LEAST_SHIFT, _LEAST_SHIFT_PX = 0.03, 1.5  # widths, and pixels of the picture: nearer ones are one edge
+_LEAST_SEPARATION = 3.0  # standard deviations between inside and outside
+_HALF = 0.5  # of a whole edge's fall
+_ALONG_IT = 0.2  # of the way: so long a shadow may be nearer than that elsewhere
+
+
+def off_shadows(unrolled: UnrolledPicture, found: Seams, noise: float) -> Seams:
+    """The edges, moved to the body's where those found are borders of its shadow; a grey picture's as they are."""
+    if unrolled.colours.shape[2] == 1:
+        return found
+    body = find_colour_seams(unrolled, found.edge, noise, _TOLERANCES, shadowless=True)
+    shift = np.array(OUTWARD)[:, None] * (found.edge - body.edge)
+    window = max(3, round(_WINDOW * unrolled.stations_in_width))
+    least = max(_LEAST_SHIFT, _LEAST_SHIFT_PX / float(np.linalg.norm(unrolled.aside[0])))
+    sure = (np.stack([side.separation for side in body.projected]) > _LEAST_SEPARATION) & (body.support > _HALF)
+    moved = sure & (median_filter(shift, size=(1, window), mode="nearest") > least)
+    moved &= np.stack([_is_dimmed(unrolled, *seams, window) for seams in zip(body.edge, found.edge, strict=True)])
+    if not moved.any():
+        return found
+    moved |= sure & (moved.mean(axis=1, keepdims=True) > _ALONG_IT)
+    left, right = (_where(*sides) for sides in zip(moved, body.projected, found.projected, strict=True))
+    return Seams(
+        edge=np.where(moved, body.edge, found.edge),
+        support=np.where(moved, body.support, found.support),
+        projected=(left, right),
+        shadow=np.where(moved, shift, 0.0),
+    )
+
+
+def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
+    """(n,) whether what is between an edge and the border (n,) of the shadow has less light than what is beyond it."""
+    outward = np.sign(border - edge)[:, None]
+    beyond = outward * (unrolled.across - border[:, None])
+    between = np.abs(unrolled.across - 0.5 * (edge + border)[:, None])
+    half = np.maximum(0.5 * np.abs(border - edge), 0.5 * (unrolled.across[1] - unrolled.across[0]))[:, None]
+    light = []
+    for mask in (between <= half, (beyond >= OUTSIDE_BAND[0]) & (beyond <= OUTSIDE_BAND[1])):
+        seen = (mask & unrolled.inside)[..., None]
+        total = uniform_filter1d((seen * unrolled.colours).sum(axis=1, dtype=np.float64), window, axis=0)
+        light.append(total / np.maximum(uniform_filter1d(seen.sum(axis=1, dtype=np.float64), window, axis=0), 1e-3))
+    return np.asarray((light[0] * light[1]).sum(axis=1) < (light[1] ** 2).sum(axis=1))
+
+
+def _where(moved: NDArray[np.bool_], own: ColourProjection, other: ColourProjection) -> ColourProjection:
+    """Station by station (n,) the one projection or the other."""
+    values = {}
+    for field in fields(own):
+        one, two = getattr(own, field.name), getattr(other, field.name)
+        values[field.name] = np.where(moved.reshape(-1, *[1] * (one.ndim - 1)), one, two)
+    return ColourProjection(**values)

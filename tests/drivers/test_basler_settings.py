@@ -1,0 +1,177 @@
+"""Settings of a Basler camera, set and read back, on a stand-in for pypylon with the few nodes that the driver uses.
+
+With pypylon itself, on Basler's own emulator: `test_basler_camera.py`.
+"""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eimi_drivers.cameras import CameraSettings, open_camera
+from eimi_drivers.interfaces import InstrumentTimeout, SetPointNotTaken
+
+SETTINGS = CameraSettings(exposure_s=0.002, gain=6.0, gamma=0.8, region=(16, 32, 64, 48), bit_depth=12)
+
+
+class OutOfRange(Exception):
+    pass
+
+
+class Node:
+    """A setting that takes what it is given, or keeps what it has."""
+
+    def __init__(self, value: Any, stuck: bool = False) -> None:
+        self._value, self._stuck = value, stuck
+
+    @property
+    def Value(self) -> Any:
+        return self._value
+
+    @Value.setter
+    def Value(self, value: Any) -> None:
+        self._value = self._value if self._stuck else value
+
+
+class Result:
+    """What a grab gives: a frame, or nothing in time."""
+
+    def __init__(self, number: int | None) -> None:
+        self._number = number
+
+    def __enter__(self) -> Result:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        pass
+
+    def IsValid(self) -> bool:
+        return self._number is not None
+
+    def GrabSucceeded(self) -> bool:
+        return True
+
+    def GetTimeStamp(self) -> int:
+        return 5_000_000_000
+
+    def GetBlockID(self) -> int | None:
+        return self._number
+
+    def GetArray(self) -> np.ndarray:
+        return np.full((48, 64), self._number, np.uint16)
+
+
+class Device:
+    """A camera with an exposure of ten milliseconds; a trigger gives one frame, `late` by so many looks."""
+
+    def __init__(self, stuck: str = "") -> None:
+        defaults = {"ExposureTime": 1e4, "Gain": 0.0, "Gamma": 1.0, "PixelFormat": "Mono8"}
+        defaults |= {"OffsetX": 0, "OffsetY": 0, "Width": 1280, "Height": 1024}
+        for name, value in defaults.items():
+            setattr(self, name, Node(value, name == stuck))
+        self.GevTimestampTickFrequency = Node(1e9)
+        self.TriggerSelector, self.TriggerMode, self.TriggerSource = Node(""), Node("Off"), Node("")
+        self.ready: list[int] = []
+        self.triggered, self.late, self.grabbing = 0, False, False
+
+    def Open(self) -> None: ...
+
+    def Close(self) -> None: ...
+
+    def StartGrabbing(self, strategy: object) -> None:
+        self.grabbing = True
+
+    def StopGrabbing(self) -> None:
+        self.grabbing = False
+
+    def IsGrabbing(self) -> bool:
+        return self.grabbing
+
+    def IsCameraDeviceRemoved(self) -> bool:
+        return False
+
+    def WaitForFrameTriggerReady(self, timeout_ms: int, how: object) -> bool:
+        return True
+
+    def ExecuteSoftwareTrigger(self) -> None:
+        self.triggered += 1
+        self.ready.append(self.triggered)
+
+    def RetrieveResult(self, timeout_ms: int, how: object) -> Result:
+        if self.late and timeout_ms:
+            self.late = False
+            return Result(None)
+        return Result(self.ready.pop(0) if self.ready else None)
+
+
+@pytest.fixture
+def device(monkeypatch: pytest.MonkeyPatch) -> Device:
+    """The camera that a stand-in for pypylon finds attached."""
+    found = Device()
+    attached = SimpleNamespace(GetSerialNumber=lambda: "4711")
+    factory = SimpleNamespace(EnumerateDevices=lambda: [attached], CreateDevice=lambda device: device)
+    package, pylon, genicam = ModuleType("pypylon"), ModuleType("pypylon.pylon"), ModuleType("pypylon.genicam")
+    vars(pylon).update(
+        TlFactory=SimpleNamespace(GetInstance=lambda: factory),
+        InstantCamera=lambda device: found,
+        GrabStrategy_OneByOne=0,
+        TimeoutHandling_Return=0,
+    )
+    vars(genicam).update(GenericException=OutOfRange, OutOfRangeException=OutOfRange, IsReadable=lambda node: True)
+    vars(package).update(pylon=pylon, genicam=genicam)
+    for module in (package, pylon, genicam):
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    return found
+
+
+def test_every_setting_reaches_its_node_in_the_camera_s_unit(device: Device) -> None:
+    camera = open_camera("basler", 0, SETTINGS)
+    assert device.ExposureTime.Value == pytest.approx(2000.0)  # microseconds
+    assert (device.Gain.Value, device.Gamma.Value, device.PixelFormat.Value) == (6.0, 0.8, "Mono12")
+    region = (device.OffsetX.Value, device.OffsetY.Value, device.Width.Value, device.Height.Value)
+    assert region == (16, 32, 64, 48)
+    assert (device.TriggerMode.Value, device.TriggerSource.Value) == ("On", "Software")
+    assert camera.settings.exposure_s == pytest.approx(0.002)
+    assert camera.settings.bit_depth == 12
+
+
+@pytest.mark.parametrize(
+    ("node", "setting"),
+    [
+        ("ExposureTime", "exposure_s"),
+        ("Gain", "gain"),
+        ("Gamma", "gamma"),
+        ("Width", "region"),
+        ("OffsetY", "region"),
+        ("PixelFormat", "bit_depth"),
+    ],
+)
+def test_a_setting_that_the_camera_did_not_take_is_named(device: Device, node: str, setting: str) -> None:
+    setattr(device, node, Node(getattr(device, node).Value, stuck=True))
+    with pytest.raises(SetPointNotTaken, match=f"{setting} was set to .* but reads back"):
+        open_camera("basler", 0, SETTINGS)
+    assert not device.grabbing
+
+
+def test_a_frame_of_an_earlier_trigger_is_not_taken_for_the_next(device: Device) -> None:
+    camera = open_camera("basler", "4711")
+    device.late = True
+    with pytest.raises(InstrumentTimeout):
+        camera.grab(0.01)
+    assert device.ready == [1]  # it came after its time was up
+    frame = camera.grab(1.0)
+    assert (frame.number, int(frame.image[0, 0]), frame.timestamp_s) == (2, 2, 5.0)
+
+
+@pytest.mark.parametrize(("found", "taken"), [(1.01, True), (0.99, True), (1.05, False), (0.95, False)])
+def test_a_setting_may_be_rounded_to_a_step_and_no_more(found: float, taken: bool) -> None:
+    asked, answer = CameraSettings(exposure_s=0.01), CameraSettings(exposure_s=0.01 * found)
+    if taken:
+        asked.verify("camera", answer)
+        return
+    with pytest.raises(SetPointNotTaken, match="exposure_s was set to"):
+        asked.verify("camera", answer)

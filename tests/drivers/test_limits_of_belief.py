@@ -1,0 +1,72 @@
+"""How far an instrument is believed, and how long a line is waited for."""
+
+from __future__ import annotations
+
+import os
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from eimi_drivers.clock import SimulatedClock
+from eimi_drivers.emulators import CoilSupply
+from eimi_drivers.emulators.korad import KoradDialect
+from eimi_drivers.interfaces import InstrumentTimeout, Limits, SetPointNotTaken
+from eimi_drivers.supplies import transport
+from eimi_drivers.supplies.korad import KoradSupply
+from eimi_drivers.supplies.transport import WRITE_TIMEOUT_S, InProcessTransport, SerialTransport, VisaTransport
+
+
+class Rounding(KoradDialect):
+    """Reads a set-point back with so much added."""
+
+    more_A = 0.0
+
+    def receive(self, data: bytes) -> bytes:
+        answer = super().receive(data)
+        if data == b"ISET1?":
+            return f"{self.supply.state.set_current_A + self.more_A:.3f}K".encode()
+        return answer
+
+
+@pytest.mark.parametrize(
+    ("more_A", "believed"), [(0.0, True), (0.001, True), (-0.001, True), (0.003, False), (-0.005, False)]
+)
+def test_a_read_back_may_be_one_step_off_and_no_more(more_A: float, believed: bool) -> None:
+    clock = SimulatedClock()
+    dialect = Rounding(CoilSupply(clock))
+    dialect.more_A = more_A
+    supply = KoradSupply(InProcessTransport(dialect, clock), Limits(1.0, 10.0), clock)
+    if believed:
+        supply.set_current(0.5)
+        return
+    with pytest.raises(SetPointNotTaken, match=r"was set to 0\.500 A but reads back"):
+        supply.set_current(0.5)
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pseudo-terminals")
+def test_a_serial_line_that_takes_no_bytes_is_a_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(transport, "WRITE_TIMEOUT_S", 0.2)
+    far, near = os.openpty()  # nobody reads at the far end
+    try:
+        line = SerialTransport(os.ttyname(near))
+        with pytest.raises(InstrumentTimeout, match="takes no more bytes"):
+            line.write(b"*IDN?\n" * 100_000)
+    finally:
+        os.close(near)
+        os.close(far)
+
+
+def test_a_visa_line_has_a_limit_of_its_own_for_writing() -> None:
+    """Another one than the last answer was waited for."""
+    line = VisaTransport.__new__(VisaTransport)
+    seen: list[float] = []
+    resource: Any = SimpleNamespace(timeout=None, read_termination=None)
+    resource.write_raw = lambda message: seen.append(resource.timeout)
+    resource.read_bytes = lambda size, break_on_termchar: b"1\n"
+    line.address, line._failed, line._is_stream, line._resource = "TCPIP::here::INSTR", False, False, resource
+    line.write(b"CURR 1\n")
+    line.read(10, 60.0, b"\n")
+    line.write(b"OUTP 0\n")
+    assert seen == [round(1000 * WRITE_TIMEOUT_S)] * 2

@@ -1,0 +1,246 @@
+"""How wide intervals are, part by part: against the scatter of repeated measurements and against sums done by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import stats
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.budget import Moves, budget
+from eimi_fitting.inference.considered import ConsideredSources, Steps, sources_of
+from eimi_fitting.inference.covariance import Linearisation, LinearStates, point_correlation
+from eimi_fitting.inference.draws import draw_noise, interval_95, quantity
+from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.identification import identify
+from eimi_fitting.inference.measurements import EdgeObservation, PointObservation, edge_curves, points_on
+from eimi_fitting.inference.objective import Problem
+from eimi_fitting.inference.profile_likelihood import Ends
+from eimi_fitting.inference.sources import SOURCES, StatedSource, loads_under, specimen_under
+from eimi_fitting.inference.unknowns import Prior, SharedUnknowns, Unknowns, nuisances
+from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.search_space import search_space
+
+Array = NDArray[np.float64]
+
+STATES, POINTS, DRAWS = 24, 120, 1500
+BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
+NOWHERE = EdgeObservation(np.zeros((1, 2, 1, 2)), np.ones((1, 2, 1)))
+
+
+def alike(rng: np.random.Generator, draws: int, along: int, states: int) -> Array:
+    """(D, K, 2, m): unit noise that is the mean of so many neighbours along an edge and from state to state."""
+    white = rng.normal(size=(draws, STATES + states - 1, 2, POINTS + along - 1))
+    over_edge = np.lib.stride_tricks.sliding_window_view(white, along, axis=3).mean(axis=-1)
+    both = np.lib.stride_tricks.sliding_window_view(over_edge, states, axis=1).mean(axis=-1)
+    return np.asarray(both * np.sqrt(along * states))
+
+
+def linear_states(residuals: Array, level: Array) -> LinearStates:
+    """One unknown that every point feels about as much; residuals (K, 2, m), of so much noise (K,) in each state."""
+    slopes = np.linspace(0.8, 1.2, STATES)[:, None, None] * np.ones((1, STATES, 2, POINTS))
+    counts = np.full(STATES, 2.0 * POINTS)
+    weights = 300.0 / (STATES * level.mean() * counts * level)
+    return LinearStates(residuals, slopes, np.ones_like(residuals), weights, counts, level)
+
+
+def linearisation(states: LinearStates, prior: float) -> Linearisation:
+    """About an optimum of that one unknown."""
+    return Linearisation(
+        unit=np.full(1, 0.5),
+        objective_mm=1.0,
+        states=(states,),
+        points=STATES * 2 * POINTS,
+        independent_points=300.0,
+        likelihood_points=300.0,
+        noise_points=300.0,
+        noise_mm=1.0,
+        residual_mm=1.0,
+        curves=np.zeros(0),
+        curve_slopes=np.zeros((1, 0)),
+        priors=np.zeros(0),
+        information=states.information,
+        score_variance=states.score_variance(NOWHERE),
+        prior=np.array([[prior]]),
+    )
+
+
+@pytest.mark.parametrize(("along", "states"), [(1, 1), (6, 1), (1, 3), (6, 3)])
+@pytest.mark.parametrize("share", [0.0, 1.0], ids=["flat", "prior"])
+def test_the_variance_is_that_of_repeated_measurements(along: int, states: int, share: float) -> None:
+    """Points that are alike count as one; what was known before is worth what it says. share: of the data's own."""
+    rng = np.random.default_rng(along + 10 * states)
+    level = np.linspace(0.5, 2.0, STATES)  # some states are noisier
+    noise = level[:, None, None] * alike(rng, DRAWS, along, states)
+    information = float(linear_states(noise[0], level).information[0, 0])
+    prior = share * information
+    predicted = np.mean([linearisation(linear_states(r, level), prior).covariance()[0, 0] for r in noise[:40]])
+    scores = np.array([linear_states(r, level).score(r)[0] for r in noise])
+    truth = rng.normal(0, 1 / np.sqrt(prior), DRAWS) if prior else np.zeros(DRAWS)
+    found = (information * truth - scores) / (information + prior)
+    # tau is summed from lags that are themselves noisy, and so a little too large.
+    assert predicted == pytest.approx(np.var(found - truth), rel=0.25)
+
+
+def test_the_covariance_is_as_many_times_wider_as_it_is_told() -> None:
+    about = linearisation(linear_states(np.ones((STATES, 2, POINTS)), np.ones(STATES)), 1e-9)
+    assert about.covariance(2.0) == pytest.approx(4 * about.covariance(), rel=1e-3)
+
+
+def test_points_count_as_one_along_an_edge_and_from_state_to_state() -> None:
+    rng = np.random.default_rng(3)
+    for along, states in ((1, 1), (6, 1), (1, 3), (6, 3)):
+        noise = alike(rng, 1, along, states)[0]
+        # Neighbours along an edge of a state's mean are alike too where states are.
+        counted = point_correlation(noise, np.ones_like(noise), NOWHERE)
+        assert counted == pytest.approx(along * states, rel=0.3)
+
+
+def test_tracked_points_of_a_state_share_their_stated_error() -> None:
+    rng = np.random.default_rng(5)
+    sigma = np.array([0.02, 0.01, 0.03])
+    slopes = rng.uniform(0.5, 1.5, (1, 3, 2, 8))
+    seen = PointObservation(np.zeros((3, 8, 2)), np.zeros((3, 8, 2)), np.tile(sigma[:, None], (1, 8)))
+    own = LinearStates(
+        np.full((3, 2, 8), 1e-6),
+        slopes,
+        np.ones((3, 2, 8)),
+        np.array([1.0, 2.0, 0.5]),
+        np.full(3, 8.0),
+        np.full(3, 1e-6),
+    )
+    shifts = rng.normal(size=(20_000, 3, 2)) * sigma[:, None]
+    scores = np.einsum("k,dkg,kg->d", own.weights, shifts, slopes.sum(axis=-1)[0])
+    assert own.score_variance(seen)[0, 0] == pytest.approx(np.var(scores), rel=0.05)
+    # Residuals far above what is stated count as well.
+    worse = replace(own, error_mm=np.full(3, 0.5))
+    assert worse.score_variance(seen)[0, 0] > 50 * own.score_variance(seen)[0, 0]
+
+
+def test_an_interval_of_two_states_is_as_wide_as_student_s_t_asks() -> None:
+    """Four edges tell the noise: three degrees of freedom. So much noise that the mesh does not count."""
+    model, loads = BeamModel(BEAM, 26, 2), Loads.along((3.0, 7.0))
+    truth = np.array([[46e3], [46e3 * 1.01]])
+    shapes = model.solve(LAWS["neo-hookean"], truth, loads)
+    sides = points_on(edge_curves(model, shapes)[0], 3)[:, :, 1:-1]
+    noisy = sides + np.random.default_rng(2).normal(0, 0.03, sides.shape)
+    sigma = np.full(sides.shape[2], 0.03)
+    observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in noisy])
+    fit = identify("neo-hookean", [Experiment(BeamModel(BEAM), loads, observed)])
+    residuals = observed.misfit(model, shapes).residuals
+    slope_mm = (residuals[1] - residuals[0]) / np.log(1.01)  # by the modulus' logarithm
+    known = fit.identifiability
+    assert known.noise_mm is not None
+    assert known.noise_points is not None
+    deviation = known.noise_mm / np.sqrt(known.noise_points * np.mean(slope_mm**2))
+    low, high = fit.initial_shear_modulus.interval_95
+    assert 0.5 * np.log(high / low) == pytest.approx(stats.t.ppf(0.975, 3) * deviation, rel=0.2)
+
+
+def shared(source: str, size: float) -> SharedUnknowns:
+    return SharedUnknowns(source, (0,), size)
+
+
+def test_the_budget_has_the_largest_source_first_and_halves_it() -> None:
+    """One unknown, the logarithm of a modulus; two sources that move it by 1 and by 3 %."""
+    sources = [ConsideredSources(name, shared(name, 0.1), (None,)) for name in ("depth", "width")]
+    rng = np.random.default_rng(1)
+    moved = np.array([[0.01], [0.03]])
+    steps = Steps(moved, np.zeros(1))
+    moves = Moves(np.full(1, 0.5), 1e-5 * rng.normal(size=(4000, 1)), rng.normal(size=(4000, 2)), steps)
+    entries, measure_next = budget(sources, moves, lambda unit: 46e3 * np.exp(unit[:, 0] - 0.5))
+    assert [entry.source for entry in entries] == ["width", "depth"]
+    assert [entry.effect_percent for entry in entries] == pytest.approx([3.0, 1.0], rel=1e-2)
+    assert (measure_next.source, measure_next.words) == ("width", SOURCES["width"].words)
+    low, high = measure_next.initial_shear_modulus_interval_95_Pa
+    assert 0.5 * np.log(high / low) == pytest.approx(1.96 * np.hypot(0.015, 0.01), rel=0.1)
+
+
+def test_draws_move_as_the_sources_do_and_hold_what_the_corrections_leave() -> None:
+    moves = Moves(
+        np.full(1, 0.5),
+        np.array([[0.01], [0.0], [-0.02]]),
+        np.array([[1.0, 0.0], [-1.0, 2.0], [0.0, 0.0]]),
+        Steps(np.array([[0.02], [0.05]]), np.zeros(1)),
+    )
+    assert moves.units()[:, 0] == pytest.approx([0.53, 0.58, 0.48])
+    assert moves.units(of_sources=0.0)[:, 0] == pytest.approx([0.51, 0.5, 0.48])
+    assert moves.units(of_noise=0.5, of_sources=np.array([1.0, 0.5]))[:, 0] == pytest.approx([0.525, 0.53, 0.49])
+    rng = np.random.default_rng(0)
+    unit, covariance = np.full(2, 0.5), np.diag([0.01**2, 0.02**2])
+    ends = Ends(unit - 0.1, unit + 0.1, ())
+    drawn = draw_noise(rng, unit, covariance, ends, np.array([[0.03, 0.01]]), np.array([0.02]))
+    expected = covariance + np.outer([0.03, 0.01], [0.03, 0.01]) + np.diag([0.02**2, 0.0])
+    assert np.cov(drawn.T) == pytest.approx(expected, rel=0.1, abs=1e-5)
+    # A profiled coordinate has two halves, each as wide as its end.
+    skewed = Ends(np.array([0.4, 0.4]), np.array([0.54, 0.6]), (0,))
+    halves = draw_noise(rng, unit, covariance, skewed, np.zeros((0, 2)), np.zeros(0))[:, 0]
+    assert interval_95(unit[0] + halves) == pytest.approx((0.4, 0.54), abs=2e-3)
+
+
+def test_a_quantity_has_its_ends_in_their_order_and_each_in_its_place() -> None:
+    every, alone = np.linspace(0, 100, 1001), np.linspace(40, 60, 1001)
+    found = quantity(50.0, "Pa", every, alone)
+    assert found.interval_95 == pytest.approx((2.5, 97.5))
+    assert found.interval_95_fit == pytest.approx((40.5, 59.5))
+
+
+def problem(*freed: Prior, stated: tuple[str, ...] = ()) -> Problem:
+    known = tuple(StatedSource(source, SOURCES[source].usual, "here") for source in stated)
+    model, loads = BeamModel(BEAM), Loads.along((3.0,))
+    experiment = Experiment(model, loads, NOWHERE, stated=known)
+    unknowns = Unknowns(search_space(LAWS["neo-hookean"]), nuisances(freed, 1, [known]))
+    return Problem(LAWS["neo-hookean"], unknowns, (experiment,))
+
+
+def test_what_is_freed_and_what_says_the_same_is_not_counted_beside_it() -> None:
+    both = ("remanence", "width")
+    assert [group.source for group in sources_of(problem(stated=both))] == list(both)[::-1]
+    assert [group.source for group in sources_of(problem(Prior("moment", 0.02), stated=both))] == ["width"]
+    assert [group.source for group in sources_of(problem(Prior("width"), stated=both))] == ["remanence"]
+
+
+def test_a_freed_number_is_held_by_its_prior_alone() -> None:
+    """One standard deviation costs as much as one standard deviation of anything else."""
+    unknowns = problem(Prior("moment", 0.02)).unknowns
+    one_off = np.array([[0.3, 0.5]])
+    one_off[0, 1] += 1 / np.sqrt(unknowns.prior[1])
+    assert unknowns.standardised(one_off) == pytest.approx(np.ones((1, 1)))
+    assert unknowns.freed[0].value(one_off[:, 1]) == pytest.approx([0.02])
+
+
+def turned(angle_deg: float) -> Array:
+    return np.array([np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))])
+
+
+def test_what_deviates_in_direction_turns_field_gravity_and_weight() -> None:
+    loads = Loads.along([5.0], 90.0, 10.0, [0.02])
+    for source, field_deg, gravity_deg in (("field", 93.0, 10.0), ("gravity", 90.0, 13.0), ("axis", 87.0, 7.0)):
+        there = loads_under(loads, {source: np.array([3.0])})
+        assert there.field_T[0] == pytest.approx(5e-3 * turned(field_deg))
+        assert there.gravity[0] == pytest.approx(9.80665 * turned(gravity_deg))
+        assert there.tip_force_N[0] == pytest.approx(0.02 * turned(gravity_deg))
+
+
+def test_a_zero_of_the_current_adds_as_many_millitesla_to_every_field() -> None:
+    loads = Loads.along([-2.0, 0.0, 5.0], 60.0)
+    there = loads_under(loads, {"offset": np.array([0.5])})
+    assert there.field_T == pytest.approx(Loads.along([-1.5, 0.5, 5.5], 60.0).field_T)
+
+
+def test_a_dimension_deviates_by_what_is_said_of_it() -> None:
+    for source, own in (
+        ("width", "width_mm"),
+        ("depth", "depth_mm"),
+        ("length", "length_mm"),
+        ("density", "density_kg_m3"),
+    ):
+        assert getattr(specimen_under(BEAM, {source: np.array([0.3])}), own) == getattr(BEAM, own) + 0.3
+    for source, own in (("remanence", "remanence_T"), ("magnet-width", "width_mm"), ("magnet-offset", "tip_offset_mm")):
+        magnet = specimen_under(BEAM, {source: np.array([0.3])}).magnet
+        assert getattr(magnet, own) == getattr(BEAM.magnet, own) + 0.3

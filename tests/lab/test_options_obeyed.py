@@ -1,0 +1,257 @@
+"""What a person asks for on the command line reaches what does the work, and no input is ever an output."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from eimi_lab.config.rig import load_rig
+from eimi_lab.dataset.layout import note
+from eimi_lab.errors import InputError
+from eimi_lab.fits.checkpoint import Checkpoint, Head
+from eimi_lab.fits.evidence import load_evidence
+from eimi_lab.fits.options import FitOptions
+
+Run = Callable[..., tuple[int, str]]
+
+# Another value than the default, for every option of `eimi fit` on which its numbers depend.
+OTHERS: dict[str, Any] = {
+    "section": "plane-stress",
+    "include_flagged": True,
+    "free": ["roll=0.2"],
+    "tensile": ["curve.csv"],
+    "tensile_window": "20",
+    "tensile_weight": 0.5,
+    "restarts": 2,
+    "bipop": True,
+}
+
+
+@pytest.fixture
+def curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A tensile curve in the folder of the test."""
+    rows = [f"{e:.2f},{60 * (1 + e - (1 + e) ** -2):.4f}" for e in np.linspace(0.02, 0.8, 40)]
+    (tmp_path / "curve.csv").write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "curve.csv"
+
+
+def options(**changes: Any) -> FitOptions:
+    """With a curve where an option is one of a curve."""
+    if changes.keys() & {"tensile", "tensile_window", "tensile_weight"}:
+        changes["tensile"] = [Path("curve.csv")]
+    return FitOptions(**changes)
+
+
+def test_every_option_of_a_fit_has_another_value_here() -> None:
+    assert OTHERS.keys() == {field.name for field in dataclasses.fields(FitOptions)}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_checkpoint_is_not_gone_on_with_under_another_option(curve: Path, tmp_path: Path, name: str) -> None:
+    """Every option stands in the head by its value: a search under another one would lead elsewhere."""
+    before = FitOptions(tensile=[Path("curve.csv")]) if name in ("tensile_window", "tensile_weight") else FitOptions()
+    after = options(**{name: OTHERS[name]})
+    assert before.head() != after.head()
+    assert after.head()[name] not in (None, False, 0, [])
+
+    def head(chosen: FitOptions) -> Head:
+        return Head(fits=("one",), datasets=("0" * 64,), options=chosen.head(), versions={"numpy": "1"})
+
+    log = tmp_path / "log.jsonl"
+    Checkpoint(log, head(before), resume=False)
+    Checkpoint(log, head(before), resume=True)
+    with pytest.raises(InputError, match="should be the same to resume"):
+        Checkpoint(log, head(after), resume=True)
+
+
+@pytest.mark.parametrize("change", [{"datasets": ("1" * 64,)}, {"fits": ("two",)}, {"versions": {"numpy": "2"}}])
+def test_a_checkpoint_is_not_gone_on_with_on_other_data(tmp_path: Path, change: dict[str, Any]) -> None:
+    one = {"fits": ("one",), "datasets": ("0" * 64,), "options": {"seed": 1}, "versions": {"numpy": "1"}}
+    log = tmp_path / "log.jsonl"
+    Checkpoint(log, Head(**one), resume=False)
+    with pytest.raises(InputError, match="should be the same to resume"):
+        Checkpoint(log, Head(**one | change), resume=True)
+
+
+def test_every_option_of_a_fit_reaches_the_mathematics(curve: Path) -> None:
+    asked = options(free=["roll=0.2", "bulk"], tensile_window="20", tensile_weight=0.5, restarts=2, bipop=True)
+    found = asked.for_identify()
+    assert (found["restarts"], found["bipop"], found["free_bulk"]) == (2, True, True)
+    assert [(prior.kind, prior.spread) for prior in found["free"]] == [("roll", 0.2)]
+    (own,) = found["tensile"]
+    assert (own.weight, own.strain.max()) == (0.5, pytest.approx(0.2))
+    assert FitOptions().for_identify() == {
+        "free": (),
+        "free_bulk": False,
+        "tensile": (),
+        "restarts": 0,
+        "bipop": False,
+    }
+
+
+@dataclasses.dataclass
+class Reached(Exception):
+    """What was asked of the one who does the work, told by leaving."""
+
+    given: tuple[Any, ...]
+    named: dict[str, Any]
+
+
+@pytest.fixture
+def reached(monkeypatch: pytest.MonkeyPatch, run: Run) -> Callable[..., tuple[tuple[Any, ...], dict[str, Any]]]:
+    """Runs a command until it calls a function of the suite, named as `module.function`; with what it calls it."""
+
+    def reached(function: str, *arguments: object) -> tuple[tuple[Any, ...], dict[str, Any]]:
+        found: list[Reached] = []
+
+        def told(*given: Any, **named: Any) -> None:
+            found.append(Reached(given, named))
+            raise InputError("as far as this test wants to go")
+
+        with monkeypatch.context() as patch:
+            patch.setattr(f"eimi_lab.{function}", told)
+            status, said = run(*arguments)
+        assert status == 2
+        assert found, said
+        return found[0].given, found[0].named
+
+    return reached
+
+
+def test_flagged_states_and_a_section_are_asked_for_in_fit_and_in_validate(
+    reached: Any, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eimi_lab.fits.fits_file.read_any_fits", lambda path: ())
+    (tmp_path / "fits.json").write_text("{}")
+    fit = ("fit", dataset, "--model", "yeoh", "-o", tmp_path / "new.json")
+    validate = ("validate", dataset, "--fit", tmp_path / "fits.json", "-o", tmp_path / "new.json")
+    for command in (fit, validate):
+        _, plain = reached("fits.evidence.load_evidence", *command)
+        assert (plain["section"], plain["flagged"]) == (None, False)
+        _, asked = reached("fits.evidence.load_evidence", *command, "--include-flagged", "--section", "plane-strain")
+        assert (asked["section"], asked["flagged"]) == ("plane-strain", True)
+
+
+def test_simulate_obeys_its_angles_and_has_the_coil_constant_of_its_help(reached: Any, tmp_path: Path) -> None:
+    command = ("simulate", "dragon_skin_10", "--specimen", "type1", "--model", "neo-hookean")
+    command += ("--parameter", "mu_Pa=46e3", "-o", tmp_path / "out")
+    given, _ = reached("simulation.simulate", *command)
+    assert given[3] == pytest.approx(4.7 * np.linspace(0, 1.5, 16))
+    assert given[4:7] == (0.0, 90.0, None)
+    more = ("--coil-constant", "2", "--gravity-angle", "30", "--field-angle", "60", "--bulk-modulus-kPa", "900")
+    given, _ = reached("simulation.simulate", *command, *more)
+    assert given[3] == pytest.approx(2.0 * np.linspace(0, 1.5, 16))
+    assert given[4:7] == (30.0, 60.0, 900.0)
+
+
+def test_tensile_demo_plan_and_bench_obey_their_options(
+    reached: Any, curve: Path, files: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tensile = ("tensile", curve, "--model", "yeoh", "--window", "20", "-o", "new.json")
+    for more, relative in ((), False), (("--relative",), True):
+        given, _ = reached("fits.tensile_fits.fit_window", *tensile, *more)
+        assert given[1:] == ("yeoh", 20.0, relative)
+    _, named = reached("demonstration.demonstrate", "demo", "--quick", "--seed", "7", "-o", "here")
+    assert (named["seed"], named["quick"]) == (7, True)
+    monkeypatch.setattr("eimi_lab.fits.fits_file.read_any_fits", lambda path: ())
+    plan = ("plan", "fits.json", "dragon_skin_10", "--specimen", "bench_example", "--rig", "bench_example")
+    plan += ("-o", "planned.toml")
+    given, _ = reached("fits.planning.Goal.of", *plan, "--goal", "yeoh", "--model", "ogden")
+    assert given[2:] == ("ogden", "yeoh")
+    bench = ("acquire", files / "protocol.toml", "--specimen", "type1", "--rig", "virtual", "-o", "run.h5")
+    for more, words, take_over in ((), "", False), (("--note", "cold", "--take-over"), "cold", True):
+        _, named = reached("acquisition.run.acquire", *bench, *more)
+        assert (named["note"], named["take_over"], named["resume"]) == (words, take_over, False)
+
+
+def test_calibrate_obeys_what_is_known_of_board_beam_and_gravity(reached: Any, files: Path) -> None:
+    picture = files / "board.png"
+    picture.write_bytes(b"")
+    common = ("--coil-constant", "4.7", "--clamp-midpoint-px", "64", "8", "-o", files / "new.toml")
+    board = ("calibrate", picture, "--board", "charuco", *common)
+    given, _ = reached("vision.calibration.calibration_file.from_board", *board)
+    setup = given[3]
+    assert (setup.axis_angle_deg, setup.gravity_angle_deg, setup.field_angle_deg) == (90.0, 90.0, 0.0)
+    assert given[4] == pytest.approx(1e-3)
+    more = ("--board-error-percent", "0.5", "--gravity-angle", "80", "--axis-angle", "70", "--field-angle", "10")
+    given, _ = reached("vision.calibration.calibration_file.from_board", *board, *more)
+    setup = given[3]
+    assert (setup.axis_angle_deg, setup.gravity_angle_deg, setup.field_angle_deg) == (70.0, 80.0, 10.0)
+    assert given[4] == pytest.approx(5e-3)
+    beam = ("calibrate", picture, "--specimen", files / "specimen.toml", "--width-tolerance-mm", "0.2", *common)
+    given, _ = reached("vision.calibration.calibration_file.from_beam", *beam)
+    assert given[3] == 0.2
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "fit a.h5 --model yeoh -o a.h5",
+        "fit a.h5 --model yeoh --checkpoint a.h5 -o new.json",
+        "fit a.h5 --model yeoh --tensile b.csv -o b.csv",
+        "validate a.h5 --fit f.json -o a.h5",
+        "validate a.h5 --fit f.json -o f.json",
+        "tensile b.csv --model yeoh -o b.csv",
+        "export f.json --model yeoh --to abaqus --bulk-ratio 2000 -o f.json",
+        "report a.h5 --fit f.json -o a.h5",
+        "report a.h5 --fit f.json -o f.json",
+        "plan f.json p.toml --specimen s.toml --rig r.toml -o f.json",
+        "plan f.json p.toml --specimen s.toml --rig r.toml -o p.toml",
+        "plan f.json p.toml --specimen s.toml --rig r.toml -o s.toml",
+        "plan f.json p.toml --specimen s.toml --rig r.toml -o r.toml",
+        "import pictures --states b.csv --specimen s.toml --calibration c.toml -o b.csv",
+        "import pictures --states b.csv --specimen s.toml --calibration c.toml -o c.toml",
+        "import pictures --states b.csv --specimen s.toml --calibration c.toml -o s.toml",
+        "import t.csv --states b.csv --specimen s.toml --gravity-angle 0 -o t.csv",
+        "calibrate x.png --board charuco --coil-constant 4.7 --clamp-midpoint-px 1 1 -o x.png",
+        "calibrate x.png --specimen s.toml --coil-constant 4.7 --clamp-midpoint-px 1 1 -o s.toml",
+        "acquire p.toml --specimen s.toml --rig r.toml -o p.toml",
+        "acquire p.toml --specimen s.toml --rig r.toml -o s.toml",
+    ],
+)
+@pytest.mark.parametrize("through", ["by name", "by a link"])
+def test_no_file_that_is_read_is_written_over_however_forced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, command: str, through: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pictures").mkdir()
+    for name in ("a.h5", "b.csv", "c.toml", "f.json", "p.toml", "r.toml", "s.toml", "t.csv", "x.png"):
+        (tmp_path / name).write_text(f"what {name} holds")
+    arguments = command.split()
+    if through == "by a link":
+        place = arguments.index("--checkpoint" if "--checkpoint" in arguments else "-o") + 1
+        (tmp_path / "link").symlink_to(arguments[place])
+        arguments[place] = "link"
+    status, said = run(*arguments, "--force")
+    assert status == 2
+    assert said.count("\n") == 1
+    assert "it is in use as another file here" in said
+    for name in ("a.h5", "b.csv", "c.toml", "f.json", "p.toml", "r.toml", "s.toml", "t.csv", "x.png"):
+        assert (tmp_path / name).read_text() == f"what {name} holds"
+
+
+def test_states_flagged_by_their_run_are_left_out_unless_asked_for(dataset: Path) -> None:
+    """The drawn dataset's second state has such a flag, and edges as good as the first's."""
+    names = {state.state: state.flags for state in load_evidence(dataset, flagged=True).used.flagged}
+    assert "NOT_SETTLED" in names[1]
+    assert "NOT_SETTLED" not in names.get(0, ())
+    left_out = load_evidence(dataset).used.left_out
+    assert [state.state for state in left_out] == [1]
+    assert "NOT_SETTLED" in left_out[0].flags
+
+
+def test_what_a_rig_states_of_its_current_reaches_the_fit(dataset: Path) -> None:
+    load_evidence(dataset, flagged=True)  # finds the edges
+    rig = load_rig("bench_example")
+    with h5py.File(dataset, "r+", libver="latest") as file:
+        note(file["entry"], "rig", rig.text, "application/toml")
+    stated = {source.source: source for source in load_evidence(dataset, flagged=True).experiment.stated}
+    assert rig.uncertainty is not None
+    assert stated["offset"].standard_uncertainty == pytest.approx(4.7 * rig.uncertainty["current_A"])  # mT

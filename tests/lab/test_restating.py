@@ -1,0 +1,135 @@
+"""Specimen and calibration corrected after a run: a wrong number is told, put right, and the fit is right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.dataset.recovery import recover
+from eimi_lab.fits.fits_file import read_any_fits
+
+Run = Callable[..., tuple[int, str]]
+PROTOCOLS = Path(__file__).parents[2] / "protocols"
+
+
+def changed(file: Path, key: str, value: object) -> Path:
+    """A file beside another one that states one key otherwise."""
+    lines = [f"{key} = {value}" if line.startswith(f"{key} = ") else line for line in file.read_text().splitlines()]
+    beside = file.with_name(f"other_{file.name}")
+    beside.write_text("\n".join(lines) + "\n")
+    return beside
+
+
+@pytest.fixture
+def acquired(setup) -> Path:
+    """A run of four states of the small bench, whose edges were found."""
+    setup.run()
+    return setup.path
+
+
+def test_other_files_take_the_place_of_the_stored_ones_which_stay(
+    run: Run, acquired: Path, files: Path, capsys
+) -> None:
+    assert run("segment", acquired)[0] == 0
+    with open_dataset(acquired) as dataset:
+        before = dataset.text("calibration"), dataset.text("specimen")
+        places_mm = (dataset.edges() or ())[0].left.points_mm
+    calibration = changed(files / "calibration.toml", "pixels_per_mm", 8.4)
+    specimen = changed(files / "specimen.toml", "width_mm", 1.9)
+    assert run("segment", acquired, "--calibration", calibration, "--specimen", specimen)[0] == 0
+    with open_dataset(acquired) as dataset:
+        assert dataset.calibration is not None
+        assert (dataset.calibration.pixels_per_mm, dataset.specimen.specimen.width_mm) == (8.4, 1.9)
+        assert dataset.text("calibration") == calibration.read_text()
+        assert (dataset.edges() or ())[0].left.points_mm[:, 1].mean() / places_mm[:, 1].mean() == pytest.approx(
+            8.0 / 8.4, rel=0.01
+        )
+        told = dataset.corrections()
+    assert sorted(line.partition(":")[2] for line in told) == [
+        " pixels_per_mm was 8.0, and is 8.4 now",
+        " specimen.width_mm was 2.0, and is 1.9 now",
+    ]
+    with h5py.File(acquired) as file:
+        kept = [bytes(file[f"entry/former/{name}_0/data"][()]).decode() for name in ("calibration", "specimen")]
+    assert tuple(kept) == before
+    # Once more, and through a recovery: every former file stays, in its order.
+    assert run("segment", acquired, "--axis", "89.5")[0] == 0
+    recover(acquired, files / "again.h5")
+    with open_dataset(files / "again.h5") as dataset:
+        words = [line.partition(": ")[2] for line in dataset.corrections() if line.startswith("calibration")]
+    assert words == ["pixels_per_mm was 8.0, and is 8.4 now", "axis_angle_deg was 90.0, and is 89.5 now"]
+
+
+def test_what_changed_is_told_and_the_same_changes_nothing(run: Run, acquired: Path, files: Path, monkeypatch) -> None:
+    said: list[object] = []
+    monkeypatch.setattr("builtins.print", lambda *lines, **_: said.extend(lines))
+    calibration = changed(files / "calibration.toml", "gravity_angle_deg", -90.0)
+    assert run("segment", acquired, "--calibration", calibration)[0] == 0
+    assert "calibration: gravity_angle_deg was 90.0, and is -90.0 now" in said
+    assert run("segment", acquired, "--calibration", calibration)[0] == 0
+    assert any("states the same already" in str(line) for line in said)
+    with open_dataset(acquired) as dataset:
+        assert len(dataset.corrections()) == 1
+
+
+def test_the_fields_of_a_run_follow_its_coil_constant(run: Run, acquired: Path, files: Path) -> None:
+    with open_dataset(acquired) as dataset:
+        before = np.array([state.field_mT for state in dataset.states])
+    calibration = changed(files / "calibration.toml", "coil_constant_mT_per_A", 9.4)
+    assert run("segment", acquired, "--calibration", calibration)[0] == 0
+    with open_dataset(acquired) as dataset:
+        assert [state.field_mT for state in dataset.states] == pytest.approx(2 * before)
+    with h5py.File(acquired) as file:
+        assert file["entry/data/field"][()].max() == pytest.approx(2 * before.max())
+
+
+def test_files_that_cannot_be_the_datasets_are_refused_with_the_key(
+    run: Run, dataset: Path, pictures: Path, files: Path
+) -> None:
+    before = dataset.read_bytes()
+    status, said = run("segment", dataset, "--specimen", changed(files / "specimen.toml", "name", '"large"'))
+    assert status == 2
+    assert "specimen.name = 'large', where" in said
+    assert "was taken of 'small': is it the file of another specimen?" in said
+    # What is not a run's: pictures come with fields or with currents.
+    status, said = run(
+        "segment", dataset, "--calibration", changed(files / "calibration.toml", "coil_constant_mT_per_A", 9.4)
+    )
+    assert status == 2
+    assert "coil_constant_mT_per_A = 9.4, where" in said
+    assert "import it again" in said
+    assert dataset.read_bytes() == before
+
+
+def test_places_that_a_calibration_leaves_out_stay(run: Run, dataset: Path, files: Path) -> None:
+    lines = [line for line in (files / "calibration.toml").read_text().splitlines() if "clamp" not in line]
+    (files / "corrected.toml").write_text("\n".join(lines).replace("8.0", "8.1"))
+    assert run("segment", dataset, "--calibration", files / "corrected.toml")[0] == 0
+    with open_dataset(dataset) as opened:
+        assert opened.calibration is not None
+        assert (opened.calibration.pixels_per_mm, opened.calibration.clamp_midpoint_px) == (8.1, (64.0, 8.0))
+
+
+@pytest.mark.slow
+def test_a_wrong_width_is_named_corrected_and_fitted(run: Run, tmp_path: Path) -> None:
+    """The way of a person: the beam is half as wide in the pictures as the file says, and then it is not."""
+    data, fits = tmp_path / "run.h5", tmp_path / "fits.json"
+    assert run("acquire", "dragon_skin_10_quick", "--specimen", "type1", "--rig", "virtual", "-o", data)[0] == 0
+    text = (PROTOCOLS / "specimens" / "type1.toml").read_text(encoding="utf-8")
+    (tmp_path / "specimen.toml").write_text(text.replace("width_mm = 3.0 ", "width_mm = 6.0 ", 1))
+    assert run("segment", data, "--specimen", tmp_path / "specimen.toml")[0] == 0
+    fit = ("fit", data, "--model", "neo-hookean", "--section", "plane-stress", "-o", fits, "--force")
+    status, said = run(*fit)
+    assert status == 2
+    assert "the beam in the picture is 0.5 times as wide as it should be" in said
+    assert f"eimi segment {data} --specimen specimen.toml" in said
+    (tmp_path / "specimen.toml").write_text(text)
+    assert run("segment", data, "--specimen", tmp_path / "specimen.toml")[0] == 0
+    assert run(*fit)[0] == 0
+    (found,) = read_any_fits(fits)
+    assert found.initial_shear_modulus.value == pytest.approx(46390, rel=0.06)  # of the section

@@ -1,0 +1,277 @@
+"""What stands behind the first line: the wait for rest, the measured current, the guardian, limits from two files.
+
+Each alone, with instruments made for the purpose, in simulated seconds.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from eimi_drivers.clock import SimulatedClock
+from eimi_drivers.interfaces import Frame, Identity, InstrumentError, Limits, Reading
+from eimi_drivers.supplies.base import WATCHDOG_S
+from eimi_lab.acquisition.capture import capture
+from eimi_lab.acquisition.coil import Coil, never
+from eimi_lab.acquisition.dry_run import dry_run
+from eimi_lab.acquisition.open_bench import open_bench
+from eimi_lab.acquisition.run import check_request
+from eimi_lab.acquisition.settling import wait_until_settled
+from eimi_lab.acquisition.switching_off import switching_off
+from eimi_lab.config.protocol import Protocol, Ramp, Settle, SupplyLimits
+from eimi_lab.config.rig import load_rig
+from eimi_lab.config.specimen import load_specimen
+from eimi_lab.config.toml import parse
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.errors import InputError
+from eimi_lab.vision.settling_statistic import Noise, measure_noise
+
+FRAME_S = 0.1
+RULE = Settle(noise_ratio=1.5, pairs=3, drift_window_s=2.0, timeout_s=20.0)
+RAMP = Ramp(rate_A_per_s=1.0, step_A=0.1, tolerance_A=0.02)
+
+
+class FilmedBeam:
+    """A camera that shows a beam where `place_px` says, of the frames since the last flush; some may be buffered."""
+
+    def __init__(self, place_px: Callable[[int], float], draw: Callable[..., NDArray[Any]]) -> None:
+        self.clock = SimulatedClock()
+        self._place_px, self._draw = place_px, draw
+        self._taken, self.buffered = 0, 0
+        self.flushes = 0
+
+    def identify(self) -> Identity:
+        return Identity("filmed", "a filmed beam", "memory")
+
+    def flush(self) -> None:
+        self.flushes += 1
+        self.buffered = 0
+
+    def grab(self, timeout_s: float) -> Frame:
+        self.clock.sleep(FRAME_S)
+        self._taken += 1
+        if self.buffered:
+            self.buffered -= 1
+            return Frame(self._draw(self._taken, 40.0), -self.buffered, self.clock.now())
+        return Frame(self._draw(self._taken, self._place_px(self._taken)), self._taken, self.clock.now())
+
+    def close(self) -> None: ...
+
+
+def noise_of(draw: Callable[..., NDArray[Any]]) -> Noise:
+    return measure_noise([draw(1000 + k, 0.0) for k in range(8)])
+
+
+def waited_s(frame: Callable[..., NDArray[Any]], place_px: Callable[[int], float]) -> float:
+    """How long the wait lasted; the beam has to come to rest within it."""
+    camera = FilmedBeam(place_px, frame)
+    found = wait_until_settled(camera, camera.clock, RULE, noise_of(frame), never)
+    assert found.flags == ()
+    return found.waited_s
+
+
+def test_a_beam_at_rest_is_watched_for_its_pairs_and_for_the_window(frame: Callable[..., NDArray[Any]]) -> None:
+    assert waited_s(frame, lambda number: 0.0) == pytest.approx(RULE.drift_window_s + FRAME_S, abs=FRAME_S)
+
+
+def test_a_beam_that_creeps_too_slowly_for_two_neighbours_is_waited_for(frame: Callable[..., NDArray[Any]]) -> None:
+    """A fiftieth of a pixel from frame to frame is nothing, two fifths of a pixel in the window are not."""
+    assert waited_s(frame, lambda number: 0.02 * min(number, 60)) > 6.0
+
+
+def test_one_quiet_pair_between_jerks_is_no_rest(frame: Callable[..., NDArray[Any]]) -> None:
+    """A beam that is jerked every third frame: two quiet pairs in a row, but never three."""
+    assert waited_s(frame, lambda number: 2.0 * (min(number, 60) // 3)) > 6.0
+
+
+def test_what_the_camera_had_ready_is_thrown_away(frame: Callable[..., NDArray[Any]]) -> None:
+    camera = FilmedBeam(lambda number: 0.0, frame)
+    camera.buffered = 4
+    wait_until_settled(camera, camera.clock, RULE, noise_of(frame), never)
+    camera.buffered = 4
+    taken = capture(camera, camera.clock, 3, lambda: 0.5, noise_of(frame), never)
+    assert [own.number > 0 for own in taken.frames] == [True] * 3
+    assert taken.measured_A == (0.5, 0.5, 0.5)
+
+
+def test_a_run_throws_away_what_the_camera_had_ready_before_it(setup: Any) -> None:
+    """The noise is measured on frames of the beam at rest, not on those of yesterday."""
+    stale, grab = [3], setup.camera.grab
+
+    def flushed() -> None:
+        stale[0] = 0
+
+    def grabbed(timeout_s: float) -> Frame:
+        found = grab(timeout_s)
+        if stale[0]:
+            stale[0] -= 1
+            return dataclasses.replace(found, image=np.roll(found.image, 30, axis=1))
+        return found
+
+    setup.camera.flush, setup.camera.grab = flushed, grabbed
+    seen: list[Any] = []
+    setup.run(show=seen.append)
+    assert np.abs(seen[0].frame.image.astype(int) - seen[5].frame.image).max() < 20
+
+
+class Obstinate:
+    """A supply that is set to what it is told, and measures something else."""
+
+    limits = Limits(1.0, 10.0)
+
+    def __init__(self, measured_A: float, clock: SimulatedClock) -> None:
+        self.measured_A, self.clock = measured_A, clock
+        self.asked_s: list[float] = []
+        self.did: list[str] = []
+
+    def identify(self) -> Identity:
+        return Identity("none", "none", "nowhere")
+
+    def set_current(self, current_A: float) -> None:
+        self.did.append(f"{current_A:g} A")
+
+    def measure(self) -> Reading:
+        return Reading(self.measured_A, 1.0)
+
+    def check(self) -> None:
+        self.asked_s.append(self.clock.now())
+
+    def safe_off(self) -> None:
+        self.did.append("off")
+
+
+@pytest.mark.parametrize(("measured_A", "right"), [(0.5, True), (0.515, True), (0.47, False), (0.53, False)])
+def test_the_current_of_every_frame_is_compared_with_the_one_asked_for(measured_A: float, right: bool) -> None:
+    clock = SimulatedClock()
+    coil = Coil(Obstinate(measured_A, clock), clock, RAMP, asked_A=0.5)  # type: ignore[arg-type]
+    if right:
+        assert coil.measured_A() == measured_A
+        coil.wait_until_reached()
+        return
+    for act in (coil.measured_A, coil.wait_until_reached):
+        with pytest.raises(InstrumentError, match=r"A measured at a set-point of 0\.5 A"):
+            act()
+
+
+@pytest.mark.parametrize("asked_A", [0.0, 0.5])
+def test_a_supply_hears_of_the_run_before_its_watchdog_loses_patience(asked_A: float) -> None:
+    clock = SimulatedClock()
+    supply = Obstinate(asked_A, clock)
+    coil = Coil(supply, clock, RAMP, asked_A=asked_A)  # type: ignore[arg-type]
+    for _ in range(600):
+        clock.sleep(0.1)
+        coil.keep_in_touch()
+    assert max(np.diff([0.0, *supply.asked_s])) < 0.9 * WATCHDOG_S
+    assert max(np.diff([0.0, *supply.asked_s])) < 2.5 or not asked_A
+
+
+class Watcher:
+    """A guardian that writes down what it is told, and may raise."""
+
+    def __init__(self, did: list[str]) -> None:
+        self.did, self.lost = did, False
+
+    def arm(self) -> None:
+        self.did.append("arm")
+
+    def beat(self) -> None: ...
+
+    def allow(self, seconds: float) -> None:
+        self.did.append("allow")
+
+    def check(self) -> None:
+        if self.lost:
+            raise InstrumentError("the guardian is gone")
+
+    def disarm(self) -> None:
+        self.did.append("disarm")
+
+
+def test_the_guardian_is_armed_before_the_coil_can_be_on_and_until_it_is_off() -> None:
+    clock = SimulatedClock()
+    supply = Obstinate(0.0, clock)
+    watcher = Watcher(supply.did)
+    with switching_off(Coil(supply, clock, RAMP), watcher) as stop_if_asked:  # type: ignore[arg-type]
+        stop_if_asked()
+        supply.did.append("run")
+    assert supply.did == ["arm", "run", "allow", "off", "disarm"]
+
+
+def test_a_run_without_its_guardian_ends_with_the_coil_off() -> None:
+    clock = SimulatedClock()
+    supply = Obstinate(0.0, clock)
+    watcher = Watcher(supply.did)
+
+    def run() -> None:
+        with switching_off(Coil(supply, clock, RAMP), watcher) as stop_if_asked:  # type: ignore[arg-type]
+            watcher.lost = True
+            stop_if_asked()
+            supply.did.append("went on")
+
+    with pytest.raises(InstrumentError, match="guardian is gone"):
+        run()
+    assert supply.did == ["arm", "allow", "off", "disarm"]
+
+
+def test_a_coil_that_could_not_be_switched_off_stays_under_guard() -> None:
+    class Stuck(Obstinate):
+        def safe_off(self) -> None:
+            raise InstrumentError("it stays on")
+
+    clock = SimulatedClock()
+    supply = Stuck(0.0, clock)
+    with (
+        pytest.raises(InstrumentError, match="it stays on"),
+        switching_off(Coil(supply, clock, RAMP), Watcher(supply.did)),  # type: ignore[arg-type]
+    ):
+        pass
+    assert "disarm" not in supply.did
+
+
+def test_a_pause_ends_under_guard(setup: Any) -> None:
+    did: list[str] = []
+    setup.bench = dataclasses.replace(setup.bench, guardian=Watcher(did))
+    switch = setup.coil.switch
+    setup.coil.switch = lambda on: did.append("on" if on else "off") or switch(on)
+    typed = iter([*["", "p"], *[None] * 10_000])
+
+    def types() -> str | None:
+        return next(typed) if setup.coil.state.output else ""
+
+    setup.run(typed=types, remark=lambda words: None)
+    output = [word for word in did if word in ("arm", "on", "disarm")]
+    assert output == ["arm", "on", "disarm", "arm", "on", "disarm"]
+
+
+def test_the_stricter_of_both_limits_reaches_the_supply(files: Any) -> None:
+    rig = load_rig("virtual")
+    limits = rig.supply.limits
+    tight = SupplyLimits(current_A=0.5 * limits.current_A, voltage_V=2 * limits.voltage_V)
+    with open_bench(rig, load_specimen("type1"), tight) as bench:
+        assert bench.supply.limits == Limits(0.5 * limits.current_A, limits.voltage_V)
+        with pytest.raises(InstrumentError, match="was refused"):
+            bench.supply.set_current(0.6 * limits.current_A)
+
+
+def test_a_supply_is_given_its_voltage_and_the_file_its_weight(setup: Any) -> None:
+    setup.protocol = parse(Protocol, "tip_force_N = 0.02\n" + setup.protocol.text, "p")
+    setup.run()
+    assert setup.coil.state.set_voltage_V == 10.0
+    with open_dataset(setup.path) as dataset:
+        assert [state.tip_force_N for state in dataset.states] == [0.02] * 4
+    with pytest.raises(InputError, match="a virtual beam bears no weight"):
+        check_request(setup.protocol, setup.specimen, load_rig("virtual"))
+
+
+def test_a_dry_run_tells_the_stricter_limits_and_the_longest_time(setup: Any) -> None:
+    told: list[str] = []
+    dry_run(setup.protocol, setup.specimen, setup.rig, told.append)
+    assert any(line.startswith("limits: 1 A, 10 V;") for line in told)
+    shortest, longest = (float(word) for word in told[-1].replace("s ", " ").split() if word.replace(".", "").isdigit())
+    settle = setup.protocol.settle
+    assert longest - shortest == pytest.approx(4 * (settle.timeout_s - settle.drift_window_s), abs=1.5)

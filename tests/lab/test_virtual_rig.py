@@ -1,0 +1,69 @@
+"""The virtual rig: the same whenever it is asked with the same seed, and under the loads that its files state."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from eimi_lab.config.rig import Rig, load_rig
+from eimi_lab.config.specimen import SpecimenFile, load_specimen
+from eimi_lab.config.toml import parse
+from eimi_lab.virtual.virtual_rig import open_virtual_rig
+
+
+@pytest.fixture(scope="module")
+def specimen() -> SpecimenFile:
+    return load_specimen("type1")
+
+
+def rig(seed: int = 1, **of_calibration: Any) -> Rig:
+    """The shipped one on a coarse mesh, with small frames."""
+    shipped = load_rig("virtual")
+    assert shipped.virtual is not None
+    virtual = shipped.virtual.model_copy(
+        update={"seed": seed, "mesh": (8, 1, 1), "frame_size_px": (160, 128), "current_noise_A": 0.001}
+    )
+    scale = {"pixels_per_mm": 3.0, "clamp_midpoint_px": (80.0, 16.0)}
+    calibration = shipped.calibration.model_copy(update=scale | of_calibration)
+    return shipped.model_copy(update={"virtual": virtual, "calibration": calibration})
+
+
+def seen(of: Rig, specimen: SpecimenFile, current_A: float = 0.0) -> tuple[NDArray[Any], list[float]]:
+    """A frame under a current, and a few readings of the supply."""
+    supply, camera, clock, _ = open_virtual_rig(of, specimen)
+    supply.set_voltage(of.supply.limits.voltage_V)
+    supply.set_current(current_A)
+    supply.set_output(True)
+    clock.sleep(2.0)
+    return camera.grab(1.0).image, [supply.measure().current_A for _ in range(6)]
+
+
+def test_a_seed_gives_the_same_frames_and_readings_and_another_others(specimen: SpecimenFile) -> None:
+    (image, read), (again, read_again), (other, read_other) = (seen(rig(seed), specimen) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(image, again)
+    assert read == read_again
+    assert (image != other).mean() > 0.1
+    assert read != read_other
+
+
+def middle_px(image: NDArray[Any]) -> float:
+    """Of the beam, in the picture's last rows that show it: its magnet lets no light through."""
+    dark = image[80:92] < 0.25 * np.percentile(image, 90)
+    return float(np.nonzero(dark)[1].mean())
+
+
+def test_gravity_that_was_taken_out_does_not_bend_the_beam(specimen: SpecimenFile) -> None:
+    """Gravity aslant bends a beam that hangs from its clamp, unless the calibration says that it does not."""
+    soft = parse(SpecimenFile, specimen.text.replace('"Dragon Skin 10"', '"Ecoflex 00-50"'), "soft")
+    bent = middle_px(seen(rig(gravity_angle_deg=70.0), soft)[0])
+    straight = middle_px(seen(rig(gravity_angle_deg=70.0, gravity=False), soft)[0])
+    assert straight == pytest.approx(80.0, abs=0.5)
+    assert abs(bent - straight) > 1.0
+
+
+def test_a_small_current_already_moves_the_beam(specimen: SpecimenFile) -> None:
+    still, moved = (middle_px(seen(rig(), specimen, current_A)[0]) for current_A in (0.0, 0.3))
+    assert abs(moved - still) > 0.2

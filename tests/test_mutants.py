@@ -1,0 +1,52 @@
+"""The list of mistakes: each still applies to the code, its tests are there; and the runner tells caught from not."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from benchmarks.mutants import BROKEN, CAUGHT, LEAST, LISTS, SURVIVED, Mutant, copied, every_mutant, table, tried
+
+PROJECT = Path(__file__).parents[1]
+
+
+@pytest.mark.parametrize("room", sorted(path.stem for path in LISTS.glob("*.toml")))
+def test_every_mistake_applies_to_the_code_and_names_tests_that_are_there(room: str) -> None:
+    """Where this fails the code has changed: give the mistake the fragment that is there now, or another mistake."""
+    for mutant in every_mutant():
+        if mutant.room != room:
+            continue
+        assert mutant.applied((PROJECT / mutant.file).read_text(encoding="utf-8"))
+        assert mutant.right != mutant.wrong
+        for test in mutant.tests:
+            path, _, name = test.partition("::")
+            text = (PROJECT / path).read_text(encoding="utf-8")
+            assert not name or re.search(rf"^def {name}\(", text, re.MULTILINE), test
+
+
+def test_there_are_enough_and_none_is_there_twice() -> None:
+    every = every_mutant()
+    assert len(every) >= LEAST
+    assert len({(mutant.file, mutant.right, mutant.wrong) for mutant in every}) == len(every)
+    assert [mutant.number for mutant in every] == list(range(1, len(every) + 1))
+
+
+def test_a_mistake_is_caught_where_a_test_fails_and_the_copy_is_whole_again(tmp_path: Path) -> None:
+    """On a project of one line and one test, in processes as for this one."""
+    project = tmp_path / "small"
+    project.mkdir()
+    (project / "sums.py").write_text("def add(a, b):\n    return a + b\n")
+    (project / "test_sums.py").write_text("from sums import add\n\ndef test_add():\n    assert add(2, 2) == 4\n")
+    copy = copied(project, tmp_path / "copies")
+    minus = Mutant(1, "small", "minus", "sums.py", "a + b", "a - b", ("test_sums.py",))
+    product = replace(minus, number=2, wrong="a * b")
+    nowhere = replace(minus, number=3, wrong="b + a", tests=("test_nothing.py",))
+    outcomes = {mutant.key: tried(mutant, copy)[0] for mutant in (minus, product, nowhere)}
+    assert list(outcomes.values()) == [CAUGHT, SURVIVED, BROKEN]
+    assert (copy / "sums.py").read_text() == (project / "sums.py").read_text()
+    assert table([minus, product, nowhere], outcomes)[-1] == "| all | 3 | 1 | 33 % |"
+    with pytest.raises(ValueError, match="'a / b' 0 times"):
+        replace(minus, right="a / b").applied((copy / "sums.py").read_text())
