@@ -53,9 +53,9 @@ def bending_rows(
     """Rows of all experiments about coefficients (J,), and the noise in mm of each.
 
     lot: standard deviation by which all moduli of the beams may differ from those of other evidence, as a share. It is
-    the first nuisance, in units of `scale_deviation`; what the best model of the specimen leaves uncertain is the
-    second, and every source whose uncertainty is stated a further one. Where a beam finds no equilibrium, a law that is
-    a little stiffer or softer serves as well. Raises NoEquilibrium where none of them does.
+    the first nuisance, in units of `scale_deviation`, and every source whose uncertainty is stated a further one. What
+    the best model of the specimen leaves uncertain is noise of its own in each state. Where a beam finds no
+    equilibrium, a law that is a little stiffer or softer serves as well. Raises NoEquilibrium where none of them does.
     """
     for factor in _STIFFER:
         try:
@@ -77,7 +77,7 @@ def _rows_about(
         slopes = _slopes(experiment, law, about)
         scaled = scale_deviation(lot) * np.tensordot(about, slopes, axes=1)
         moved = [change if (change := own[index]) is not None else np.zeros_like(residuals) for own in sources]
-        rows, noise_mm = _whitened(experiment, misfit, slopes, np.stack([scaled, left, *moved]), about)
+        rows, noise_mm = _whitened(experiment, misfit, left, slopes, np.stack([scaled, *moved]), about)
         parts.append(rows)
         noises.append(noise_mm)
     return Rows.joined(parts), noises
@@ -136,7 +136,7 @@ def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, abou
 
 
 def _whitened(
-    experiment: Experiment, misfit: Misfit, slopes: Array, nuisances: Array, about: Array
+    experiment: Experiment, misfit: Misfit, left_by_model: Array, slopes: Array, nuisances: Array, about: Array
 ) -> tuple[Rows, float]:
     """The rows of one experiment: as few a state as its slopes have directions."""
     residuals, weights = misfit.residuals[0], misfit.weights
@@ -155,14 +155,24 @@ def _whitened(
     for state, own in enumerate(used):
         if not own.any():
             continue
+        model = scale * left_by_model[state][own]
         moves = scale * np.column_stack([slopes[:, state][:, own].T, nuisances[:, state][:, own].T])
         target = scale * (slopes[:, state][:, own].T @ about - residuals[state][own])
-        directions = np.linalg.qr(moves)[0]
-        reduced = directions.T @ moves
+        directions = np.linalg.qr(np.column_stack([moves, model]))[0]
+        whiten = _inverse_root(directions.T @ model) @ directions.T
+        reduced = whiten @ moves
         together = np.zeros(len(reduced), np.intp)
-        parts.append(Rows(directions.T @ target, reduced[:, :j], reduced[:, j:], together))
+        parts.append(Rows(whiten @ target, reduced[:, :j], reduced[:, j:], together))
     rows = Rows.joined(parts)
     return rows.noisier(max(_left_by_all(rows), 1.0)), noise_mm
+
+
+def _inverse_root(deviation: Array) -> Array:
+    """(m, m): of the covariance of unit noise and one normal error of this standard deviation (m,)."""
+    square = float(deviation @ deviation)
+    if square == 0.0:
+        return np.eye(len(deviation))
+    return np.asarray(np.eye(len(deviation)) - (1 - 1 / np.sqrt(1 + square)) / square * np.outer(deviation, deviation))
 
 
 def _left_by_all(rows: Rows) -> float:
