@@ -85,7 +85,7 @@ def acquire(
     from eimi_lab.writer_lock import only_writer
 
     if output is not None and not dry_run:
-        check_distinct([Path(protocol), Path(specimen), Path(rig)], [output])
+        check_distinct(list(dict.fromkeys(map(Path, (protocol, specimen, rig)))), [output])
     chosen, beam, bench_rig = load_protocol(protocol), load_specimen(specimen), load_rig(rig)
     check_request(chosen, beam, bench_rig)
     if words := pictures_needed(chosen, bench_rig):

@@ -39,7 +39,8 @@ def plan(
     from eimi_lab.fits.fits_file import read_any_fits
     from eimi_lab.outputs import check_distinct, refuse_existing, whole_file
 
-    check_distinct([fits, Path(protocol), Path(rig), *map(Path, dict.fromkeys(specimen))], [output])
+    given = dict.fromkeys([fits, *map(Path, (protocol, rig, *specimen))])  # a specimen and a rig may have one name
+    check_distinct(list(given), [output])
     base, bench, beams = load_protocol(protocol), load_rig(rig), [load_specimen(name) for name in specimen]
     refuse_existing(output, force)
     aim = planning.Goal.of(fits, read_any_fits(fits), model, goal)

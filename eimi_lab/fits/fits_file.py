@@ -47,19 +47,22 @@ def _comparison(fits: Sequence[FitRecord | TensileRecord]) -> tuple[Choice, ...]
     once = len({fit.model for fit in bending}) == len(fits)
     if len(bending) < 2 or not once or len(data) > 1:
         return ()
-    return choose(
-        [
-            Candidate(
-                fit.model,
-                len(fit.identifiability.names),
-                (
-                    (fit.identifiability.independent_points, fit.mean_error_mm),
-                    *((c.weight * c.rows / c.correlation_rows, c.rmse_Pa) for c in fit.tensile),
-                ),
-                fit.held_out_error_mm,
-            )
-            for fit in bending
-        ]
+    noise_known = all(fit.identifiability.noise_mm and fit.identifiability.noise_points for fit in bending)
+    return choose([_candidate(fit, noise_known) for fit in bending])
+
+
+def _candidate(fit: FitRecord, noise_known: bool) -> Candidate:
+    """By what law and stated sources together leave; by what the law alone leaves in files of earlier releases."""
+    told = fit.identifiability
+    edges = told.independent_points, fit.mean_error_mm
+    if noise_known:
+        edges = told.noise_points or 0.0, told.noise_mm or 0.0
+    return Candidate(
+        fit.model,
+        len(told.names),
+        (edges, *((c.weight * c.rows / c.correlation_rows, c.rmse_Pa) for c in fit.tensile)),
+        fit.held_out_error_mm,
+        told.stated_squares if noise_known else 0.0,
     )
 
 

@@ -10,6 +10,7 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.choice_of_law import Candidate, choose
 from eimi_fitting.inference.estimate import Estimate
 from eimi_fitting.inference.experiment import Experiment
 from eimi_fitting.inference.identification import Fit, identify, refine
@@ -176,12 +177,12 @@ def test_intervals_are_the_quantiles_of_the_draws():
     assert np.corrcoef(drawn, fit.draws.column("remanence"))[0, 1] > 0.99
 
 
-def estimated(law: str, seen_so: Experiment) -> Estimate:
+def estimated(law: str, *seen_so: Experiment) -> Estimate:
     """What follows a search, from a modulus a tenth off."""
     space = search_space(LAWS[law])
     unit = np.full(len(space.names), 0.5)
     unit[0] = np.log(1.1 * TRUTH_PA / space.lower[0]) / np.log(space.upper[0] / space.lower[0])
-    return refine(Problem(LAWS[law], Unknowns(space), (seen_so,)), unit, 1).estimate
+    return refine(Problem(LAWS[law], Unknowns(space), seen_so), unit, 1).estimate
 
 
 @pytest.mark.parametrize("off_mm", [0.2, -0.2])
@@ -212,6 +213,54 @@ def test_what_no_source_can_have_done_stays_the_laws():
     assert modulus.interval_95_fit is not None
     assert holds(modulus.interval_95, modulus.value)
     assert modulus.interval_95 == pytest.approx(modulus.interval_95_fit, abs=0.3 * np.ptp(modulus.interval_95_fit))
+
+
+@pytest.mark.parametrize(
+    ("law", "parameters"),
+    [
+        ("neo-hookean", (TRUTH_PA,)),
+        pytest.param("yeoh", (0.5 * TRUTH_PA, 0.4 * TRUTH_PA, 0.0), marks=pytest.mark.slow),
+    ],
+)
+def test_a_wrong_width_speaks_for_no_law(law, parameters):
+    """Width and length that are wrong within their uncertainty leave ten times the noise, and laws compared by less."""
+    wrong = replace(BEAM, width_mm=3.03, length_mm=30.15)
+    edges = experiment(seen(wrong, law=law, parameters=parameters), length=0.1, width=0.02, remanence=0.01)
+    found = {model: estimated(model, edges) for model in ("neo-hookean", "mooney-rivlin", "yeoh")}
+    told = found[law].identifiability
+    assert told.noise_mm == pytest.approx(NOISE_MM, rel=0.15)
+    assert told.residual_mm > 5 * NOISE_MM
+    assert told.stated_squares == pytest.approx(2 * 1.5**2, rel=0.3)
+    assert found[law].held_out_error_mm == pytest.approx(NOISE_MM, rel=0.2)
+    choices = choose(
+        [
+            Candidate(
+                model,
+                len(own.identifiability.names),
+                ((own.identifiability.noise_points, own.identifiability.noise_mm),),
+                stated_squares=own.identifiability.stated_squares,
+            )
+            for model, own in found.items()
+        ]
+    )
+    weights = {choice.model: choice.weight for choice in choices}
+    if law == "yeoh":
+        assert weights[law] > 0.9
+    else:
+        assert weights[law] > 0.3  # the others hold it, and bend no better than it does
+
+
+def test_laws_are_compared_with_one_error_where_datasets_share_it():
+    """Two beams, one wider and one narrower than stated, as those of one specimen cannot be and of two can."""
+    beams = [replace(BEAM, width_mm=3.0 + off) for off in (0.03, -0.03)]
+    one, other = (experiment(seen(beam, seed=seed), width=0.02) for seed, beam in enumerate(beams, 1))
+    apart = replace(other, stated=(StatedSource("width", 0.02, "specimen 2"),))
+    shared, told_apart = (estimated("neo-hookean", one, second).identifiability for second in (other, apart))
+    assert told_apart.noise_mm == pytest.approx(NOISE_MM, rel=0.15)
+    assert told_apart.stated_squares == pytest.approx(2 * 1.5**2, rel=0.3)
+    assert shared.noise_mm is not None
+    assert shared.noise_mm > 5 * NOISE_MM
+    assert shared.stated_squares < 0.5
 
 
 def test_tracked_points_at_the_tip_bear_a_shorter_beam():

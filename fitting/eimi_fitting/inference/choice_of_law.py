@@ -3,7 +3,9 @@
 With N independent points and normal noise of unknown level, -2 log L = 2 N log(error) up to what is common to all laws
 (Burnham and Anderson 2002, Model Selection and Multimodel Inference, section 2.2 and, for the correction for small
 samples, Eq. 2.4; Schwarz 1978, Ann. Statist. 6:461, for BIC). A tensile curve in the fit adds 2 n log(RMSE) for its n
-independent rows. N and n are those of the law that fits best, for all laws alike: residuals of a law that does not fit
+independent rows. What is stated with an uncertainty, and is off, adds the squares of its standardised deviations: a law
+is compared where it and the stated sources together explain most, or a wrong width would speak for the law that bends
+like it. N and n are those of the law that fits best, for all laws alike: residuals of a law that does not fit
 hang together because it does not (ibid., section 2.5, on taking the variance from the global model).
 """
 
@@ -19,13 +21,15 @@ import numpy as np
 class Candidate:
     """What one law left: unknowns fitted; errors, (independent points, error) of the edges and of each curve.
 
-    held_out_error_mm: mean error of states left out of the fit, where that is known.
+    held_out_error_mm: mean error of states left out of the fit, where that is known; stated_squares: of what priors and
+    stated sources are off by for these errors, in standard uncertainties, the sum of squares.
     """
 
     model: str
     unknowns: int
     errors: tuple[tuple[float, float], ...]
     held_out_error_mm: float | None = None
+    stated_squares: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,7 @@ def choose(candidates: Sequence[Candidate]) -> tuple[Choice, ...]:
     aicc, bic = [], []
     for candidate in candidates:
         errors = np.maximum([error for _, error in candidate.errors], 1e-12)
-        deviance = float(2 * counts @ np.log(errors))
+        deviance = float(2 * counts @ np.log(errors)) + candidate.stated_squares
         k = candidate.unknowns + len(counts)  # each noise level is an unknown too
         room = total - k - 1
         aicc.append(deviance + 2 * k + 2 * k * (k + 1) / room if room > 0 else np.inf)

@@ -22,7 +22,7 @@ from eimi_fitting.inference.covariance import Linearisation
 from eimi_fitting.inference.experiment import Experiment
 from eimi_fitting.inference.objective import Problem
 from eimi_fitting.inference.sources import SOURCES
-from eimi_fitting.inference.unknowns import Setup, SharedUnknowns, shared
+from eimi_fitting.inference.unknowns import Nuisance, Setup, SharedUnknowns, shared
 from eimi_fitting.laws.law import Law
 
 Array = NDArray[np.float64]
@@ -37,17 +37,24 @@ _TOLERANCE_MM = 1e-3  # of the last Newton step: what it leaves is far below the
 class ConsideredSources:
     """One number that is uncertain: a part of a source, and what one standard uncertainty of it does.
 
-    name: in a result; changes: of the residuals of each experiment, (K, G, m) mm, None where it is not concerned.
+    name: in a result; part: of its source; changes: of the residuals of each experiment, (K, G, m) mm, None where it is
+    not concerned.
     """
 
     name: str
     shared: SharedUnknowns
+    part: int
     changes: tuple[Array | None, ...]
 
     @property
     def standard_uncertainty(self) -> float:
         """In its source's unit; above zero."""
         return self.shared.standard_uncertainty or 0.0
+
+    @property
+    def freed(self) -> Nuisance:
+        """The same number as an unknown of a fit."""
+        return Nuisance(self.name, self.shared.source, self.part, self.shared.datasets, self.standard_uncertainty)
 
 
 def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
@@ -72,18 +79,28 @@ def considered(problem: Problem, unit: Array) -> tuple[ConsideredSources, ...]:
     numbers = [(group, part) for group in sources_of(problem) for part in range(len(SOURCES[group.source].parts))]
     if not numbers:
         return ()
-    changes = [_changes(problem, unit, index, numbers) for index in range(len(problem.experiments))]
+    changes = changes_of(problem, unit, numbers)
     every = (
-        ConsideredSources(group.part_name(part, len(changes)), group, tuple(own[i] for own in changes))
+        ConsideredSources(group.part_name(part, len(changes)), group, part, tuple(own[i] for own in changes))
         for i, (group, part) in enumerate(numbers)
     )
     return tuple(c for c in every if any(change is not None for change in c.changes))
 
 
+def changes_of(
+    problem: Problem, unit: Array, numbers: Sequence[tuple[SharedUnknowns, int]]
+) -> list[list[Array | None]]:
+    """Of each experiment for each (source, part) the change of the residuals (K, G, m) mm at ``unit`` (n,).
+
+    For one standard uncertainty more, from where the source is there if it is freed; None where it is not concerned.
+    """
+    return [_changes(problem, unit, index, numbers) for index in range(len(problem.experiments))]
+
+
 def _changes(
     problem: Problem, unit: Array, index: int, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[Array | None]:
-    """(K, G, m) of one experiment for each of the numbers, for one standard uncertainty more."""
+    """Of one experiment."""
     freed = [
         (n.source, n.part, float(n.value(unit[column])))
         for column, n in enumerate(problem.unknowns.freed, problem.unknowns.searched)

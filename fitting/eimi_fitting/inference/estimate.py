@@ -36,7 +36,7 @@ from eimi_fitting.inference.identifiability import (
     statement,
 )
 from eimi_fitting.inference.measurements import EdgeObservation
-from eimi_fitting.inference.noise import linearise_noise
+from eimi_fitting.inference.noise import Explained, linearise_noise
 from eimi_fitting.inference.objective import Evaluation, Problem
 from eimi_fitting.inference.polish import Optimum
 from eimi_fitting.inference.profile_likelihood import Ends, interval_ends, moved_to
@@ -104,9 +104,9 @@ class Estimate:
     """The unknowns with their 95 % intervals, and what they are worth.
 
     parameters: the law's own, by name and in its order; bulk_modulus: where it was freed; corrections: by the name of
-    the refinement; held_out_error_mm: mean error of states left out of the fit, None where there is one alone; budget:
-    of the interval of the modulus, largest first; not_considered: what is said of sources that are not in the
-    intervals; draws: of the joint distribution, whose quantiles the intervals are.
+    the refinement; held_out_error_mm: mean error of states left out of the fit, with the sources where they explain
+    most, None where there is one alone; budget: of the interval of the modulus, largest first; not_considered: what is
+    said of sources that are not in the intervals; draws: of the joint distribution, whose quantiles the intervals are.
     """
 
     parameters: dict[str, Quantity]
@@ -132,7 +132,8 @@ def estimate(
     """
     unknowns, unit = problem.unknowns, optimum.unit
     sources = considered(problem, unit)
-    about = linearise_noise(problem, optimum, sources)
+    noise_told = linearise_noise(problem, optimum, sources)
+    about, explained = noise_told.about, noise_told.explained
     covariance = about.covariance(_widened(problem, about))
     spread = np.sqrt(np.diag(covariance))
     left, alone = _left(unknowns, about, effects)
@@ -151,10 +152,10 @@ def estimate(
     return Estimate(
         **quantities,
         identifiability=_identifiability(
-            unknowns, about, covariance, remaining, ends, quantities["initial_shear_modulus"]
+            unknowns, about, explained, covariance, remaining, ends, quantities["initial_shear_modulus"]
         ),
         corrections=_effects_percent(unknowns, effects, refinements, left, alone),
-        held_out_error_mm=held_out_error_mm(about),
+        held_out_error_mm=held_out_error_mm(explained.states, explained.hessian),
         budget=entries,
         measure_next=measure_next,
         not_considered=tuple(
@@ -291,7 +292,13 @@ def _columns(unknowns: Unknowns, units: Array) -> dict[str, Array]:
 
 
 def _identifiability(
-    unknowns: Unknowns, about: Linearisation, covariance: Array, remaining: Array, ends: Ends, modulus: Quantity
+    unknowns: Unknowns,
+    about: Linearisation,
+    explained: Explained,
+    covariance: Array,
+    remaining: Array,
+    ends: Ends,
+    modulus: Quantity,
 ) -> Identifiability:
     names, space = unknowns.names, unknowns.space
     correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
@@ -316,6 +323,7 @@ def _identifiability(
         independent_points=about.independent_points,
         noise_mm=about.noise_mm,
         noise_points=about.noise_points,
+        stated_squares=explained.squares,
         names=names,
         correlation=tuple(tuple(row) for row in correlation.tolist()),
         directions=eigen,

@@ -41,7 +41,8 @@ class Identifiability:
     correlation_points as one; names and correlation: all unknowns and how their errors hang together, a row each;
     directions: best known first; profiled: coordinates whose interval is that of the profile likelihood; noise_mm,
     noise_points: standard deviation, and independent points, of what stated sources do not explain of the residuals,
-    None in files of earlier releases.
+    None in files of earlier releases; stated_squares: of what sources and priors are off by where they explain most, in
+    standard uncertainties, the sum of squares.
     """
 
     statement: str
@@ -58,6 +59,7 @@ class Identifiability:
     profiled: tuple[str, ...]
     noise_mm: float | None = None
     noise_points: float | None = None
+    stated_squares: float = 0.0
 
 
 def is_open(modulus: Quantity) -> bool:

@@ -331,7 +331,7 @@ def _polished(
     whole = problem.unknowns.whole(unit)[0]
     first_count = independent_points(problem, problem.evaluate(whole[None], 1.0).comparison.misfits)
     first = polish(lambda units: problem.evaluate(units, first_count), whole)
-    second_count = linearise_noise(problem, first, considered(problem, first.unit)).likelihood_points
+    second_count = linearise_noise(problem, first, considered(problem, first.unit)).about.likelihood_points
     if abs(np.log(second_count / first_count)) < _SAME_COUNT:
         return first
     second = polish(lambda units: problem.evaluate(units, second_count), first.unit)

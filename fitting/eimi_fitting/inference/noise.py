@@ -1,32 +1,58 @@
-"""Noise told from stated sources: the evidence linearised, with the noise that the sources do not explain.
+"""Noise told from stated sources: the evidence where unknowns and sources together explain it best.
 
 What a wrong width leaves along both edges is no noise: it is in the intervals as what it does to the estimate, and
 would else be there twice. How much of each source the residuals show is found together with the unknowns by least
-squares, with its stated uncertainty as what was known before; level and correlation of the noise are those of the rest.
+squares, with its stated uncertainty as what was known before; level and correlation of the noise are those of the
+rest, and laws are compared by it. Residuals and slopes are evaluated anew where they lead, by Gauss-Newton: a source
+acts in proportion to some per cent only, and noise may be less than that.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.inference.considered import ConsideredSources
+from eimi_fitting.inference._quadratic import step_to_minimum
+from eimi_fitting.inference.considered import ConsideredSources, changes_of
 from eimi_fitting.inference.covariance import Linearisation, LinearStates, linearise, point_correlation
+from eimi_fitting.inference.measurements import Misfit
 from eimi_fitting.inference.objective import Evaluation, Problem
-from eimi_fitting.inference.polish import Optimum
+from eimi_fitting.inference.polish import Optimum, difference_batch
+from eimi_fitting.inference.unknowns import RANGE, Unknowns
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 12  # at most, in which noise and sources share the residuals
 _SAME = 0.01  # of the noise from round to round
+_PASSES = 3  # at most, from where the last one led
 
 
-def linearise_noise(
-    problem: Problem, optimum: Optimum[Evaluation], sources: Sequence[ConsideredSources]
-) -> Linearisation:
+@dataclass(frozen=True)
+class Explained:
+    """What the evidence says where unknowns and sources explain it best.
+
+    states: one an experiment, with slopes (n + S, K, G, m) in the unknowns and in the sources as if these were freed,
+    and the weights that the noise gives them; hessian: (n + S, n + S); squares: sum of squares of what priors and
+    sources are off by, in standard uncertainties.
+    """
+
+    states: tuple[LinearStates, ...]
+    hessian: Array
+    squares: float
+
+
+@dataclass(frozen=True)
+class Noise:
+    """`linearise`, with the noise told from the sources, and how they explain the residuals."""
+
+    about: Linearisation
+    explained: Explained
+
+
+def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], sources: Sequence[ConsideredSources]) -> Noise:
     """`linearise`, with the noise's level and correlation from what the sources do not explain of the residuals.
 
     The likelihood takes as many points as make the same noise of what is left: N of the rest, times the square of all
@@ -34,15 +60,16 @@ def linearise_noise(
     """
     about = linearise(problem, optimum)
     if not sources:
-        return about
-    left = _unexplained(problem, about, sources)
-    points = _independent(problem, left)
-    about = linearise(problem, optimum, points * (_mean_mm(about.states) / _mean_mm(left)) ** 2)
+        return Noise(about, Explained(about.states, about.hessian, float((about.priors**2).sum())))
+    explained = _explained(problem, about, sources)
+    points = _independent(problem, explained.states)
+    noise_mm = _mean_mm(explained.states)
+    about = linearise(problem, optimum, points * (_mean_mm(about.states) / noise_mm) ** 2)
     variance = about.score_variance
-    for own, clean, experiment in zip(about.states, left, problem.experiments, strict=True):
-        noise = replace(clean, weights=own.weights)
+    for own, clean, experiment in zip(about.states, explained.states, problem.experiments, strict=True):
+        noise = replace(own, residuals=clean.residuals, error_mm=clean.error_mm)
         variance = variance - own.score_variance(experiment.observed) + noise.score_variance(experiment.observed)
-    return replace(about, score_variance=variance, noise_points=points, noise_mm=_mean_mm(left))
+    return Noise(replace(about, score_variance=variance, noise_points=points, noise_mm=noise_mm), explained)
 
 
 def _mean_mm(states: Sequence[LinearStates]) -> float:
@@ -56,32 +83,91 @@ def _independent(problem: Problem, states: Sequence[LinearStates]) -> float:
     )
 
 
-def _unexplained(problem: Problem, about: Linearisation, sources: Sequence[ConsideredSources]) -> list[LinearStates]:
-    """The states with residuals and errors that unknowns and sources together leave."""
-    moves = [
-        np.concatenate([own.slopes, [np.zeros_like(own.residuals) if c is None else c for c in changes]])
-        for own, changes in zip(about.states, zip(*(s.changes for s in sources), strict=True), strict=True)
-    ]
-    known = np.diag(np.concatenate([np.diag(about.prior), np.ones(len(sources))]))
-    states = list(about.states)
+def _explained(problem: Problem, about: Linearisation, sources: Sequence[ConsideredSources]) -> Explained:
+    unknowns = Unknowns(problem.unknowns.space, (*problem.unknowns.freed, *(source.freed for source in sources)))
+    freed = replace(problem, unknowns=unknowns)
+    unit, n = np.concatenate([about.unit, np.full(len(sources), 0.5)]), len(about.unit)
+    prior = np.diag(unknowns.prior)
+    changes = [list(own) for own in zip(*(source.changes for source in sources), strict=True)]
     # At first as if every point were independent: from there the sources give back what the noise can explain.
-    weights = [own.weights * about.points / about.independent_points for own in states]
-    level = np.inf
+    weigh = about.points / about.independent_points
+    states = [
+        replace(own, slopes=_with_sources(own.slopes, of_sources), weights=weigh * own.weights)
+        for own, of_sources in zip(about.states, changes, strict=True)
+    ]
+    best, left = _least(problem, states, unit, unit, prior)
+    at, points, least = unit, _independent(problem, left), np.inf
+    for again in range(_PASSES):
+        steps, distance = difference_batch(best[:n])
+        found = freed.evaluate(np.column_stack([steps, np.tile(best[n:], (len(steps), 1))]), points).comparison
+        if found.unconverged.any():
+            break
+        there = [_leaving(own, misfit.residuals[0]) for own, misfit in zip(left, found.misfits, strict=True)]
+        value = _mean_mm(there) * np.exp(_squares(unknowns, best) / (2 * points))
+        if value >= least:
+            break
+        gained, at, least = 1 - value / least, best, value
+        is_last = gained < _SAME or again == _PASSES - 1
+        if not is_last:
+            changes = changes_of(freed, at, [(source.shared, source.part) for source in sources])
+        states = [
+            replace(own, slopes=_with_sources(_slopes(misfit, distance), of_sources))
+            for own, misfit, of_sources in zip(_with_weights(problem, there), found.misfits, changes, strict=True)
+        ]
+        if is_last:
+            break
+        best, left = _least(problem, states, at, unit, prior)
+    if not np.isfinite(least):  # no equilibrium there: as the slopes have it
+        at, states = best, left
+    hessian = prior + sum((own.information for own in states), np.zeros_like(prior))
+    return Explained(tuple(states), hessian, _squares(unknowns, at))
+
+
+def _slopes(misfit: Misfit, distance: Array) -> Array:
+    """(n, K, G, m) by the differences of `difference_batch`."""
+    n = len(distance)
+    ahead, behind = misfit.residuals[1 : n + 1], misfit.residuals[n + 1 :]
+    return np.asarray((ahead - behind) / distance[:, None, None, None])
+
+
+def _with_sources(slopes: Array, changes: Sequence[Array | None]) -> Array:
+    """(n + S, K, G, m), the sources as coordinates from 0 to 1, as if they were freed."""
+    return np.concatenate([slopes, [np.zeros(slopes.shape[1:]) if c is None else 2 * RANGE * c for c in changes]])
+
+
+def _squares(unknowns: Unknowns, unit: Array) -> float:
+    return float((unknowns.standardised(unit[None]) ** 2).sum())
+
+
+def _least(
+    problem: Problem, states: Sequence[LinearStates], at: Array, unit: Array, prior: Array
+) -> tuple[Array, list[LinearStates]]:
+    """Where the residuals, which are those ``at`` (n + S,), are least with the priors about ``unit``; the states there.
+
+    Level and correlation of the noise, and with them the weights, are found on the way.
+    """
+    left, level, best = list(states), np.inf, at
     for _ in range(_ROUNDS):
-        normal, score = known.copy(), np.zeros(len(known))
-        for move, weight, own in zip(moves, weights, about.states, strict=True):
-            normal += np.einsum("k,ikgn,jkgn->ij", weight, move, move, optimize=True)
-            score += np.einsum("k,ikgn,kgn->i", weight, move, own.residuals, optimize=True)
-        best = -np.linalg.solve(normal, score)
-        states = []
-        for move, own in zip(moves, about.states, strict=True):
-            residuals = own.residuals + np.tensordot(best, move, axes=1)
-            error = np.sqrt((residuals**2).sum(axis=(1, 2)) / np.maximum(own.counts, 1e-12))
-            states.append(replace(own, residuals=residuals, error_mm=np.maximum(error, 1e-12)))
-        mean = _mean_mm(states)
+        normal, score = prior.copy(), prior @ (at - unit)
+        for own, now in zip(states, left, strict=True):
+            normal += replace(own, weights=now.weights).information
+            score += replace(own, weights=now.weights).score(own.residuals)
+        best = at + step_to_minimum(at, score, normal)
+        residuals = [own.residuals + np.tensordot(best - at, own.slopes, axes=1) for own in states]
+        left = _with_weights(problem, [_leaving(now, own) for now, own in zip(left, residuals, strict=True)])
+        mean = _mean_mm(left)
         if abs(mean - level) < _SAME * level:
             break
         level = mean
-        scale = _independent(problem, states) / (sum(len(own.counts) for own in states) * mean)
-        weights = [scale / (np.maximum(own.counts, 1e-12) * own.error_mm) for own in states]
-    return states
+    return best, left
+
+
+def _with_weights(problem: Problem, states: Sequence[LinearStates]) -> list[LinearStates]:
+    """With the weights that level and correlation of the residuals ask for."""
+    scale = _independent(problem, states) / (sum(len(own.counts) for own in states) * _mean_mm(states))
+    return [replace(own, weights=scale / (np.maximum(own.counts, 1e-12) * own.error_mm)) for own in states]
+
+
+def _leaving(own: LinearStates, residuals: Array) -> LinearStates:
+    error = np.sqrt((residuals**2).sum(axis=(1, 2)) / np.maximum(own.counts, 1e-12))
+    return replace(own, residuals=residuals, error_mm=np.maximum(error, 1e-12))
