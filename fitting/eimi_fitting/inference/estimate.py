@@ -138,20 +138,22 @@ def estimate(
     covariance = about.covariance(_widened(problem, about))
     spread = np.sqrt(np.diag(covariance))
     left, alone = _left(unknowns, about, effects)
-    remaining = spread * np.sqrt(unknowns.prior)
-    looked_at = remaining[: unknowns.searched] <= NOT_FIXED
+    looked_at = (spread * np.sqrt(unknowns.prior))[: unknowns.searched] <= NOT_FIXED
     if unknowns.space.has_bulk:  # without an end above, and far from linear toward its lower one
         looked_at[-1] = True
     ends = _ends(problem, about, _NORMAL * spread, tuple(int(i) for i in np.flatnonzero(looked_at)))
+    steps = steps_of(about, sources, covariance)
+    everything = covariance + steps.sizes.T @ steps.sizes
+    remaining = np.minimum(np.sqrt(np.diag(everything) * unknowns.prior), 1.0)
     if unknowns.space.has_bulk and ends.high[unknowns.searched - 1] >= 1.0:
         remaining[unknowns.searched - 1] = 1.0
     rng = np.random.default_rng(seed)
     noise = draw_noise(rng, unit, covariance, ends, left / _NORMAL, alone / _NORMAL)
-    moves = Moves(unit, noise, normal_draws(rng, len(sources)), steps_of(about, sources, covariance))
+    moves = Moves(unit, noise, normal_draws(rng, len(sources)), steps)
     entries, measure_next = budget(sources, moves, lambda units: _modulus(problem.law, unknowns, units))
     quantities = _quantities(problem.law, unknowns, moves, sources, seed)
     told = _identifiability(
-        unknowns, about, explained, covariance, remaining, ends, quantities["initial_shear_modulus"]
+        unknowns, about, explained, everything, remaining, ends, quantities["initial_shear_modulus"]
     )
     return Estimate(
         **quantities,
