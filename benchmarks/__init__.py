@@ -16,6 +16,7 @@ report_pictures     a report in a browser, wide and narrow, and on paper
 seeds               error of the modulus by law and seed
 coverage            how many 95 % intervals hold the truth
 plan                what a planned choice of states is worth, and whether it comes out as foretold
+discover            terms of hidden laws found, left open, and wrong
 second_worker       what a second worker brings to many fits
 storage             frames stored a second
 first_frame         from the start of the program to the first frame

@@ -70,6 +70,13 @@ ALL = (
         "why/planning.md",
         short=("--experiments", "1"),
     ),
+    Benchmark(
+        "discover",
+        "discover",
+        "Terms of hidden laws: found, not identifiable, and wrong, from bending and tension and from bending alone.",
+        "howto/discover.md",
+        short=("--laws", "4"),
+    ),
 )
 
 

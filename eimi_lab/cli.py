@@ -42,6 +42,7 @@ for command in (
     material_laws.export,
     next_run.plan,
     showing.report,
+    studying.discover,
     studying.study,
 ):
     name = command.__name__.rstrip("_")

@@ -41,6 +41,10 @@ EXAMPLES = {
         "eimi plan fits.json protocol.toml --specimen beam.toml --specimen thick.toml --rig rig.toml --gravity-angle 0 "
         "--gravity-angle 90 --tip-weight 0 --tip-weight 1 -o planned.toml",
     ),
+    "discover": (
+        "eimi discover run.h5 --tensile curve.csv -o discovery.json",
+        "eimi discover run.h5 --tensile curve.csv --term i1 --term i2 --term gent=30 --term ogden=-4 -o discovery.json",
+    ),
     "dashboard": ("eimi dashboard", "eimi dashboard my_runs"),
     "study": ("eimi study --quick", "eimi study --tensile-data published_curves -o study"),
     "report": ("eimi report run.h5 --fit fits.json -o report.html",),

@@ -1,4 +1,4 @@
-"""The command that evaluates the method itself."""
+"""Commands that ask about laws and methods themselves: of what terms a law is, and what the method is worth."""
 
 from __future__ import annotations
 
@@ -8,7 +8,53 @@ from typing import Annotated
 import typer
 
 from eimi_lab.commands.result import Result
-from eimi_lab.commands.shared_options import Force
+from eimi_lab.commands.shared_options import Force, Output
+
+
+def discover(
+    datasets: Annotated[list[Path], typer.Argument(help="bending datasets of one material")],
+    output: Output,
+    tensile: Annotated[list[Path] | None, typer.Option(help="a tensile curve of it; may be repeated")] = None,
+    tensile_window: Annotated[str, typer.Option(help="its largest strain in percent, or full")] = "full",
+    term: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="i1|i2|i1^2|i1^3|gent=JM|fung=B|ogden=ALPHA",
+            help="of the library; may be repeated [i1 i2 i1^2 i1^3 gent=20 fung=0.2 ogden=-4 ogden=8]",
+        ),
+    ] = None,
+    most_terms: Annotated[int, typer.Option(help="of a law", min=1, max=5)] = 3,
+    lot: Annotated[
+        float, typer.Option(help="by how much all moduli of beam and curve may differ, one standard deviation", min=0.0)
+    ] = 0.02,
+    section: Annotated[
+        str | None, typer.Option(metavar="solid|plane-strain|plane-stress", help="in place of the specimen's")
+    ] = None,
+    include_flagged: Annotated[bool, typer.Option("--include-flagged", help="use flagged states too")] = False,
+    seed: Annotated[int, typer.Option(help="of the search for the modulus that begins it", min=1)] = 1,
+    force: Force = False,
+) -> Result:
+    """Which terms a law is made of, by the error of what was left out; or that the data do not tell."""
+    import json
+
+    from eimi_lab.fits.discovering import Asked, content, library_of, lines
+    from eimi_lab.fits.evidence import load_evidence
+    from eimi_lab.fits.fitting import check_section
+    from eimi_lab.fits.tensile_files import check_windows, read_curve
+    from eimi_lab.outputs import check_distinct, refuse_existing, whole_file
+
+    library, chosen = library_of(term or ()), check_section(section)
+    (percent,) = check_windows([tensile_window], "--tensile-window")
+    check_distinct([*datasets, *(tensile or [])], [output])
+    refuse_existing(output, force)
+    curves = tuple(read_curve(path, percent, 1.0) for path in tensile or ())
+    evidence = tuple(load_evidence(path, section=chosen, flagged=include_flagged) for path in datasets)
+    asked = Asked(evidence, curves, library, most_terms, lot, seed)
+    found = asked.found()
+    told = content(asked, found)
+    with whole_file(output, force) as temporary:
+        temporary.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    return Result(lines(found, output), told)
 
 
 def study(

@@ -3,6 +3,7 @@
 laws         hyperelastic laws: energies, stability, bounds of a search, tensile fits, material cards
 beam         specimen and loads in, the beam's shape in every state out, for many candidates at once
 inference    from measured edges to a law and what it is worth
+discovery    which terms a law is made of
 
 The names below are what a user needs; each is loaded when it is first asked for. Knows no files and no instruments;
 needs numpy, scipy and cma alone.

@@ -248,3 +248,13 @@ def test_a_field_factor_that_is_no_number_is_a_status():
     assert np.all(shapes.status[[0, 2, 3]] == Status.DIVERGED)
     assert shapes.displacement[1] == pytest.approx(model.solve(NEO, MU, loads).displacement[0], abs=1e-7)
     assert np.isfinite(shapes.displacement).all()
+
+
+def test_a_finer_model_has_elements_of_half_the_length():
+    model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
+    lengths = [
+        np.diff(np.unique(own.mesh.nodes[:, 0].round(9))).min() for own in (model, model.refined(), model.halved())
+    ]
+    assert lengths[1:] == pytest.approx([lengths[0] / 2] * 2, rel=0.1)
+    nodes = [len(own.mesh.nodes) for own in (model, model.refined(), model.halved())]
+    assert nodes[1] > nodes[2] > 3 * nodes[0]

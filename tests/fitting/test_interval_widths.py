@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.inference.budget import Moves, budget
+from eimi_fitting.inference.checks import doubts
 from eimi_fitting.inference.considered import ConsideredSources, Steps, sources_of
 from eimi_fitting.inference.covariance import Linearisation, LinearStates, point_correlation
 from eimi_fitting.inference.draws import draw_noise, interval_95, quantity
@@ -22,14 +25,17 @@ from eimi_fitting.inference.measurements import EdgeObservation, PointObservatio
 from eimi_fitting.inference.objective import Problem
 from eimi_fitting.inference.profile_likelihood import Ends
 from eimi_fitting.inference.sources import SOURCES, StatedSource, loads_under, specimen_under
+from eimi_fitting.inference.tensile_curves import TensileCurve, TensileEvidence
 from eimi_fitting.inference.unknowns import Prior, SharedUnknowns, Unknowns, nuisances
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.search_space import search_space
+from eimi_fitting.laws.tensile import engineering_stress
 
 Array = NDArray[np.float64]
 
 STATES, POINTS, DRAWS = 24, 120, 1500
 BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
+MODEL = BeamModel(BEAM)
 NOWHERE = EdgeObservation(np.zeros((1, 2, 1, 2)), np.ones((1, 2, 1)))
 
 
@@ -148,7 +154,7 @@ def shared(source: str, size: float) -> SharedUnknowns:
 
 def test_the_budget_has_the_largest_source_first_and_halves_it() -> None:
     """One unknown, the logarithm of a modulus; two sources that move it by 1 and by 3 %."""
-    sources = [ConsideredSources(name, shared(name, 0.1), (None,)) for name in ("depth", "width")]
+    sources = [ConsideredSources(name, shared(name, 0.1), 0, (None,)) for name in ("depth", "width")]
     rng = np.random.default_rng(1)
     moved = np.array([[0.01], [0.03]])
     steps = Steps(moved, np.zeros(1))
@@ -212,6 +218,48 @@ def test_a_freed_number_is_held_by_its_prior_alone() -> None:
     one_off[0, 1] += 1 / np.sqrt(unknowns.prior[1])
     assert unknowns.standardised(one_off) == pytest.approx(np.ones((1, 1)))
     assert unknowns.freed[0].value(one_off[:, 1]) == pytest.approx([0.02])
+
+
+def test_a_curve_counts_as_its_independent_rows_and_its_weight() -> None:
+    curve = TensileCurve(np.array([0.1, 0.2]), np.array([10e3, 20e3]), weight=0.5)
+    known = TensileEvidence(curve, noise_Pa=200.0, correlation_rows=4.0)
+    law, mu = LAWS["neo-hookean"], np.array([[46e3]])
+    z = known.standardised(law, mu)[0]
+    residuals = engineering_stress(law, mu, curve.strain)[0] - curve.stress_Pa
+    assert (z**2).sum() == pytest.approx(0.5 * (residuals**2).sum() / (4.0 * 200.0**2))
+
+
+def test_another_seed_draws_other_errors_of_the_sources() -> None:
+    model, loads = BeamModel(BEAM, 8, 1), Loads.along((3.0, 7.0))
+    sides = points_on(edge_curves(model, model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads))[0], 1)[:, :, 1:-1]
+    sigma = np.full(sides.shape[2], 0.01)
+    noisy = sides + np.random.default_rng(2).normal(0, 0.01, sides.shape)
+    observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in noisy])
+    stated = (StatedSource("remanence", 0.02, "here"), StatedSource("density", 5.0, "here"))
+    experiment = Experiment(model, loads, observed, stated=stated)
+    one, other = (identify("neo-hookean", [experiment], seed=seed) for seed in (1, 2))
+    assert (one.draws.seed, other.draws.seed) == (1, 2)
+    apart = [np.corrcoef(fit.draws.column("remanence"), fit.draws.column("density"))[0, 1] for fit in (one, other)]
+    assert apart[0] != apart[1]
+    assert one.initial_shear_modulus.value == pytest.approx(other.initial_shear_modulus.value, rel=1e-3)
+    searched = [[generation.mean_mm for generation in fit.history] for fit in (one, other)]
+    assert searched[0][0] != searched[1][0]
+
+
+@pytest.mark.parametrize(("times", "doubted"), [(8.0, False), (15.0, True)])
+def test_residuals_of_so_many_times_the_stated_noise_are_a_doubt(times: float, doubted: bool) -> None:
+    sigma = np.full(12, 0.002)
+    points = np.zeros((12, 2))
+    seen = EdgeObservation.from_edges([(points, sigma, points, sigma)] * 5)
+    misfit = seen.of_residuals(np.full((1, 5, 2, 12), times * 0.002))
+    experiment = Experiment(MODEL, Loads.along(np.arange(5.0)), seen)
+    final: Any = SimpleNamespace(misfits=(misfit,))
+    assert bool(doubts(final, [experiment])) == doubted
+    # One state far above the others is told by its number.
+    one = np.full((1, 5, 2, 12), 0.002)
+    one[:, 3] *= 6 * times
+    final = SimpleNamespace(misfits=(seen.of_residuals(one),))
+    assert [doubt.state for doubt in doubts(final, [experiment])] == [3]
 
 
 def turned(angle_deg: float) -> Array:

@@ -72,6 +72,17 @@ def test_error_and_deviation_by_hand():
     assert misfit.deviation_mm[0, 0] == pytest.approx(0.1, abs=1e-9)
 
 
+def test_error_and_deviation_of_points_by_hand():
+    """Distances of 0.5 and 0.1 mm, whichever way: root mean square 0.36, deviation 0.2 mm."""
+    model = BeamModel(Specimen(50.0, 2.0, 4.0, 1.0, "plane-stress"))
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[4e4]]), Loads.along(0.0, gravity_angle_deg=None))
+    rest = np.array([[[20.0, 0.0], [30.0, 0.5], [40.0, 0.0]]])
+    moved = rest + np.array([[0.3, 0.4], [0.0, -0.1], [9.0, 9.0]])
+    misfit = PointObservation(rest, moved, np.array([[0.01, 0.01, np.inf]])).misfit(model, shapes)
+    assert misfit.error_mm[0, 0] == pytest.approx(np.sqrt((0.25 + 0.01) / 2), abs=1e-9)
+    assert misfit.deviation_mm[0, 0] == pytest.approx(0.2, abs=1e-9)
+
+
 def test_padding_does_not_count():
     model = BeamModel(SPECIMEN)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[4e4]]), Loads.along(0.0, gravity_angle_deg=None))

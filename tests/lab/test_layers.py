@@ -24,6 +24,7 @@ ORDER = (
     ("eimi_fitting.laws",),
     ("eimi_fitting.beam",),
     ("eimi_fitting.inference",),
+    ("eimi_fitting.discovery",),
     ("eimi_fitting",),
     ("eimi_lab.stderr", "eimi_lab.threads"),
     ("eimi_lab.errors", "eimi_lab.progress", "eimi_lab.stopping", "eimi_lab.tables", "eimi_lab.drawing"),

@@ -18,6 +18,7 @@ import pytest
 
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.inference.budget import BudgetEntry, MeasureNext
 from eimi_fitting.inference.checks import Doubt
 from eimi_fitting.inference.choice_of_law import Choice
@@ -32,6 +33,7 @@ from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.points import Load, TrackedPoints, write_points
 from eimi_lab.demonstration import Score
 from eimi_lab.fits.evidence import Evidence, load_evidence
+from eimi_lab.fits.export import bulk_modulus_Pa
 from eimi_lab.fits.fit_figures import drawn_errors as errors_in_a_notebook
 from eimi_lab.fits.fit_figures import drawn_law
 from eimi_lab.fits.fit_summary import comparison_table, remarks
@@ -40,7 +42,7 @@ from eimi_lab.fits.records import BootstrapRecord, CurveRecord, FitRecord, Repli
 from eimi_lab.fits.states_used import FlaggedState, StatesUsed, WidenedState
 from eimi_lab.fits.tensile_files import read_tensile
 from eimi_lab.fits.tensile_fits import fit_window
-from eimi_lab.fits.validation import FitReference, Validation
+from eimi_lab.fits.validation import FitReference, Validation, predict
 from eimi_lab.fits.validation_tables import by_dataset, by_state, matrix
 from eimi_lab.report import findings
 from eimi_lab.report.panels.convergence import drawn_convergence, table_of_searches
@@ -424,3 +426,35 @@ def test_the_smallest_error_on_a_specimen_is_the_bold_one(fit: FitRecord, eviden
     worse, best = (row[2] for row in table.rows)
     assert worse == "20.0 [15.0, 30.0]*"
     assert (best.text, best.mark) == ("10.0 [15.0, 30.0]", "best")  # type: ignore[union-attr]
+
+
+def test_what_is_drawn_of_a_fit_is_the_better_model_s(fitted: FitRecord, evidence: Evidence) -> None:
+    """The outline of the finer mesh, where there is one, and not of the one that the search had."""
+    found = predict(evidence, fitted, Path("fits.json"), 0)
+    assert found.correction is not None
+    finer = found.correction.models[0]
+    expected = points_on(outline(finer, found.correction.better.shapes[0])[0], 6)
+    assert found.edges_mm == pytest.approx(expected)
+    coarse = outline(evidence.experiment.model, BeamModel.solve(*_at_rest(evidence)))
+    assert found.edges_mm.shape[2] > points_on(coarse[0], 6).shape[2]
+
+
+def _at_rest(evidence: Evidence) -> tuple[Any, ...]:
+    experiment = evidence.experiment
+    return experiment.model, LAWS["neo-hookean"], np.array([[50e3]]), experiment.loads
+
+
+def test_an_error_has_no_upper_end_where_a_draw_finds_no_equilibrium(fitted: FitRecord, evidence: Evidence) -> None:
+    sound = tuple((x,) for x in np.linspace(49e3, 51e3, 15).tolist())
+    for draws, has_end in ((sound, True), ((*sound, (-5e3,)), False)):
+        own = fitted.model_copy(update={"draws": Draws(1, ("mu",), draws)})
+        interval = predict(evidence, own, Path("fits.json"), 0).validation.mean_error_interval_mm
+        assert interval is not None
+        assert (interval[1] is not None) == has_end
+
+
+@pytest.mark.parametrize(("kPa", "ratio", "expected"), [(900.0, None, 9e5), (None, 2000.0, 1e8)])
+def test_a_card_s_bulk_modulus_is_what_was_stated(
+    fit: FitRecord, kPa: float | None, ratio: float | None, expected: float
+) -> None:
+    assert bulk_modulus_Pa(fit, kPa, ratio) == pytest.approx(expected)

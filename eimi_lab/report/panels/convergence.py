@@ -14,7 +14,11 @@ from eimi_lab.report.elements import Picture, Table
 from eimi_lab.report.panel import ReportPanel
 from eimi_lab.report.shown import ShownFit
 
-_HEAD = ("law", "generations", "evaluations", "discarded", "polish on the finer mesh", "stopped by", "seed", "time")
+_HEAD = ("law", "generations", "evaluations", "discarded", "polish", "in the end", "stopped by", "seed", "time")
+_CAPTION = (
+    "Each search by CMA-ES; the mean error before and after the polish by Gauss-Newton, under the search's planar "
+    "assumption; and in the end, with what a finer mesh and the solid change."
+)
 
 
 def drawn_convergence(every: Sequence[ShownFit]) -> Drawing:
@@ -43,7 +47,8 @@ def table_of_searches(every: Sequence[ShownFit]) -> Table:
             str(fit.generations),
             str(fit.evaluations),
             f"{fit.discarded.unconverged} not converged, {fit.discarded.unstable} unstable",
-            f"{fit.polish.mean_error_before_mm:.4f} to {fit.polish.mean_error_after_mm:.4f} mm",
+            f"{1e3 * fit.polish.mean_error_before_mm:.2f} to {1e3 * fit.polish.mean_error_after_mm:.2f} µm",
+            f"{1e3 * fit.mean_error_mm:.2f} µm",
             fit.stop,
             str(fit.seed),
             f"{fit.wall_s:.1f} s",
@@ -51,7 +56,7 @@ def table_of_searches(every: Sequence[ShownFit]) -> Table:
         for shown in every
         if isinstance(fit := shown.fit, FitRecord)
     ]
-    return Table("searches", "Each search by CMA-ES, and the polish by Gauss-Newton after it.", _HEAD, rows)
+    return Table("searches", _CAPTION, _HEAD, rows)
 
 
 def _values(report: ReportContents) -> dict[str, Any] | None:

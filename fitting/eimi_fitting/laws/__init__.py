@@ -2,6 +2,7 @@
 
 law               what every law gives: energy, stability, bounds of a search, tensile fit, constants of cards
 neo_hookean, mooney_rivlin, yeoh, ogden
+sum_of_terms      a law of any of several terms, in which it is linear
 invariants        what laws in I1 and I2 have in common
 stability         Drucker's criterion; stable_cells proves it, cell by cell, for an energy such as Ogden's
 search_space      a law's coordinates between 0 and 1, with the bulk modulus or without

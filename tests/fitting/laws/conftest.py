@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import pytest
 from hypothesis import strategies as st
 
-from eimi_fitting.laws import LAWS, Law
+from eimi_fitting.laws import LAWS, SOLVERS, Law
+from eimi_fitting.laws.sum_of_terms import SumOfTerms
 from examples.arruda_boyce import ArrudaBoyce
 
 
@@ -61,6 +62,14 @@ ROWS = [
         candidates=st.tuples(coefficient, exponent, coefficient, exponent, coefficient, exponent),
         recovered=None,  # its terms are hardly to be told apart
         refused=("sofa",),
+    ),
+    Row(
+        law=SumOfTerms.of("i1", "i1^2", "i2", "gent=200", "fung=0.05", "ogden=-4"),
+        energy=[0.02, 0.002, 0.006, 0.01, 0.004, 0.003],
+        silicone=[20e3, 2e3, 6e3, 10e3, 4e3, 3e3],
+        candidates=st.tuples(*[coefficient] * 6),
+        recovered=1e-4,  # six terms of one curve are much alike
+        refused=SOLVERS,
     ),
     Row(
         law=ArrudaBoyce(),

@@ -88,6 +88,8 @@ def calculix_reactions(folder: Path, chosen: Material) -> np.ndarray:
 
 @NEEDS_CCX
 def test_calculix_pulls_as_the_incompressible_law_does(tmp_path: Path, row) -> None:
+    if "calculix" in row.refused:
+        pytest.skip("has no such law")
     chosen = card_of(row.law, row.silicone, ratio=1e4)
     expected = 1e-6 * engineering_stress(chosen.law, chosen.parameters, STRETCHES - 1)
     ratio = calculix_reactions(tmp_path, chosen) / expected
@@ -97,6 +99,8 @@ def test_calculix_pulls_as_the_incompressible_law_does(tmp_path: Path, row) -> N
 
 @NEEDS_CCX
 def test_calculix_has_the_volume_term_that_the_card_states(tmp_path: Path, row) -> None:
+    if "calculix" in row.refused:
+        pytest.skip("has no such law")
     chosen = card_of(row.law, row.silicone, ratio=20.0)
     expected = [1e-6 * compressible_force(chosen, row.volume_pressure, stretch) for stretch in STRETCHES]
     ratio = calculix_reactions(tmp_path, chosen) / expected
@@ -211,7 +215,7 @@ def test_a_program_has_the_law_in_full_or_it_is_refused_by_name(solver: str, row
 
 
 def test_a_program_that_a_law_has_never_heard_of_is_refused(row) -> None:
-    with pytest.raises(NotInSolver, match=f"elmer has no {row.law.name} law here"):
+    with pytest.raises(NotInSolver, match=re.escape(f"elmer has no {row.law.name} law here")):
         row.law.card("elmer", dict(zip(row.law.parameter_names, row.silicone, strict=True)), 1e8)
 
 

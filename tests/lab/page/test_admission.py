@@ -58,6 +58,15 @@ def test_a_post_of_another_origin_is_refused(served: Any, origin: str) -> None:
     assert answer.status == 403
 
 
+@pytest.mark.parametrize(("length", "status"), [(1 << 15, 400), ((1 << 16) + 1, 413), (1 << 30, 413)])
+def test_what_is_too_long_is_not_read(served: Any, length: int, status: int) -> None:
+    """As its header says; 400 is of a body that is read, and is no request."""
+    origin = f"http://{served.host}"
+    body = b"x" * min(length, 1 << 15)
+    answer = served.ask("/api/pictures/edges", "POST", body, Origin=origin, Content_Length=str(length))
+    assert answer.status == status
+
+
 def test_a_browser_is_told_to_run_nothing_but_the_page(served: Any) -> None:
     headers = served.ask("/").headers
     policy = headers["content-security-policy"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -56,3 +57,39 @@ def test_what_a_fit_cannot_explain_is_told_in_the_tab(served: Any) -> None:
     assert told["phase"] == "failed"
     assert "run.h5" in told["last_words"]
     assert not (served.folder / "run.fits.json").exists()
+
+
+def test_a_fit_of_before_is_replaced_where_that_is_asked_for_alone(served: Any) -> None:
+    fits = served.folder / "run.fits.json"
+    fits.write_text("of before")
+    tab, name = in_control(served)
+    try:
+        with tab:
+            asked = json.dumps({"dataset": "run.h5", "model": "neo-hookean"}).encode()
+            answer = served.ask("/api/fit/start", "POST", asked, Origin=f"http://{served.host}", X_Tab=name)
+        assert answer.status == 400
+        assert "run.fits.json: exists already" in json.loads(answer.body)["error"]
+        assert fits.read_text() == "of before"
+    finally:
+        fits.unlink()
+
+
+def test_one_run_at_a_time(served: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run that goes on, in place of which another one is asked for."""
+
+    class GoingOn:
+        going_on = True
+        progress = SimpleNamespace(told=dict)
+
+        async def closed(self) -> None: ...
+
+    monkeypatch.setattr(served.page.desk, "run", GoingOn())
+    asked = {"protocol": "protocol.toml", "specimen": "specimen.toml", "rig": "virtual", "dataset": "new.h5"}
+    tab, name = in_control(served)
+    with tab:
+        answer = served.ask(
+            "/api/run/start", "POST", json.dumps(asked).encode(), Origin=f"http://{served.host}", X_Tab=name
+        )
+    assert answer.status == 400
+    assert "a run is going on" in json.loads(answer.body)["error"]
+    assert not (served.folder / "new.h5").exists()

@@ -1,0 +1,275 @@
+"""A law that is a sum of terms, each with one coefficient: what a discovery chooses among.
+
+Terms, with x = I1 - 3 and y = I2 - 3 of the isochoric invariants:
+
+i1, i2           mu/2 x and mu/2 y (Mooney 1940, J. Appl. Phys. 11:582)
+i1^2, i1^3       C x^2 and C x^3, of the generalised Mooney-Rivlin series (Rivlin and Saunders 1951, Phil. Trans. A
+                 243:251); no stiffness at rest
+gent=Jm          -mu Jm/2 ln(1 - x/Jm) (Gent 1996, Rubber Chem. Technol. 69:59)
+fung=b           mu/(2b) (exp(b x) - 1) (after Fung 1967, Am. J. Physiol. 213:1532)
+ogden=alpha      2 mu/alpha^2 (l1^alpha + l2^alpha + l3^alpha - 3) (Ogden 1972, Proc. R. Soc. A 326:565)
+
+mu is the term's share of the initial shear modulus. Jm, b and alpha are numbers of the term and no unknowns: the law is
+linear in all its parameters. With non-negative coefficients every term, and so the sum, is stable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.laws.invariants import InvariantLaw
+from eimi_fitting.laws.law import (
+    SHEAR_MODULUS_PA,
+    CardConstants,
+    Coordinate,
+    NotInSolver,
+    PlanarEnergy,
+    Section,
+    StressFit,
+)
+from eimi_fitting.laws.ogden import Ogden
+from eimi_fitting.laws.stability import scanned_limit
+from eimi_fitting.laws.tensile import linear_least_squares
+
+Array = NDArray[np.float64]
+
+_PLAIN = {"i1": "I1 - 3", "i2": "I2 - 3", "i1^2": "(I1 - 3)^2", "i1^3": "(I1 - 3)^3"}
+_AT_REST_NOTHING = ("i1^2", "i1^3")
+_NUMBERS = {"gent": "Jm", "fung": "b", "ogden": "alpha"}
+_BEYOND = 1e-9  # of room that a Gent term leaves beyond its last stretch: a huge stress, and no NaN
+_IDLE = (2.0, 2.0)  # Ogden terms that are not there: zero modulus, some exponent
+
+
+@dataclass(frozen=True)
+class Term:
+    """kind: of the list above; number: of gent, fung and ogden.
+
+    Examples
+    --------
+    >>> Term.of("ogden=-4")
+    Term(kind='ogden', number=-4.0)
+    >>> Term.of("i1").name
+    'i1'
+    """
+
+    kind: str
+    number: float | None = None
+
+    @staticmethod
+    def of(words: str) -> Term:
+        """From its name. Raises ValueError that says what would be right."""
+        kind, _, number = words.strip().lower().partition("=")
+        if kind in _PLAIN and not number:
+            return Term(kind)
+        try:
+            value = float(number)
+        except ValueError:
+            value = float("nan")
+        if kind not in _NUMBERS or not np.isfinite(value) or value == 0 or (value < 0 and kind != "ogden"):
+            known = [*_PLAIN, *(f"{own}={of}" for own, of in _NUMBERS.items())]
+            raise ValueError(f"{words}: should be one of {', '.join(known)}, with Jm and b above 0, alpha not 0")
+        return Term(kind, value)
+
+    @property
+    def name(self) -> str:
+        """As `of` reads it."""
+        return self.kind if self.number is None else f"{self.kind}={self.number:g}"
+
+    @property
+    def formula(self) -> str:
+        """For people."""
+        match self.kind:
+            case "gent":
+                return f"-mu {self.number:g}/2 ln(1 - (I1 - 3)/{self.number:g})"
+            case "fung":
+                return f"mu/(2*{self.number:g}) (exp({self.number:g} (I1 - 3)) - 1)"
+            case "ogden":
+                return f"2 mu/({self.number:g})^2 (sum of l^{self.number:g} - 3)"
+            case _ if self.has_modulus:
+                return f"mu/2 ({_PLAIN[self.kind]})"
+            case _:
+                return f"C {_PLAIN[self.kind]}"
+
+    @property
+    def has_modulus(self) -> bool:
+        """Whether its coefficient is a share of the initial shear modulus."""
+        return self.kind not in _AT_REST_NOTHING
+
+    @property
+    def largest_x(self) -> float:
+        """I1 - 3 must stay below."""
+        return float(self.number) if self.kind == "gent" and self.number else np.inf
+
+
+@dataclass(frozen=True)
+class _Invariants(InvariantLaw):
+    """The terms in the invariants, coefficients of all terms in; the others count as nothing."""
+
+    terms: tuple[Term, ...]
+    name: str = "terms in the invariants"
+    formula: str = ""
+    parameter_names: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    coordinates: tuple[Coordinate, ...] = ()
+    needs_second = True
+
+    def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+        """Energy and derivatives."""
+        energy, w1, w2, w11 = (np.zeros(np.broadcast_shapes(np.shape(x), parameters.shape[:-1])) for _ in range(4))
+        for i, term in enumerate(self.terms):
+            c, number = parameters[..., i], term.number or 1.0
+            match term.kind:
+                case "i1":
+                    energy, w1 = energy + 0.5 * c * x, w1 + 0.5 * c
+                case "i2":
+                    energy, w2 = energy + 0.5 * c * y, w2 + 0.5 * c
+                case "i1^2":
+                    energy, w1, w11 = energy + c * x**2, w1 + 2 * c * x, w11 + 2 * c
+                case "i1^3":
+                    energy, w1, w11 = energy + c * x**3, w1 + 3 * c * x**2, w11 + 6 * c * x
+                case "gent":
+                    room = np.maximum(number - x, _BEYOND)
+                    energy = energy - 0.5 * c * number * np.log(room / number)
+                    w1, w11 = w1 + 0.5 * c * number / room, w11 + 0.5 * c * number / room**2
+                case "fung":
+                    growth = np.expm1(np.minimum(number * x, 300.0))
+                    energy = energy + 0.5 * c / number * growth
+                    w1, w11 = w1 + 0.5 * c * (growth + 1), w11 + 0.5 * c * number * (growth + 1)
+        return energy, w1, w2, w11
+
+    def initial_shear_modulus(self, parameters: Array) -> Array:
+        """Never asked for: `SumOfTerms` knows."""
+        raise NotImplementedError
+
+    def from_coordinates(self, x: Array) -> Array:
+        """Likewise."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class SumOfTerms:
+    """The sum; parameters are the terms' coefficients in Pa, in their order.
+
+    Examples
+    --------
+    >>> law = SumOfTerms.of("i1", "gent=30")
+    >>> law.parameter_names
+    ('mu of i1', 'mu of gent=30')
+    >>> float(law.initial_shear_modulus(np.array([20e3, 10e3])))
+    30000.0
+    """
+
+    terms: tuple[Term, ...]
+
+    @staticmethod
+    def of(*names: str) -> SumOfTerms:
+        """By the terms' names. Raises ValueError."""
+        return SumOfTerms(tuple(Term.of(name) for name in names))
+
+    @property
+    def name(self) -> str:
+        """The terms' names."""
+        return " + ".join(term.name for term in self.terms)
+
+    @property
+    def formula(self) -> str:
+        """In a line."""
+        return "W = " + " + ".join(term.formula for term in self.terms)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """One a term."""
+        return tuple(f"{'mu' if term.has_modulus else 'C'} of {term.name}" for term in self.terms)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """All Pa."""
+        return ("Pa",) * len(self.terms)
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """The modulus, and what each further term has of it; a term without modulus has C instead."""
+        further = tuple(Coordinate(f"{term.name} over the modulus", 0.0, 1.0) for term in self._others)
+        return (Coordinate("initial shear modulus", *SHEAR_MODULUS_PA), *further)
+
+    @cached_property
+    def _first(self) -> int:
+        return next(i for i, term in enumerate(self.terms) if term.has_modulus)
+
+    @cached_property
+    def _others(self) -> list[Term]:
+        return [term for i, term in enumerate(self.terms) if i != self._first]
+
+    def from_coordinates(self, x: Array) -> Array:
+        """The first term with a modulus has what the others leave of it."""
+        shares = np.insert(x[:, 1:], self._first, 0.0, axis=1)
+        shares[:, self._first] = 1 - shares @ self._has_modulus
+        return np.asarray(x[:, :1] * shares)
+
+    @cached_property
+    def _has_modulus(self) -> Array:
+        return np.array([float(term.has_modulus) for term in self.terms])
+
+    def initial_shear_modulus(self, parameters: Array) -> Array:
+        """The sum of the shares."""
+        return np.asarray(parameters @ self._has_modulus)
+
+    @cached_property
+    def _invariants(self) -> _Invariants:
+        return _Invariants(self.terms)
+
+    @cached_property
+    def _ogden(self) -> list[int]:
+        return [i for i, term in enumerate(self.terms) if term.kind == "ogden"]
+
+    def _ogden_parameters(self, parameters: Array) -> list[Array]:
+        """(..., 6) each, for as many laws of three terms as hold all; mu_p = 2 mu/alpha."""
+        found = []
+        for first in range(0, len(self._ogden), 3):
+            own = np.zeros((*parameters.shape[:-1], 6))
+            own[..., 1::2] = _IDLE[0]
+            for place, i in enumerate(self._ogden[first : first + 3]):
+                alpha = cast(float, self.terms[i].number)
+                own[..., 2 * place], own[..., 2 * place + 1] = 2 * parameters[..., i] / alpha, alpha
+            found.append(own)
+        return found
+
+    def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
+        """Energy density and derivatives of a planar state."""
+        parts = [self._invariants.planar(parameters, a, J, section)]
+        parts += [Ogden().planar(own, a, J, section) for own in self._ogden_parameters(parameters)]
+        return PlanarEnergy(*(np.asarray(sum(of)) for of in zip(*parts, strict=True)))
+
+    def principal(self, parameters: Array, stretches: Array) -> tuple[Array, Array, Array]:
+        """Energy, gradient (..., 3) and Hessian (..., 3, 3) in the logarithms of the isochoric principal stretches."""
+        parts = [self._invariants.principal(parameters, stretches)]
+        parts += [Ogden().principal(own, stretches) for own in self._ogden_parameters(parameters)]
+        energy, gradient, hessian = (np.asarray(sum(of)) for of in zip(*parts, strict=True))
+        return energy, gradient, hessian
+
+    def drucker_limit(self, parameters: Array, most: Array) -> Array:
+        """Without a limit where no coefficient is negative, else `scanned_limit`; zero without stiffness at rest."""
+        stable = (parameters >= 0).all(axis=1) & (self.initial_shear_modulus(parameters) > 0)
+        limit = np.full(len(parameters), np.inf)
+        if not stable.all():
+            limit[~stable] = scanned_limit(self, parameters[~stable], most[~stable])
+        return limit
+
+    def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
+        """The stress is linear in all coefficients."""
+        return linear_least_squares(self, strain, stress, weight)
+
+    def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
+        """Refused: no program has such a sum."""
+        raise NotInSolver(f"{solver} has no {self.name} law here")
+
+
+def law_of(terms: Sequence[Term]) -> SumOfTerms:
+    """The sum of these terms."""
+    return SumOfTerms(tuple(terms))

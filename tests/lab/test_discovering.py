@@ -1,0 +1,79 @@
+"""`eimi discover` through real files: the terms of a strip's law, what it writes, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eimi_fitting import LAWS, BeamModel, Loads, Specimen
+from eimi_fitting.laws import engineering_stress
+
+SPECIMEN = """[specimen]
+name = "strip"
+material = "silicone"
+length_mm = 30.0
+width_mm = 3.0
+depth_mm = 10.0
+density_kg_m3 = 1070.0
+section = "plane-stress"
+"""
+
+
+@pytest.fixture
+def strip(tmp_path: Path, run) -> Path:
+    """Places of a strip of 46 kPa under two forces, tracked: strip.h5; and a tensile test of it: curve.csv."""
+    model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")).refined()
+    forces = [0.001, 0.002]
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along([0.0] * 2, 90.0, 90.0, forces))
+    rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
+    rng = np.random.default_rng(0)
+    places = model.positions(shapes, rest)[0] + rng.normal(0, 0.005, (2, 9, 2))
+    rows = [f"{k},p{i},{rest[i, 0]},{rest[i, 1]},{x},{y},0.005" for k in range(2) for i, (x, y) in enumerate(places[k])]
+    (tmp_path / "points.csv").write_text("\n".join(["state,point,x0_mm,y0_mm,x_mm,y_mm,sigma_mm", *rows]) + "\n")
+    (tmp_path / "states.csv").write_text("state,field_mT,tip_force_N\n0,0,0.001\n1,0,0.002\n")
+    (tmp_path / "strip.toml").write_text(SPECIMEN)
+    tables = ("--states", tmp_path / "states.csv", "--specimen", tmp_path / "strip.toml", "--gravity-angle", "90")
+    assert run("import", tmp_path / "points.csv", *tables, "-o", tmp_path / "strip.h5") == (0, "")
+    strain = np.linspace(0.03, 3.0, 100)
+    stress = engineering_stress(LAWS["neo-hookean"], np.array([46e3]), strain)
+    noisy = stress + rng.normal(0, 2e-3 * stress.max(), 100)
+    curve = [f"{e},{s}" for e, s in zip(strain, noisy, strict=True)]
+    (tmp_path / "curve.csv").write_text("\n".join(["strain,stress_Pa", *curve]) + "\n")
+    return tmp_path
+
+
+def test_terms_are_found_with_a_curve_and_not_without(strip: Path, run) -> None:
+    both, alone = strip / "both.json", strip / "alone.json"
+    assert run("discover", strip / "strip.h5", "--tensile", strip / "curve.csv", "-o", both)[0] == 0
+    found = json.loads(both.read_text())
+    assert found["statement"] == "identified among the terms of this library: i1"
+    (law,) = found["alternatives"]
+    low, high = law["intervals_95_Pa"]["mu of i1"]
+    assert low < 46e3 < high
+    assert len(found["datasets"][0]["sha256"]) == 64
+    assert found["tensile"][0]["noise_Pa"] > 0
+    assert run("discover", strip / "strip.h5", "-o", alone)[0] == 0
+    content = json.loads(alone.read_text())
+    assert content["identified"] is False
+    assert content["terms_that_could_be_there"] or len(content["alternatives"]) > 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--term", "gent"], "--term gent: should be one of i1, i2"),
+        (["--term", "i1^2"], "--term: the library holds no term with stiffness at rest"),
+        (["--term", "i1", "--term", "i1"], "--term: the library holds a term twice"),
+        (["--section", "solid-ish"], "--section solid-ish: should be one of"),
+        (["--tensile-window", "-1"], "--tensile-window -1: should be a strain in percent"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(strip: Path, run, arguments: list[str], said: str) -> None:
+    curve = ("--tensile", strip / "curve.csv")
+    status, told = run("discover", strip / "strip.h5", *curve, *arguments, "-o", strip / "d.json")
+    assert (status, told.count("\n")) == (2, 1), told
+    assert said in told
+    assert not (strip / "d.json").exists()

@@ -1,0 +1,82 @@
+"""Numbers of the pictures' checks against sums done by hand: corrections, widths, motion, the scale of a board."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eimi_lab.vision.calibration.lens import place_in_plane
+from eimi_lab.vision.edges.dimensions import width_deviation
+from eimi_lab.vision.flags import judge
+from eimi_lab.vision.intensity import FieldCorrection
+
+
+def test_a_dark_frame_is_taken_off_before_the_light_is_evened_out() -> None:
+    rng = np.random.default_rng(1)
+    dark = rng.integers(5, 40, (30, 40)).astype(np.uint8)
+    light = np.linspace(100, 200, 40) * np.ones((30, 1))
+    scene = rng.uniform(0.1, 0.9, (30, 40))
+    flat, image = (dark + light).round(), (dark + light * scene).round()
+    corrected = FieldCorrection(dark, flat.astype(np.uint8)).apply(image.astype(np.uint8))
+    assert corrected == pytest.approx(np.median(light.round()) * scene, abs=2.0)
+
+
+def test_what_is_clipped_stays_clipped_and_nothing_else_does() -> None:
+    flat = np.full((20, 20), 100, np.uint8)
+    flat[:, :10] = 200  # twice as much light on the left
+    image = np.full((20, 20), 240, np.uint8)
+    image[5] = 255
+    corrected = FieldCorrection(None, flat).apply(image)
+    assert (corrected[5] == 255).all()
+    assert corrected[0, 0] == pytest.approx(240 * 150 / 200)
+
+
+def test_a_tenth_of_a_beam_may_be_wider_than_the_departure() -> None:
+    widths = np.full(100, 3.0)
+    widths[:8] = 4.5
+    assert width_deviation(widths, 3.0) == 0.0
+    widths[:20] = 4.5
+    assert width_deviation(widths, 3.0) == pytest.approx(0.5)
+    assert width_deviation(np.full(100, 2.7), 3.0) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("finding", ["settling_ratio", "motion_ratio"])
+def test_points_of_a_beam_that_moved_are_as_much_less_certain(finding: str) -> None:
+    """A fifth of a pixel gives a ratio of 2.3."""
+    (flag,) = judge({finding: 2.3})
+    assert flag.widens_mm(25.0, 3.0, 5.0) == pytest.approx(0.2 / 25.0, rel=0.1)
+    (further,) = judge({finding: 8.0})
+    assert further.widens > 2 * flag.widens
+
+
+@pytest.mark.parametrize(
+    ("finding", "below", "above"),
+    [
+        ("hole_share", 0.001, 0.005),
+        ("blur_px", 2.0, 3.0),
+        ("saturated_share", 0.005, 0.02),
+        ("gamma", 1.2, 1.4),
+        ("residual", 0.02, 0.04),
+        ("width_deviation", 0.04, 0.06),
+        ("length_deviation", 0.08, 0.12),
+        ("twist_deg", 1.0, 2.0),
+        ("clamp_offset_mm", 0.05, 0.2),
+        ("calibration_age_days", 60.0, 120.0),
+        ("settling_ratio", 1.1, 1.4),
+    ],
+)
+def test_limits_lie_where_pictures_were_found_to_go_wrong(finding: str, below: float, above: float) -> None:
+    words = {"even_turn": "", "twist_effect": ""}
+    assert judge({finding: below}, words=words) == ()
+    assert len(judge({finding: above}, words=words)) == 1
+
+
+@pytest.mark.parametrize("error", [0.0, 1e-3, 5e-3])
+def test_a_scale_is_no_better_than_its_board(error: float) -> None:
+    x, y = np.meshgrid(np.arange(6.0), np.arange(5.0))
+    board = np.column_stack([x.ravel(), y.ravel()])
+    seen = place_in_plane((board, 25.0 * board + [100.0, 50.0]), error)
+    assert seen.pixels_per_mm == pytest.approx(25.0)
+    assert seen.pixels_per_mm_sigma == pytest.approx(25.0 * error, abs=1e-6)
+    tilted = place_in_plane((board, board * [25.0, 24.5]), 0.0)
+    assert tilted.pixels_per_mm_sigma > 0.2

@@ -1,0 +1,49 @@
+"""The suite in the background: under nohup a job begins with Ctrl-C and hang-up ignored, and what it starts with it."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+PROJECT = Path(__file__).parents[1]
+SIGNALS = [signal.SIGINT, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+
+
+def ignore() -> None:
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such signals to pass on")
+def test_a_suite_that_begins_with_signals_ignored_heeds_them_and_passes_that_on() -> None:
+    """One test that sends itself Ctrl-C, and what a program sees that a test starts."""
+    chosen = ("tests/lab/test_contact.py::test_a_second_ctrl_c_leaves_out_the_ramp", f"{__file__}::{_HEEDED}")
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-n0", "-p", "no:cacheprovider", *chosen]
+    done = subprocess.run(command, cwd=PROJECT, preexec_fn=ignore, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout
+
+
+def test_a_program_that_a_test_starts_is_ended_by_signals() -> None:
+    code = "import signal, sys; sys.exit(any(signal.getsignal(n) is signal.SIG_IGN for n in map(int, sys.argv[1:])))"
+    numbers = [str(int(number)) for number in SIGNALS]
+    assert subprocess.run([sys.executable, "-c", code, *numbers], timeout=60).returncode == 0
+    assert not any(signal.getsignal(number) is signal.SIG_IGN for number in SIGNALS)
+
+
+_HEEDED = test_a_program_that_a_test_starts_is_ended_by_signals.__name__
+
+
+def test_every_test_has_a_limit_of_time() -> None:
+    """Without the plugin the option would be an unknown one, and with a limit of 0 there would be none."""
+    options = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"]["ini_options"]
+    assert 0 < options["timeout"] <= 900
+
+
+def test_the_limit_holds_here(request: pytest.FixtureRequest) -> None:
+    assert request.config.pluginmanager.hasplugin("timeout")
+    assert float(request.config.getini("timeout")) > 0
