@@ -175,3 +175,12 @@ def test_what_the_solid_does_not_take_is_refused_by_name():
         SolidModel(SHALLOW, 8, 1).solve(NEO, MODULUS, Loads.along([1.0], pressure_Pa=10.0))
     with pytest.raises(ValueError, match="nothing of a beam"):
         SolidModel(replace(SHALLOW, length_mm=4.0))
+
+
+@pytest.mark.parametrize("principal", [(1.3, 0.9, 0.8), (0.8, 0.9, 1.3), (0.9, 0.8, 0.7)])
+def test_the_largest_stretch_is_told_whatever_its_direction(principal):
+    mesh = brick_mesh(np.array([0.0, 2.0]), np.array([-0.5, 0.5]), np.array([0.0, 1.5]), lambda x, y, z: (x, y, z))
+    turn, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
+    gradient = np.diag(principal) @ turn
+    nodal = (mesh.nodes[mesh.elements] @ (gradient - np.eye(3)).T).transpose(0, 2, 1)[:, None]
+    assert brick.stretch(brick.operators(mesh), nodal) == pytest.approx(max(principal))

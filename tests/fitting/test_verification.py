@@ -188,3 +188,14 @@ def test_patch_of_distorted_elements_stretches_evenly():
     found = solve(solid, edge_forces(mesh, mesh.column(-1), lambda x: np.array([nominal, 0.0])), 1.0, 1e6, steps=2)
     expected = mesh.nodes * [stretch - 1, 1 / stretch - 1]
     assert found.displacement[0] == pytest.approx(expected, abs=2e-6)
+    assert solid.stretch(found.displacement) == pytest.approx(stretch, rel=1e-5)
+
+
+@pytest.mark.parametrize("principal", [(1.3, 0.8), (0.8, 1.3), (1.2, 1.1), (0.9, 0.8)])
+def test_the_largest_stretch_is_told_whatever_its_direction(principal):
+    mesh = mapped_mesh(2, 2, lambda s, t: (s, t))
+    turn = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
+    gradient = turn @ np.diag(principal) @ turn.T @ turn
+    solid = Solid(mesh, np.zeros((len(mesh.nodes), 2), bool))
+    displacement = mesh.nodes @ (gradient - np.eye(2)).T
+    assert solid.stretch(displacement[None]) == pytest.approx(max(principal))
