@@ -61,6 +61,11 @@ def budget_lines(fit: FitRecord) -> list[str]:
     if smaller:
         together = float(np.sqrt(np.sum(np.square(smaller))))
         lines.append(f"{len(smaller)} smaller sources together: ± {_percent(together)} of the modulus")
+    if len(fit.budget) > 1:
+        lines.append(
+            f"all {len(fit.budget)} sources together: ± {_percent(all_together_percent(fit))} of the modulus, "
+            "twice that at 95 %"
+        )
     if modulus.interval_95_fit and fit.budget:
         low, high = modulus.interval_95_fit
         lines.append(f"noise and mesh alone: [{low:.0f}, {high:.0f}] Pa at 95 %")
@@ -68,6 +73,11 @@ def budget_lines(fit: FitRecord) -> list[str]:
     if keys:
         lines.append(f"no uncertainty stated, so taken as exact: {', '.join(keys)}")
     return [*lines, next_sentence(fit)] if fit.budget else lines
+
+
+def all_together_percent(fit: FitRecord) -> float:
+    """What the standard uncertainties of all sources do to the modulus."""
+    return float(np.sqrt(sum(entry.effect_percent**2 for entry in fit.budget)))
 
 
 def entry_words(entry: BudgetEntry, fit: FitRecord) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -48,21 +49,26 @@ def _comparison(fits: Sequence[FitRecord | TensileRecord]) -> tuple[Choice, ...]
     if len(bending) < 2 or not once or len(data) > 1:
         return ()
     noise_known = all(fit.identifiability.noise_mm and fit.identifiability.noise_points for fit in bending)
-    return choose([_candidate(fit, noise_known) for fit in bending])
+    if not noise_known:  # of earlier releases
+        return choose([_candidate(fit, fit.identifiability.independent_points, fit.mean_error_mm) for fit in bending])
+    every = [fit.identifiability for fit in bending]
+    # Of the law that fits best, for all laws alike.
+    model_mm = min(every, key=lambda told: told.noise_mm or 0.0).model_mm
+    return choose(
+        [
+            _candidate(fit, told.noise_points or 0.0, math.hypot(told.noise_mm or 0.0, model_mm), told.stated_squares)
+            for fit, told in zip(bending, every, strict=True)
+        ]
+    )
 
 
-def _candidate(fit: FitRecord, noise_known: bool) -> Candidate:
-    """By what law and stated sources together leave; by what the law alone leaves in files of earlier releases."""
-    told = fit.identifiability
-    edges = told.independent_points, fit.mean_error_mm
-    if noise_known:
-        edges = told.noise_points or 0.0, told.noise_mm or 0.0
+def _candidate(fit: FitRecord, points: float, error_mm: float, stated_squares: float = 0.0) -> Candidate:
     return Candidate(
         fit.model,
-        len(told.names),
-        (edges, *((c.weight * c.rows / c.correlation_rows, c.rmse_Pa) for c in fit.tensile)),
+        len(fit.identifiability.names),
+        ((points, error_mm), *((c.weight * c.rows / c.correlation_rows, c.rmse_Pa) for c in fit.tensile)),
         fit.held_out_error_mm,
-        told.stated_squares if noise_known else 0.0,
+        stated_squares,
     )
 
 

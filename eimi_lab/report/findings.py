@@ -10,7 +10,7 @@ import numpy as np
 from eimi_fitting.inference.choice_of_law import Choice
 from eimi_fitting.laws import LAWS
 from eimi_lab.fits.evidence import WHOLE_FILES
-from eimi_lab.fits.fit_summary import entry_words
+from eimi_lab.fits.fit_summary import all_together_percent, entry_words
 from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.report.contents import DatasetContents, ReportContents
 from eimi_lab.report.rounded import value_and_interval
@@ -73,7 +73,7 @@ def _finding(shown: ShownFit, report: ReportContents) -> Finding:
         how = f"{fit.model}, from {where}"
         return Finding(shown, fit.source.material or "", value, interval, how, "", (_reach(fit),))
     own = [c for c in report.datasets if c.evidence.sha256 in {d.sha256 for d in fit.datasets}]
-    asked = (_belief(fit, own), _law(shown), _reach(fit), *(_truth(fit, contents) for contents in own))
+    asked = (_belief(fit, own), _next(fit), _law(shown), _reach(fit), *(_truth(fit, contents) for contents in own))
     return Finding(
         shown,
         _subject(own) or ", ".join(d.path for d in fit.datasets),
@@ -105,10 +105,12 @@ def _limit(fit: FitRecord) -> str:
     if fit.measure_next.source is None or not fit.budget:
         words = "The scatter of the edges and the mesh limit the interval"
     else:
-        first = fit.budget[0]
-        words = (
-            f"The interval is limited most by {entry_words(first, fit)} (±{first.effect_percent:.2g} % of the modulus)"
-        )
+        first, sources = fit.budget[0], len(fit.budget)
+        words = f"The interval is limited most by {entry_words(first, fit)}, "
+        words += f"whose standard uncertainty moves the modulus by {first.effect_percent:.2g} %"
+        if sources > 1:
+            words += f"; those of all {sources} sources together move it by {all_together_percent(fit):.2g} %, "
+            words += "and an interval of 95 % is twice that to either side"
     if fit.taken_as_exact:
         whole = [word for word in fit.taken_as_exact if word in WHOLE_FILES]
         what = " and ".join(whole) if whole else "some numbers of specimen or calibration"
@@ -133,6 +135,28 @@ def _belief(fit: FitRecord, own: Sequence[DatasetContents]) -> Verdict:
         more = "; ".join(doubts)
         return Verdict("Can it be believed?", "with doubts", f"{words} Doubts: {more}.")
     return Verdict("Can it be believed?", "yes", f"{words} No check raised a doubt.")
+
+
+def _next(fit: FitRecord) -> Verdict | None:
+    """What to do to know the number better; None where only noise is known."""
+    if not fit.budget:
+        return None
+    now, then = (
+        (low, high, 50 * (high - low) / fit.initial_shear_modulus.value)
+        for low, high in (
+            fit.initial_shear_modulus.interval_95,
+            fit.measure_next.initial_shear_modulus_interval_95_Pa,
+        )
+    )
+    answer, begin = fit.measure_next.words, "With half of its uncertainty"
+    if fit.measure_next.source is None:
+        answer, begin = "more states", "With four times as many"
+    return Verdict(
+        "What to measure better next?",
+        answer,
+        f"{begin} the interval would be {1e-3 * then[0]:.4g} to {1e-3 * then[1]:.4g} kPa: ±{then[2]:.2g} % in place "
+        f"of ±{now[2]:.2g} %.",
+    )
 
 
 def _law(shown: ShownFit) -> Verdict:

@@ -397,7 +397,8 @@ def test_the_first_screen_says_what_the_fit_says(fit: FitRecord, evidence: Evide
     assert "beam is 12 µm (0.31 pixel) off in the mean, 23 µm in states left out" in belief.words
     assert said["What is extrapolated?"].answer == "beyond 25.0 % strain"
     assert "a stretch of 1.250" in said["What is extrapolated?"].words
-    assert "width (±3 % of the modulus)" in found.limit
+    assert "by width, whose standard uncertainty moves the modulus by 3 %" in found.limit
+    assert said["What to measure better next?"].answer == fit.measure_next.words
     assert "3 states of bending, fields up to 6 mT" in found.how
     doubtful = fit.model_copy(update={"doubts": (Doubt("the clamp moved", 0),)})
     (found,) = findings.findings(report_of(doubtful, evidence))

@@ -6,6 +6,7 @@ Each alone, with instruments made for the purpose, in simulated seconds.
 from __future__ import annotations
 
 import dataclasses
+import signal
 from collections.abc import Callable
 from typing import Any
 
@@ -29,6 +30,7 @@ from eimi_lab.config.specimen import load_specimen
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.errors import InputError
+from eimi_lab.stopping import Stopped
 from eimi_lab.vision.settling_statistic import Noise, measure_noise
 
 FRAME_S = 0.1
@@ -67,10 +69,10 @@ def noise_of(draw: Callable[..., NDArray[Any]]) -> Noise:
     return measure_noise([draw(1000 + k, 0.0) for k in range(8)])
 
 
-def waited_s(frame: Callable[..., NDArray[Any]], place_px: Callable[[int], float]) -> float:
+def waited_s(frame: Callable[..., NDArray[Any]], place_px: Callable[[int], float], **changes: Any) -> float:
     """How long the wait lasted; the beam has to come to rest within it."""
     camera = FilmedBeam(place_px, frame)
-    found = wait_until_settled(camera, camera.clock, RULE, noise_of(frame), never)
+    found = wait_until_settled(camera, camera.clock, RULE.model_copy(update=changes), noise_of(frame), never)
     assert found.flags == ()
     return found.waited_s
 
@@ -84,15 +86,18 @@ def test_a_beam_that_creeps_too_slowly_for_two_neighbours_is_waited_for(frame: C
     assert waited_s(frame, lambda number: 0.02 * min(number, 60)) > 6.0
 
 
-def test_one_quiet_pair_between_jerks_is_no_rest(frame: Callable[..., NDArray[Any]]) -> None:
-    """A beam that is jerked every third frame: two quiet pairs in a row, but never three."""
-    assert waited_s(frame, lambda number: 2.0 * (min(number, 60) // 3)) > 6.0
+@pytest.mark.parametrize("window_s", [0.05, 2.0])
+def test_quiet_pairs_between_jerks_are_no_rest(frame: Callable[..., NDArray[Any]], window_s: float) -> None:
+    """A beam that is jerked every third frame: two quiet pairs in a row, but never three, however short the window."""
+    assert waited_s(frame, lambda number: 2.0 * (min(number, 60) // 3), drift_window_s=window_s) > 6.0
 
 
 def test_what_the_camera_had_ready_is_thrown_away(frame: Callable[..., NDArray[Any]]) -> None:
     camera = FilmedBeam(lambda number: 0.0, frame)
     camera.buffered = 4
-    wait_until_settled(camera, camera.clock, RULE, noise_of(frame), never)
+    seen: list[int] = []
+    wait_until_settled(camera, camera.clock, RULE, noise_of(frame), never, lambda own, at_s: seen.append(own.number))
+    assert min(seen) > 0
     camera.buffered = 4
     taken = capture(camera, camera.clock, 3, lambda: 0.5, noise_of(frame), never)
     assert [own.number > 0 for own in taken.frames] == [True] * 3
@@ -218,6 +223,22 @@ def test_a_run_without_its_guardian_ends_with_the_coil_off() -> None:
     assert supply.did == ["arm", "allow", "off", "disarm"]
 
 
+@pytest.mark.parametrize(("signals", "ramped"), [(1, True), (2, False)])
+def test_a_second_signal_leaves_the_ramp_down_out(signals: int, ramped: bool) -> None:
+    clock = SimulatedClock()
+    supply = Obstinate(0.5, clock)
+
+    def run() -> None:
+        with switching_off(Coil(supply, clock, RAMP, asked_A=0.5)):  # type: ignore[arg-type]
+            for _ in range(signals):
+                signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(Stopped):
+        run()
+    assert supply.did[-1] == "off"
+    assert (len(supply.did) > 3) is ramped
+
+
 def test_a_coil_that_could_not_be_switched_off_stays_under_guard() -> None:
     class Stuck(Obstinate):
         def safe_off(self) -> None:
@@ -241,11 +262,15 @@ def test_a_pause_ends_under_guard(setup: Any) -> None:
     typed = iter([*["", "p"], *[None] * 10_000])
 
     def types() -> str | None:
-        return next(typed) if setup.coil.state.output else ""
+        if setup.coil.state.output:
+            return next(typed)
+        setup.coil.set_voltage(3.0)  # a person turns the knob
+        return ""
 
     setup.run(typed=types, remark=lambda words: None)
     output = [word for word in did if word in ("arm", "on", "disarm")]
     assert output == ["arm", "on", "disarm", "arm", "on", "disarm"]
+    assert setup.coil.state.set_voltage_V == 10.0
 
 
 def test_the_stricter_of_both_limits_reaches_the_supply(files: Any) -> None:

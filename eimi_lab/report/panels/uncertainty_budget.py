@@ -15,7 +15,10 @@ from eimi_lab.report.elements import Picture
 from eimi_lab.report.panel import ReportPanel
 from eimi_lab.report.shown import ShownFit
 
-_CAPTION = "The interval's parts: the standard deviation that each source by itself gives the initial shear modulus."
+_CAPTION = (
+    "The interval's parts: the standard deviation that each source by itself gives the initial shear modulus. Their "
+    "squares add up, and an interval of 95 % is about twice the root of the sum to either side."
+)
 _MOST = 8  # sources drawn each on its own
 
 

@@ -12,7 +12,7 @@ from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.ndimage import binary_opening, median_filter, uniform_filter1d
 
 from eimi_lab.vision.following.colour_seams import OUTWARD, Seams, find_colour_seams
 from eimi_lab.vision.following.discriminant import OUTSIDE_BAND, ColourProjection
@@ -21,9 +21,10 @@ from eimi_lab.vision.following.unrolled import UnrolledPicture
 Array = NDArray[np.float64]
 
 _TOLERANCES = (0.3, 0.2)  # widths by which the body's edge may be off the shadow's, then off where it was found
-_WINDOW = 1.0  # widths along the beam over which both edges are compared
+_WINDOW = 1.0  # widths along the beam over which both edges are compared; a shorter difference is none
 _LEAST_SHIFT, _LEAST_SHIFT_PX = 0.03, 1.5  # widths, and pixels of the picture: nearer ones are one edge
 _LEAST_SEPARATION = 3.0  # standard deviations between inside and outside
+_AS_SURE = 0.15  # as all colours are: an edge of one clean step is in no need of colours that tell less
 _HALF = 0.5  # of a whole edge's fall
 _ALONG_IT = 0.2  # of the way: so long a shadow may be nearer than that elsewhere
 
@@ -36,9 +37,11 @@ def off_shadows(unrolled: UnrolledPicture, found: Seams, noise: float) -> Seams:
     shift = np.array(OUTWARD)[:, None] * (found.edge - body.edge)
     window = max(3, round(_WINDOW * unrolled.stations_in_width))
     least = max(_LEAST_SHIFT, _LEAST_SHIFT_PX / float(np.linalg.norm(unrolled.aside[0])))
-    sure = (np.stack([side.separation for side in body.projected]) > _LEAST_SEPARATION) & (body.support > _HALF)
+    all_colours, these = (np.stack([side.separation for side in seams.projected]) for seams in (found, body))
+    sure = (these > np.maximum(_LEAST_SEPARATION, _AS_SURE * all_colours)) & (body.support > _HALF)
     moved = sure & (median_filter(shift, size=(1, window), mode="nearest") > least)
     moved &= np.stack([_is_dimmed(unrolled, *seams, window) for seams in zip(body.edge, found.edge, strict=True)])
+    moved = binary_opening(moved, np.ones((1, window), dtype=bool))
     if not moved.any():
         return found
     moved |= sure & (moved.mean(axis=1, keepdims=True) > _ALONG_IT)

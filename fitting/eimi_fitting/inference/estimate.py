@@ -13,7 +13,7 @@ variance; it is named as not fixed. What specimen and calibration state as uncer
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -132,28 +132,32 @@ def estimate(
     """
     unknowns, unit = problem.unknowns, optimum.unit
     sources = considered(problem, unit)
-    noise_told = linearise_noise(problem, optimum, sources)
+    model_mm = _model_mm(optimum, effects) if sources else None
+    noise_told = linearise_noise(problem, optimum, sources, model_mm)
     about, explained = noise_told.about, noise_told.explained
     covariance = about.covariance(_widened(problem, about))
     spread = np.sqrt(np.diag(covariance))
     left, alone = _left(unknowns, about, effects)
-    remaining = spread * np.sqrt(unknowns.prior)
-    looked_at = remaining[: unknowns.searched] <= NOT_FIXED
+    looked_at = (spread * np.sqrt(unknowns.prior))[: unknowns.searched] <= NOT_FIXED
     if unknowns.space.has_bulk:  # without an end above, and far from linear toward its lower one
         looked_at[-1] = True
     ends = _ends(problem, about, _NORMAL * spread, tuple(int(i) for i in np.flatnonzero(looked_at)))
+    steps = steps_of(about, sources, covariance)
+    everything = covariance + steps.sizes.T @ steps.sizes
+    remaining = np.minimum(np.sqrt(np.diag(everything) * unknowns.prior), 1.0)
     if unknowns.space.has_bulk and ends.high[unknowns.searched - 1] >= 1.0:
         remaining[unknowns.searched - 1] = 1.0
     rng = np.random.default_rng(seed)
     noise = draw_noise(rng, unit, covariance, ends, left / _NORMAL, alone / _NORMAL)
-    moves = Moves(unit, noise, normal_draws(rng, len(sources)), steps_of(about, sources, covariance))
+    moves = Moves(unit, noise, normal_draws(rng, len(sources)), steps)
     entries, measure_next = budget(sources, moves, lambda units: _modulus(problem.law, unknowns, units))
     quantities = _quantities(problem.law, unknowns, moves, sources, seed)
+    told = _identifiability(
+        unknowns, about, explained, everything, remaining, ends, quantities["initial_shear_modulus"]
+    )
     return Estimate(
         **quantities,
-        identifiability=_identifiability(
-            unknowns, about, explained, covariance, remaining, ends, quantities["initial_shear_modulus"]
-        ),
+        identifiability=replace(told, model_mm=float(np.concatenate(model_mm).mean()) if model_mm else 0.0),
         corrections=_effects_percent(unknowns, effects, refinements, left, alone),
         held_out_error_mm=held_out_error_mm(explained.states, explained.hessian),
         budget=entries,
@@ -165,6 +169,19 @@ def estimate(
             if group not in {source.shared for source in sources}
         ),
     )
+
+
+def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[Array]:
+    """(K,) of each experiment: standard deviation of what the corrections leave in the residuals."""
+    found = []
+    for index, misfit in enumerate(optimum.evaluation.comparison.misfits):
+        counts = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
+        squares = [
+            (effect.left / _NORMAL) ** 2 * (effect.correction.changes[index] ** 2).sum(axis=(1, 2)) / counts
+            for effect in effects
+        ]
+        found.append(np.sqrt(sum(squares, np.zeros(len(counts)))))
+    return found
 
 
 def _left(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:

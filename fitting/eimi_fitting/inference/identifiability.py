@@ -42,7 +42,8 @@ class Identifiability:
     directions: best known first; profiled: coordinates whose interval is that of the profile likelihood; noise_mm,
     noise_points: standard deviation, and independent points, of what stated sources do not explain of the residuals,
     None in files of earlier releases; stated_squares: of what sources and priors are off by where they explain most, in
-    standard uncertainties, the sum of squares.
+    standard uncertainties, the sum of squares; model_mm: where sources are stated, standard deviation of what
+    the model's corrections leave, less than which they are not asked to explain.
     """
 
     statement: str
@@ -60,6 +61,7 @@ class Identifiability:
     noise_mm: float | None = None
     noise_points: float | None = None
     stated_squares: float = 0.0
+    model_mm: float = 0.0
 
 
 def is_open(modulus: Quantity) -> bool:

@@ -52,16 +52,22 @@ class Noise:
     explained: Explained
 
 
-def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], sources: Sequence[ConsideredSources]) -> Noise:
+def linearise_noise(
+    problem: Problem,
+    optimum: Optimum[Evaluation],
+    sources: Sequence[ConsideredSources],
+    model_mm: Sequence[Array] | None = None,
+) -> Noise:
     """`linearise`, with the noise's level and correlation from what the sources do not explain of the residuals.
 
     The likelihood takes as many points as make the same noise of what is left: N of the rest, times the square of all
-    residuals over those.
+    residuals over those. model_mm: (K,) of each experiment, by how much the model itself may be wrong: sources are not
+    asked to explain less than that.
     """
     about = linearise(problem, optimum)
     if not sources:
         return Noise(about, Explained(about.states, about.hessian, float((about.priors**2).sum())))
-    explained = _explained(problem, about, sources)
+    explained = _explained(problem, about, sources, model_mm or [np.zeros(1)] * len(about.states))
     points = _independent(problem, explained.states)
     noise_mm = _mean_mm(explained.states)
     about = linearise(problem, optimum, points * (_mean_mm(about.states) / noise_mm) ** 2)
@@ -83,7 +89,9 @@ def _independent(problem: Problem, states: Sequence[LinearStates]) -> float:
     )
 
 
-def _explained(problem: Problem, about: Linearisation, sources: Sequence[ConsideredSources]) -> Explained:
+def _explained(
+    problem: Problem, about: Linearisation, sources: Sequence[ConsideredSources], model_mm: Sequence[Array]
+) -> Explained:
     unknowns = Unknowns(problem.unknowns.space, (*problem.unknowns.freed, *(source.freed for source in sources)))
     freed = replace(problem, unknowns=unknowns)
     unit, n = np.concatenate([about.unit, np.full(len(sources), 0.5)]), len(about.unit)
@@ -95,32 +103,43 @@ def _explained(problem: Problem, about: Linearisation, sources: Sequence[Conside
         replace(own, slopes=_with_sources(own.slopes, of_sources), weights=weigh * own.weights)
         for own, of_sources in zip(about.states, changes, strict=True)
     ]
-    best, left = _least(problem, states, unit, unit, prior)
-    at, points, least = unit, _independent(problem, left), np.inf
+    trial, left = _least(problem, states, unit, unit, prior, model_mm)
+    points = _independent(problem, left)
+    best, found = unit, _with_weights(problem, states, model_mm)  # as the optimum has it, where nothing explains more
+    least = before = _value(unknowns, unit, found, model_mm, points)
     for again in range(_PASSES):
-        steps, distance = difference_batch(best[:n])
-        found = freed.evaluate(np.column_stack([steps, np.tile(best[n:], (len(steps), 1))]), points).comparison
-        if found.unconverged.any():
+        steps, distance = difference_batch(trial[:n])
+        there = freed.evaluate(np.column_stack([steps, np.tile(trial[n:], (len(steps), 1))]), points).comparison
+        if there.unconverged.any():
             break
-        there = [_leaving(own, misfit.residuals[0]) for own, misfit in zip(left, found.misfits, strict=True)]
-        value = _mean_mm(there) * np.exp(_squares(unknowns, best) / (2 * points))
-        if value >= least:
-            break
-        gained, at, least = 1 - value / least, best, value
-        is_last = gained < _SAME or again == _PASSES - 1
-        if not is_last:
-            changes = changes_of(freed, at, [(source.shared, source.part) for source in sources])
         states = [
-            replace(own, slopes=_with_sources(_slopes(misfit, distance), of_sources))
-            for own, misfit, of_sources in zip(_with_weights(problem, there), found.misfits, changes, strict=True)
+            _leaving(replace(own, slopes=_with_sources(_slopes(misfit, distance), of_sources)), misfit.residuals[0])
+            for own, misfit, of_sources in zip(left, there.misfits, changes, strict=True)
         ]
-        if is_last:
+        states = _with_weights(problem, states, model_mm)
+        value = _value(unknowns, trial, states, model_mm, points)
+        if value < least:
+            best, found, least = trial, states, value
+        if abs(value - before) < _SAME * before or again == _PASSES - 1:
             break
-        best, left = _least(problem, states, at, unit, prior)
-    if not np.isfinite(least):  # no equilibrium there: as the slopes have it
-        at, states = best, left
-    hessian = prior + sum((own.information for own in states), np.zeros_like(prior))
-    return Explained(tuple(states), hessian, _squares(unknowns, at))
+        before = value
+        changes = changes_of(freed, trial, [(source.shared, source.part) for source in sources])
+        states = [
+            replace(own, slopes=_with_sources(own.slopes[:n], of_sources))
+            for own, of_sources in zip(states, changes, strict=True)
+        ]
+        trial, left = _least(problem, states, trial, unit, prior, model_mm)
+    hessian = prior + sum((own.information for own in found), np.zeros_like(prior))
+    return Explained(tuple(found), hessian, _squares(unknowns, best))
+
+
+def _value(
+    unknowns: Unknowns, unit: Array, states: Sequence[LinearStates], model_mm: Sequence[Array], points: float
+) -> float:
+    """Minus the logarithm of the likelihood, over N, as a length: see `inference.objective`."""
+    return float(np.concatenate(_with_model(states, model_mm)).mean()) * float(
+        np.exp(_squares(unknowns, unit) / (2 * points))
+    )
 
 
 def _slopes(misfit: Misfit, distance: Array) -> Array:
@@ -140,7 +159,12 @@ def _squares(unknowns: Unknowns, unit: Array) -> float:
 
 
 def _least(
-    problem: Problem, states: Sequence[LinearStates], at: Array, unit: Array, prior: Array
+    problem: Problem,
+    states: Sequence[LinearStates],
+    at: Array,
+    unit: Array,
+    prior: Array,
+    model_mm: Sequence[Array],
 ) -> tuple[Array, list[LinearStates]]:
     """Where the residuals, which are those ``at`` (n + S,), are least with the priors about ``unit``; the states there.
 
@@ -154,7 +178,8 @@ def _least(
             score += replace(own, weights=now.weights).score(own.residuals)
         best = at + step_to_minimum(at, score, normal)
         residuals = [own.residuals + np.tensordot(best - at, own.slopes, axes=1) for own in states]
-        left = _with_weights(problem, [_leaving(now, own) for now, own in zip(left, residuals, strict=True)])
+        left = [_leaving(now, own) for now, own in zip(left, residuals, strict=True)]
+        left = _with_weights(problem, left, model_mm)
         mean = _mean_mm(left)
         if abs(mean - level) < _SAME * level:
             break
@@ -162,10 +187,19 @@ def _least(
     return best, left
 
 
-def _with_weights(problem: Problem, states: Sequence[LinearStates]) -> list[LinearStates]:
+def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[LinearStates]:
     """With the weights that level and correlation of the residuals ask for."""
-    scale = _independent(problem, states) / (sum(len(own.counts) for own in states) * _mean_mm(states))
-    return [replace(own, weights=scale / (np.maximum(own.counts, 1e-12) * own.error_mm)) for own in states]
+    errors = _with_model(states, model_mm)
+    scale = _independent(problem, states) / float(np.concatenate(errors).sum())
+    return [
+        replace(own, weights=scale / (np.maximum(own.counts, 1e-12) * error))
+        for own, error in zip(states, errors, strict=True)
+    ]
+
+
+def _with_model(states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[Array]:
+    """(K,) of each experiment."""
+    return [np.hypot(own.error_mm, model) for own, model in zip(states, model_mm, strict=True)]
 
 
 def _leaving(own: LinearStates, residuals: Array) -> LinearStates:
