@@ -10,6 +10,7 @@ import pytest
 
 from eimi_fitting import LAWS, BeamModel, Experiment, Loads, PointObservation, Specimen, identify
 from eimi_lab.config.protocol import load_protocol
+from eimi_lab.config.rig import load_rig
 from eimi_lab.dataset.state import State
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.fits_file import write_fits
@@ -74,3 +75,36 @@ def test_what_cannot_be_planned_is_told(fits: Path, run, tmp_path: Path, more: t
     status, said = run("plan", fits, *ARGUMENTS, "--specimen", "type1", *more, "-o", tmp_path / "planned.toml")
     assert (status, said.count("\n"), told in said) == (2, 1, True), said
     assert not (tmp_path / "planned.toml").exists()
+
+
+def planned(fits: Path, folder: Path, run, protocol_A: float, rig_A: float, unsure_A: float = 0.0) -> tuple[str, float]:
+    """What the plan's heading says and its highest current, with limits and an uncertainty of the current."""
+    for path in Path("protocols/rigs").glob("virtual*.toml"):
+        (folder / path.name).write_text(path.read_text())
+    rig, protocol, out = folder / "virtual.toml", folder / "protocol.toml", folder / "planned.toml"
+    said = rig.read_text().replace("limits = { current_A = 2.0", f"limits = {{ current_A = {rig_A}")
+    rig.write_text(said.replace("\ncurrent_A = 0.0 ", f"\ncurrent_A = {unsure_A} "))
+    said = Path("protocols/dragon_skin_10_quick.toml").read_text().replace("stop_A = 1.5", "stop_A = 0.3")
+    protocol.write_text(said.replace("current_A = 1.6\n", f"current_A = {protocol_A}\n", 1))
+    assert load_rig(rig).supply.limits.current_A == rig_A
+    assert load_protocol(protocol).limits.current_A == protocol_A
+    asked = ("plan", fits, protocol, "--rig", rig, "--specimen", "type1", "--states", 2, "--force", "-o", out)
+    assert run(*asked)[0] == 0
+    return out.read_text().splitlines()[0], max(load_protocol(out).currents_A)
+
+
+def half_width(heading: str) -> float:
+    """In per cent, of the planned run."""
+    return float(heading.split("±")[1].split("%")[0])
+
+
+@pytest.mark.parametrize(("protocol_A", "rig_A"), [(0.5, 2.0), (2.0, 0.5)])
+def test_the_stricter_of_both_limits_holds_in_a_plan(fits: Path, run, tmp_path: Path, protocol_A, rig_A) -> None:
+    # Without either limit it would be 0.68 A.
+    assert 0.4 < planned(fits, tmp_path, run, protocol_A, rig_A)[1] <= 0.5
+
+
+def test_what_a_rig_says_of_its_current_is_in_the_interval_to_expect(fits: Path, run, tmp_path: Path) -> None:
+    sure, unsure = (half_width(planned(fits, tmp_path, run, 1.6, 2.0, unsure_A)[0]) for unsure_A in (0.0, 0.05))
+    # 0.05 A of 0.7 A, in a torque that goes as the modulus: several per cent.
+    assert unsure > sure + 3.0

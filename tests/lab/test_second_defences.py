@@ -6,6 +6,7 @@ Each alone, with instruments made for the purpose, in simulated seconds.
 from __future__ import annotations
 
 import dataclasses
+import signal
 from collections.abc import Callable
 from typing import Any
 
@@ -29,6 +30,7 @@ from eimi_lab.config.specimen import load_specimen
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.errors import InputError
+from eimi_lab.stopping import Stopped
 from eimi_lab.vision.settling_statistic import Noise, measure_noise
 
 FRAME_S = 0.1
@@ -221,6 +223,22 @@ def test_a_run_without_its_guardian_ends_with_the_coil_off() -> None:
     assert supply.did == ["arm", "allow", "off", "disarm"]
 
 
+@pytest.mark.parametrize(("signals", "ramped"), [(1, True), (2, False)])
+def test_a_second_signal_leaves_the_ramp_down_out(signals: int, ramped: bool) -> None:
+    clock = SimulatedClock()
+    supply = Obstinate(0.5, clock)
+
+    def run() -> None:
+        with switching_off(Coil(supply, clock, RAMP, asked_A=0.5)):  # type: ignore[arg-type]
+            for _ in range(signals):
+                signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(Stopped):
+        run()
+    assert supply.did[-1] == "off"
+    assert (len(supply.did) > 3) is ramped
+
+
 def test_a_coil_that_could_not_be_switched_off_stays_under_guard() -> None:
     class Stuck(Obstinate):
         def safe_off(self) -> None:
@@ -244,11 +262,15 @@ def test_a_pause_ends_under_guard(setup: Any) -> None:
     typed = iter([*["", "p"], *[None] * 10_000])
 
     def types() -> str | None:
-        return next(typed) if setup.coil.state.output else ""
+        if setup.coil.state.output:
+            return next(typed)
+        setup.coil.set_voltage(3.0)  # a person turns the knob
+        return ""
 
     setup.run(typed=types, remark=lambda words: None)
     output = [word for word in did if word in ("arm", "on", "disarm")]
     assert output == ["arm", "on", "disarm", "arm", "on", "disarm"]
+    assert setup.coil.state.set_voltage_V == 10.0
 
 
 def test_the_stricter_of_both_limits_reaches_the_supply(files: Any) -> None:

@@ -16,11 +16,12 @@ from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.csv_tables import Row
-from eimi_lab.dataset.dark_and_flat import check_like
+from eimi_lab.dataset.dark_and_flat import check_like, forget_correction, store_correction
 from eimi_lab.dataset.layout import FORMAT, FORMAT_ATTRIBUTE, Header
 from eimi_lab.dataset.points import Load, TrackedPoints, write_points
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recovery import copy_readable
+from eimi_lab.dataset.restating import restate
 from eimi_lab.dataset.state_loads import load_of
 from eimi_lab.dataset.stored_edges import write_edges
 from eimi_lab.dataset.writing import DatasetWriter
@@ -182,3 +183,23 @@ def test_a_dark_frame_is_dark(dark: int, fits: bool) -> None:
         return
     with pytest.raises(InputError, match="take it without light"):
         check_like(images, lit)
+
+
+def test_edges_go_with_what_they_were_found_with(files: Path, frame: Draw) -> None:
+    """At once, not when a segmentation that may be broken off puts others in their place."""
+    path = files / "run.h5"
+    with DatasetWriter(path, header(files), Frame(frame(0), 0, 0.0)) as writer:
+        writer.append_state([Frame(frame(0), 0, 0.0)], current_A=0.1, field_mT=0.47)
+    points = EdgePoints(np.zeros((3, 2)), np.ones(3))
+    lit = np.full_like(frame(0), 250)
+    for change in (
+        lambda: store_correction(path, {"flat": lit}),
+        lambda: forget_correction(path),
+        lambda: restate(path, changes={"axis_angle_deg": 89.0}),
+    ):
+        write_edges(path, [EdgeSet(points, points, (), np.zeros((4, 2)))])
+        with open_dataset(path) as dataset:
+            assert dataset.edges() is not None
+        change()
+        with open_dataset(path) as dataset:
+            assert dataset.edges() is None

@@ -240,11 +240,14 @@ def test_dltdv_in_three_dimensions(run: Run, files: Path) -> None:
     ]
     header = ",".join(f"pt{k + 1}_{axis}" for k in range(3) for axis in "XYZ")
     rows = [",".join(f"{cell:.6f}" for cell in frame.ravel()) for frame in frames]
-    (files / "xyzpts.csv").write_text("\n".join([header, *rows]) + "\n")
-    said = ["--unit", "m", "--plane", "xz", "--clamp", "0.2,0.5", "--axis", "-90", "--gravity-angle", "0"]
-    said += ["--rest", "1", "--sigma", "1e-4"]
-    assert imported(run, files, files / "xyzpts.csv", "dltdv", *said, states=STATES.format(1, 2)) == (0, "")
+    source = files / "xyzpts.csv"
+    source.write_text("\n".join([header, *rows]) + "\n")
+    said = ["--unit", "m", "--plane", "xz", "--clamp", "0.2,0.5", "--axis", "-90", "--rest", "1", "--sigma", "1e-4"]
+    assert imported(run, files, source, "dltdv", *said, "--gravity-angle", "0", states=STATES.format(1, 2)) == (0, "")
     check(files, 0.1, 1e-3)
+    assert load_evidence(files / "out.h5").experiment.loads.gravity.any()
+    assert imported(run, files, source, "dltdv", *said, "--no-gravity", states=STATES.format(1, 2)) == (0, "")
+    assert not load_evidence(files / "out.h5").experiment.loads.gravity.any()
 
 
 @pytest.mark.parametrize("kind", ["several", "decimal comma", "one of version 4"])

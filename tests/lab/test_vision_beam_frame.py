@@ -95,3 +95,17 @@ def test_no_points():
     frame = BeamFrame(calibration())
     assert frame.to_mm(np.zeros((0, 2))).shape == (0, 2)
     assert frame.to_px(np.zeros((0, 2))).shape == (0, 2)
+
+
+def test_the_lens_looks_along_its_own_axis() -> None:
+    """At the matrix's principal point, and amid an image without a matrix."""
+    matrix = ((2000.0, 0.0, 700.0), (0.0, 2000.0, 430.0), (0.0, 0.0, 1.0))
+    lens = {"telecentric": False, "stand_off_mm": 200.0}
+    known = BeamFrame(calibration(camera_matrix=matrix, distortion=DISTORTION, **lens))
+    view = known.view(5.0, (1280, 1024))
+    assert view is not None
+    np.testing.assert_allclose(known.to_px(view.centre_mm), [[700.0, 430.0]], atol=1e-6)
+    plain = BeamFrame(calibration(**lens))
+    view = plain.view(5.0, (1280, 1024))
+    assert view is not None
+    np.testing.assert_allclose(plain.to_px(view.centre_mm), [[639.5, 511.5]], atol=1e-6)

@@ -60,8 +60,8 @@ _SAME_COUNT = 0.3
 # The solid's correction is found again where it moved the modulus by this much, in per cent, but not without end. A
 # pass that raises the error by a hundredth is not taken.
 _STAYS_PERCENT, _MOST_PASSES, _NOT_WORSE = 0.05, 3, 1.01
-# Of the modulus: what the solid's mesh leaves at least, which is 0.05 at most for the specimens of
-# `benchmarks.hidden_solids`, and what a Newton step of the tolerance and the states between leave.
+# Of the modulus: what the solid's mesh leaves at least, which is 0.1 at most for the specimens of
+# `benchmarks.solid_mesh`, and what a Newton step of the tolerance and the states between leave.
 _UNSURE_PERCENT = 0.15
 _LOOSE = 1e-2  # of the objective: what a step gains before the solid is known
 

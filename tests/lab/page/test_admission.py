@@ -67,6 +67,11 @@ def test_what_is_too_long_is_not_read(served: Any, length: int, status: int) -> 
     assert answer.status == status
 
 
+def test_a_body_of_a_length_that_is_not_told_is_not_read(served: Any) -> None:
+    assert served.ask("/api/folder").status == 200
+    assert served.ask("/api/folder", Transfer_Encoding="chunked").status == 413
+
+
 def test_a_browser_is_told_to_run_nothing_but_the_page(served: Any) -> None:
     headers = served.ask("/").headers
     policy = headers["content-security-policy"]
