@@ -76,6 +76,16 @@ def test_a_clipped_reflection_beside_an_edge_is_doubted():
     assert "HOLE_OR_REFLECTION" in names[1]
 
 
+@pytest.mark.parametrize("number", [0, 9])
+def test_a_lamps_reflection_along_a_beam_does_not_split_it(number):
+    kind = "glare amid it"
+    rng = np.random.default_rng([2, list(lab_photographs.KINDS).index(kind), number])
+    image, scene = lab_photographs.lab_photograph(kind, rng)
+    calibration, specimen = lab_photographs.stated(scene, rng)
+    edges = find_edges(image, calibration, specimen)
+    assert lab_photographs.verdict(kind, scene, edges, calibration)[0] == "good"
+
+
 def test_clipped_light_beside_an_edge_is_doubted():
     colours = np.array([[40.0, 60.0, 110.0], [150.0, 160.0, 130.0]])
     photo = photograph("uneven light", np.random.default_rng(4), 20.0, colours)

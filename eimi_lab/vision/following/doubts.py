@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from eimi_lab.vision.following.colour_seams import OUTWARD
 from eimi_lab.vision.following.discriminant import INSIDE_BAND, OUTSIDE_BAND
 from eimi_lab.vision.following.edge_points import StripEdges
+from eimi_lab.vision.following.gleams import CLIPPED
 from eimi_lab.vision.following.support import Sides
 from eimi_lab.vision.following.unrolled import UnrolledPicture
 
@@ -16,7 +17,6 @@ Mask = NDArray[np.bool_]
 _SOFTER = 1.25  # times the other edge's blur; by light from one side a body's edges differ by up to 1.6,
 _SOFTEST = 2.0  # and no lens or shading makes more of it
 _FULL = 253.0  # of 255, after a JPEG
-_CLIPPED = 240.0  # of 255, after a lens, a sharpening and a JPEG
 _NEAR = 0.2  # widths to both sides of an edge: a reflection there has its own border where the edge is looked for
 _AMID = 0.2  # widths to both sides of the middle: the beam's own colour
 
@@ -46,7 +46,7 @@ def shadow_px(sides: Sides, width_px: float) -> float:
 
 def gleam(unrolled: UnrolledPicture, sides: Sides) -> float:
     """Share of the worse edge along which a lamp's reflection lies: clipped, while what is beside it is not."""
-    clipped = (unrolled.colours >= _CLIPPED).mean(axis=2) > 0.5
+    clipped = (unrolled.colours >= CLIPPED).mean(axis=2) > 0.5
     own = (clipped & (np.abs(unrolled.across - sides.edge.mean(axis=0)[:, None]) <= _AMID)).any(axis=1)
     shares = []
     for edge, outward, sound in zip(sides.edge, OUTWARD, sides.sound, strict=True):

@@ -12,6 +12,7 @@ from eimi_lab.vision.following.beam_search import WIDTH_PX, Strip, find_strip
 from eimi_lab.vision.following.doubts import clipped_share, gleam, penumbra_px, shadow_px
 from eimi_lab.vision.following.edge_points import StripEdges, place_side
 from eimi_lab.vision.following.ends import as_wide_at_ends
+from eimi_lab.vision.following.gleams import without_gleams
 from eimi_lab.vision.following.stated import StatedBeam
 from eimi_lab.vision.following.support import Sides, find_sides, how_sure
 from eimi_lab.vision.following.unrolled import FINENESS, UnrolledPicture, unroll
@@ -82,7 +83,9 @@ def follow(
     coarse = working_picture(image, beam, WIDTH_PX)
     strip = None
     if coarse is not None:
-        strip = find_strip(coarse, polarity, None if earlier_px is None else coarse.from_picture(earlier_px))
+        strip = find_strip(
+            without_gleams(coarse), polarity, None if earlier_px is None else coarse.from_picture(earlier_px)
+        )
     if coarse is None or strip is None:
         return FollowedBeam(nothing, coarse)
     fine = working_picture(image, beam, float(FINENESS))
