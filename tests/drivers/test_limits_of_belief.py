@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 from types import SimpleNamespace
 from typing import Any
 
@@ -53,6 +54,22 @@ def test_a_serial_line_that_takes_no_bytes_is_a_timeout(monkeypatch: pytest.Monk
         line = SerialTransport(os.ttyname(near))
         with pytest.raises(InstrumentTimeout, match="takes no more bytes"):
             line.write(b"*IDN?\n" * 100_000)
+    finally:
+        os.close(near)
+        os.close(far)
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pseudo-terminals")
+def test_what_was_left_unread_is_no_answer_to_the_next_question() -> None:
+    far, near = os.openpty()
+    try:
+        line = SerialTransport(os.ttyname(near))
+        os.write(far, b"1.234\n" * 3)
+        select.select([near], [], [])
+        line.write(b"ISET1?\n")
+        os.write(far, b"0.500\n")
+        assert line.read(6, 5.0) == b"0.500\n"
     finally:
         os.close(near)
         os.close(far)
