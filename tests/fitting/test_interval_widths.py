@@ -240,7 +240,7 @@ def test_another_seed_draws_other_errors_of_the_sources() -> None:
     one, other = (identify("neo-hookean", [experiment], seed=seed) for seed in (1, 2))
     assert (one.draws.seed, other.draws.seed) == (1, 2)
     apart = [np.corrcoef(fit.draws.column("remanence"), fit.draws.column("density"))[0, 1] for fit in (one, other)]
-    assert apart[0] != apart[1]
+    assert abs(apart[0] - apart[1]) > 1e-3  # of the same draws, rounding would be all
     assert one.initial_shear_modulus.value == pytest.approx(other.initial_shear_modulus.value, rel=1e-3)
     searched = [[generation.mean_mm for generation in fit.history] for fit in (one, other)]
     assert searched[0][0] != searched[1][0]

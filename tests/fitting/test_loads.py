@@ -199,3 +199,10 @@ def test_states_keep_their_pressure_when_taken_apart():
     loads = Loads.along(np.arange(4.0), pressure_Pa=10.0 * np.arange(4.0))
     assert loads.take(np.array([3, 1])).state(0) == pytest.approx(loads.state(3))
     assert Loads.along(np.arange(4.0), pressure_Pa=5.0).take(np.array([3, 1])).state(1)[-1] == 5.0
+
+
+def test_a_pressure_without_a_face_is_refused():
+    model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress"), 4, 1)
+    loads = Loads.along([1.0], pressure_Pa=100.0)
+    with pytest.raises(ValueError, match="names no face for it"):
+        model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads)

@@ -36,6 +36,7 @@ def test_files_of_a_simulation(tmp_path: Path, specimen: SpecimenFile, tip_deg: 
     assert tip["x_mm"][0] == pytest.approx(30.0, abs=0.1)
     left = np.loadtxt(tmp_path / "state_02_left.csv", delimiter=",", skiprows=1)
     right = np.loadtxt(tmp_path / "state_02_right.csv", delimiter=",", skiprows=1)
+    assert (left[0], right[0]) == (pytest.approx([0.0, -1.5], abs=1e-3), pytest.approx([0.0, 1.5], abs=1e-3))
     assert 0.5 * (left[-1] + right[-1]) == pytest.approx([tip["x_mm"][-1], tip["y_mm"][-1]], abs=5e-3)
     vtu = meshio.read(tmp_path / "state_02.vtu")
     place = vtu.points + vtu.point_data["displacement_mm"]
