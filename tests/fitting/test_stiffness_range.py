@@ -85,7 +85,8 @@ def test_a_clamp_that_is_elsewhere_is_a_doubt_with_its_remedy():
     fit = identify("neo-hookean", [off])
     (said,) = [doubt for doubt in fit.doubts if "clamp" in doubt.words]
     assert (said.dataset, said.state) == (0, None)
-    assert "correct its place (clamp_midpoint_px), or free it (--free clamp=0.9)" in said.words
+    assert "clamp_midpoint_px" in said.words
+    assert "or free it (--free clamp=0.9)" in said.words
     freed = identify("neo-hookean", [off], free=[Prior("clamp", 0.9)])
     assert [doubt for doubt in freed.doubts if "clamp" in doubt.words] == []
     assert freed.initial_shear_modulus.value == pytest.approx(46e3, rel=0.02)

@@ -334,7 +334,8 @@ def test_the_report_s_figures_show_what_the_fit_says(fit: FitRecord, evidence: E
     assert median.get_ydata().tolist() == pytest.approx([20.0, 20.0])
     (axes,) = drawn_convergence([own.shown]).axes
     assert axes.lines[0].get_ydata()[-1] == pytest.approx(1e3 * fit.history[-1].best_mm)
-    assert table_of_searches([own.shown]).texts()[0][4].endswith(f"{fit.polish.mean_error_after_mm:.4f} mm")
+    assert table_of_searches([own.shown]).texts()[0][4].endswith(f"to {1e3 * fit.polish.mean_error_after_mm:.2f} µm")
+    assert table_of_searches([own.shown]).texts()[0][5] == f"{1e3 * fit.mean_error_mm:.2f} µm"
 
 
 def test_the_report_s_stress_is_in_kilopascal_with_the_band_of_the_draws(fit: FitRecord) -> None:
