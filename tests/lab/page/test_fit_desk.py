@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import time
 from types import SimpleNamespace
 from typing import Any
@@ -45,10 +46,13 @@ def test_a_fit_of_nothing_is_refused(served: Any, asked: dict[str, str], words: 
 
 
 def test_what_a_fit_cannot_explain_is_told_in_the_tab(served: Any) -> None:
-    """The drawn beam has no magnet and no load that moves it."""
+    """The drawn beam has no magnet and no load that moves it. A fit writes edges: into a copy, as others look at it."""
+    own = served.folder / "unfit"
+    own.mkdir()
+    shutil.copy(served.folder / "run.h5", own)
     tab, name = in_control(served)
     with tab:
-        asked = json.dumps({"dataset": "run.h5", "model": "neo-hookean"}).encode()
+        asked = json.dumps({"dataset": "unfit/run.h5", "model": "neo-hookean"}).encode()
         assert served.ask("/api/fit/start", "POST", asked, Origin=f"http://{served.host}", X_Tab=name).status == 200
         told: dict[str, Any] = {"phase": ""}
         until = time.monotonic() + 100
@@ -56,7 +60,7 @@ def test_what_a_fit_cannot_explain_is_told_in_the_tab(served: Any) -> None:
             told = json.loads(tab.recv(timeout=100)).get("fit") or told
     assert told["phase"] == "failed"
     assert "run.h5" in told["last_words"]
-    assert not (served.folder / "run.fits.json").exists()
+    assert not (own / "run.fits.json").exists()
 
 
 def test_a_fit_of_before_is_replaced_where_that_is_asked_for_alone(served: Any) -> None:
