@@ -65,10 +65,11 @@ def small_bench(folder: Path, supply: str, coil: str) -> None:
 def keep(page: Any, name: str) -> None:
     """The window as it is, but for where the temporary folder was."""
     page.locator("body").evaluate(WITHOUT_FOLDER, tempfile.gettempdir())
-    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-    picture.quantize(128, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
-        FOLDER / f"{name}.png", optimize=True
-    )
+    picture = Image.open(io.BytesIO(page.screenshot())).convert(
+        "RGB"
+    )  # fewer colours would show in the camera's picture
+    # Fewer colours would show in the picture of the camera.
+    picture.save(FOLDER / f"{name}.png", optimize=True)
 
 
 def of_the_bench(browser: Browser, address: str) -> None:
