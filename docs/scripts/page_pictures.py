@@ -65,9 +65,7 @@ def small_bench(folder: Path, supply: str, coil: str) -> None:
 def keep(page: Any, name: str) -> None:
     """The window as it is, but for where the temporary folder was."""
     page.locator("body").evaluate(WITHOUT_FOLDER, tempfile.gettempdir())
-    picture = Image.open(io.BytesIO(page.screenshot())).convert(
-        "RGB"
-    )  # fewer colours would show in the camera's picture
+    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
     # Fewer colours would show in the picture of the camera.
     picture.save(FOLDER / f"{name}.png", optimize=True)
 
