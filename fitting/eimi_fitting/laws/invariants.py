@@ -51,8 +51,47 @@ def _second_invariant(a: Array, J: Array, section: Section) -> _Invariant:
     )
 
 
-class InvariantLaw(ABC):
-    """A law that is a function of I1 - 3 and I2 - 3: subclasses give W and its derivatives.
+class InvariantEnergy(ABC):
+    """An energy that is a function of I1 - 3 and I2 - 3: subclasses give W and its derivatives."""
+
+    needs_second = False  # whether I2 enters at all
+
+    @abstractmethod
+    def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+        """W, W_x, W_y, W_xx at x = I1 - 3, y = I2 - 3; W_xy and W_yy are zero for every law of this kind."""
+
+    def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
+        """Energy density and derivatives of a planar state."""
+        i1 = _first_invariant(a, J, section)
+        if not self.needs_second:
+            w, w1, _, w11 = self.coefficients(parameters, i1.value - 3, np.zeros(()))
+            slope = w11 * i1.a
+            return PlanarEnergy(
+                w, w1 * i1.a, w1 * i1.J, slope * i1.a, w1 * i1.aJ + slope * i1.J, w1 * i1.JJ + w11 * i1.J**2
+            )
+        i2 = _second_invariant(a, J, section)
+        w, w1, w2, w11 = self.coefficients(parameters, i1.value - 3, i2.value - 3)
+        return PlanarEnergy(
+            w,
+            w1 * i1.a + w2 * i2.a,
+            w1 * i1.J + w2 * i2.J,
+            w11 * i1.a**2,
+            w1 * i1.aJ + w2 * i2.aJ + w11 * i1.a * i1.J,
+            w1 * i1.JJ + w2 * i2.JJ + w11 * i1.J**2,
+        )
+
+    def principal(self, parameters: Array, stretches: Array) -> tuple[Array, Array, Array]:
+        """Energy, gradient (..., 3) and Hessian (..., 3, 3) in the logarithms of the isochoric principal stretches."""
+        q, r = stretches**2, stretches**-2
+        w, w1, w2, w11 = self.coefficients(parameters, q.sum(-1) - 3, r.sum(-1) - 3)
+        gradient = 2 * w1[..., None] * q - 2 * w2[..., None] * r
+        diagonal = 4 * w1[..., None] * q + 4 * w2[..., None] * r
+        hessian = diagonal[..., None] * np.eye(3) + 4 * w11[..., None, None] * q[..., :, None] * q[..., None, :]
+        return w, gradient, hessian
+
+
+class InvariantLaw(InvariantEnergy):
+    """A law with such an energy.
 
     Stability is scanned for, a tensile curve is fitted within the bounds of the search, and no program has the law:
     a subclass that knows better says so.
@@ -85,16 +124,11 @@ class InvariantLaw(ABC):
     [46000.0, 30.0]
     """
 
-    needs_second = False  # whether I2 enters at all
     name: str
     formula: str
     parameter_names: tuple[str, ...]
     units: tuple[str, ...]
     coordinates: tuple[Coordinate, ...]
-
-    @abstractmethod
-    def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """W, W_x, W_y, W_xx at x = I1 - 3, y = I2 - 3; W_xy and W_yy are zero for every law of this kind."""
 
     @abstractmethod
     def initial_shear_modulus(self, parameters: Array) -> Array:
@@ -115,32 +149,3 @@ class InvariantLaw(ABC):
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
         """Refused."""
         raise NotInSolver(f"{solver} has no {self.name} law here")
-
-    def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
-        """Energy density and derivatives of a planar state."""
-        i1 = _first_invariant(a, J, section)
-        if not self.needs_second:
-            w, w1, _, w11 = self.coefficients(parameters, i1.value - 3, np.zeros(()))
-            slope = w11 * i1.a
-            return PlanarEnergy(
-                w, w1 * i1.a, w1 * i1.J, slope * i1.a, w1 * i1.aJ + slope * i1.J, w1 * i1.JJ + w11 * i1.J**2
-            )
-        i2 = _second_invariant(a, J, section)
-        w, w1, w2, w11 = self.coefficients(parameters, i1.value - 3, i2.value - 3)
-        return PlanarEnergy(
-            w,
-            w1 * i1.a + w2 * i2.a,
-            w1 * i1.J + w2 * i2.J,
-            w11 * i1.a**2,
-            w1 * i1.aJ + w2 * i2.aJ + w11 * i1.a * i1.J,
-            w1 * i1.JJ + w2 * i2.JJ + w11 * i1.J**2,
-        )
-
-    def principal(self, parameters: Array, stretches: Array) -> tuple[Array, Array, Array]:
-        """Energy, gradient (..., 3) and Hessian (..., 3, 3) in the logarithms of the isochoric principal stretches."""
-        q, r = stretches**2, stretches**-2
-        w, w1, w2, w11 = self.coefficients(parameters, q.sum(-1) - 3, r.sum(-1) - 3)
-        gradient = 2 * w1[..., None] * q - 2 * w2[..., None] * r
-        diagonal = 4 * w1[..., None] * q + 4 * w2[..., None] * r
-        hessian = diagonal[..., None] * np.eye(3) + 4 * w11[..., None, None] * q[..., :, None] * q[..., None, :]
-        return w, gradient, hessian

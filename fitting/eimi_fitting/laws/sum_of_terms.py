@@ -15,7 +15,7 @@ linear in all its parameters. With non-negative coefficients every term, and so 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
@@ -23,7 +23,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.laws.invariants import InvariantLaw
+from eimi_fitting.laws.invariants import InvariantEnergy
 from eimi_fitting.laws.law import (
     SHEAR_MODULUS_PA,
     CardConstants,
@@ -108,15 +108,10 @@ class Term:
 
 
 @dataclass(frozen=True)
-class _Invariants(InvariantLaw):
+class _Invariants(InvariantEnergy):
     """The terms in the invariants, coefficients of all terms in; the others count as nothing."""
 
     terms: tuple[Term, ...]
-    name: str = "terms in the invariants"
-    formula: str = ""
-    parameter_names: tuple[str, ...] = ()
-    units: tuple[str, ...] = ()
-    coordinates: tuple[Coordinate, ...] = ()
     needs_second = True
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
@@ -142,14 +137,6 @@ class _Invariants(InvariantLaw):
                     energy = energy + 0.5 * c / number * growth
                     w1, w11 = w1 + 0.5 * c * (growth + 1), w11 + 0.5 * c * number * (growth + 1)
         return energy, w1, w2, w11
-
-    def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Never asked for: `SumOfTerms` knows."""
-        raise NotImplementedError
-
-    def from_coordinates(self, x: Array) -> Array:
-        """Likewise."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)
@@ -268,8 +255,3 @@ class SumOfTerms:
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
         """Refused: no program has such a sum."""
         raise NotInSolver(f"{solver} has no {self.name} law here")
-
-
-def law_of(terms: Sequence[Term]) -> SumOfTerms:
-    """The sum of these terms."""
-    return SumOfTerms(tuple(terms))
