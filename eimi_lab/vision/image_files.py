@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from eimi_drivers.cameras.image_series import natural_key
 from eimi_lab.errors import InputError
-from eimi_lab.vision.image_sizes import MOST_PIXELS, claimed_size
+from eimi_lab.vision.image_sizes import MOST_PIXELS, claimed_size, is_stack, may_be_transparent
 from eimi_lab.vision.image_wholeness import is_whole
 from eimi_lab.vision.intensity import camera_grey
 
@@ -50,20 +50,38 @@ def read_image(path: Path) -> NDArray[Any]:
     size = claimed_size(raw)
     if size is not None and size[0] * size[1] > MOST_PIXELS:
         raise InputError(f"{path}: says that it is {size[0]} x {size[1]} px; more than {MOST_PIXELS:_} are not read")
+    if is_stack(raw):
+        raise InputError(f"{path}: is a stack of pictures; save each as a file of its own, and list them in states.csv")
+    image = _decoded(raw, cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR)
+    if image is None:
+        raise InputError(f"{path}: is not an image, or is truncated or damaged")
+    if may_be_transparent(raw) and _is_transparent(_decoded(raw, cv2.IMREAD_UNCHANGED)):
+        raise InputError(
+            f"{path}: is transparent in places, and has no colour there that anybody sees; save it on a background"
+        )
+    if image.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{path}: has pixels of type {image.dtype}; 8 or 16 bits without sign are wanted")
+    return np.asarray(image[..., :3] if image.ndim == 3 else image)
+
+
+def _decoded(raw: bytes, how: int) -> NDArray[Any] | None:
+    """None where OpenCV reads no image; nothing is printed."""
     logging = cv2.utils.logging
     level = logging.getLogLevel()
     logging.setLogLevel(logging.LOG_LEVEL_SILENT)
     try:
-        image = cv2.imdecode(np.frombuffer(raw, np.uint8), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR)
+        return cv2.imdecode(np.frombuffer(raw, np.uint8), how)
     except cv2.error:
-        image = None
+        return None
     finally:
         logging.setLogLevel(level)
-    if image is None:
-        raise InputError(f"{path}: is not an image, or is truncated or damaged")
-    if image.dtype not in (np.uint8, np.uint16):
-        raise InputError(f"{path}: has pixels of type {image.dtype}; 8 or 16 bits without sign are wanted")
-    return np.asarray(image[..., :3] if image.ndim == 3 else image)
+
+
+def _is_transparent(image: NDArray[Any] | None) -> bool:
+    """Whether an image (H, W, 4: blue, green, red, opacity) lets something through, by more than nobody sees."""
+    if image is None or image.ndim != 3 or image.shape[2] != 4:
+        return False
+    return bool(image[..., 3].min() < 0.95 * np.iinfo(image.dtype).max)
 
 
 def read_grey(path: Path) -> NDArray[Any]:

@@ -163,11 +163,22 @@ def test_changing_a_calibration_forgets_the_edges_found_with_it(run: Run, files:
     assert stored(files) == after
 
 
+def test_a_beam_too_narrow_for_its_edges_is_no_wrong_clamp(run: Run, files: Path) -> None:
+    specimen = files / "specimen.toml"
+    lines = specimen.read_text().splitlines()
+    specimen.write_text("\n".join("width_mm = 0.5" if line.startswith("width_mm") else line for line in lines) + "\n")
+    empty = np.random.default_rng(0).integers(180, 220, (96, 128, 3)).astype(np.uint8)
+    assert imported(run, files, empty)[0] == 0
+    status, said = run("segment", files / "out.h5")
+    assert (status, "no beam was found; it is 4 px wide, and 6 are needed" in said) == (0, True), said
+
+
 @pytest.mark.parametrize(
     ("key", "value", "told"),
     [
         ("pixels_per_mm", "4.0", "one would be with pixels_per_mm = 8, 2 times as much: is the scale right?"),
         ("clamp_midpoint_px", "[24.0, 8.0]", "one would be with clamp_midpoint_px = [64, 8]: is the clamp where"),
+        ("clamp_midpoint_px", "[124.0, 8.0]", "one of its edges begins outside the picture"),
         ("clamp_midpoint_px", "[118.0, 80.0]", "nothing of the stated width leaves the clamp there, nor near by"),
     ],
 )

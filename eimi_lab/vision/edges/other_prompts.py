@@ -13,6 +13,7 @@ from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import leaves_out
 from eimi_lab.vision.edges.finding import find_edges
+from eimi_lab.vision.following.follow import NARROWEST_PX
 from eimi_lab.vision.projection import Projection
 
 SCALES = (0.5, 0.7, 1.4, 2.0)
@@ -36,9 +37,26 @@ def other_prompt(
         found = find_edges(image, changed, specimen, projection=projection)
         if len(found.left.sigma_mm) and len(found.right.sigma_mm) and not leaves_out(found.flags):
             return f"one would be with {words}"
+    if cut := _cut_by_border(image, calibration, specimen):
+        return cut
+    wide_px = specimen.specimen.width_mm * calibration.pixels_per_mm
+    if wide_px < NARROWEST_PX:
+        return f"it is {wide_px:.2g} px wide, and {NARROWEST_PX:g} are needed: go nearer, or take a longer lens;"
     return (
         "nothing of the stated width leaves the clamp there, nor near by: see that clamp_midpoint_px, axis_angle_deg "
         "and pixels_per_mm are right, or help with --region, --polarity and --beam-colour;"
+    )
+
+
+def _cut_by_border(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile) -> str:
+    """Whether one of the edges leaves the clamp outside the picture, in words; empty where both are in it."""
+    half = 0.5 * specimen.specimen.width_mm
+    begins = BeamFrame(calibration).to_px([[half, -half], [half, half]])
+    if ((begins >= -0.5) & (begins <= np.array(image.shape[1::-1]) - 0.5)).all():
+        return ""
+    return (
+        "one of its edges begins outside the picture: take it anew with the whole width of the beam in it, or correct "
+        "clamp_midpoint_px;"
     )
 
 
