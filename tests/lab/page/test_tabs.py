@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 
@@ -44,10 +43,10 @@ def without_tabs(served: Any) -> None:
 
 @pytest.mark.parametrize("message", ["{", "null", "[1]", '"take"', b"\x00\xff"])
 def test_who_speaks_another_language_is_hung_up_on(served: Any, said: list[str], message: str | bytes) -> None:
-    with opened(served) as socket, pytest.raises(ConnectionClosed):
+    with opened(served) as socket:
         socket.send(message)
-        while True:
-            socket.recv(timeout=20)
+        for _ in socket:  # until the page closes it
+            pass
     without_tabs(served)
     assert said == []
 
