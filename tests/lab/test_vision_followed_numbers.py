@@ -106,7 +106,7 @@ def test_an_earlier_place_does_not_speak_against_the_picture() -> None:
         return np.clip(image, 0, 255).astype(np.uint8)
 
     before = find_edges(two(420, 0), CALIBRATION, SPECIMEN)
-    now = find_edges(two(390, 420), CALIBRATION, SPECIMEN, earlier=before)
+    now = find_edges(two(390, 420), CALIBRATION, SPECIMEN, earlier=lambda: before)
     assert np.median(before.middle_mm[:, 1]) * np.median(now.middle_mm[:, 1]) < 0.0
 
 
