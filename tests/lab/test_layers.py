@@ -28,7 +28,7 @@ ORDER = (
     ("eimi_fitting",),
     ("eimi_lab.stderr", "eimi_lab.threads"),
     ("eimi_lab.errors", "eimi_lab.progress", "eimi_lab.stopping", "eimi_lab.tables", "eimi_lab.drawing"),
-    ("eimi_lab.outputs", "eimi_lab.writer_lock"),
+    ("eimi_lab.outputs", "eimi_lab.writer_lock", "eimi_lab.workers"),
     ("eimi_lab.config",),
     ("eimi_lab.vision",),
     ("eimi_lab.vision.edges", "eimi_lab.vision.following"),
