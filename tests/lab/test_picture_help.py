@@ -190,6 +190,13 @@ def test_changing_a_calibration_forgets_the_edges_found_with_it(run: Run, files:
     assert stored(files) == after
 
 
+@pytest.mark.parametrize(("level", "told"), [(3, "of 255: raise the exposure"), (252, "of 255: lower the exposure")])
+def test_a_picture_that_shows_nothing_is_no_wrong_clamp(run: Run, files: Path, level: int, told: str) -> None:
+    assert imported(run, files, np.full((96, 128), level, np.uint8))[0] == 0
+    status, said = run("segment", files / "out.h5")
+    assert (status, f"its grey values lie between {level} and {level} {told}" in said) == (0, True), said
+
+
 def test_a_beam_too_narrow_for_its_edges_is_no_wrong_clamp(run: Run, files: Path) -> None:
     specimen = files / "specimen.toml"
     lines = specimen.read_text().splitlines()
