@@ -18,7 +18,9 @@ from eimi_lab.vision.intensity import camera_grey
 ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm"})
 _HEIC, _HEIF, _AVIF = "a HEIC picture", "a HEIF picture", "an AVIF picture"
 _BRANDS = {b"heic": _HEIC, b"heix": _HEIC, b"mif1": _HEIF, b"msf1": _HEIF, b"avif": _AVIF}  # ISO/IEC 23008-12, annex B
-_ENDINGS_OF_PHONES = frozenset({".heic", ".heif", ".avif", ".dng"})
+_OTHER_ENDINGS = frozenset(  # of phones, of browsers, and of cameras' raw pictures
+    {".heic", ".heif", ".avif", ".dng", ".webp", ".gif", ".jp2", ".jxl", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf"}
+)
 
 
 def find_images(folder: Path) -> list[Path]:
@@ -27,7 +29,7 @@ def find_images(folder: Path) -> list[Path]:
         raise InputError(f"{folder}: is not a folder of images")
     images = [file for file in folder.iterdir() if file.suffix.lower() in ENDINGS and not file.name.startswith(".")]
     if not images:
-        others = sorted(file.name for file in folder.iterdir() if file.suffix.lower() in _ENDINGS_OF_PHONES)
+        others = sorted(file.name for file in folder.iterdir() if file.suffix.lower() in _OTHER_ENDINGS)
         told = f"; save {others[0]} and its like as JPEG or PNG" if others else ""
         raise InputError(f"{folder}: holds no images ({', '.join(sorted(ENDINGS))}){told}")
     return sorted(images, key=lambda file: (natural_key(file.name), file.name))

@@ -185,6 +185,41 @@ def test_a_region_is_cut_where_it_is_stated() -> None:
         assert float(np.median(np.abs(aside))) < 0.01
 
 
+def test_corners_of_a_region_are_counted_from_the_pictures_own() -> None:
+    image = np.full((720, 960), 200.0)
+    image[91:511, 459:501] = image[:91, 300:660] = 30.0
+    image = cv2.GaussianBlur(image, (0, 0), 1.0) + np.random.default_rng(3).normal(0.0, 2.0, image.shape)
+    region = region_of(asked(region_px=(240, 20, 480, 600)), image.shape)
+    assert region is not None
+    corners = region.in_picture(find_edges(region.cut(image), region.calibration, SPECIMEN)).corners_px
+    assert sorted(map(tuple, corners.tolist())) == [
+        pytest.approx(corner, abs=0.3) for corner in ((458.5, 90.5), (458.5, 510.5), (500.5, 90.5), (500.5, 510.5))
+    ]
+
+
+def shadowed(softness_px: float) -> Array:
+    """A grey beam, and at its right the border of a shadow as soft as that, 6 px off."""
+    image = np.full((720, 960), 200.0)
+    image[95:516, 459:507] = 90.0
+    image = cv2.GaussianBlur(image, (0, 0), softness_px)
+    image[:91, 300:660] = 120.0
+    image[91:511, 459:501] = 60.0
+    image = cv2.GaussianBlur(image, (0, 0), 1.0) + np.random.default_rng(3).normal(0.0, 2.0, image.shape)
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
+def test_the_softer_edge_is_doubted_to_be_the_border_of_a_shadow() -> None:
+    """In grey nothing else tells them. It is as wide as what it may be off by."""
+    alone = find_edges(plain(colours=np.array([[60.0] * 3, [200.0] * 3]), seed=4)[..., 0].copy(), CALIBRATION, SPECIMEN)
+    assert "OWN_SHADOW" not in {flag.name for flag in alone.flags}
+    for softness_px in (2.0, 4.0):
+        followed = follow_beam(shadowed(softness_px), CALIBRATION, SPECIMEN)
+        assert followed.edges is not None
+        blurs = sorted(edge.blur_px for edge in followed.edges)
+        assert blurs[1] > 1.25 * blurs[0]
+        assert followed.findings["followed_penumbra"] >= 0.999 * blurs[1]
+
+
 @pytest.mark.parametrize(
     ("finding", "doubtful", "grave"),
     [
