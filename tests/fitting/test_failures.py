@@ -130,7 +130,7 @@ def test_a_right_hand_side_that_is_no_number_spoils_no_other(bad, spoilt):
     stiffness = np.tile(2 * np.eye(5) + 0.1, (1, 3, 1, 1))
     force, right = np.zeros((1, 3, 5)), np.ones((3, 5))
     right[spoilt, 3] = bad
-    steps, _, sound = system.solve(stiffness, force, right, None, np.ones(3, bool), True)
+    steps, _, sound, _ = system.solve(stiffness, force, right, None, np.ones(3, bool), True)
     others = np.arange(3) != spoilt
     assert sound.tolist() == others.tolist()
     assert steps[others] == pytest.approx(np.full((2, 5), 0.4), rel=1e-12)

@@ -157,7 +157,7 @@ def test_the_whole_tangent_is_the_derivative_of_the_forces():
         stiffness, force, tie = linearise(free, rigid)
         turning = body.stiffness_of_turning(force, rigid)
         zero = np.zeros_like(force)
-        x, r, sound = system.solve(
+        x, r, sound, _ = system.solve(
             stiffness, zero, right[None, :-3], (tie, turning, right[None, -3:]), np.ones(1, bool), False
         )
         assert sound.all()
