@@ -21,6 +21,9 @@ from eimi_fitting.beam.system import System
 Array = NDArray[np.float64]
 
 
+_ELEMENTS_AT_ONCE = 4096  # of all candidates or states together: more of them are not strained at once
+
+
 class Status(IntEnum):
     """What became of one candidate in one state."""
 
@@ -176,7 +179,9 @@ class Solid:
 
     def stretch(self, displacement: Array) -> Array:
         """(E, B, q): largest principal stretch at every Gauss point of displacements (B, N, d)."""
-        return np.asarray(self.kind.stretch(self.ops, self.by_element(displacement)))
+        b, most = len(displacement), max(_ELEMENTS_AT_ONCE // len(self.mesh.elements), 1)
+        parts = [displacement[first : first + most] for first in range(0, max(b, 1), most)]
+        return np.concatenate([self.kind.stretch(self.ops, self.by_element(part)) for part in parts], axis=1)
 
     def _step(self, batch: Batch, loads: SolidLoads, now: Configuration) -> _Step:
         ops, body, kind = self.ops, self.body, self.kind
