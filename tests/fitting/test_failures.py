@@ -10,12 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eimi_fitting.beam.band import factorise
-from eimi_fitting.beam.equilibrium import Status
+from eimi_fitting.beam.element import Batch
+from eimi_fitting.beam.equilibrium import Solid, SolidLoads, Status
 from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.mesh import grid_mesh
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, PressureFace, Specimen
 from eimi_fitting.beam.system import System
 from eimi_fitting.laws import LAWS
+from eimi_fitting.units import moduli_in_MPa
 
 NEO = LAWS["neo-hookean"]
 SOUND = {
@@ -121,6 +124,22 @@ def test_statistics_tell_where_a_load_was_cut():
     assert shapes.iterations[0, 0] <= 25 < shapes.iterations[1, 0]
     stepped = model.solve(NEO, np.array([[5e3]]), Loads.along(np.linspace(0, 7.05, 12)))
     assert shapes.displacement[1, 0] == pytest.approx(stepped.displacement[0, -1], abs=1e-4)
+
+
+@pytest.mark.parametrize("name", SOUND)
+def test_a_block_turned_inside_out_is_no_equilibrium(name):
+    # In plane stress its energy is that of the block at rest, and nothing pulls it back.
+    mesh = grid_mesh(np.linspace(0, 4, 3), np.linspace(-1, 1, 3))
+    fixed = np.abs(mesh.nodes) < 1e-9  # its axes of symmetry stay where they are
+    solid = Solid(mesh, fixed)
+    batch = Batch(LAWS[name], moduli_in_MPa(np.array([SOUND[name]]), LAWS[name].units), "plane-stress", np.ones(1))
+    nothing = SolidLoads(np.zeros((1, len(mesh.nodes), 2)), np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1))
+    rest = solid.rest(1)
+    inside_out = replace(rest, displacement=mesh.nodes[None] * [0.0, -2.0])
+    for start, expected in ((rest, Status.CONVERGED), (inside_out, Status.DIVERGED)):
+        found, status, _ = solid.equilibrium(batch, nothing, start, 1e-6)
+        assert status[0] == expected
+        assert np.isfinite(found.displacement).all()
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
