@@ -33,9 +33,9 @@ def pytest_xdist_auto_num_workers() -> int:
 
 # A file goes to a worker as a whole. The longest begin first, so that no worker is left alone with one at the end.
 _LONGEST = (
-    *("test_chain.py", "test_fit_grid.py", "test_docs.py", "test_bench_view.py", "test_joint_evidence.py"),
-    *("test_validate.py", "test_recovery.py", "test_examples.py", "test_off_campaign.py", "test_named_causes.py"),
-    *("test_without_hardware.py", "test_stiffness_range.py", "test_guardian.py", "test_killed_runs.py"),
+    *("test_docs.py", "test_chain.py", "test_fit_grid.py", "test_bench_view.py", "test_joint_evidence.py"),
+    *("test_validate.py", "test_recovery.py", "test_examples.py", "test_off_campaign.py", "test_considered.py"),
+    *("test_without_hardware.py", "test_named_causes.py", "test_guardian.py", "test_killed_runs.py", "test_study.py"),
 )
 
 

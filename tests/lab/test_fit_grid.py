@@ -84,15 +84,15 @@ def plain(fits: list[FitRecord]) -> Any:
 
 def test_a_grid_on_two_workers_is_that_of_one(beams: Path, tmp_path: Path, run: Run) -> None:
     data = [beams / "first.h5", beams / "second.h5"]
-    fit = ["fit", *data, "--each", "--model", "neo-hookean", "--seed", "1", "--seed", "2", "--bootstrap", "1"]
+    fit = ["fit", *data, "--each", "--model", "neo-hookean", "--seed", "2", "--bootstrap", "1"]
     status, said = run(*fit, "-o", tmp_path / "one.json")
     assert status == 0, said
     status, said = run(*fit, "--workers", "2", "-o", tmp_path / "two.json")
     assert status == 0, said
-    assert "fit 8/8: " in said
+    assert "fit 4/4: " in said
     assert read(tmp_path / "one.json") == read(tmp_path / "two.json")
     fits = read_any_fits(tmp_path / "two.json")
-    assert [(Path(f.datasets[0].path).name, f.seed) for f in fits] == [(d.name, s) for d in data for s in (1, 2)]
+    assert [(Path(f.datasets[0].path).name, f.seed) for f in fits] == [(d.name, 2) for d in data]
     for fit in fits:
         assert fit.initial_shear_modulus.value == pytest.approx(MODULUS_PA, rel=0.01)
         assert fit.bootstrap is not None
@@ -101,6 +101,19 @@ def test_a_grid_on_two_workers_is_that_of_one(beams: Path, tmp_path: Path, run: 
         assert fit.bootstrap.initial_shear_modulus_interval_95_Pa is None  # of one replicate there is none
         assert replicate.initial_shear_modulus_Pa == pytest.approx(MODULUS_PA, rel=0.02)
         assert replicate.initial_shear_modulus_Pa != fit.initial_shear_modulus.value
+
+
+def test_a_grid_goes_dataset_by_dataset_seed_by_seed_and_replicate_by_replicate(beams: Path) -> None:
+    evidence = [load_evidence(beams / name) for name in ("first.h5", "second.h5")]
+    tasks = grid(["yeoh", "ogden"], evidence, [1, 2], each=True, bootstrap=1)
+    assert [(task.evidence, task.model, task.seed, task.replicate) for task in tasks] == [
+        ((one,), model, seed, replicate)
+        for one in evidence
+        for model in ("yeoh", "ogden")
+        for seed in (1, 2)
+        for replicate in (0, 1)
+    ]
+    assert [task.evidence for task in grid(["yeoh"], evidence, [1])] == [tuple(evidence)]
 
 
 @pytest.mark.slow
@@ -125,6 +138,7 @@ def test_a_killed_worker_changes_nothing(beams: Path) -> None:
             killed[0].kill()
 
     whole = fit_grid(tasks, {})
+    assert [fit.seed for fit in whole] == [1, 2, 3]
     assert plain(fit_grid(tasks, {}, executor=partial(processes, 2), report=kill_one)) == plain(whole)
     assert killed
     assert killed[0].exitcode == -signal.SIGKILL

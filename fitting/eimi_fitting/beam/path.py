@@ -209,9 +209,11 @@ def _advance(
 ) -> tuple[NDArray[np.int8], NDArray[np.intp]]:
     """Bring ``rows`` of ``now`` to the new load: in one step or, where that fails or may stray, in 4, in 16, in 64.
 
-    near: where a load close to this one has led; tried first.
+    A path that loses its stability before the load does so in steps of any size: who is sure of it in two sizes, one
+    after the other, is not taken through smaller ones. near: where a load close to this one has led; tried first.
     """
     status = np.full(len(rows), Status.DIVERGED, np.int8)
+    lost = np.zeros(len(rows), bool)  # their stability, in steps of the last size
     iterations = np.zeros(len(rows), np.intp)
     left = np.arange(len(rows))  # places in ``rows`` that have not arrived
     for cuts in _CUTS if near is None else (0, *_CUTS):
@@ -223,7 +225,13 @@ def _advance(
         now.put(rows[left[arrived]], part.take(arrived))
         iterations[left] += spent
         status[left] = np.where(sure | (outcome != Status.CONVERGED), outcome, Status.ASTRAY)
-        left = left[status[left] != Status.CONVERGED]
+        failed = status[left] != Status.CONVERGED
+        if not failed.any():
+            break
+        lost_now = sure & (outcome == Status.BUCKLED) & (cuts > 0)
+        ended = lost_now & lost[left]
+        lost[left] = lost_now
+        left = left[failed & ~ended]
         if not len(left):
             break
     return status, iterations
