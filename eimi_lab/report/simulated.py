@@ -38,16 +38,16 @@ def simulate_fits(
     told(f"{path.name} read")
     by_section = {first.experiment.model.specimen.section: first}
     simulated, validations = [], []
-    first_of: dict[str, Correction] = {}  # found first, by section: the others begin with it, as in `predict_each`
+    near: dict[str, list[Correction]] = {}  # by section: a fit begins with what was found before, as in `predict_each`
     for shown in every:
         section = check_section(_own_section(shown, first.sha256))
         if section and section not in by_section:
             by_section[section] = load_evidence(path, flagged=flagged, section=section)
         evidence = by_section[section] if section else first
         own = evidence.experiment.model.specimen.section
-        found = predict(evidence, shown.fit, shown.path, shown.index, first_of.get(own))
+        found = predict(evidence, shown.fit, shown.path, shown.index, near.get(own, ()))
         if found.correction:
-            first_of.setdefault(own, found.correction)
+            near.setdefault(own, []).append(found.correction)
         validations.append(found.validation)
         told(f"{path.name}, {shown.label}")
         if found.validation.status == "ok":
