@@ -1,7 +1,7 @@
 """All benchmarks with one command: ``python -m benchmarks [--short] [-o docs/benchmarks.md]``.
 
 Each runs in a process of its own, one after another; what it prints is its table. ``--short`` takes reduced sizes, for
-a look within a quarter of an hour; ``--only NAME`` one of them.
+a look within a quarter of an hour; ``--only NAME`` one of them, and the page keeps the tables of the others.
 """
 
 from __future__ import annotations
@@ -90,7 +90,16 @@ def section(benchmark: Benchmark, short: bool) -> tuple[str, bool]:
     print(f"{done.stdout}{done.stderr}  ({time.perf_counter() - begun:.0f} s)\n", flush=True)
     table = done.stdout.strip()
     shown = table if table.startswith("|") else f"```text\n{table}\n```"
-    return f"## {benchmark.name}\n\n{benchmark.words} `python {' '.join(command)}`\n\n{shown}\n", done.returncode == 0
+    said = f"{benchmark.words} `python {' '.join(command)}`; {environment()}"
+    return f"## {benchmark.name}\n\n{said}\n\n{shown}\n", done.returncode == 0
+
+
+def sections_of(page: Path) -> dict[str, str]:
+    """The parts of a page that was written before, by their names."""
+    if not page.is_file():
+        return {}
+    _, *parts = page.read_text(encoding="utf-8").split("\n## ")
+    return {part.split("\n", 1)[0]: f"## {part.rstrip()}\n" for part in parts}
 
 
 def heading() -> str:
@@ -100,8 +109,8 @@ def heading() -> str:
     )
     return (
         "# Benchmarks\n\nAll with one command, `python -m benchmarks -o docs/benchmarks.md`, which writes it;\n"
-        "`--short` takes reduced sizes, `--only NAME` one of them. The pages named here have the figures and what\n"
-        "they mean.\n\n"
+        "`--short` takes reduced sizes, `--only NAME` one of them and leaves the others' tables. The pages named here\n"
+        "have the figures and what they mean.\n\n"
         "| name | what | alone | figures |\n| --- | --- | --- | --- |\n" + rows
     )
 
@@ -109,7 +118,7 @@ def heading() -> str:
 def environment() -> str:
     """What was measured with, without naming a machine."""
     packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy"))
-    return f"One thread; Python {platform.python_version()}, {packages}; {date.today().isoformat()}.\n"
+    return f"{date.today().isoformat()}, Python {platform.python_version()}, {packages}."
 
 
 def main() -> int:
@@ -119,13 +128,14 @@ def main() -> int:
     parser.add_argument("-o", "--output", type=Path)
     options = parser.parse_args()
     chosen = [benchmark for benchmark in ALL if not options.only or benchmark.name in options.only]
-    parts, failed = [heading(), environment()], []
+    parts = sections_of(options.output) if options.output else {}
+    failed = []
     for benchmark in chosen:
-        text, well = section(benchmark, options.short)
-        parts.append(text)
+        parts[benchmark.name], well = section(benchmark, options.short)
         failed += [] if well else [benchmark.name]
         if options.output:  # after each: the whole takes long, and may be stopped
-            options.output.write_text("\n".join(parts), encoding="utf-8")
+            own = [parts[b.name] for b in ALL if b.name in parts]
+            options.output.write_text("\n".join([heading(), *own]), encoding="utf-8")
     if failed:
         print(f"failed: {', '.join(failed)}")
     return 1 if failed else 0

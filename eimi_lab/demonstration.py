@@ -26,9 +26,9 @@ from eimi_lab.fits.evidence import load_evidence
 from eimi_lab.fits.fit_grid import fit_grid, grid
 from eimi_lab.fits.fits_file import write_fits
 from eimi_lab.fits.records import FitRecord
-from eimi_lab.fits.workers import executor_for
 from eimi_lab.outputs import new_folder
 from eimi_lab.report.page import write_report
+from eimi_lab.workers import executor_for
 
 Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 

@@ -70,9 +70,8 @@ def follow(page: Path, folder: Path, shortened: bool) -> None:
             script = block.text
             if shortened:
                 script = block.note.removeprefix("short: ") if block.note.startswith("short: ") else script
-                script = script.replace("dragon_skin_10_quick", "short.toml").replace(
-                    "--rig virtual", "--rig coarse.toml"
-                )
+                for words, shorter in SHORTER.items():
+                    script = script.replace(words, shorter)
             done = subprocess.run(
                 ["bash", "-euo", "pipefail", "-c", script],
                 cwd=folder,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -36,14 +35,3 @@ def test_a_program_that_a_test_starts_is_ended_by_signals() -> None:
 
 
 _HEEDED = test_a_program_that_a_test_starts_is_ended_by_signals.__name__
-
-
-def test_every_test_has_a_limit_of_time() -> None:
-    """Without the plugin the option would be an unknown one, and with a limit of 0 there would be none."""
-    options = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"]["ini_options"]
-    assert 0 < options["timeout"] <= 900
-
-
-def test_the_limit_holds_here(request: pytest.FixtureRequest) -> None:
-    assert request.config.pluginmanager.hasplugin("timeout")
-    assert float(request.config.getini("timeout")) > 0

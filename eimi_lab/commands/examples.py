@@ -24,7 +24,7 @@ EXAMPLES = {
         "eimi calibrate board_*.png --board charuco --coil-constant 4.7 --clamp-midpoint-px 640 80",
         "eimi calibrate rest.png --specimen specimen.toml --coil-constant 4.7 --clamp-midpoint-px 640 80",
     ),
-    "segment": ("eimi segment run.h5", "eimi segment run.h5 --channel red --overlay seen --csv edges"),
+    "segment": ("eimi segment run.h5", "eimi segment run.h5 --channel red --overlay seen --csv edges --workers 2"),
     "fit": (
         "eimi fit run.h5 --model neo-hookean -o fits.json",
         "eimi fit run_a.h5 run_b.h5 --model yeoh --model ogden --free roll=0.2 --workers 2 -o fits.json",

@@ -11,7 +11,7 @@ import typer
 
 from eimi_lab.commands.picture_options import PictureOptions, ask_where
 from eimi_lab.commands.result import Result
-from eimi_lab.commands.shared_options import Force, Output, Specimen, with_fields
+from eimi_lab.commands.shared_options import Force, Output, Specimen, Workers, with_fields
 from eimi_lab.commands.track_options import ImportOptions
 from eimi_lab.errors import InputError, tell
 
@@ -271,6 +271,7 @@ def segment(
     uncorrected: Annotated[
         bool, typer.Option("--uncorrected", help="forget the dark frame and the flat field that the dataset keeps")
     ] = False,
+    workers: Workers = 1,
     *,
     options: PictureOptions,
     force: Force = False,
@@ -284,6 +285,7 @@ def segment(
     from eimi_lab.segmentation import segment as find
     from eimi_lab.segmentation import why_none, write_csv, write_explained, write_overlays
     from eimi_lab.vision.check import leaves_out
+    from eimi_lab.workers import executor_for
 
     with open_dataset(dataset) as opened:
         total = len(opened.states)
@@ -305,7 +307,7 @@ def segment(
         if uncorrected:
             forget_correction(dataset)
         with progress("segment", total) as report:
-            edge_sets = find(dataset, report)
+            edge_sets = find(dataset, report, executor_for(workers, None))
         if csv:
             write_csv(unfinished[csv], edge_sets)
         if overlay:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from eimi_lab.commands.result import Result
-from eimi_lab.commands.shared_options import Force, Output, Specimen, with_fields
+from eimi_lab.commands.shared_options import Force, Output, Specimen, Workers, with_fields
 from eimi_lab.fits.options import FitOptions
 
 _DRAWS = 60  # of a fit's, for the intervals of a simulation
@@ -27,7 +27,7 @@ def fit(
     bootstrap: Annotated[
         int, typer.Option(help="repeat each fit on so many replicates of its states", min=0, max=9999)
     ] = 0,
-    workers: Annotated[int, typer.Option(help="processes that share the fits, at most one a processor", min=1)] = 1,
+    workers: Workers = 1,
     scheduler: Annotated[str | None, typer.Option(help="of a dask cluster, such as tcp://host:8786")] = None,
     checkpoint: Annotated[
         Path | None, typer.Option(help="the log of all generations, to go on from if this is killed")
@@ -42,9 +42,9 @@ def fit(
     from eimi_lab.fits.fits_file import write_fits
     from eimi_lab.fits.fitting import check_models, check_section
     from eimi_lab.fits.records import package_versions
-    from eimi_lab.fits.workers import executor_for
     from eimi_lab.outputs import check_distinct, refuse_existing
     from eimi_lab.progress import progress
+    from eimi_lab.workers import executor_for
 
     models = check_models(model)
     check_section(options.section)

@@ -14,6 +14,7 @@ from eimi_lab.commands.result import Result
 
 Specimen = Annotated[str, typer.Option(help="specimen.toml, or the name of a shipped one such as type1")]
 Output = Annotated[Path, typer.Option("-o", "--output", help="the file to write")]
+Workers = Annotated[int, typer.Option(help="processes that share the work, at most one a processor", min=1)]
 Force = Annotated[bool, typer.Option("--force", help="replace files that exist")]
 
 

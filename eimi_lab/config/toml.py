@@ -65,7 +65,7 @@ def read_text(path: Path) -> str:
     except UnicodeDecodeError as error:
         if path.suffix.lower() in SPREADSHEETS:
             raise InputError(f"{path}: is a spreadsheet; save its table as CSV") from error
-        raise InputError(f"{path}: is not UTF-8 text (byte {error.start})") from error
+        raise InputError(f"{path}: is not UTF-8 text (byte {error.start}); save it with that encoding") from error
 
 
 def parse(model: type[AnyDocument], text: str, origin: str | Path) -> AnyDocument:

@@ -85,7 +85,9 @@ def read_table(path: Path, required: Iterable[str], optional: Iterable[str] = ()
     rows = []
     for line, cells in body:
         if len(cells) != len(header):
-            raise InputError(f"{path}: row {line}: has {len(cells)} cells; the header has {len(header)} columns")
+            commas = "; numbers with a decimal comma want semicolons between the cells" if separator == "," else ""
+            told = f"has {len(cells)} cells; the header has {len(header)} columns"
+            raise InputError(f"{path}: row {line}: {told}{commas if len(cells) > len(header) else ''}")
         rows.append(Row(path, line, dict(zip(header, cells, strict=True)), decimal_comma=separator != ","))
     if not rows:
         raise InputError(f"{path}: has a header but no rows")

@@ -110,7 +110,8 @@ def _append_states(
         for image, name in zip(taken, names, strict=True):
             if image.shape != first.shape or image.dtype != first.dtype:
                 raise InputError(
-                    f"{name}: is {described(image)}; {by_state[0].frames[0].path.name} is {described(first)}"
+                    f"{name}: is {described(image)}; {by_state[0].frames[0].path.name} is {described(first)}; pictures "
+                    f"of one dataset have one size and depth: {_mended(image, first)}"
                 )
         flags = _flags(names, taken, last)
         last = taken[-1]
@@ -127,6 +128,13 @@ def _append_states(
         )
         number += len(kept)
         report(f"{len(names)} frames at {load.field_mT:g} mT")
+
+
+def _mended(image: NDArray[Any], first: NDArray[Any]) -> str:
+    """What to do with an image that is not like the first."""
+    if image.shape[:2] == first.shape[1::-1] and image.dtype == first.dtype:
+        return "turn it by a quarter, or leave it out of states.csv"
+    return "export them alike, or leave it out of states.csv"
 
 
 def _oldest(listing: Listing) -> str:

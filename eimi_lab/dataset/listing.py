@@ -93,6 +93,7 @@ def _listed_images(source: Path, rows: list[Row]) -> Listing:
         matched[found[0].resolve()] = ListedFrame(found[0], row)
     if missing:
         more = f"; nor of that in rows {some([str(row.line) for row in missing[1:]])}" if missing[1:] else ""
+        more += _near(missing[0], images)
         where = images[0].parent if source.is_dir() else f"{source}, or a path from {rows[0].path.name} on"
         raise missing[0].fault("frame", f"an image in {where}; there is none of that name{more}")
     frames = sorted(matched.values(), key=lambda frame: (natural_key(frame.path.name), str(frame.path)))
@@ -104,6 +105,13 @@ def _named(name: str, images: list[Path]) -> list[Path]:
     if not found and name.isascii() and name.isdigit():
         found = [image for image in images if last_number(image.stem) == int(name)]
     return found
+
+
+def _near(row: Row, images: list[Path]) -> str:
+    """What was meant by a name that has but its case or its folder wrong."""
+    name = re.split(r"[/\\]", row.text("frame"))[-1].casefold()
+    near = [image.name for image in images if name in (image.name.casefold(), image.stem.casefold())]
+    return f"; did you mean {near[0]}?" if near else ""
 
 
 def _beside(row: Row) -> list[Path]:

@@ -7,7 +7,6 @@ named_causes       what is wrong with a dataset that no material could explain
 options            what a fit may be asked for: an option is one field
 fitting            one fit to any number of datasets
 grid               many of them: laws, datasets, seeds, bootstrap replicates
-workers            who does these: this process, others, a dask cluster
 checkpoint         the log of all generations, from which a killed run goes on
 law_record         what every fit says of its law
 records            what stands in a result file

@@ -16,8 +16,8 @@ from eimi_lab.fits.checkpoint import Checkpoint
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.fitting import REFUSALS, check_evidence, refused
 from eimi_lab.fits.records import BootstrapRecord, FitRecord, ReplicateRecord
-from eimi_lab.fits.workers import completed
 from eimi_lab.progress import silent
+from eimi_lab.workers import completed
 
 FEWEST_STATES = 5  # to draw from: of fewer, many replicates would hold one state alone
 

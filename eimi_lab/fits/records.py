@@ -31,7 +31,7 @@ from eimi_lab.fits.evidence import WHOLE_FILES, Evidence
 from eimi_lab.fits.law_record import LawRecord, Record, Stability
 from eimi_lab.fits.states_used import StatesUsed
 from eimi_lab.fits.tensile_files import FileCurve
-from eimi_lab.fits.workers import PACKAGES
+from eimi_lab.workers import PACKAGES
 
 Array = NDArray[np.float64]
 

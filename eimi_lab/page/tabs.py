@@ -113,8 +113,10 @@ class Tabs:
         try:
             while True:
                 self._heard(tab, await socket.receive_json())
-        except (WebSocketDisconnect, ValueError, KeyError, TypeError):  # gone, or no client of ours
-            with suppress(RuntimeError):
+        except WebSocketDisconnect:
+            pass
+        except (ValueError, KeyError, TypeError):  # no client of ours
+            with suppress(WebSocketDisconnect, RuntimeError):
                 await socket.close()
         finally:
             sending.cancel()
@@ -123,7 +125,10 @@ class Tabs:
                 self._steers = None
             self.changed()
 
-    def _heard(self, tab: Tab, message: dict[str, Any]) -> None:
+    def _heard(self, tab: Tab, message: Any) -> None:
+        """Raises TypeError for what is not an object of JSON."""
+        if not isinstance(message, dict):
+            raise TypeError(message)
         if message.get("take"):
             self._steers = tab
             self.changed()

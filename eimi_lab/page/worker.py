@@ -13,7 +13,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
 from eimi_lab.errors import InputError
-from eimi_lab.fits.workers import leave_with_parent
+from eimi_lab.workers import leave_with_parent
 
 T = TypeVar("T")
 

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from eimi_fitting.inference.corrections import Correction
+from eimi_lab.errors import InputError
 from eimi_lab.fits.evidence import Evidence, load_evidence
 from eimi_lab.fits.fitting import check_section
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.validation import Prediction, Validation, predict
 from eimi_lab.progress import silent
 from eimi_lab.report.shown import ShownFit, sections_of
+from eimi_lab.workers import completed
 
 
 @dataclass(frozen=True)
@@ -23,9 +27,34 @@ class SimulatedOutlines(Prediction):
     evidence: Evidence
 
 
+Simulated = tuple[Evidence, list[SimulatedOutlines], list[Validation]]
+"""See `simulate_fits`."""
+
+
+def simulate_on_each(
+    paths: Sequence[Path],
+    every: Sequence[ShownFit],
+    flagged: bool,
+    told: Callable[[str], None] = silent,
+    executor: Callable[[], AbstractContextManager[Executor]] | None = None,
+) -> list[Simulated]:
+    """`simulate_fits` of each dataset, shared out to the workers of an executor where there is one."""
+
+    def arguments(task: int) -> dict[str, object]:
+        own = {"path": paths[task], "every": every, "flagged": flagged}
+        return own if executor else {**own, "told": told}
+
+    found: dict[int, Simulated] = {}
+    for task, result in completed(simulate_fits, arguments, range(len(paths)), executor, (InputError,)):
+        found[task] = result()
+        for _ in range(len(every) + 1 if executor else 0):
+            told(paths[task].name)
+    return [found[task] for task in range(len(paths))]
+
+
 def simulate_fits(
     path: Path, every: Sequence[ShownFit], flagged: bool, told: Callable[[str], None] = silent
-) -> tuple[Evidence, list[SimulatedOutlines], list[Validation]]:
+) -> Simulated:
     """A dataset as evidence, the fits that have an equilibrium in all its states, and the validations of all fits.
 
     A fit is simulated under the section under which it took this dataset, or else all of its datasets; a tensile fit
@@ -51,7 +80,8 @@ def simulate_fits(
         validations.append(found.validation)
         told(f"{path.name}, {shown.label}")
         if found.validation.status == "ok":
-            simulated.append(SimulatedOutlines(**vars(found), shown=shown, evidence=evidence))
+            # Without the solid's shapes, which are large, and nothing that is shown.
+            simulated.append(SimulatedOutlines(**vars(replace(found, correction=None)), shown=shown, evidence=evidence))
     return first, simulated, validations
 
 

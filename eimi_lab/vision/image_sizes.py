@@ -1,4 +1,4 @@
-"""How large an image file says it is, read before anything is decoded: a few bytes can claim any amount of memory."""
+"""What an image file says it is, read before anything is decoded: a few bytes can claim any amount of memory."""
 
 from __future__ import annotations
 
@@ -46,11 +46,34 @@ def _jpeg(raw: bytes) -> tuple[int, int] | None:
 
 
 def _tiff(raw: bytes, order: str) -> tuple[int, int] | None:
-    (at,) = struct.unpack_from(f"{order}I", raw, 4)
+    return _tiff_page(raw, order, struct.unpack_from(f"{order}I", raw, 4)[0])[0]
+
+
+def _tiff_page(raw: bytes, order: str, at: int) -> tuple[tuple[int, int] | None, int]:
+    """The size of the page whose directory begins at a byte, and where the next one's does; 0 behind the last."""
     (count,) = struct.unpack_from(f"{order}H", raw, at)
+    behind = at + 2 + 12 * count
     sizes = {}
-    for entry in range(at + 2, at + 2 + 12 * count, 12):
+    for entry in range(at + 2, behind, 12):
         tag, kind = struct.unpack_from(f"{order}HH", raw, entry)
         if tag in (_TIFF_WIDTH, _TIFF_HEIGHT):
             (sizes[tag],) = struct.unpack_from(f"{order}{'H' if kind == 3 else 'I'}", raw, entry + 8)
-    return (sizes[_TIFF_WIDTH], sizes[_TIFF_HEIGHT]) if len(sizes) == 2 else None
+    size = (sizes[_TIFF_WIDTH], sizes[_TIFF_HEIGHT]) if len(sizes) == 2 else None
+    return size, int.from_bytes(raw[behind : behind + 4], "little" if order == "<" else "big")
+
+
+def is_stack(raw: bytes) -> bool:
+    """Whether a TIFF file holds a second picture as large as the first; a thumbnail is smaller."""
+    if raw[:4] not in (b"II*\0", b"MM\0*"):
+        return False
+    order = "<" if raw.startswith(b"II") else ">"
+    try:
+        size, following = _tiff_page(raw, order, struct.unpack_from(f"{order}I", raw, 4)[0])
+        return bool(following) and _tiff_page(raw, order, following)[0] == size
+    except struct.error:
+        return False
+
+
+def may_be_transparent(raw: bytes) -> bool:
+    """Whether a PNG has an opacity for every pixel, or colours that are see-through (sections 11.2.2 and 11.3.2)."""
+    return raw.startswith(b"\x89PNG") and (raw[25:26] in (b"\4", b"\6") or b"tRNS" in raw[: raw.find(b"IDAT")])

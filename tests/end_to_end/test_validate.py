@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import csv
-import io
 import json
 import re
 import sys
-from contextlib import redirect_stderr, redirect_stdout
+from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
@@ -20,12 +19,14 @@ from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import engineering_stress
-from eimi_lab import cli
 from eimi_lab.notebook import load_evidence, open_dataset, read_any_fits, validate
 from eimi_lab.report import panels
 from eimi_lab.report.citation import METHOD, SUITE
 from eimi_lab.report.shown import read_shown
 from eimi_lab.report.stress import MODES, stress_curve
+
+Eimi = Callable[..., tuple[int, str, str]]
+Done = Callable[..., list[str]]
 
 SPECIMEN = """
 [specimen]
@@ -39,26 +40,7 @@ section = "plane-stress"
 """
 
 
-def eimi(*arguments: str | Path, folder: Path) -> tuple[int, str, str]:
-    """Runs the command line in this process: exit status, stdout, stderr."""
-    said, told = io.StringIO(), io.StringIO()
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(said), redirect_stderr(told):
-        patch.chdir(folder)
-        patch.setattr(sys, "argv", ["eimi", *map(str, arguments)])
-        patch.setattr(cli, "unwind_on_termination", lambda: None)
-        with pytest.raises(SystemExit) as exit_:
-            cli.main()
-    return int(exit_.value.code or 0), said.getvalue(), told.getvalue()
-
-
-def done(*arguments: str | Path, folder: Path) -> list[str]:
-    """What a run that has to succeed prints, line by line."""
-    status, said, told = eimi(*arguments, folder=folder)
-    assert status == 0, told
-    return said.splitlines()
-
-
-def track_points(folder: Path, name: str, forces_N: list[float], modulus_Pa: float) -> None:
+def track_points(done: Done, folder: Path, name: str, forces_N: list[float], modulus_Pa: float) -> None:
     """Points on the middle line of a strip of a known law under tip forces, imported as `name`.h5."""
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")).refined().halved()
     loads = Loads.along([0.0] * len(forces_N), 90.0, 90.0, forces_N)
@@ -79,11 +61,11 @@ def track_points(folder: Path, name: str, forces_N: list[float], modulus_Pa: flo
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(done: Done, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two datasets of one strip, a fit of the first, and tensile fits of a stiffer curve."""
     folder = tmp_path_factory.mktemp("validate")
-    track_points(folder, "train", [0.0, 0.001, 0.002], 46e3)
-    track_points(folder, "unseen", [0.0005, 0.0015, 0.003], 46e3)
+    track_points(done, folder, "train", [0.0, 0.001, 0.002], 46e3)
+    track_points(done, folder, "unseen", [0.0005, 0.0015, 0.003], 46e3)
     done("fit", "train.h5", "--model", "neo-hookean", "-o", "fits.json", folder=folder)
     strain = np.linspace(0.02, 1.0, 30)
     stress = 60 * (1 + strain - (1 + strain) ** -2)
@@ -94,7 +76,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_unseen_states_and_the_comparison_with_tensile_fits(folder: Path) -> None:
+def test_unseen_states_and_the_comparison_with_tensile_fits(done: Done, folder: Path) -> None:
     fits = ("--fit", "tensile.json", "--fit", "fits.json")
     lines = done("validate", "train.h5", "unseen.h5", *fits, "-o", "validation.json", folder=folder)
     found = json.loads((folder / "validation.json").read_text())["validations"]
@@ -139,7 +121,7 @@ def test_unseen_states_and_the_comparison_with_tensile_fits(folder: Path) -> Non
     assert ["*" in " ".join(row) for row in matrix[1:]] == [False, False, True]
 
 
-def test_the_interval_of_the_error_is_that_of_the_draws(folder: Path) -> None:
+def test_the_interval_of_the_error_is_that_of_the_draws(done: Done, folder: Path) -> None:
     content = json.loads((folder / "fits.json").read_text())
     (fit,) = content["fits"]
     assert fit["draws"]["names"][0] == "mu"
@@ -157,7 +139,7 @@ def test_the_interval_of_the_error_is_that_of_the_draws(folder: Path) -> None:
     assert at_end["mean_error_interval_mm"] is None
 
 
-def test_by_state_prints_what_the_file_holds(folder: Path) -> None:
+def test_by_state_prints_what_the_file_holds(done: Done, folder: Path) -> None:
     fits = ("--fit", "fits.json", "--fit", "tensile.json")
     lines = done("validate", "unseen.h5", *fits, "--by-state", "-o", "states.json", folder=folder)
     validations = json.loads((folder / "states.json").read_text())["validations"]
@@ -171,13 +153,13 @@ def test_by_state_prints_what_the_file_holds(folder: Path) -> None:
     assert lines[first + 5].split()[0] == "mean"
 
 
-def page_of(folder: Path, *arguments: str) -> str:
+def page_of(done: Done, folder: Path, *arguments: str) -> str:
     done("report", *arguments, "-o", "report.html", "--force", folder=folder)
     return (folder / "report.html").read_text(encoding="utf-8")
 
 
-def test_a_report_lays_tensile_fits_beside_those_of_bending(folder: Path) -> None:
-    page = page_of(folder, "train.h5", "unseen.h5", "--fit", "fits.json", "--fit", "tensile.json")
+def test_a_report_lays_tensile_fits_beside_those_of_bending(done: Done, folder: Path) -> None:
+    page = page_of(done, folder, "train.h5", "unseen.h5", "--fit", "fits.json", "--fit", "tensile.json")
     for words in ("tensile 20 %", "tensile full", "bending", "Every fit on every specimen", "is an extrapolation"):
         assert words in page
     assert "is not drawn" not in page
@@ -228,12 +210,12 @@ class WellFormed(HTMLParser):
         self.text += data
 
 
-def test_a_hostile_name_stays_text_and_every_figure_is_a_file_too(folder: Path) -> None:
+def test_a_hostile_name_stays_text_and_every_figure_is_a_file_too(done: Done, folder: Path) -> None:
     name = """<script>alert("1")</script> & </p> $x_1$ {{ 1 }} end{tabular}"""
     (folder / "hostile.toml").write_text(SPECIMEN.replace('"plain strip"', f"'''{name}'''"))
     tables = ("--states", "train_states.csv", "--specimen", "hostile.toml", "--gravity-angle", "90")
     done("import", "train.csv", *tables, "-o", "hostile.h5", folder=folder)
-    page = page_of(folder, "hostile.h5", "--fit", "fits.json", "--fit", "tensile.json", "--assets", "assets")
+    page = page_of(done, folder, "hostile.h5", "--fit", "fits.json", "--fit", "tensile.json", "--assets", "assets")
     shown = WellFormed(page)
     assert shown.text.count(name) >= 1
     files = [path.suffix for path in (folder / "assets").iterdir()]
@@ -259,14 +241,16 @@ def test_what_to_cite_is_what_the_citation_file_says() -> None:
         assert words in cff
 
 
-def test_a_panel_of_the_report_is_one_file(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_panel_of_the_report_is_one_file(
+    done: Done, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The one that CONTRIBUTING.md shows: its file lies in the folder of panels, and nothing else is touched."""
     guide = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text(encoding="utf-8")
     (code,) = (block for block in re.findall(r"```python\n(.*?)```", guide, re.DOTALL) if "PANEL = " in block)
     (tmp_path / "tip_forces.py").write_text(code, encoding="utf-8")
     monkeypatch.setattr(panels, "__path__", [*panels.__path__, str(tmp_path)])
     try:
-        page = page_of(folder, "train.h5", "unseen.h5", "--fit", "fits.json")
+        page = page_of(done, folder, "train.h5", "unseen.h5", "--fit", "fits.json")
     finally:
         sys.modules.pop("eimi_lab.report.panels.tip_forces", None)
     assert page.count("<h3>Forces at the tip</h3>") == 2
@@ -276,30 +260,30 @@ def test_a_panel_of_the_report_is_one_file(folder: Path, tmp_path: Path, monkeyp
     assert after.startswith("Simulated and measured")
 
 
-def test_a_report_without_a_bending_fit_or_with_a_lost_curve(folder: Path) -> None:
+def test_a_report_without_a_bending_fit_or_with_a_lost_curve(done: Done, folder: Path) -> None:
     (folder / "curve.csv").rename(folder / "kept.csv")
     try:
-        page = page_of(folder, "unseen.h5", "--fit", "tensile.json")
+        page = page_of(done, folder, "unseen.h5", "--fit", "tensile.json")
         assert "The tensile test is not drawn: curve.csv: cannot be read" in page
         (folder / "curve.csv").write_text("strain,stress_kPa\n0.1,2\n")
-        page = page_of(folder, "unseen.h5", "--fit", "tensile.json")
+        page = page_of(done, folder, "unseen.h5", "--fit", "tensile.json")
         assert "The tensile test is not drawn: curve.csv has changed since it was fitted." in page
     finally:
         (folder / "kept.csv").replace(folder / "curve.csv")
     content = json.loads((folder / "tensile.json").read_text())
     del content["fits"][0]["draws"]  # as an earlier release wrote it
     (folder / "earlier.json").write_text(json.dumps(content))
-    page = page_of(folder, "unseen.h5", "--fit", "earlier.json")
+    page = page_of(done, folder, "unseen.h5", "--fit", "earlier.json")
     assert page.count("holds no draws: no band for neo-hookean, tensile 20 %.") == 1
     assert "Shaded" not in page
     assert "<h2>Search</h2>" not in page
 
 
-def test_a_report_shows_a_law_without_an_equilibrium_as_such(folder: Path) -> None:
+def test_a_report_shows_a_law_without_an_equilibrium_as_such(done: Done, folder: Path) -> None:
     content = json.loads((folder / "tensile.json").read_text())
     content["fits"][0]["parameters"]["mu"]["value"] = -60e3
     (folder / "lost.json").write_text(json.dumps(content))
-    page = page_of(folder, "unseen.h5", "--fit", "fits.json", "--fit", "lost.json")
+    page = page_of(done, folder, "unseen.h5", "--fit", "fits.json", "--fit", "lost.json")
     assert ">no equilibrium<" in page
 
 
@@ -332,9 +316,9 @@ def test_planar_tension_and_shear_follow_their_closed_forms() -> None:
     assert shear == pytest.approx(2 * (c10 + c01) * strain, abs=1e-6)
 
 
-def test_two_section_assumptions_stand_side_by_side_in_a_report(folder: Path) -> None:
+def test_two_section_assumptions_stand_side_by_side_in_a_report(done: Done, folder: Path) -> None:
     done("fit", "train.h5", "--model", "neo-hookean", "--section", "plane-strain", "-o", "strain.json", folder=folder)
-    page = page_of(folder, "train.h5", "unseen.h5", "--fit", "fits.json", "--fit", "strain.json")
+    page = page_of(done, folder, "train.h5", "unseen.h5", "--fit", "fits.json", "--fit", "strain.json")
     assert "bending, plane-stress" in page
     assert "bending, plane-strain" in page
     # Each is simulated under its own assumption: the error is what each fit wrote.
@@ -386,7 +370,7 @@ def test_what_is_not_installed_is_named(folder: Path, monkeypatch: pytest.Monkey
         dataset.to_xarray()
 
 
-def test_a_law_without_an_equilibrium_is_told_and_stops_nothing(folder: Path) -> None:
+def test_a_law_without_an_equilibrium_is_told_and_stops_nothing(done: Done, folder: Path) -> None:
     content = json.loads((folder / "tensile.json").read_text())
     content["fits"][0]["parameters"]["mu"]["value"] = -60e3
     (folder / "negative.json").write_text(json.dumps(content))
@@ -420,7 +404,7 @@ def test_a_law_without_an_equilibrium_is_told_and_stops_nothing(folder: Path) ->
         ),
     ],
 )
-def test_bad_input_to_validate_is_one_line(folder: Path, arguments: tuple[str, ...], told: str) -> None:
+def test_bad_input_to_validate_is_one_line(eimi: Eimi, folder: Path, arguments: tuple[str, ...], told: str) -> None:
     content = json.loads((folder / "fits.json").read_text())
     del content["fits"][0]["mesh"]
     (folder / "earlier.json").write_text(json.dumps(content))

@@ -65,16 +65,29 @@ def half_width(fit: Fit) -> float:
     return 0.5 * (high - low)
 
 
-def test_a_width_wrong_within_its_uncertainty_is_in_the_interval_and_not_in_that_of_the_noise():
-    thicker = replace(BEAM, width_mm=3.03)
-    fit = fitted(experiment(seen(thicker), width=0.02))
-    modulus = fit.initial_shear_modulus
+THICKER = replace(BEAM, width_mm=3.03)
+
+
+@pytest.fixture(scope="module")
+def thicker() -> Fit:
+    """A beam that is thicker than stated, by one and a half of the stated uncertainty."""
+    return fitted(experiment(seen(THICKER), width=0.02))
+
+
+@pytest.fixture(scope="module")
+def magnetic() -> Fit:
+    """The beam as stated; its magnet is known to two per cent."""
+    return fitted(experiment(seen(), remanence=0.02))
+
+
+def test_a_width_wrong_within_its_uncertainty_is_in_the_interval_and_not_in_that_of_the_noise(thicker):
+    fit, modulus = thicker, thicker.initial_shear_modulus
     assert holds(modulus.interval_95, TRUTH_PA)
     assert not holds(modulus.interval_95_fit, TRUTH_PA)
     (entry,) = fit.budget
     assert (entry.source, entry.standard_uncertainty, entry.unit) == ("width", 0.02, "mm")
     # What a fit that knows better finds, by so much for 0.03 mm.
-    knows = fitted(experiment(seen(thicker), beam=thicker))
+    knows = fitted(experiment(seen(THICKER), beam=THICKER))
     found = 100 * (modulus.value / knows.initial_shear_modulus.value - 1)
     assert entry.effect_percent == pytest.approx(abs(found) * 2 / 3, rel=0.1)
     assert half_width(fit) == pytest.approx(1.96 * modulus.value * entry.effect_percent / 100, rel=0.15)
@@ -131,21 +144,19 @@ def test_what_a_source_does_to_the_modulus_is_what_a_refit_finds(source):
     assert entry.effect_percent == pytest.approx(float(np.linalg.norm(moved)), rel=0.2, abs=0.01)
 
 
-def test_datasets_of_one_specimen_share_its_error_and_two_specimens_do_not():
+def test_datasets_of_one_specimen_share_its_error_and_two_specimens_do_not(magnetic):
     first, second = seen(seed=1), seen(seed=2)
-    one = fitted(experiment(first, remanence=0.02))
     both = fitted(experiment(first, remanence=0.02), experiment(second, remanence=0.02))
     other = replace(experiment(second), stated=(StatedSource("remanence", 0.02, "specimen 2"),))
     apart = fitted(experiment(first, remanence=0.02), other)
     assert [entry.datasets for entry in both.budget] == [(0, 1)]
     assert sorted(entry.datasets for entry in apart.budget) == [(0,), (1,)]
-    assert half_width(both) == pytest.approx(half_width(one), rel=0.05)
-    assert half_width(apart) == pytest.approx(half_width(one) / np.sqrt(2), rel=0.1)
+    assert half_width(both) == pytest.approx(half_width(magnetic), rel=0.05)
+    assert half_width(apart) == pytest.approx(half_width(magnetic) / np.sqrt(2), rel=0.1)
 
 
 def test_a_freed_width_is_found_from_the_edges_with_its_stated_uncertainty_as_the_prior():
-    thicker = replace(BEAM, width_mm=3.03)
-    fit = fitted(experiment(seen(thicker), width=0.02, remanence=0.02), free=(Prior("width"),))
+    fit = fitted(experiment(seen(THICKER), width=0.02, remanence=0.02), free=(Prior("width"),))
     (freed,) = fit.freed
     assert (freed.name, freed.prior_standard_deviation, freed.deviation.unit) == ("width", 0.02, "mm")
     assert freed.deviation.value == pytest.approx(0.03, abs=2e-3)
@@ -155,26 +166,25 @@ def test_a_freed_width_is_found_from_the_edges_with_its_stated_uncertainty_as_th
         fitted(experiment(seen()), free=(Prior("depth"),))
 
 
-def test_without_anything_uncertain_noise_is_all_there_is_and_it_is_told_from_a_source():
+def test_without_anything_uncertain_noise_is_all_there_is_and_it_is_told_from_a_source(thicker):
     fit = fitted(experiment(seen(), width=0.0))
     modulus = fit.initial_shear_modulus
     assert fit.budget == ()
     assert modulus.interval_95 == modulus.interval_95_fit
     assert fit.measure_next.source is None
     # Edges of a thicker beam leave residuals along both edges, which are no noise.
-    wrong = fitted(experiment(seen(replace(BEAM, width_mm=3.03)), width=0.02)).initial_shear_modulus
+    wrong = thicker.initial_shear_modulus
     assert wrong.interval_95_fit is not None
     assert modulus.interval_95_fit is not None
     assert np.ptp(wrong.interval_95_fit) < 3 * np.ptp(modulus.interval_95_fit)
 
 
-def test_intervals_are_the_quantiles_of_the_draws():
-    fit = fitted(experiment(seen(), remanence=0.02))
-    drawn = fit.draws.column("mu")
-    assert np.quantile(drawn, [0.025, 0.975]) == pytest.approx(fit.parameters["mu"].interval_95)
-    assert np.std(fit.draws.column("remanence")) == pytest.approx(0.02, rel=0.1)
+def test_intervals_are_the_quantiles_of_the_draws(magnetic):
+    drawn, remanence = magnetic.draws.column("mu"), magnetic.draws.column("remanence")
+    assert np.quantile(drawn, [0.025, 0.975]) == pytest.approx(magnetic.parameters["mu"].interval_95)
+    assert np.std(remanence) == pytest.approx(0.02, rel=0.1)
     # A stronger magnet than stated needs a stiffer beam for the same edges.
-    assert np.corrcoef(drawn, fit.draws.column("remanence"))[0, 1] > 0.99
+    assert np.corrcoef(drawn, remanence)[0, 1] > 0.99
 
 
 def estimated(law: str, *seen_so: Experiment) -> Estimate:

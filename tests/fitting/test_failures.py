@@ -10,12 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eimi_fitting.beam.band import factorise
-from eimi_fitting.beam.equilibrium import Status
+from eimi_fitting.beam.element import Batch
+from eimi_fitting.beam.equilibrium import Solid, SolidLoads, Status
 from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.mesh import grid_mesh
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, PressureFace, Specimen
 from eimi_fitting.beam.system import System
 from eimi_fitting.laws import LAWS
+from eimi_fitting.units import moduli_in_MPa
 
 NEO = LAWS["neo-hookean"]
 SOUND = {
@@ -123,6 +126,22 @@ def test_statistics_tell_where_a_load_was_cut():
     assert shapes.displacement[1, 0] == pytest.approx(stepped.displacement[0, -1], abs=1e-4)
 
 
+@pytest.mark.parametrize("name", SOUND)
+def test_a_block_turned_inside_out_is_no_equilibrium(name):
+    # In plane stress its energy is that of the block at rest, and nothing pulls it back.
+    mesh = grid_mesh(np.linspace(0, 4, 3), np.linspace(-1, 1, 3))
+    fixed = np.abs(mesh.nodes) < 1e-9  # its axes of symmetry stay where they are
+    solid = Solid(mesh, fixed)
+    batch = Batch(LAWS[name], moduli_in_MPa(np.array([SOUND[name]]), LAWS[name].units), "plane-stress", np.ones(1))
+    nothing = SolidLoads(np.zeros((1, len(mesh.nodes), 2)), np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1))
+    rest = solid.rest(1)
+    inside_out = replace(rest, displacement=mesh.nodes[None] * [0.0, -2.0])
+    for start, expected in ((rest, Status.CONVERGED), (inside_out, Status.DIVERGED)):
+        found, status, _ = solid.equilibrium(batch, nothing, start, 1e-6)
+        assert status[0] == expected
+        assert np.isfinite(found.displacement).all()
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
 @pytest.mark.parametrize("spoilt", [0, 1, 2])
 def test_a_right_hand_side_that_is_no_number_spoils_no_other(bad, spoilt):
@@ -130,7 +149,7 @@ def test_a_right_hand_side_that_is_no_number_spoils_no_other(bad, spoilt):
     stiffness = np.tile(2 * np.eye(5) + 0.1, (1, 3, 1, 1))
     force, right = np.zeros((1, 3, 5)), np.ones((3, 5))
     right[spoilt, 3] = bad
-    steps, _, sound = system.solve(stiffness, force, right, None, np.ones(3, bool), True)
+    steps, _, sound, _ = system.solve(stiffness, force, right, None, np.ones(3, bool), True)
     others = np.arange(3) != spoilt
     assert sound.tolist() == others.tolist()
     assert steps[others] == pytest.approx(np.full((2, 5), 0.4), rel=1e-12)

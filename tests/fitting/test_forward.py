@@ -165,6 +165,17 @@ def test_states_do_not_depend_on_the_way_there():
     assert direct.displacement[0, 0] == pytest.approx(stepped.displacement[0, -1], abs=1e-6)
 
 
+@pytest.mark.parametrize("tolerance_mm", [1e-2, 1e-4, 1e-6])
+def test_no_place_is_farther_off_than_the_tolerance(tolerance_mm):
+    specimen, field = magnet_tipped(0.2)
+    model = BeamModel(specimen)
+    for loads in (Loads.along(0.5 * field), Loads.along(field * np.array([0.3, 0.6, 1.0]))):
+        exact = model.solve(NEO, MU, loads, tolerance_mm=1e-10)
+        ours = model.solve(NEO, MU, loads, tolerance_mm=tolerance_mm)
+        assert exact.converged[0]
+        assert np.abs(ours.displacement - exact.displacement).max() < tolerance_mm
+
+
 def test_a_field_the_other_way_mirrors_the_beam():
     specimen, field = magnet_tipped(0.2)
     model = BeamModel(specimen)

@@ -87,6 +87,25 @@ def test_it_becomes_the_full_width_magnet():
     assert off[0] > 5e-3 * np.linalg.norm(full - [30.0, 0.0])
 
 
+@pytest.mark.parametrize("width", [3.0, 2.0])
+@pytest.mark.parametrize("gravity_angle_deg", [0.0, 90.0, 180.0])
+def test_silicone_before_and_behind_a_shallow_magnet_weighs_as_much_as_a_deep_magnet_of_its_density(
+    width, gravity_angle_deg
+):
+    shapes = []
+    for depth_mm in (1.0, 5.0):
+        magnet = Magnet(4.0, width, depth_mm, 1.2 / depth_mm, FULL.density_kg_m3)
+        model = BeamModel(replace(FULL, magnet=magnet))
+        shapes.append(model.solve(NEO, MU, Loads.along([0.0, 7.0], gravity_angle_deg=gravity_angle_deg)))
+    shallow, deep = (own.displacement for own in shapes)
+    assert shallow == pytest.approx(deep, abs=1e-6)
+    assert np.abs(deep).max() > 1
+    # And weight there is felt.
+    light = BeamModel(replace(FULL, magnet=replace(magnet, density_kg_m3=0.0)))
+    light_shapes = light.solve(NEO, MU, Loads.along([0.0, 7.0], gravity_angle_deg=gravity_angle_deg))
+    assert np.abs(light_shapes.displacement - deep).max() > 0.05
+
+
 def test_silicone_thinner_than_a_hundredth_of_the_width_is_carried():
     thin, full = BeamModel(with_magnet(2.95)), BeamModel(FULL)
     assert len(thin.mesh.elements) == len(full.mesh.elements)
@@ -157,7 +176,7 @@ def test_the_whole_tangent_is_the_derivative_of_the_forces():
         stiffness, force, tie = linearise(free, rigid)
         turning = body.stiffness_of_turning(force, rigid)
         zero = np.zeros_like(force)
-        x, r, sound = system.solve(
+        x, r, sound, _ = system.solve(
             stiffness, zero, right[None, :-3], (tie, turning, right[None, -3:]), np.ones(1, bool), False
         )
         assert sound.all()

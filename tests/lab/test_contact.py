@@ -32,7 +32,7 @@ def test_a_supply_that_goes_off_while_the_beam_settles_is_noticed_then(setup: An
     tripped_s: list[float] = []
 
     def trip(number: int) -> None:
-        if setup.coil.state.set_current_A == 0.2 and not tripped_s:
+        if setup.coil.state.set_current_A == 0.1 and not tripped_s:
             setup.coil.trip()
             tripped_s.append(setup.bench.clock.now())
 

@@ -33,7 +33,7 @@ from eimi_lab.fits.evidence import load_evidence
 from eimi_lab.fits.fit_grid import fit_grid, grid
 from eimi_lab.fits.fits_file import read_any_fits
 from eimi_lab.fits.records import FitRecord
-from eimi_lab.fits.workers import cluster, completed, executor_for, processes
+from eimi_lab.workers import cluster, completed, executor_for, processes
 
 Run = Callable[..., tuple[int, str]]
 
@@ -84,15 +84,15 @@ def plain(fits: list[FitRecord]) -> Any:
 
 def test_a_grid_on_two_workers_is_that_of_one(beams: Path, tmp_path: Path, run: Run) -> None:
     data = [beams / "first.h5", beams / "second.h5"]
-    fit = ["fit", *data, "--each", "--model", "neo-hookean", "--seed", "1", "--seed", "2", "--bootstrap", "1"]
+    fit = ["fit", *data, "--each", "--model", "neo-hookean", "--seed", "2", "--bootstrap", "1"]
     status, said = run(*fit, "-o", tmp_path / "one.json")
     assert status == 0, said
     status, said = run(*fit, "--workers", "2", "-o", tmp_path / "two.json")
     assert status == 0, said
-    assert "fit 8/8: " in said
+    assert "fit 4/4: " in said
     assert read(tmp_path / "one.json") == read(tmp_path / "two.json")
     fits = read_any_fits(tmp_path / "two.json")
-    assert [(Path(f.datasets[0].path).name, f.seed) for f in fits] == [(d.name, s) for d in data for s in (1, 2)]
+    assert [(Path(f.datasets[0].path).name, f.seed) for f in fits] == [(d.name, 2) for d in data]
     for fit in fits:
         assert fit.initial_shear_modulus.value == pytest.approx(MODULUS_PA, rel=0.01)
         assert fit.bootstrap is not None
@@ -101,6 +101,19 @@ def test_a_grid_on_two_workers_is_that_of_one(beams: Path, tmp_path: Path, run: 
         assert fit.bootstrap.initial_shear_modulus_interval_95_Pa is None  # of one replicate there is none
         assert replicate.initial_shear_modulus_Pa == pytest.approx(MODULUS_PA, rel=0.02)
         assert replicate.initial_shear_modulus_Pa != fit.initial_shear_modulus.value
+
+
+def test_a_grid_goes_dataset_by_dataset_seed_by_seed_and_replicate_by_replicate(beams: Path) -> None:
+    evidence = [load_evidence(beams / name) for name in ("first.h5", "second.h5")]
+    tasks = grid(["yeoh", "ogden"], evidence, [1, 2], each=True, bootstrap=1)
+    assert [(task.evidence, task.model, task.seed, task.replicate) for task in tasks] == [
+        ((one,), model, seed, replicate)
+        for one in evidence
+        for model in ("yeoh", "ogden")
+        for seed in (1, 2)
+        for replicate in (0, 1)
+    ]
+    assert [task.evidence for task in grid(["yeoh"], evidence, [1])] == [tuple(evidence)]
 
 
 @pytest.mark.slow
@@ -125,6 +138,7 @@ def test_a_killed_worker_changes_nothing(beams: Path) -> None:
             killed[0].kill()
 
     whole = fit_grid(tasks, {})
+    assert [fit.seed for fit in whole] == [1, 2, 3]
     assert plain(fit_grid(tasks, {}, executor=partial(processes, 2), report=kill_one)) == plain(whole)
     assert killed
     assert killed[0].exitcode == -signal.SIGKILL
@@ -329,7 +343,7 @@ def test_there_are_no_more_workers_than_processors(monkeypatch: Any) -> None:
 @pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n"])
 def test_a_service_that_is_no_scheduler_is_not_waited_for(answer: bytes, monkeypatch: Any) -> None:
     pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'eimi-lab[cluster]'")
-    monkeypatch.setattr("eimi_lab.fits.workers._ANSWER_S", 1)
+    monkeypatch.setattr("eimi_lab.workers._ANSWER_S", 1)
     with socket.create_server(("127.0.0.1", 0)) as service:
 
         def serve() -> None:
@@ -347,7 +361,7 @@ def test_a_service_that_is_no_scheduler_is_not_waited_for(answer: bytes, monkeyp
 
 def test_no_scheduler_is_one_line(beams: Path, tmp_path: Path, run: Run, monkeypatch: Any) -> None:
     pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'eimi-lab[cluster]'")
-    monkeypatch.setattr("eimi_lab.fits.workers._ANSWER_S", 1)
+    monkeypatch.setattr("eimi_lab.workers._ANSWER_S", 1)
     arguments = ["--scheduler", "tcp://127.0.0.1:1", "-o", tmp_path / "fits.json"]
     arguments += ["--checkpoint", tmp_path / "log.jsonl"]
     status, said = run("fit", beams / "first.h5", "--model", "neo-hookean", *arguments)

@@ -161,6 +161,24 @@ def shrink(files: Path) -> None:
     cv2.imwrite(str(files / "frames" / "frame_10.png"), np.zeros((96, 100), np.uint8))
 
 
+def stack(files: Path) -> None:
+    image = cv2.imread(str(files / "frames" / "frame_10.png"), cv2.IMREAD_GRAYSCALE)
+    (files / "frames" / "frame_10.png").unlink()
+    assert cv2.imwritemulti(str(files / "frames" / "frame_10.tif"), [image, image])
+    rewrite("states.csv", "frame_10.png", "frame_10.tif")(files)
+
+
+def see_through(files: Path) -> None:
+    image = cv2.imread(str(files / "frames" / "frame_10.png"), cv2.IMREAD_GRAYSCALE)
+    opacity = np.where(image < 128, 255, 0).astype(np.uint8)
+    cv2.imwrite(str(files / "frames" / "frame_10.png"), np.dstack([image, image, image, opacity]))
+
+
+def turned(files: Path) -> None:
+    image = cv2.imread(str(files / "frames" / "frame_10.png"), cv2.IMREAD_GRAYSCALE)
+    cv2.imwrite(str(files / "frames" / "frame_10.png"), cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE))
+
+
 def pipe(files: Path) -> None:
     (files / "frames" / "frame_10.png").unlink()
     os.mkfifo(files / "frames" / "frame_10.png")
@@ -198,8 +216,19 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "decimal comma": (
         rewrite("states.csv", ",0.2", ",0,2"),
-        "states.csv: row 3: has 3 cells; the header has 2 columns",
+        "states.csv: row 3: has 3 cells; the header has 2 columns; numbers with a decimal comma want semicolons",
     ),
+    "case of a name": (
+        rewrite("states.csv", "frame_2.png", "elsewhere/Frame_2.PNG"),
+        "there is none of that name; did you mean frame_2.png?",
+    ),
+    "Latin text": (
+        lambda files: (files / "states.csv").write_bytes("frame,current_A\nfräme_1.png,0\n".encode("latin-1")),
+        "states.csv: is not UTF-8 text (byte 18); save it with that encoding",
+    ),
+    "stack": (stack, "frame_10.tif: is a stack of pictures; save each as a file of its own"),
+    "see-through": (see_through, "frame_10.png: is transparent in places"),
+    "turned": (turned, "frame_10.png: is 96 x 128 px of 8 bits; frame_1.png is 128 x 96 px of 8 bits; pictures of one"),
     "not finite": (
         rewrite("states.csv", "0.2", "nan"),
         "states.csv: row 3: current_A = 'nan' should be a finite number",

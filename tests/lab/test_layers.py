@@ -28,7 +28,7 @@ ORDER = (
     ("eimi_fitting",),
     ("eimi_lab.stderr", "eimi_lab.threads"),
     ("eimi_lab.errors", "eimi_lab.progress", "eimi_lab.stopping", "eimi_lab.tables", "eimi_lab.drawing"),
-    ("eimi_lab.outputs", "eimi_lab.writer_lock"),
+    ("eimi_lab.outputs", "eimi_lab.writer_lock", "eimi_lab.workers"),
     ("eimi_lab.config",),
     ("eimi_lab.vision",),
     ("eimi_lab.vision.edges", "eimi_lab.vision.following"),
@@ -74,7 +74,10 @@ def imported(path: Path) -> Iterator[str]:
                 yield inner if inner in MODULES else str(node.module)
 
 
-IMPORTS = {name: set(imported(path)) for name, path in MODULES.items()}
+@pytest.fixture(scope="module")
+def imports() -> dict[str, set[str]]:
+    """What every module imports."""
+    return {name: set(imported(path)) for name, path in MODULES.items()}
 
 
 def room_of(module: str) -> str:
@@ -85,10 +88,10 @@ def room_of(module: str) -> str:
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_nothing_imports_a_room_above_its_own(package):
+def test_nothing_imports_a_room_above_its_own(package, imports):
     upward = [
         f"{module} imports {other}"
-        for module, others in IMPORTS.items()
+        for module, others in imports.items()
         for other in others & MODULES.keys()
         if module.split(".")[0] == package and LEVELS[room_of(other)] > LEVELS[room_of(module)]
     ]
@@ -100,26 +103,26 @@ def test_every_room_of_the_suite_has_its_place():
     assert rooms - LEVELS.keys() == set()
 
 
-def test_there_is_no_circle():
-    graph = {module: others & MODULES.keys() for module, others in IMPORTS.items()}
+def test_there_is_no_circle(imports):
+    graph = {module: others & MODULES.keys() for module, others in imports.items()}
     try:
         TopologicalSorter(graph).prepare()
     except CycleError as circle:
         pytest.fail(" imports ".join(reversed(circle.args[1])), pytrace=False)
 
 
-def test_drivers_and_fitting_do_not_know_each_other():
-    across = {(module.split(".")[0], other.split(".")[0]) for module in MODULES for other in IMPORTS[module]}
+def test_drivers_and_fitting_do_not_know_each_other(imports):
+    across = {(module.split(".")[0], other.split(".")[0]) for module in MODULES for other in imports[module]}
     assert across & APART == set()
 
 
-def test_fitting_needs_three_packages_alone():
+def test_fitting_needs_three_packages_alone(imports):
     roots = {
-        other.split(".")[0] for module in MODULES if module.startswith("eimi_fitting") for other in IMPORTS[module]
+        other.split(".")[0] for module in MODULES if module.startswith("eimi_fitting") for other in imports[module]
     }
     assert roots - sys.stdlib_module_names - {"eimi_fitting"} == FITTING_NEEDS
 
 
-def test_the_suite_knows_neither_its_tests_nor_its_benchmarks():
-    roots = {other.split(".")[0] for others in IMPORTS.values() for other in others}
+def test_the_suite_knows_neither_its_tests_nor_its_benchmarks(imports):
+    roots = {other.split(".")[0] for others in imports.values() for other in others}
     assert roots & {"tests", "benchmarks"} == set()

@@ -130,6 +130,33 @@ def test_one_projection_for_all_states_and_both_sides(files: Path) -> None:
     assert [float(chosen.apply(full * k).max()) <= 255.0 for k in (0, 1)] == [True, True]
 
 
+@pytest.mark.parametrize("odd_one", [0, 5])
+def test_the_projection_is_that_of_all_states_and_no_states_own(run: Run, files: Path, odd_one: int) -> None:
+    """Blue tells the beam in five states; the sixth has little of that, and more red, of which nothing is seen."""
+    pictures = files / "pictures"
+    pictures.mkdir()
+    for index in range(6):
+        beam, beside = ((60, 120, 40), (100, 120, 200)) if index == odd_one else ((60, 120, 100), (200, 120, 100))
+        image = np.empty((128, 128, 3))
+        image[:] = beside
+        image[24:104, 56:72] = image[:24, 16:112] = beam
+        noise = np.random.default_rng(index).normal(0, 2, image.shape)
+        cv2.imwrite(str(pictures / f"{index}.png"), np.clip(cv2.GaussianBlur(image, (0, 0), 0.8) + noise, 0, 255))
+    rows = [f"{index}.png,{0.1 * index}" for index in range(6)]
+    (files / "states.csv").write_text("\n".join(["frame,current_A", *rows]) + "\n")
+    arguments = ["--states", files / "states.csv", "--specimen", files / "specimen.toml", "--clamp", "63.5,23.5"]
+    arguments += ["--calibration", files / "calibration.toml", "-o", files / "out.h5"]
+    assert run("import", pictures, *arguments)[0] == 0
+    assert run("segment", files / "out.h5")[0] == 0
+    with open_dataset(files / "out.h5") as dataset:
+        projection, edges = dataset.projection(), dataset.edges() or ()
+    assert projection is not None
+    assert projection.name == "blue"
+    faint = [[flag.value for flag in found.flags if flag.name == "LOW_CONTRAST"] for found in edges]
+    assert [len(values) for values in faint] == [int(index == odd_one) for index in range(6)]
+    assert faint[odd_one][0] == pytest.approx(40 / 255, rel=0.1)
+
+
 def test_only_the_region_is_looked_at(run: Run, files: Path) -> None:
     image = scene((30, 30, 30), (200, 200, 200))
     image[:, 100:] = 10  # a black wall that touches nothing
@@ -163,11 +190,29 @@ def test_changing_a_calibration_forgets_the_edges_found_with_it(run: Run, files:
     assert stored(files) == after
 
 
+@pytest.mark.parametrize(("level", "told"), [(3, "of 255: raise the exposure"), (252, "of 255: lower the exposure")])
+def test_a_picture_that_shows_nothing_is_no_wrong_clamp(run: Run, files: Path, level: int, told: str) -> None:
+    assert imported(run, files, np.full((96, 128), level, np.uint8))[0] == 0
+    status, said = run("segment", files / "out.h5")
+    assert (status, f"its grey values lie between {level} and {level} {told}" in said) == (0, True), said
+
+
+def test_a_beam_too_narrow_for_its_edges_is_no_wrong_clamp(run: Run, files: Path) -> None:
+    specimen = files / "specimen.toml"
+    lines = specimen.read_text().splitlines()
+    specimen.write_text("\n".join("width_mm = 0.5" if line.startswith("width_mm") else line for line in lines) + "\n")
+    empty = np.random.default_rng(0).integers(180, 220, (96, 128, 3)).astype(np.uint8)
+    assert imported(run, files, empty)[0] == 0
+    status, said = run("segment", files / "out.h5")
+    assert (status, "no beam was found; it is 4 px wide, and 6 are needed" in said) == (0, True), said
+
+
 @pytest.mark.parametrize(
     ("key", "value", "told"),
     [
         ("pixels_per_mm", "4.0", "one would be with pixels_per_mm = 8, 2 times as much: is the scale right?"),
         ("clamp_midpoint_px", "[24.0, 8.0]", "one would be with clamp_midpoint_px = [64, 8]: is the clamp where"),
+        ("clamp_midpoint_px", "[124.0, 8.0]", "one of its edges begins outside the picture"),
         ("clamp_midpoint_px", "[118.0, 80.0]", "nothing of the stated width leaves the clamp there, nor near by"),
     ],
 )

@@ -147,29 +147,30 @@ def test_a_beam_that_leaves_the_picture_keeps_its_long_edges():
     assert Severity.UNUSABLE not in severities(edges)
 
 
-def stripes(*shown):
+def stripes(*shown, aside_px=0.0):
     """Red, left of the clamp's middle, and blue, right of it, each as long and wide as the beam of `files`."""
     image = np.full((96, 128, 3), 120.0)
     for name, colour, columns in (("red", (40, 60, 200), slice(48, 63)), ("blue", (200, 170, 40), slice(66, 81))):
         if name in shown:
             image[8:88, columns] = colour
     image = cv2.GaussianBlur(image, (0, 0), 0.8) + np.random.default_rng(1).normal(0.0, 2.0, image.shape)
-    return np.clip(image, 0, 255).astype(np.uint8)
+    moved = cv2.warpAffine(image, np.array([[1.0, 0.0, aside_px], [0.0, 1.0, 0.0]]), (128, 96), borderMode=1)
+    return np.clip(moved, 0, 255).astype(np.uint8)
 
 
-def followed_in(run, files, *states):
+def followed_in(run, files, *states, aside_px=(0.0,) * 9, workers=1):
     """Which stripe each state's edges are of, and whether ROOT_AMBIGUOUS says that it may be the other."""
     pictures, dataset_file = files / f"pictures_{len(states)}", files / f"{len(states)}.h5"
     pictures.mkdir()
     for index, shown in enumerate(states):
-        cv2.imwrite(str(pictures / f"{index}.png"), stripes(*shown))
+        cv2.imwrite(str(pictures / f"{index}.png"), stripes(*shown, aside_px=aside_px[index]))
     rows = [f"{index}.png,{0.1 * index}" for index in range(len(states))]
     (files / "states.csv").write_text("\n".join(["frame,current_A", *rows]) + "\n")
     arguments = ["--states", files / "states.csv", "--specimen", files / "specimen.toml"]
     arguments += ["--calibration", files / "calibration.toml", "-o", dataset_file]
     status, said = run("import", pictures, *arguments)
     assert status == 0, said
-    status, said = run("segment", dataset_file)
+    status, said = run("segment", dataset_file, "--workers", workers)
     assert status == 0, said
     with open_dataset(dataset_file) as dataset:
         frame = BeamFrame(dataset.calibration)
@@ -189,8 +190,17 @@ def test_an_earlier_state_decides_between_equals_and_nothing_else(run, files):
     assert alone.endswith(", in doubt")
     other = "blue" if alone.startswith("red") else "red"
     # The third state is told what was sure in the first, not guessed in the second; the last has one stripe only.
-    found = followed_in(run, files, (other,), both, both, (alone.split(",")[0],))
+    # A worker, which sees one state alone, does not decide it.
+    found = followed_in(run, files, (other,), both, both, (alone.split(",")[0],), workers=2)
     assert found == [other, f"{other}, in doubt", f"{other}, in doubt", alone.split(",")[0]]
+
+
+def test_a_guess_is_not_handed_to_the_next_state(run, files):
+    """A tenth of a pixel aside the picture itself speaks for the other stripe."""
+    both = ("red", "blue")
+    guessed, sure = followed_in(run, files, both, both, aside_px=(0.0, -0.1))
+    assert guessed.endswith(", in doubt")
+    assert sure == ("blue" if guessed.startswith("red") else "red")
 
 
 @pictures_at_hand

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,7 +38,7 @@ def find_edges(
     limits: Mapping[str, float] | None = None,
     calibration_age_days: float | None = None,
     projection: Projection | None = None,
-    earlier: EdgeSet | None = None,
+    earlier: Callable[[], EdgeSet | None] | None = None,
 ) -> EdgeSet:
     """The beam's edges in one image, (height, width) or (height, width, 3), of any depth.
 
@@ -47,10 +47,10 @@ def find_edges(
     width, more are looked for than are returned. A few pixels at the clamp line and at the corners are left out, where
     the profile is no clean step. A beam brighter than what is beside its root is taken for a lit one in front of a dark
     background. limits: in place of those of the table of flags, by the names of its findings. calibration_age_days: how
-    old the calibration was when the image was taken. projection: of the image's colours, if it has any. earlier: of a
-    state before this one, by the same calibration; where several bodies may as well be the beam, the one nearest to it
-    is taken, and ROOT_AMBIGUOUS says so. A picture without a beam gives an edge set without points, and flags; it never
-    raises for a picture.
+    old the calibration was when the image was taken. projection: of the image's colours, if it has any. earlier: gives
+    the edges of a state before this one, by the same calibration; it is asked where several bodies may as well be the
+    beam, and nowhere else: the one nearest to them is taken, and ROOT_AMBIGUOUS says so. A picture without a beam gives
+    an edge set without points, and flags; it never raises for a picture.
 
     The silhouette comes first (`back_lit`): in front of a back-light it is at the limit that the noise sets. Where it
     gives no edges, or runs into something else, the beam is followed from its clamp (`eimi_lab.vision.following`).
@@ -94,7 +94,7 @@ def follow_beam(
     *,
     spacing_mm: float = 0.3,
     projection: Projection | None = None,
-    earlier: EdgeSet | None = None,
+    earlier: Callable[[], EdgeSet | None] | None = None,
 ) -> FollowedBeam:
     """The beam followed from its clamp in an image as for `find_edges`, with all that was found on the way.
 
@@ -110,8 +110,12 @@ def follow_beam(
     frame = BeamFrame(calibration)
     stated = stated_beam(frame, beam.length_mm, beam.width_mm)
     polarity = help_given.polarity if help_given else None
-    before = None if earlier is None else frame.to_px(earlier.middle_mm)
-    return follow(in_255(pixels), stated, spacing_mm * calibration.pixels_per_mm, polarity, before)
+
+    def earlier_px() -> Array | None:
+        before = earlier() if earlier else None
+        return None if before is None else frame.to_px(before.middle_mm)
+
+    return follow(in_255(pixels), stated, spacing_mm * calibration.pixels_per_mm, polarity, earlier_px)
 
 
 def _is_in_doubt(image: ArrayLike, search: BackLitSearch) -> bool:

@@ -13,11 +13,14 @@ from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import leaves_out
 from eimi_lab.vision.edges.finding import find_edges
+from eimi_lab.vision.following.follow import NARROWEST_PX
+from eimi_lab.vision.intensity import full_scale
 from eimi_lab.vision.projection import Projection
 
 SCALES = (0.5, 0.7, 1.4, 2.0)
 TURNS_DEG = (40.0, -40.0, 90.0, -90.0, 180.0)
 ASIDE = (2.5, -2.5)  # of the beam's width, across it and along it
+_LEAST_SPAN = 0.05  # of full scale, from the darkest to the brightest hundredth
 
 
 def other_prompt(
@@ -36,9 +39,39 @@ def other_prompt(
         found = find_edges(image, changed, specimen, projection=projection)
         if len(found.left.sigma_mm) and len(found.right.sigma_mm) and not leaves_out(found.flags):
             return f"one would be with {words}"
+    if said := _shows_nothing(image) or _cut_by_border(image, calibration, specimen):
+        return said
+    wide_px = specimen.specimen.width_mm * calibration.pixels_per_mm
+    if wide_px < NARROWEST_PX:
+        return f"it is {wide_px:.2g} px wide, and {NARROWEST_PX:g} are needed: go nearer, or take a longer lens;"
     return (
         "nothing of the stated width leaves the clamp there, nor near by: see that clamp_midpoint_px, axis_angle_deg "
         "and pixels_per_mm are right, or help with --region, --polarity and --beam-colour;"
+    )
+
+
+def _shows_nothing(image: NDArray[Any]) -> str:
+    """Whether all of the picture is about as bright, in words; empty where it is not."""
+    darkest, brightest = np.percentile(image[::2, ::2], (1, 99))
+    full = full_scale(image)
+    if brightest - darkest > _LEAST_SPAN * full:
+        return ""
+    way = "raise" if brightest < 0.5 * full else "lower"
+    return (
+        f"its grey values lie between {darkest:.0f} and {brightest:.0f} of {full:.0f}: {way} the exposure, or mend the "
+        "light;"
+    )
+
+
+def _cut_by_border(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile) -> str:
+    """Whether one of the edges leaves the clamp outside the picture, in words; empty where both are in it."""
+    half = 0.5 * specimen.specimen.width_mm
+    begins = BeamFrame(calibration).to_px([[half, -half], [half, half]])
+    if ((begins >= -0.5) & (begins <= np.array(image.shape[1::-1]) - 0.5)).all():
+        return ""
+    return (
+        "one of its edges begins outside the picture: take it anew with the whole width of the beam in it, or correct "
+        "clamp_midpoint_px;"
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,12 +69,12 @@ class _Stiffness:
     most: float
 
 
-def find_strip(picture: WorkingPicture, polarity: str | None = None, earlier: Array | None = None) -> Strip | None:
+def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[[], Array | None]) -> Strip | None:
     """The strip that gains most, cut where it gained most; None where none gains anything.
 
-    polarity: "dark" or "bright" against what is beside it at the root; else either. earlier: (n, 2) places of the beam
-    in an earlier picture, in pixels of this one. Of bodies for which the picture itself speaks alike the one nearest to
-    them is taken; where it speaks for one, they change nothing.
+    polarity: "dark" or "bright" against what is beside it at the root; else either. earlier: gives places (n, 2) of the
+    beam in an earlier picture, in pixels of this one, if there are any. Of bodies for which the picture itself speaks
+    alike the one nearest to them is taken; where it speaks for one, they are not asked for.
     """
     beam = picture.beam
     width, length = beam.width_px, beam.length_px
@@ -179,15 +180,13 @@ def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: fl
     return np.asarray(order[np.sort(first)[:_KEPT]])
 
 
-def _best(trail: list[_Generation], step: float, width: float, earlier: Array | None) -> Strip | None:
+def _best(trail: list[_Generation], step: float, width: float, earlier: Callable[[], Array | None]) -> Strip | None:
     best = [float(generation.strips.score.max()) for generation in trail]
     last = int(np.argmax(best))
     if last == 0 or best[last] <= 0.0:
         return None
     ends = trail[last].strips
-    index = int(ends.score.argmax())
-    if earlier is not None and len(earlier):
-        index = _nearest_of_equals(trail[: last + 1], earlier, width)
+    index = _nearest_of_equals(trail[: last + 1], earlier, width)
     variance, behind = float(ends.variance[index]), best[last] / float(ends.score[index])
     places, angles, widths, gains = [], [], [], []
     for generation in reversed(trail[: last + 1]):
@@ -203,7 +202,7 @@ def _best(trail: list[_Generation], step: float, width: float, earlier: Array | 
     return Strip(values[0], values[1], values[2], values[3], step, variance, rival)
 
 
-def _nearest_of_equals(trail: list[_Generation], earlier: Array, width: float) -> int:
+def _nearest_of_equals(trail: list[_Generation], earlier: Callable[[], Array | None], width: float) -> int:
     """Of the strips at the last step: the best of that body among equally good ones which is nearest to ``earlier``."""
     score = trail[-1].strips.score
     best = int(score.argmax())
@@ -213,9 +212,17 @@ def _nearest_of_equals(trail: list[_Generation], earlier: Array, width: float) -
         places.append(generation.strips.place[index])
         index = generation.parent[index]
     paths = np.stack(places, axis=1)  # (equals, steps, 2)
-    apart = np.linalg.norm(paths[:, :, None] - earlier, axis=3).min(axis=1).mean(axis=1)
-    nearest = paths[apart.argmin()]
-    own = np.linalg.norm(paths - nearest, axis=2).max(axis=1) < _ANOTHER * width
+
+    def of_body(path: Array) -> NDArray[np.bool_]:
+        return np.asarray(np.linalg.norm(paths - path, axis=2).max(axis=1) < _ANOTHER * width)
+
+    if of_body(paths[equals == best][0]).all():
+        return best
+    before = earlier()
+    if before is None or not len(before):
+        return best
+    apart = np.linalg.norm(paths[:, :, None] - before, axis=3).min(axis=1).mean(axis=1)
+    own = of_body(paths[apart.argmin()])
     same_body = own[equals == best].any()
     return best if same_body else int(equals[own][score[equals[own]].argmax()])
 

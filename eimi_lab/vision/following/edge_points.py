@@ -184,10 +184,13 @@ def with_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, Mask]
 
 
 def _off_smooth_line(points: Array, kept: Mask) -> tuple[Array, float]:
-    """Signed distances (n,) from a spline of few pieces through the kept points, and its degrees of freedom."""
-    pieces = int(np.clip(kept.sum() // 6, 1, _SHAPE_PIECES))
-    curve = SmoothCurve(points[kept], pieces)
+    """Signed distances (n,) from a spline of few pieces through the kept points, and its degrees of freedom.
+
+    The pieces are equally long: where points are few, a piece that has to hold as many as the others would be too long
+    for the edge's shape, and what it leaves of that is no scatter.
+    """
+    curve = SmoothCurve(points[kept], int(np.clip(kept.sum() // 6, 1, _SHAPE_PIECES)), equal=True)
     at, tangent = curve.at(np.linspace(0.0, curve.length, 8 * len(points)))
     nearest = _nearest(points, at)
     offset = ((points - at[nearest]) * normals_of(tangent[nearest])).sum(axis=1)
-    return np.asarray(offset), max(1.0, float(kept.sum() - pieces - 3))
+    return np.asarray(offset), max(1.0, float(kept.sum() - curve.pieces - 3))

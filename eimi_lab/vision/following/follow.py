@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -69,13 +70,13 @@ def follow(
     beam: StatedBeam,
     spacing_px: float = 0.0,
     polarity: str | None = None,
-    earlier_px: Array | None = None,
+    earlier_px: Callable[[], Array | None] = lambda: None,
 ) -> FollowedBeam:
     """Follow the stated beam in an image (height, width, channels) of 255. It never raises for a picture.
 
     spacing_px: wanted distance of the points along the edges, of which there are at most a hundred each.
     polarity: whether the beam is "dark" or "bright" against what is beside it, where a person said so. earlier_px:
-    (n, 2) middle of the beam in an earlier picture, which decides between bodies that are equally likely in this one.
+    gives the middle of the beam in an earlier picture (n, 2), asked for where bodies are equally likely in this one.
     """
     if beam.width_px < NARROWEST_PX:
         return FollowedBeam({"followed_px": beam.width_px}, words=_words(beam))
@@ -83,9 +84,7 @@ def follow(
     coarse = working_picture(image, beam, WIDTH_PX)
     strip = None
     if coarse is not None:
-        strip = find_strip(
-            without_gleams(coarse), polarity, None if earlier_px is None else coarse.from_picture(earlier_px)
-        )
+        strip = find_strip(without_gleams(coarse), polarity, lambda: _in_working(coarse, earlier_px()))
     if coarse is None or strip is None:
         return FollowedBeam(nothing, coarse)
     fine = working_picture(image, beam, float(FINENESS))
@@ -105,6 +104,10 @@ def follow(
         "followed_clipped": clipped_share(unrolled, sides),
     }
     return FollowedBeam(findings, coarse, strip, unrolled, sides, (left, right))
+
+
+def _in_working(picture: WorkingPicture, places_px: Array | None) -> Array | None:
+    return None if places_px is None else picture.from_picture(places_px)
 
 
 def _words(beam: StatedBeam) -> dict[str, str]:

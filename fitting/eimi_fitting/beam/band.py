@@ -78,9 +78,14 @@ class BandAssembly:
 
 @dataclass(frozen=True)
 class BandFactor:
-    """The factors of a batch of band matrices; ``sound`` (B,) tells which of them could be factorised."""
+    """The factors of a batch of band matrices.
+
+    sound: (B,) which of them could be factorised; indefinite: (B,) which of the symmetric ones are not positive
+    definite. Those have LU factors, as all have where they are not symmetric; the others have Cholesky's.
+    """
 
     sound: NDArray[np.bool_]
+    indefinite: NDArray[np.bool_]
     cholesky: Array | None
     lu: tuple[Array, Indices] | None
     bandwidth: int
@@ -88,37 +93,71 @@ class BandFactor:
     def solve(self, right: Array) -> Array:
         """Right-hand sides (B, n), or several (m, B, n), -> solutions, zero where the matrix was not sound."""
         right = np.where(self.sound[:, None], right, 0.0)
-        columns = right.reshape(-1, right.shape[-2] * right.shape[-1]).T
-        if self.cholesky is not None:
-            x, _ = lapack.dpbtrs(self.cholesky, columns, lower=1)
-        else:
-            assert self.lu is not None
-            x, _ = lapack.dgbtrs(self.lu[0], self.bandwidth, self.bandwidth, columns, self.lu[1])
+        if self.cholesky is None:
+            return self._by_lu(right)
+        x, _ = lapack.dpbtrs(self.cholesky, _columns(right), lower=1)
+        found = np.asarray(x.T.reshape(right.shape))
+        if self.lu:
+            found[..., self.indefinite, :] = self._by_lu(right[..., self.indefinite, :])
+        return found
+
+    def _by_lu(self, right: Array) -> Array:
+        assert self.lu
+        x, _ = lapack.dgbtrs(self.lu[0], self.bandwidth, self.bandwidth, _columns(right), self.lu[1])
         return np.asarray(x.T.reshape(right.shape))
+
+
+def _columns(right: Array) -> Array:
+    return right.reshape(-1, right.shape[-2] * right.shape[-1]).T
 
 
 def factorise(band: Array, sound: NDArray[np.bool_], upper: Array | None = None) -> BandFactor:
     """Factorise the lower bands (B, n, w) of the candidates that are sound (finite).
 
-    Cholesky first; where a block is not positive definite (far from equilibrium), LU with pivoting serves the whole
-    batch. ``upper`` holds the lower bands of the transposed matrices where these are not symmetric: LU alone serves
-    then. Blocks that are not sound are replaced by the identity, so that they spoil no neighbour.
+    By Cholesky; the blocks that are not positive definite (far from equilibrium, or in one that is not stable) by LU
+    with pivoting. ``upper`` holds the lower bands of the transposed matrices where these are not symmetric: LU alone
+    serves then, and tells nothing of their definiteness. Blocks that are not sound are replaced by the identity, so
+    that they spoil no neighbour.
     """
-    batch, n, width = band.shape
     sound = sound & bounded(band)
-    band = _with_identity(band, sound)
-    if upper is None:
-        cholesky, info = lapack.dpbtrf(band.reshape(batch * n, width).T, lower=1)
-        if info == 0:
-            return BandFactor(sound, cholesky, None, width - 1)
+    band, k = _with_identity(band, sound), band.shape[-1] - 1
+    if upper is not None:
+        lu, sound = _general_factors(band, upper, sound)
+        return BandFactor(sound, np.zeros(len(band), bool), None, lu, k)
+    batch, n, width = band.shape
+    cholesky, info = lapack.dpbtrf(band.reshape(batch * n, width).T, lower=1)
+    indefinite = np.zeros(batch, bool)
+    if info == 0:
+        return BandFactor(sound, indefinite, cholesky, None, k)
+    behind = 0  # blocks before this one have their factors, or none
+    while info:
+        failed = behind + (info - 1) // n
+        indefinite[failed], behind = True, failed + 1
+        cholesky[:, failed * n : behind * n] = 0.0
+        cholesky[0, failed * n : behind * n] = 1.0
+        if behind == batch:
+            break
+        # What stands behind the block that ended it is as it was: it goes on there, in place.
+        _, info = lapack.dpbtrf(cholesky[:, behind * n :], lower=1, overwrite_ab=1)
+    rest = band[indefinite]
+    lu, found = _general_factors(rest, rest, np.ones(len(rest), bool))
+    sound = sound.copy()
+    sound[indefinite] = found
+    return BandFactor(sound, indefinite, cholesky, lu, k)
+
+
+def _general_factors(
+    lower: Array, upper: Array, sound: NDArray[np.bool_]
+) -> tuple[tuple[Array, Indices], NDArray[np.bool_]]:
+    """LU factors and pivots, from the lower bands of matrices and of their transposes; (B,): which have them."""
+    n, width = lower.shape[1:]
     while True:
-        full = _general(band, band if upper is None else _with_identity(upper, sound))
+        full = _general(_with_identity(lower, sound), _with_identity(upper, sound))
         lu, pivots, info = lapack.dgbtrf(full, width - 1, width - 1, overwrite_ab=1)
         if info == 0:
-            return BandFactor(sound, None, (lu, pivots), width - 1)
+            return (lu, pivots), sound
         # An exactly zero pivot: find which candidate it belongs to and go on without it.
-        sound = sound & (np.arange(batch) != (info - 1) // n)
-        band = _with_identity(band, sound)
+        sound = sound & (np.arange(len(lower)) != (info - 1) // n)
 
 
 def bounded(values: Array) -> NDArray[np.bool_]:

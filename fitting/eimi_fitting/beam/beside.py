@@ -260,16 +260,21 @@ class SolidBeside:
 
     def _shapes(self, chosen: Candidates, flat: Shapes, lift: Array, loads: Loads, effect: DepthEffect) -> SolidShapes:
         along = None if effect.by_turn else _along_ray(loads)
-        own = [effect.at(float(place)) for place in (self._turn(flat) if along is None else along)]
-        displacement = lift + np.stack([c.displacement for c in own], axis=1)
+        displacement, rigid = lift.copy(), flat.rigid.copy()
+        own = None
+        for k, place in enumerate(self._turn(flat) if along is None else along):  # one at a time: each has stresses
+            own = effect.at(float(place))
+            displacement[:, k] += own.displacement
+            rigid[:, k] += own.rigid
+        assert own is not None
         stretch = self.solid.solid.stretch(displacement[0]).max(axis=(0, 2))
         shapes = SolidShapes(
             displacement=displacement,
-            rigid=flat.rigid + np.stack([c.rigid for c in own], axis=1),
+            rigid=rigid,
             status=np.full(flat.status.shape, Status.CONVERGED, np.int8),
             iterations=flat.iterations,
             max_stretch=stretch[None],
-            last=own[-1],
+            last=own,
             effect=effect,
         )
         mark_unstable(chosen, shapes)

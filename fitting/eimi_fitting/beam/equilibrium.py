@@ -21,6 +21,9 @@ from eimi_fitting.beam.system import System
 Array = NDArray[np.float64]
 
 
+_ELEMENTS_AT_ONCE = 4096  # of all candidates or states together: more of them are not strained at once
+
+
 class Status(IntEnum):
     """What became of one candidate in one state."""
 
@@ -29,6 +32,7 @@ class Status(IntEnum):
     OUT_OF_ITERATIONS = 2
     UNSTABLE = 3  # in equilibrium, but the law is not Drucker-stable over the stretches reached
     ASTRAY = 4  # in equilibrium, but perhaps not in the one that the loads lead to
+    BUCKLED = 5  # in equilibrium, but in one that no beam keeps: its tangent is not positive definite
 
 
 @dataclass(frozen=True)
@@ -106,7 +110,7 @@ def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
 @dataclass(frozen=True)
 class _Step:
     """One linear step: of the nodes (B, N, d), of the rigid body (B, 3) and of the pressures; the predicted stress;
-    which candidates could be solved.
+    which candidates could be solved, and whose tangent is not positive definite.
     """
 
     nodal: Array
@@ -114,6 +118,7 @@ class _Step:
     pressure: Array
     stress: Array
     sound: NDArray[np.bool_]
+    indefinite: NDArray[np.bool_]
 
 
 class Solid:
@@ -174,7 +179,9 @@ class Solid:
 
     def stretch(self, displacement: Array) -> Array:
         """(E, B, q): largest principal stretch at every Gauss point of displacements (B, N, d)."""
-        return np.asarray(self.kind.stretch(self.ops, self.by_element(displacement)))
+        b, most = len(displacement), max(_ELEMENTS_AT_ONCE // len(self.mesh.elements), 1)
+        parts = [displacement[first : first + most] for first in range(0, max(b, 1), most)]
+        return np.concatenate([self.kind.stretch(self.ops, self.by_element(part)) for part in parts], axis=1)
 
     def _step(self, batch: Batch, loads: SolidLoads, now: Configuration) -> _Step:
         ops, body, kind = self.ops, self.body, self.kind
@@ -203,7 +210,7 @@ class Solid:
             pull = np.empty((b, 3))
             pull[:, :2], pull[:, 2] = loads.force, moment
             tied = tie, turning + body.stiffness_of_turning(force, now.rigid), pull
-        x, rigid, sound = self.system.solve(K, effective, right, tied, ev.valid, symmetric)
+        x, rigid, sound, indefinite = self.system.solve(K, effective, right, tied, ev.valid, symmetric)
         flat = np.zeros((b, self.dimensions * len(self.mesh.nodes)))
         flat[:, self._free] = x
         step = flat.reshape(now.displacement.shape)
@@ -214,7 +221,7 @@ class Solid:
         if mixed:
             pressure = modulus * (gap + np.matmul(coupling.swapaxes(-1, -2), element_step[..., None])[..., 0])
         stress = kind.predict_stress(ops, ev, element_step.reshape(ev.force.shape), pressure)
-        return _Step(step, rigid, pressure, stress, sound)
+        return _Step(step, rigid, pressure, stress, sound, indefinite)
 
     def _moved(self, now: Configuration, step: _Step) -> tuple[Configuration, Array]:
         """The configuration after a step, and the largest displacement of any node (B,)."""
@@ -233,6 +240,11 @@ class Solid:
         most_iterations: int = 25,
     ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp]]:
         """Newton from ``start`` until no node moves by ``tolerance_mm`` in a step.
+
+        The tangent of the last step, in which a nearly incompressible material's pressures are eliminated exactly, is
+        the second derivative of the potential: where it is not positive definite a beam would leave the equilibrium,
+        BUCKLED. Under a pressure that follows its face there is no potential, and nothing is asked. Nor is it told
+        what leaves a model's own space: the plane, or symmetry about mid-depth.
 
         Returns the configuration, a Status (B,) and the number of tangents (B,). A candidate that fails keeps the
         place where it stood when it failed; it never touches another.
@@ -260,9 +272,10 @@ class Solid:
             else:
                 keep = np.flatnonzero(ok)
                 now.put(rows[keep], moved.take(keep))
+                status[rows[~ok]] = Status.DIVERGED
             done = ok & (largest < tolerance_mm)
-            status[rows[~ok]] = Status.DIVERGED
             status[rows[done]] = Status.CONVERGED
+            status[rows[done & step.indefinite]] = Status.BUCKLED
             rows = rows[ok & ~done]
         return now, status, iterations
 

@@ -27,6 +27,7 @@ _FEW = 6  # iterations of a step that stays on its path, to a tolerance of micro
 _LOOSE_MM = 1e-3
 _OF_STRAIN, _SMALL_STRAIN = 1.5, 0.02
 _MOST_POINTS = 6  # of the path, that an extrapolation looks at
+_STATES_AT_ONCE = 64  # more of them together need more memory, and no less time
 
 Path = list[tuple[Array, Configuration]]
 """Loads (7,) and where the candidates stood under them."""
@@ -135,6 +136,7 @@ def follow(
     )
     rows = np.flatnonzero(chosen.sound)
     path: Path = [(np.zeros(7), solid.rest(p))]
+    first: list[Configuration] = []
     near = start
     for k in range(k_states):
         load = loads.state(k)
@@ -146,33 +148,40 @@ def follow(
         shapes.iterations[rows, k] = iterations
         rows = rows[status == Status.CONVERGED]
         shapes.max_stretch[rows, k] = solid.stretch(now.displacement[rows]).max(axis=(0, 2))
-        path.append((load, now.copy()))
+        path = [*path[1 - _MOST_POINTS :], (load, now.copy())]
+        if keep:
+            first.append(now.take(np.arange(1)))
         near = None
     mark_unstable(chosen, shapes)
-    return replace(shapes, every=joined([own.take(np.arange(1)) for _, own in path[1:]])) if keep else shapes
+    return replace(shapes, every=joined(first)) if keep else shapes
 
 
 def at_once(
     solid: Solid, actuation: Actuation, chosen: Candidates, loads: Loads, tolerance_mm: float, near: Configuration
 ) -> Shapes | None:
-    """One candidate in all K states together, each from where a beam near it stands: a row of ``near`` a state.
+    """One candidate in many states together, each from where a beam near it stands: a row of ``near`` a state.
 
     None where Newton's method does not contract at once from there.
     """
-    states = np.arange(len(loads))
-    batch, factor = chosen.take(0 * states)
-    every = [actuation.at(loads.state(k), factor[:1]) for k in range(len(loads))]
-    with np.errstate(all="ignore"):
-        found, status, iterations = solid.equilibrium(batch, loads_joined(every), near, tolerance_mm, _FEW)
-        if not (chosen.sound[0] and (status == Status.CONVERGED).all() and _as_foretold(solid, near, found).all()):
-            return None
+    parts: list[tuple[Configuration, NDArray[np.int8], NDArray[np.intp]]] = []
+    for states in np.array_split(np.arange(len(loads)), -(-len(loads) // _STATES_AT_ONCE)):
+        batch, factor = chosen.take(0 * states)
+        own = near.take(states)
+        every = loads_joined([actuation.at(loads.state(k), factor[:1]) for k in states])
+        with np.errstate(all="ignore"):
+            parts.append(solid.equilibrium(batch, every, own, tolerance_mm, _FEW))
+            there, status, _ = parts[-1]
+            if not (chosen.sound[0] and (status == Status.CONVERGED).all() and _as_foretold(solid, own, there).all()):
+                return None
+    found = joined([there for there, _, _ in parts])
+    status, iterations = (np.concatenate(own) for own in zip(*((s, i) for _, s, i in parts), strict=True))
     shapes = Shapes(
         displacement=found.displacement[None],
         rigid=found.rigid[None],
         status=status[None],
         iterations=iterations[None],
         max_stretch=solid.stretch(found.displacement).max(axis=(0, 2))[None],
-        last=found.take(states[-1:]),
+        last=found.take(np.array([len(loads) - 1])),
         every=found,
     )
     mark_unstable(chosen, shapes)
@@ -200,9 +209,11 @@ def _advance(
 ) -> tuple[NDArray[np.int8], NDArray[np.intp]]:
     """Bring ``rows`` of ``now`` to the new load: in one step or, where that fails or may stray, in 4, in 16, in 64.
 
-    near: where a load close to this one has led; tried first.
+    A path that loses its stability before the load does so in steps of any size: who is sure of it in two sizes, one
+    after the other, is not taken through smaller ones. near: where a load close to this one has led; tried first.
     """
     status = np.full(len(rows), Status.DIVERGED, np.int8)
+    lost = np.zeros(len(rows), bool)  # their stability, in steps of the last size
     iterations = np.zeros(len(rows), np.intp)
     left = np.arange(len(rows))  # places in ``rows`` that have not arrived
     for cuts in _CUTS if near is None else (0, *_CUTS):
@@ -214,7 +225,13 @@ def _advance(
         now.put(rows[left[arrived]], part.take(arrived))
         iterations[left] += spent
         status[left] = np.where(sure | (outcome != Status.CONVERGED), outcome, Status.ASTRAY)
-        left = left[status[left] != Status.CONVERGED]
+        failed = status[left] != Status.CONVERGED
+        if not failed.any():
+            break
+        lost_now = sure & (outcome == Status.BUCKLED) & (cuts > 0)
+        ended = lost_now & lost[left]
+        lost[left] = lost_now
+        left = left[failed & ~ended]
         if not len(left):
             break
     return status, iterations

@@ -7,6 +7,8 @@ Schur complement, which costs three more right-hand sides.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
@@ -18,6 +20,19 @@ Array = NDArray[np.float64]
 Sound = NDArray[np.bool_]
 
 _LOWER = np.tril_indices(3)
+
+
+class Solution(NamedTuple):
+    """Steps of the nodes (B, n) and of the body (B, 3), zero where they could not be solved.
+
+    sound: (B,) which could; indefinite: (B,) whose whole matrix is not positive definite, body and all. Of a matrix
+    that is not symmetric nothing is said.
+    """
+
+    nodes: Array
+    body: Array
+    sound: Sound
+    indefinite: Sound
 
 
 class System:
@@ -53,17 +68,16 @@ class System:
         body: tuple[Array, Array, Array] | None,
         sound: Sound,
         symmetric: bool,
-    ) -> tuple[Array, Array, Sound]:
+    ) -> Solution:
         """Assemble the stiffness (E, B, d, d) and the forces (E, B, d), solve K x = right - forces.
 
         right: (B or 1, n); body: how its elements' unknowns follow it (Et, B, d, 3), the further stiffness of its
-        rotation (B,), and its own right-hand side (B or 1, 3). Returns the steps of the nodes (B, n) and of the body
-        (B, 3), and which candidates could be solved; the others' steps are zero.
+        rotation (B,), and its own right-hand side (B or 1, 3).
         """
         rest = right - self._assembly.vector(force)[:, : self.n]
         if body is None:
             factor = self._factor(self._assembly.matrix(stiffness), stiffness, None, sound & bounded(rest), symmetric)
-            return factor.solve(rest), np.zeros((len(rest), 3)), factor.sound
+            return Solution(factor.solve(rest), np.zeros((len(rest), 3)), factor.sound, factor.indefinite)
         tie, turning, pull = body
         own, follow = stiffness[self._tied], tie.swapaxes(-1, -2)
         rows = np.matmul(follow, own)  # (Et, B, 3, d)
@@ -78,7 +92,7 @@ class System:
             band = self._put(self._assembly.matrix(stiffness), rows, corner)
             factor = self._factor(band, stiffness, (columns, corner.swapaxes(-1, -2)), sound, symmetric)
             step = factor.solve(both)
-            return step[:, : self.n], step[:, self.n :], factor.sound
+            return Solution(step[:, : self.n], step[:, self.n :], factor.sound, factor.indefinite)
         factor = self._factor(self._assembly.matrix(stiffness), stiffness, None, sound, symmetric)
         sides = np.zeros((4, *rest.shape))
         sides[0] = rest
@@ -88,11 +102,16 @@ class System:
         schur = np.concatenate([pull[..., None], corner], axis=2) - np.matmul(rows, reached)
         sound = factor.sound & np.isfinite(schur).all(axis=(1, 2))
         matrix = np.where(sound[:, None, None], schur[..., 1:], np.eye(3))
-        sound = sound & (np.linalg.det(matrix) != 0)
+        determinant = np.linalg.det(matrix)
+        # With the nodes' matrix and the Schur complement the whole one is positive definite (Sylvester's criterion).
+        minor = matrix[:, 0, 0] * matrix[:, 1, 1] - matrix[:, 0, 1] * matrix[:, 1, 0]
+        positive = (matrix[:, 0, 0] > 0) & (minor > 0) & (determinant > 0)
+        indefinite = factor.indefinite | ~positive if symmetric else factor.indefinite
+        sound = sound & (determinant != 0)
         matrix = np.where(sound[:, None, None], matrix, np.eye(3))
         rigid = np.linalg.solve(matrix, schur[..., :1] * sound[:, None, None])[..., 0]
         nodes = steps[0] - np.einsum("rbn,br->bn", steps[1:], rigid)
-        return nodes * sound[:, None], rigid, sound
+        return Solution(nodes * sound[:, None], rigid, sound, indefinite)
 
     def _reach(self, rows: Array) -> Array:
         """Rows of the tied elements (Et, B, 3, d) -> (B, 3, m) over the free unknowns that they reach."""

@@ -115,14 +115,14 @@ class EdgeObservation:
 
     def misfit(self, model: Model, shapes: Shapes, setup: Setup | None = None, change: Array | None = None) -> Misfit:
         """Signed distances to the simulated edges, their RMS and standard deviation by state; change: is added."""
-        curves = outline(model, shapes, self.view)
-        if setup is None:
-            points = np.broadcast_to(self.points_mm, (len(curves), *self.points_mm.shape))
-        else:
-            points = setup.corrected(self.points_mm)
         weights = np.isfinite(self.sigma_mm).astype(float)
-        blocks = [slice(first, first + _STATES_AT_ONCE) for first in range(0, len(weights), _STATES_AT_ONCE)]
-        distances = [signed_distance(curves[:, block], points[:, block]) for block in blocks]
+        distances = []
+        for first in range(0, len(weights), _STATES_AT_ONCE):
+            block = slice(first, first + _STATES_AT_ONCE)
+            curves = outline(model, replace(shapes, displacement=shapes.displacement[:, block]), self.view)
+            seen = self.points_mm[block]
+            points = np.broadcast_to(seen, (len(curves), *seen.shape)) if setup is None else setup.corrected(seen)
+            distances.append(signed_distance(curves, points))
         residuals = np.concatenate(distances, axis=1) * weights
         return self.of_residuals(residuals if change is None else residuals + change)
 

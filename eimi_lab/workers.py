@@ -1,7 +1,7 @@
-"""Who does the fits: this process, others, or a dask cluster. The last two are executors of the standard library.
+"""Who does long work: this process, others, or a dask cluster. The last two are executors of the standard library.
 
-A task is a whole fit, whose batches are its own: the same on any number of workers, and again on another one when a
-worker is lost, each with one thread (`eimi_lab.threads`).
+A task is a whole fit, whose batches are its own, or the edges of one state: the same on any number of workers, and
+again on another one when a worker is lost, each with one thread (`eimi_lab.threads`).
 """
 
 from __future__ import annotations

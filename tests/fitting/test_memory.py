@@ -1,0 +1,62 @@
+"""Many states need the memory of what is kept of them, not of what was computed on the way."""
+
+from __future__ import annotations
+
+import tracemalloc
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel, Shapes
+from eimi_fitting.beam.outline import View, outline, points_on
+from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.measurements import EdgeObservation
+from eimi_fitting.laws import LAWS
+
+FEW, MANY = 80, 240
+MODEL = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
+CANDIDATES = np.array([[46e3], [50e3]])
+NODE_BYTES = MODEL.mesh.nodes.nbytes  # of one candidate in one state
+
+
+def solved(states: int, **more: Any) -> Shapes:
+    candidates = CANDIDATES[:1] if "near" in more else CANDIDATES
+    loads = Loads.along(np.linspace(0, 7.0, states))
+    return MODEL.solve(LAWS["neo-hookean"], candidates, loads, tolerance_mm=1e-2, **more)
+
+
+def bytes_a_state(run: Callable[[int], object]) -> float:
+    """By how much the largest memory grows from few states to many, a state."""
+    peaks = []
+    for states in (FEW, MANY):
+        tracemalloc.start()
+        run(states)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    return (peaks[1] - peaks[0]) / (MANY - FEW)
+
+
+def test_a_path_keeps_its_last_states_alone() -> None:
+    assert bytes_a_state(solved) < 1.5 * len(CANDIDATES) * NODE_BYTES
+
+
+def test_states_sought_together_need_no_more_for_being_many() -> None:
+    """A stiffness matrix of each element, of all states at once, would be a hundred times that of its nodes."""
+    every = {states: solved(states, keep=True).every for states in (FEW, MANY)}
+    assert bytes_a_state(lambda states: solved(states, near=every[states])) < 30 * NODE_BYTES
+
+
+def test_states_are_compared_in_blocks() -> None:
+    """An ordinary lens sees both faces of every state at several depths, and points lie before all their stations."""
+    view = View(np.array([15.0, 0.0]), 300.0)
+    shapes = {states: solved(states) for states in (FEW, MANY)}
+    seen = {}
+    for states, own in shapes.items():
+        points = points_on(outline(MODEL, own, view)[0], 4)
+        seen[states] = EdgeObservation(points, np.full(points.shape[:-1], 0.005), view)
+    residuals = seen[MANY].misfit(MODEL, shapes[MANY]).residuals
+    assert np.abs(residuals[0]).max() < 1e-9 < np.abs(residuals[1]).max(axis=(1, 2)).min()
+    growth = bytes_a_state(lambda states: seen[states].misfit(MODEL, shapes[states]))
+    assert growth < 4 * residuals[:, 0].nbytes

@@ -1,0 +1,179 @@
+"""What the report shows and draws of a fit: each number with the size, unit and place that it has in the file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eimi_fitting.inference.checks import Doubt
+from eimi_fitting.inference.choice_of_law import Choice
+from eimi_fitting.inference.quantity import Quantity
+from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.tensile import engineering_stress
+from eimi_lab.demonstration import Score
+from eimi_lab.fits.evidence import Evidence
+from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.validation import Validation
+from eimi_lab.report import findings
+from eimi_lab.report.panels.convergence import drawn_convergence, table_of_searches
+from eimi_lab.report.panels.error_against_field import drawn_errors
+from eimi_lab.report.panels.error_boxes import drawn_boxes
+from eimi_lab.report.panels.every_fit import tables as fits_on_specimens
+from eimi_lab.report.panels.laws import table_of_choice, table_of_laws
+from eimi_lab.report.panels.stress_strain import drawn_stress
+from eimi_lab.report.panels.uncertainty_budget import drawn_budget, shares
+from eimi_lab.report.rounded import format_quantity, value_and_interval
+from eimi_lab.report.shown import ShownFit, chosen
+from eimi_lab.report.stress import TensilePoints
+
+Shown = Callable[..., ShownFit]
+Judged = Callable[..., Validation]
+Reported = Callable[..., Any]
+
+
+def test_the_laws_compared_stand_in_their_columns_and_the_report_is_of_the_best(
+    fit: FitRecord, shown: Shown, choices: tuple[Choice, ...]
+) -> None:
+    rows = table_of_choice(choices).texts()
+    assert rows[0] == ["neo-hookean", "1", "7.5", "3.2", "0.020", "12.3"]
+    # The report stands for the law of the smallest AICc, whichever of them comes first.
+    both = [shown(fit, choices), shown(fit.model_copy(update={"model": "yeoh"}), choices)]
+    assert chosen(both).fit.model == chosen(both[::-1]).fit.model == "yeoh"
+
+
+def test_a_tensile_fit_s_misfit_is_in_kilopascal_in_the_report(tensile: TensileRecord, shown: Shown) -> None:
+    (row,) = table_of_laws([shown(tensile)], False).texts()
+    assert row[4] == "RMSE 1.23 kPa"
+
+
+@pytest.fixture
+def simulated(fit: FitRecord, evidence: Evidence, shown: Shown) -> Any:
+    """As the panels get it."""
+    return SimpleNamespace(
+        shown=shown(fit), evidence=evidence, error_mm=np.array([0.01, 0.02, 0.03]), deviation_mm=np.full(3, 0.004)
+    )
+
+
+def test_the_report_s_figures_show_what_the_fit_says(fit: FitRecord, simulated: Any) -> None:
+    (axes,) = drawn_errors([simulated]).axes
+    x, error = axes.lines[0].get_data()
+    assert x.tolist() == [0.0, 3.0, 6.0]
+    assert error.tolist() == pytest.approx([10.0, 20.0, 30.0])
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("field, mT", "error, µm")
+    contents = SimpleNamespace(
+        name="beam.h5",
+        simulated=(simulated,),
+        dataset=SimpleNamespace(specimen=SimpleNamespace(specimen=SimpleNamespace(name="one"))),
+    )
+    (axes,) = drawn_boxes(SimpleNamespace(datasets=[contents], every=[simulated.shown])).axes  # type: ignore[arg-type]
+    median = next(line for line in axes.lines if line.get_color() == "black")
+    assert median.get_ydata().tolist() == pytest.approx([20.0, 20.0])
+    (axes,) = drawn_convergence([simulated.shown]).axes
+    assert axes.lines[0].get_ydata()[-1] == pytest.approx(1e3 * fit.history[-1].best_mm)
+    (search,) = table_of_searches([simulated.shown]).texts()
+    assert search[4].endswith(f"to {1e3 * fit.polish.mean_error_after_mm:.2f} µm")
+    assert search[5] == f"{1e3 * fit.mean_error_mm:.2f} µm"
+
+
+def test_the_report_s_stress_is_in_kilopascal_with_the_band_of_the_draws(fit: FitRecord, shown: Shown) -> None:
+    bare = fit.model_copy(update={"tensile": ()})
+    test = TensilePoints("curve.csv", np.array([0.1, 0.2]), np.array([12e3, 25e3]))
+    drawing = drawn_stress([shown(bare)], [test], 0.25)
+    uniaxial = drawing.axes[0]
+    measured = next(line for line in uniaxial.lines if line.get_label() == "curve.csv")
+    assert measured.get_data()[0].tolist() == pytest.approx([10.0, 20.0])
+    assert measured.get_data()[1].tolist() == pytest.approx([12.0, 25.0])
+    law = LAWS["neo-hookean"]
+    strain, stress = next(line for line in uniaxial.lines if line.get_linestyle() == "--").get_data()
+    assert stress == pytest.approx(1e-3 * engineering_stress(law, np.array([50e3]), strain / 100))
+    whole = next(line for line in uniaxial.lines if line.get_label() == "neo-hookean")
+    assert whole.get_xdata().max() <= 25.0  # solid as far as the data went
+    band = next(c for c in uniaxial.collections if len(c.get_paths())).get_paths()[0].vertices
+    ends = engineering_stress(law, np.quantile(np.linspace(40e3, 65e3, 401), [[0.025], [0.975]]), strain[-1:] / 100)
+    at_end = band[np.isclose(band[:, 0], strain[-1]), 1]
+    assert (at_end.min(), at_end.max()) == pytest.approx(tuple(1e-3 * ends[:, 0]), rel=1e-2)
+
+
+def test_the_budget_s_bars_are_standard_deviations_of_the_modulus(fit: FitRecord, shown: Shown) -> None:
+    found = dict(shares(fit))
+    assert found["width"] == 3.0
+    assert found["noise and mesh"] == pytest.approx(100 * 3e3 / 50e3 / (2 * 1.96))
+    many = fit.model_copy(update={"budget": (*fit.budget, *fit.budget[1:])})
+    assert dict(shares(many))["5 smaller ones"] == pytest.approx(np.sqrt(np.sum(np.square([0.8, 0.7, 0.6, 0.3, 0.4]))))
+    (axes,) = drawn_budget([(shown(fit), fit)]).axes
+    assert axes.patches[0].get_width() == 3.0
+
+
+def test_numbers_of_the_report_have_their_ends_and_their_unit(fit: FitRecord) -> None:
+    words = [text.replace("\N{NO-BREAK SPACE}", " ") for text in value_and_interval(fit.initial_shear_modulus)]
+    assert words == ["50 kPa", "40 to 65 kPa, −20 % to +30 %"]
+    assert format_quantity(fit.initial_shear_modulus) == "50 kPa [40, 65]"
+    assert format_quantity(Quantity(50e6, "Pa", (40e6, 65e6))) == "50 MPa [40, 65]"
+    assert format_quantity(Quantity(50e9, "Pa", (40e9, 65e9))) == "50 GPa [40, 65]"
+    assert format_quantity(Quantity(2.0, "1", (1.5, 3.0))) == "2 [1.5, 3]"
+
+
+@pytest.fixture
+def report_of(shown: Shown, validation: Judged) -> Reported:
+    """A report of one dataset, seen by a camera of 25 pixels a millimetre."""
+
+    def report_of(fit: FitRecord, evidence: Evidence, truth: dict[str, Any] | None = None) -> Any:
+        beam = SimpleNamespace(name="one", material="silicone")
+        dataset = SimpleNamespace(
+            specimen=SimpleNamespace(specimen=beam),
+            calibration=SimpleNamespace(pixels_per_mm=25.0),
+            truth=lambda: truth,
+        )
+        own = replace(evidence, sha256=fit.datasets[0].sha256)
+        contents = SimpleNamespace(dataset=dataset, evidence=own, name="beam.h5", validations=(validation(fit),))
+        one = shown(fit)
+        return SimpleNamespace(every=(one,), bending=[one], tensile=[], datasets=[contents], written=datetime.now(UTC))
+
+    return report_of
+
+
+def test_the_first_screen_says_what_the_fit_says(fit: FitRecord, evidence: Evidence, report_of: Reported) -> None:
+    (found,) = findings.findings(report_of(fit, evidence))
+    said = {verdict.question: verdict for verdict in found.verdicts}
+    belief = said["Can it be believed?"]
+    assert belief.answer == "yes"
+    assert "beam is 12 µm (0.31 pixel) off in the mean, 23 µm in states left out" in belief.words
+    assert said["What is extrapolated?"].answer == "beyond 25.0 % strain"
+    assert "a stretch of 1.250" in said["What is extrapolated?"].words
+    assert "by width, whose standard uncertainty moves the modulus by 3 %" in found.limit
+    assert said["What to measure better next?"].answer == fit.measure_next.words
+    assert "3 states of bending, fields up to 6 mT" in found.how
+    doubtful = fit.model_copy(update={"doubts": (Doubt("the clamp moved", 0),)})
+    (found,) = findings.findings(report_of(doubtful, evidence))
+    assert found.verdicts[0].answer == "with doubts"
+    assert "the clamp moved" in found.verdicts[0].words
+
+
+@pytest.mark.parametrize(("mu", "where"), [(62e3, "inside"), (66e3, "outside"), (39e3, "outside")])
+def test_a_hidden_truth_is_inside_the_interval_or_outside(
+    fit: FitRecord, evidence: Evidence, report_of: Reported, mu: float, where: str
+) -> None:
+    truth = {"model": "neo-hookean", "parameters": {"mu_Pa": mu}}
+    (found,) = findings.findings(report_of(fit, evidence, truth))
+    verdict = next(v for v in found.verdicts if v.question == "And the truth?")
+    assert f"initial shear modulus {1e-3 * mu:g} kPa, {where} the interval" in verdict.words
+    assert verdict.answer.replace("−", "-") == f"{100 * (50e3 / mu - 1):+.2f} %"
+    assert Score(fit, mu).difference_percent == pytest.approx(100 * (50e3 / mu - 1))
+
+
+def test_the_smallest_error_on_a_specimen_is_the_bold_one(
+    fit: FitRecord, evidence: Evidence, report_of: Reported, shown: Shown, validation: Judged
+) -> None:
+    report = report_of(fit, evidence)
+    report.every = (shown(fit), replace(shown(fit), index=1))
+    report.datasets[0].validations = (validation(fit), validation(fit, mean_error_mm=0.01, seen=False))
+    (table,) = fits_on_specimens(report)
+    worse, best = (row[2] for row in table.rows)
+    assert worse == "20.0 [15.0, 30.0]*"
+    assert (best.text, best.mark) == ("10.0 [15.0, 30.0]", "best")  # type: ignore[union-attr]

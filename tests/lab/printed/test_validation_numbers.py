@@ -1,0 +1,70 @@
+"""What is printed and drawn of a fit on a dataset: in µm and kPa, of the better mesh, with the ends that it has."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.outline import outline, points_on
+from eimi_fitting.inference.draws import Draws
+from eimi_fitting.laws import LAWS
+from eimi_lab.fits.evidence import Evidence
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.validation import FitReference, Validation, predict
+from eimi_lab.fits.validation_tables import by_dataset, by_state, matrix
+
+
+def test_tables_of_validations_are_in_micrometres_and_kilopascal(
+    fit: FitRecord, validation: Callable[..., Validation]
+) -> None:
+    other = FitReference(path="fits.json", index=1, kind="bending", window_percent=None)
+    worse = validation(fit, fit=other, seen=False, mean_error_mm=0.05, within_fitted_stretch=False, stable=False)
+    open_end = validation(fit, dataset="other.h5", mean_error_interval_mm=(0.015, None))
+    lines = by_dataset([worse, validation(fit)])
+    best, last = lines[2], lines[3]
+    told = "fits.json:0 bending neo-hookean 50.00 [40.00, 65.00] 20.0 [15.0, 30.0] 4.00 1.200 seen"
+    assert " ".join(best.split()) == told
+    assert last.endswith("unseen, not stable over these stretches, stretched beyond its data")
+    table = matrix([validation(fit), open_end])
+    assert re.search(r"20\.0 \[15\.0, 30\.0\]\*\s+20\.0 \[15\.0, >\]\*", table[2])
+    states = by_state([validation(fit)])
+    assert [line.split()[1:] for line in states[2:5]] == [
+        ["0.000", "10.00", "±", "2.00"],
+        ["3.000", "20.00", "±", "2.00"],
+        ["6.000", "30.00", "±", "2.00"],
+    ]
+    assert states[5].split() == ["mean", "20.0", "±", "4.00"]
+    cells = re.findall(r"<td>(.*?)</td>", validation(fit)._repr_html_())
+    assert cells[:4] == ["0", "0.000", "10", "2"]
+    assert "mean error 20 µm" in validation(fit)._repr_html_()
+
+
+def test_what_is_drawn_of_a_fit_is_the_better_model_s(fitted: FitRecord, evidence: Evidence) -> None:
+    """The outline of the finer mesh, where there is one, and not of the one that the search had."""
+    found = predict(evidence, fitted, Path("fits.json"), 0)
+    assert found.correction is not None
+    finer = found.correction.models[0]
+    expected = points_on(outline(finer, found.correction.better.shapes[0])[0], 6)
+    assert found.edges_mm == pytest.approx(expected)
+    coarse = outline(evidence.experiment.model, BeamModel.solve(*_at_rest(evidence)))
+    assert found.edges_mm.shape[2] > points_on(coarse[0], 6).shape[2]
+
+
+def _at_rest(evidence: Evidence) -> tuple[Any, ...]:
+    experiment = evidence.experiment
+    return experiment.model, LAWS["neo-hookean"], np.array([[50e3]]), experiment.loads
+
+
+def test_an_error_has_no_upper_end_where_a_draw_finds_no_equilibrium(fitted: FitRecord, evidence: Evidence) -> None:
+    sound = tuple((x,) for x in np.linspace(49e3, 51e3, 15).tolist())
+    for draws, has_end in ((sound, True), ((*sound, (-5e3,)), False)):
+        own = fitted.model_copy(update={"draws": Draws(1, ("mu",), draws)})
+        interval = predict(evidence, own, Path("fits.json"), 0).validation.mean_error_interval_mm
+        assert interval is not None
+        assert (interval[1] is not None) == has_end

@@ -1,0 +1,103 @@
+"""`eimi segment --workers`: states shared out to processes give what one process gives, and go when that goes."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import h5py
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+Run = Callable[..., tuple[int, str]]
+
+pytestmark = pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="more workers than processors are not begun")
+
+
+def imported(run: Run, files: Path, images: list[NDArray[np.uint8]]) -> Path:
+    """A dataset of one frame a state."""
+    folder = files / "frames"
+    folder.mkdir()
+    lines = ["frame,current_A"]
+    for index, image in enumerate(images):
+        cv2.imwrite(str(folder / f"{index:03d}.png"), image)
+        lines.append(f"{index:03d}.png,{index / 1000}")
+    (files / "states.csv").write_text("\n".join(lines) + "\n")
+    given = ["--states", files / "states.csv", "--specimen", files / "specimen.toml"]
+    status, said = run("import", folder, *given, "--calibration", files / "calibration.toml", "-o", files / "run.h5")
+    assert status == 0, said
+    return files / "run.h5"
+
+
+def content(path: Path) -> dict[str, bytes]:
+    """Every array of a dataset by its name, without when the edges were found."""
+    found: dict[str, bytes] = {}
+
+    def keep(name: str, item: h5py.Group | h5py.Dataset) -> None:
+        if isinstance(item, h5py.Dataset) and name != "entry/segmentation/date":
+            found[name] = item[()].tobytes()
+
+    with h5py.File(path, "r") as file:
+        file.visititems(keep)
+    assert "entry/segmentation/edges/left/points" in found
+    return found
+
+
+def test_two_workers_find_what_one_finds(run: Run, files: Path, frame: Callable[..., NDArray[np.uint8]]) -> None:
+    """Byte for byte but for the date: corrected by a flat field, a state without a beam among them."""
+    images = [frame(seed, seed / 2) for seed in range(6)]
+    images[3] = np.full_like(images[3], 200)
+    one, two = imported(run, files, images), files / "two.h5"
+    cv2.imwrite(str(files / "flat.png"), np.tile(np.linspace(150, 250, 128).astype(np.uint8), (96, 1)))
+    assert run("segment", one, "--flat", files / "flat.png")[0] == 0  # which the dataset keeps
+    shutil.copy(one, two)
+    told = []
+    for path, workers in ((one, 1), (two, 2)):
+        status, said = run("segment", path, "--workers", workers)
+        assert status == 0, said
+        told.append([line.split(", about ")[0] for line in said.splitlines() if line.startswith("segment ")])
+    assert told[0] == told[1]
+    assert [line.split(":")[0] for line in told[1]] == [f"segment {number}/6" for number in range(1, 7)]
+    assert content(one) == content(two)
+
+
+def test_what_a_worker_cannot_read_is_told_as_by_one_process(
+    run: Run, files: Path, frame: Callable[..., NDArray[np.uint8]]
+) -> None:
+    path = imported(run, files, [frame(seed) for seed in range(4)])
+    with h5py.File(path, "r") as file:
+        chunk = file["entry/data/frames"].id.get_chunk_info(2)
+    with path.open("r+b") as file:
+        file.seek(chunk.byte_offset)
+        file.write(bytes(chunk.size))
+    said = [run("segment", path, "--workers", workers) for workers in (1, 2)]
+    assert said[0][0] == said[1][0] == 2
+    assert "of state 2 (counted from 0) is damaged" in said[0][1]
+    assert said[0][1].splitlines()[-1] == said[1][1].splitlines()[-1]
+
+
+def test_ctrl_c_ends_all_workers_with_one_line(run: Run, files: Path, frame: Callable[..., NDArray[np.uint8]]) -> None:
+    path = imported(run, files, [frame(seed) for seed in range(20)] * 8)
+    before = path.read_bytes()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "eimi_lab", "segment", str(path), "--workers", "2"],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a test run in the background ignores it
+    )
+    assert process.stderr is not None
+    assert process.stderr.readline().startswith("segment 1/160: ")
+    os.killpg(process.pid, signal.SIGINT)
+    said = process.communicate(timeout=60)[1].splitlines()  # to the end: as long as any of its processes is there
+    assert process.returncode == 128 + signal.SIGINT
+    assert said[-1] == "eimi: stopped by SIGINT"
+    assert all(line.startswith("segment ") for line in said[:-1])
+    assert path.read_bytes() == before

@@ -1,0 +1,257 @@
+"""Numbers on the way along a followed beam, and of the colours that it is seen in, against what was drawn."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from benchmarks.edges import errors_px
+from benchmarks.photographs import CALIBRATION, SPECIMEN, photograph
+from eimi_lab.config.calibration import Picture
+from eimi_lab.vision.check import Severity
+from eimi_lab.vision.edges.finding import find_edges, follow_beam
+from eimi_lab.vision.edges.region import region_of
+from eimi_lab.vision.flags import judge
+from eimi_lab.vision.following.edge_points import with_scatter
+from eimi_lab.vision.following.in_picture import in_255
+from eimi_lab.vision.following.stated import StatedBeam
+from eimi_lab.vision.following.working import working_picture
+from eimi_lab.vision.projection import Projection, choose_projection
+
+Array = np.ndarray
+COLOURS = np.array([[40.0, 50.0, 170.0], [150.0, 160.0, 130.0]])  # of a beam and of what is behind it
+
+
+def plain(angle_deg: float = 0.0, colours: Array = COLOURS, seed: int = 2) -> Array:
+    return photograph("shadow beside", np.random.default_rng(seed), angle_deg, colours).image
+
+
+def asked(**help_given: object) -> object:
+    return CALIBRATION.model_copy(update={"picture": Picture(**help_given)})
+
+
+def scattered(along: Array, seed: int) -> Array:
+    """Points (n, 2) px of an edge bent like an S and a half, half a pixel off it at random."""
+    rng = np.random.default_rng(seed)
+    return np.column_stack([along, 25.0 * np.sin(along / 140.0) + 0.5 * rng.standard_normal(len(along))])
+
+
+@pytest.mark.parametrize("few_of", [0.3, 0.0])
+def test_the_shape_of_an_edge_is_no_scatter_where_points_are_few(few_of: float) -> None:
+    """Every tenth point alone in the first part of it, where something lies on the edge."""
+    along = np.linspace(0.0, 1000.0, 120)
+    along = along[(along > few_of * 1000.0) | (np.arange(120) % 10 == 0)]
+    stated = [np.median(with_scatter(scattered(along, seed), np.ones(len(along)))[1]) for seed in range(12)]
+    assert np.mean(stated) == pytest.approx(0.5, rel=0.12)
+
+
+def test_points_of_something_else_are_left_out_and_make_no_scatter() -> None:
+    along = np.linspace(0.0, 1000.0, 100)
+    points = scattered(along, 1)
+    points[40:44, 1] += 8.0
+    _, sigma, kept = with_scatter(points, np.ones(100))
+    assert not kept[40:44].any()
+    assert kept.sum() > 90
+    assert np.median(sigma) == pytest.approx(0.5, rel=0.25)
+
+
+def test_a_point_that_noise_moves_farther_is_stated_so() -> None:
+    along = np.linspace(0.0, 1000.0, 100)
+    _, sigma, _ = with_scatter(scattered(along, 2), np.where(along < 500.0, 1.0, 2.0))
+    assert np.median(sigma[:50]) * 1.9 < np.median(sigma[50:]) < np.median(sigma[:50]) * 2.1
+
+
+def test_a_place_in_the_working_picture_is_that_place_in_the_picture() -> None:
+    image = np.zeros((300, 400, 1), np.float32)
+    y, x = np.mgrid[:300, :400]
+    image[..., 0] = 200.0 * np.exp(-0.5 * ((x - 211.0) ** 2 + (y - 143.0) ** 2) / 6.0**2)
+    for width_px in (4.0, 8.0):
+        working = working_picture(image, StatedBeam(np.array([200.0, 120.0]), 0.0, width_px, 60.0), 16.0)
+        assert working is not None
+        rows, columns = np.mgrid[: working.pixels.shape[0], : working.pixels.shape[1]]
+        light = working.pixels[..., 0] / working.pixels[..., 0].sum()
+        middle = np.array([(light * columns).sum(), (light * rows).sum()])
+        assert working.to_picture(middle) == pytest.approx([211.0, 143.0], abs=0.1)
+        assert working.from_picture(np.array([211.0, 143.0])) == pytest.approx(middle, abs=0.1 * working.factor)
+
+
+def test_the_blur_of_a_bent_edge_moves_neither_side() -> None:
+    """A blur of 6 px draws the half level of an edge bent so sharply inward by 0.08 px, one side out and one in."""
+    photo = photograph("uneven light", np.random.default_rng(3), 110.0, COLOURS)
+    blurred = cv2.GaussianBlur(photo.image, (0, 0), 6.0)
+    left, right = errors_px(find_edges(blurred, CALIBRATION, SPECIMEN), photo.beam, CALIBRATION)
+    assert abs(left.mean() - right.mean()) < 0.1
+
+
+@pytest.mark.parametrize("polarity", ["dark", "bright"])
+def test_the_asked_polarity_is_followed(polarity: str) -> None:
+    """A dark and a bright stripe, as wide as the beam, both as far from the clamp."""
+    image = np.full((720, 960), 120.0)
+    image[90:510, 432:474] = 50.0
+    image[90:510, 486:528] = 190.0
+    image = cv2.GaussianBlur(image, (0, 0), 1.0) + np.random.default_rng(1).normal(0.0, 2.0, image.shape)
+    followed = follow_beam(image.astype(np.uint8), asked(polarity=polarity), SPECIMEN)
+    assert (np.median(followed.path_px[:, 0]) > 480.0) == (polarity == "bright")
+
+
+def test_an_earlier_place_does_not_speak_against_the_picture() -> None:
+    """Two stripes beside the clamp: the one at which the beam was before now ends 30 px before the other."""
+
+    def two(left_px: int, right_px: int) -> Array:
+        image = np.full((720, 960, 3), 120.0)
+        image[90 : 90 + left_px, 435:477] = (40.0, 60.0, 200.0)
+        image[90 : 90 + right_px, 483:525] = (200.0, 170.0, 40.0)
+        image = cv2.GaussianBlur(image, (0, 0), 0.8) + np.random.default_rng(1).normal(0.0, 2.0, image.shape)
+        return np.clip(image, 0, 255).astype(np.uint8)
+
+    before = find_edges(two(420, 0), CALIBRATION, SPECIMEN)
+    now = find_edges(two(390, 420), CALIBRATION, SPECIMEN, earlier=lambda: before)
+    assert np.median(before.middle_mm[:, 1]) * np.median(now.middle_mm[:, 1]) < 0.0
+
+
+def test_pictures_of_other_depths_are_the_same_picture() -> None:
+    image = plain(20.0)
+    for scale, dtype in ((257, np.uint16), (16, np.uint16), (1, np.float32)):
+        deep = (image.astype(np.float64) * scale).astype(dtype)
+        if scale == 16:
+            deep[0, 0] = 4095  # twelve bits
+        assert np.abs(in_255(deep) - image)[1:].max() < 1.0  # what 12 bits leave of the last of 255
+
+
+def test_light_clipped_at_one_edge_alone_is_told() -> None:
+    image = plain()
+    beam = follow_beam(image, CALIBRATION, SPECIMEN)
+    image[:, 510:] = 255
+    clipped = follow_beam(image, CALIBRATION, SPECIMEN)
+    assert beam.findings["followed_clipped"] < 0.05
+    assert clipped.findings["followed_clipped"] > 0.8
+
+
+def test_the_fainter_edge_is_judged() -> None:
+    """To the right of the beam its surroundings are nearly of its colour."""
+    image = plain(colours=np.array([[90.0, 90.0, 90.0], [190.0, 190.0, 190.0]]))
+    even = follow_beam(image, CALIBRATION, SPECIMEN).findings["followed_contrast"]
+    image[95:, 502:] = np.clip(image[95:, 502:].astype(int) - 60, 0, 255)
+    assert follow_beam(image, CALIBRATION, SPECIMEN).findings["followed_contrast"] < 0.85 * even
+
+
+def test_a_body_that_goes_on_beyond_the_stated_length_is_doubted() -> None:
+    short = SPECIMEN.model_copy(update={"specimen": SPECIMEN.specimen.model_copy(update={"length_mm": 21.0})})
+    names = {flag.name: flag.severity for flag in find_edges(plain(10.0), CALIBRATION, short).flags}
+    assert names.get("LENGTH_ANOMALY") is Severity.DOUBTFUL
+
+
+def test_channels_are_the_colours_of_their_names() -> None:
+    image = np.zeros((8, 8, 3), np.uint8)
+    image[:] = (10, 100, 200)  # blue, green, red
+    for name, value in (("blue", 10), ("green", 100), ("red", 200)):
+        chosen = choose_projection([image], asked(channel=name), 3.0, 30.0)
+        assert chosen.apply(image) == pytest.approx(value, abs=0.01)
+
+
+def test_the_stated_colour_of_a_beam_is_red_green_blue() -> None:
+    """Said of a red beam before grey: seen in what is red, and brighter there than its surroundings."""
+    image = plain()
+    told = choose_projection([image], asked(beam_colour=(170, 50, 40)), 3.0, 30.0).apply(image)
+    assert float(told[300, 480]) > float(np.median(told)) + 40.0
+    wrong = choose_projection([image], asked(beam_colour=(40, 50, 170)), 3.0, 30.0)
+    assert wrong.weights != choose_projection([image], asked(beam_colour=(170, 50, 40)), 3.0, 30.0).weights
+
+
+def test_the_asked_channel_is_followed() -> None:
+    """Of a beam that only blue tells from its surroundings nothing is seen in red."""
+    image = plain(colours=np.array([[40.0, 120.0, 120.0], [200.0, 120.0, 120.0]]))
+    for channel, seen in (("blue", True), ("red", False)):
+        calibration = asked(channel=channel)
+        projection = choose_projection([image], calibration, 3.0, 30.0)
+        followed = follow_beam(image, calibration, SPECIMEN, projection=projection)
+        assert (followed.findings.get("followed_contrast", 0.0) > 6.0) is seen
+
+
+def test_a_region_is_cut_where_it_is_stated() -> None:
+    image = plain(15.0)
+    matrix = ((2000.0, 0.0, 470.0), (0.0, 2000.0, 350.0), (0.0, 0.0, 1.0))
+    calibration = asked(region_px=(240, 20, 480, 600)).model_copy(
+        update={"camera_matrix": matrix, "distortion": (0.05, 0.0, 0.0, 0.0, 0.0)}
+    )
+    region = region_of(calibration, image.shape)
+    assert region is not None
+    whole = find_edges(image, calibration.model_copy(update={"picture": None}), SPECIMEN)
+    part = region.in_picture(find_edges(region.cut(image), region.calibration, SPECIMEN))
+    assert len(part.left.points_mm) > 20
+    for own, other in ((whole.left, part.left), (whole.right, part.right)):
+        aside = np.interp(other.points_mm[:, 0], own.points_mm[:, 0], own.points_mm[:, 1]) - other.points_mm[:, 1]
+        assert float(np.median(np.abs(aside))) < 0.01
+
+
+def test_corners_of_a_region_are_counted_from_the_pictures_own() -> None:
+    image = np.full((720, 960), 200.0)
+    image[91:511, 459:501] = image[:91, 300:660] = 30.0
+    image = cv2.GaussianBlur(image, (0, 0), 1.0) + np.random.default_rng(3).normal(0.0, 2.0, image.shape)
+    region = region_of(asked(region_px=(240, 20, 480, 600)), image.shape)
+    assert region is not None
+    corners = region.in_picture(find_edges(region.cut(image), region.calibration, SPECIMEN)).corners_px
+    assert sorted(map(tuple, corners.tolist())) == [
+        pytest.approx(corner, abs=0.3) for corner in ((458.5, 90.5), (458.5, 510.5), (500.5, 90.5), (500.5, 510.5))
+    ]
+
+
+def shadowed(softness_px: float) -> Array:
+    """A grey beam, and at its right the border of a shadow as soft as that, 6 px off."""
+    image = np.full((720, 960), 200.0)
+    image[95:516, 459:507] = 90.0
+    image = cv2.GaussianBlur(image, (0, 0), softness_px)
+    image[:91, 300:660] = 120.0
+    image[91:511, 459:501] = 60.0
+    image = cv2.GaussianBlur(image, (0, 0), 1.0) + np.random.default_rng(3).normal(0.0, 2.0, image.shape)
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
+def test_the_softer_edge_is_doubted_to_be_the_border_of_a_shadow() -> None:
+    """In grey nothing else tells them. It is as wide as what it may be off by."""
+    alone = find_edges(plain(colours=np.array([[60.0] * 3, [200.0] * 3]), seed=4)[..., 0].copy(), CALIBRATION, SPECIMEN)
+    assert "OWN_SHADOW" not in {flag.name for flag in alone.flags}
+    for softness_px in (2.0, 4.0):
+        followed = follow_beam(shadowed(softness_px), CALIBRATION, SPECIMEN)
+        assert followed.edges is not None
+        blurs = sorted(edge.blur_px for edge in followed.edges)
+        assert blurs[1] > 1.25 * blurs[0]
+        assert followed.findings["followed_penumbra"] >= 0.999 * blurs[1]
+
+
+@pytest.mark.parametrize(
+    ("finding", "doubtful", "grave"),
+    [
+        ("contrast", 0.1, 0.02),
+        ("blur_px", 3.0, 9.0),
+        ("residual", 0.05, 0.2),
+        ("width_deviation", 0.08, 0.2),
+        ("twist_deg", 3.0, 12.0),
+        ("length_deviation", 0.15, 0.3),
+        ("corner_turn_deg", 30.0, 5.0),
+        ("followed_patches", 0.5, 0.3),
+        ("followed_width", 0.15, 0.3),
+        ("settling_ratio", 3.0, 40.0),
+        ("motion_ratio", 3.0, 40.0),
+    ],
+)
+def test_how_far_a_check_may_be_missed_before_a_state_is_left_out(finding: str, doubtful: float, grave: float) -> None:
+    words = {"even_turn": "", "twist_effect": ""}
+    (used,), (left_out,) = judge({finding: doubtful}, words=words), judge({finding: grave}, words=words)
+    assert used.severity is not Severity.UNUSABLE
+    assert left_out.severity is Severity.UNUSABLE
+    assert left_out.widens == 0.0
+
+
+def test_a_projection_is_on_the_scale_of_the_camera() -> None:
+    rng = np.random.default_rng(5)
+    image = rng.integers(0, 4096, (20, 30, 3)).astype(np.uint16)
+    image[0, 0] = 4095
+    for weights in ((0.2, 0.5, 0.3), (-1.0, 0.5, 1.5)):
+        grey = Projection("drawn", weights).apply(image)
+        assert grey.min() >= 0.0
+        assert grey.max() <= 4095.0
+        low = sum(weight for weight in weights if weight < 0.0)
+        size = sum(abs(weight) for weight in weights)
+        assert grey == pytest.approx((image @ np.array(weights) - 4095.0 * low) / size, abs=1.0)

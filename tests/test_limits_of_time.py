@@ -1,0 +1,56 @@
+"""Every test has a limit of time, and whatever it started ends there with it."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from benchmarks.spoilt_bench import alive, wait_until
+
+PROJECT = Path(__file__).parents[1]
+HANGING = """
+import signal, subprocess, sys, time
+
+PROGRAM = "import os, time; print('begun', os.getpid(), flush=True); time.sleep(3600)"
+PARENT = f"import subprocess, sys; subprocess.Popen([sys.executable, '-c', {PROGRAM!r}], start_new_session=True)"
+
+def test_that_hangs():
+    for code in (PROGRAM, PARENT):
+        process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+        print(process.stdout.readline())
+    signal.raise_signal(signal.SIGALRM)  # the limit is reached
+    time.sleep(3600)
+"""
+
+
+def test_every_test_has_a_limit_of_time() -> None:
+    """Without the plugin the option would be an unknown one, and with a limit of 0 there would be none."""
+    options = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"]["ini_options"]
+    assert 0 < options["timeout"] <= 900
+
+
+def test_the_limit_holds_here(request: pytest.FixtureRequest) -> None:
+    assert request.config.pluginmanager.hasplugin("timeout")
+    assert float(request.config.getini("timeout")) > 0
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="has no /proc to look programs up in")
+def test_a_test_that_hangs_is_ended_with_all_that_it_started(tmp_path: Path) -> None:
+    """One program is the test's, the other an orphan in a session of its own, as a guardian is."""
+    (tmp_path / "test_hanging.py").write_text(HANGING)
+    options = ("-q", "-n0", "-p", "no:cacheprovider", "-p", "conftest", "-c", PROJECT / "pyproject.toml")
+    command = [sys.executable, "-m", "pytest", *options, tmp_path]
+    environment = os.environ | {"PYTHONPATH": str(PROJECT / "tests")}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 1, done.stdout
+    assert "Timeout" in done.stdout
+    programs = [int(number) for number in re.findall(r"^begun (\d+)$", done.stdout, re.M)]
+    assert len(programs) == 2
+    for program in programs:
+        wait_until(lambda program=program: not alive(program), f"{program} is still there")
