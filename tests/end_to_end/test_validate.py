@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
+import pickle
 import re
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
@@ -23,6 +26,7 @@ from eimi_lab.notebook import load_evidence, open_dataset, read_any_fits, valida
 from eimi_lab.report import panels
 from eimi_lab.report.citation import METHOD, SUITE
 from eimi_lab.report.shown import read_shown
+from eimi_lab.report.simulated import simulate_on_each
 from eimi_lab.report.stress import MODES, stress_curve
 
 Eimi = Callable[..., tuple[int, str, str]]
@@ -171,6 +175,19 @@ def test_a_report_lays_tensile_fits_beside_those_of_bending(done: Done, folder: 
         assert v["mean_error_mm"] is not None
         error = 1e3 * v["mean_error_mm"]
         assert (f">{error:.2f} [" if error < 10 else f">{error:.1f} [" if error < 100 else f">{error:.0f} [") in page
+
+
+def test_workers_share_the_datasets_of_a_report_and_change_no_digit(folder: Path) -> None:
+    paths = [folder / "train.h5", folder / "unseen.h5"]
+    every = read_shown([folder / "fits.json", folder / "tensile.json"])
+    here, there = list[str](), list[str]()
+    alone = simulate_on_each(paths, every, False, here.append)
+    shared = simulate_on_each(paths, every, False, there.append, partial(ThreadPoolExecutor, 2))
+    assert len(here) == len(there) == 2 * (1 + len(every))
+    for (own, outlines, validations), other in zip(alone, pickle.loads(pickle.dumps(shared)), strict=True):
+        assert other[0].path == own.path
+        assert [v.model_dump() for v in other[2]] == [v.model_dump() for v in validations]
+        assert [o.edges_mm.tolist() for o in other[1]] == [o.edges_mm.tolist() for o in outlines]
 
 
 class WellFormed(HTMLParser):
