@@ -44,9 +44,15 @@ def simulate_on_each(
         own = {"path": paths[task], "every": every, "flagged": flagged}
         return own if executor else {**own, "told": told}
 
+    own_of = {(shown.path, shown.index): shown for shown in every}
     found: dict[int, Simulated] = {}
     for task, result in completed(simulate_fits, arguments, range(len(paths)), executor, (InputError,)):
-        found[task] = result()
+        evidence, simulated, validations = result()
+        # A worker sends copies of the fits; whoever looks for those of one fit looks for this one.
+        of_these = [
+            replace(outlines, shown=own_of[outlines.shown.path, outlines.shown.index]) for outlines in simulated
+        ]
+        found[task] = evidence, of_these, validations
         for _ in range(len(every) + 1 if executor else 0):
             told(paths[task].name)
     return [found[task] for task in range(len(paths))]

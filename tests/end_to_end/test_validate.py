@@ -8,10 +8,11 @@ import pickle
 import re
 import sys
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -177,15 +178,25 @@ def test_a_report_lays_tensile_fits_beside_those_of_bending(done: Done, folder: 
         assert (f">{error:.2f} [" if error < 10 else f">{error:.1f} [" if error < 100 else f">{error:.0f} [") in page
 
 
+class Copying(ThreadPoolExecutor):
+    """Sends what it is given and what comes of it as other processes do."""
+
+    def submit(self, function: Callable[..., Any], /, *given: Any, **named: Any) -> Future[Any]:
+        copy = pickle.loads(pickle.dumps((given, named)))
+        return super().submit(lambda: pickle.loads(pickle.dumps(function(*copy[0], **copy[1]))))
+
+
 def test_workers_share_the_datasets_of_a_report_and_change_no_digit(folder: Path) -> None:
     paths = [folder / "train.h5", folder / "unseen.h5"]
     every = read_shown([folder / "fits.json", folder / "tensile.json"])
     here, there = list[str](), list[str]()
     alone = simulate_on_each(paths, every, False, here.append)
-    shared = simulate_on_each(paths, every, False, there.append, partial(ThreadPoolExecutor, 2))
+    shared = simulate_on_each(paths, every, False, there.append, partial(Copying, 2))
     assert len(here) == len(there) == 2 * (1 + len(every))
-    for (own, outlines, validations), other in zip(alone, pickle.loads(pickle.dumps(shared)), strict=True):
+    for (own, outlines, validations), other in zip(alone, shared, strict=True):
         assert other[0].path == own.path
+        assert [every.index(o.shown) for o in other[1]] == list(range(len(every)))
+        assert all(o.shown is every[place] for place, o in enumerate(other[1]))
         assert [v.model_dump() for v in other[2]] == [v.model_dump() for v in validations]
         assert [o.edges_mm.tolist() for o in other[1]] == [o.edges_mm.tolist() for o in outlines]
 
