@@ -221,7 +221,7 @@ class SolidBeside:
             distance = np.abs(places[left, None] - known).prod(axis=1) if len(known) else np.abs(places[left])
             k = int(left[np.argmax(distance)])
             foretold = effect.at(places[k]) if len(known) > 1 or effect.base else None
-            lifted = replace(self.solid.solid.rest(1), displacement=lift[:, k], rigid=flat.rigid[:, k])
+            lifted = replace(self.solid.solid.rest(1), displacement=lift[:, k, self._column], rigid=flat.rigid[:, k])
             found = self._solved(chosen, loads.state(k), lifted, foretold, tolerance_mm)
             if found is None:
                 return None
@@ -254,13 +254,13 @@ class SolidBeside:
         return combine([1.0, -1.0], [found, lifted]) if status[0] == Status.CONVERGED else None
 
     def _lift(self, flat: Shapes) -> Array:
-        """(1, K, N, 3): planar displacements on the solid's nodes, the same at all depths."""
+        """(1, K, n, 3): planar displacements where the solid has nodes, at one depth: all others move alike."""
         moved = self.planar.positions(flat, self._plan) - self._plan
-        return np.concatenate([moved, np.zeros((*moved.shape[:-1], 1))], axis=-1)[:, :, self._column]
+        return np.concatenate([moved, np.zeros((*moved.shape[:-1], 1))], axis=-1)
 
     def _shapes(self, chosen: Candidates, flat: Shapes, lift: Array, loads: Loads, effect: DepthEffect) -> SolidShapes:
         along = None if effect.by_turn else _along_ray(loads)
-        displacement, rigid = lift.copy(), flat.rigid.copy()
+        displacement, rigid = lift[:, :, self._column], flat.rigid.copy()
         own = None
         for k, place in enumerate(self._turn(flat) if along is None else along):  # one at a time: each has stresses
             own = effect.at(float(place))
