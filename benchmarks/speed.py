@@ -1,8 +1,9 @@
-"""What one simulated curve costs: a batch of candidates, one candidate, and how cost grows.
+"""What one simulated curve and one fit cost, and how cost grows.
 
     python -m benchmarks.speed [FIGURE.png]
 
-One thread, processor time. A 30 x 3 mm beam with a 4 mm magnet through 16 field states.
+One thread, processor time. A 30 x 3 mm beam with a 4 mm magnet through 16 field states: a batch of candidates, one
+candidate, many candidates, states and elements. Then whole fits (`benchmarks.fit_cost`).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import sys
 import numpy as np
 import scipy
 
+from benchmarks import fit_cost
 from benchmarks.timing import fastest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel, Shapes
@@ -47,24 +49,29 @@ def cost_s(model: BeamModel, law: Law, candidates: np.ndarray, loads: Loads, rep
     return fastest(solve, repeats)[0]
 
 
+def batch_ms(model: BeamModel, law: Law, size: int, loads: Loads) -> float:
+    """Milliseconds of a candidate in a batch of so many."""
+    return 1e3 * cost_s(model, law, population(law.name, size), loads) / size
+
+
 def main() -> None:
-    """Print every figure."""
+    """Print every table."""
     print(f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}, one thread")
     model, fine = BeamModel(SPECIMEN), BeamModel(SPECIMEN, 39, 3)
     loads = Loads.along(np.linspace(0, 7.05, 16))
     tip = np.array([[30.0, 0.0]])
+    print(f"\n| law, {len(loads)} field states, ms | in a batch of 16 | of 128 | 128 over 16 | alone | tip, % |")
+    print("| --- " * 6 + "|")
     for name, law in LAWS.items():
-        candidates = population(name, 16)
-        batch = cost_s(model, law, candidates, loads)
-        single = cost_s(model, law, candidates[:1], loads)
-        ours = model.positions(model.solve(law, candidates[:1], loads, tolerance_mm=TOLERANCE_MM), tip)[0, -1, 0]
-        reference = fine.positions(fine.solve(law, candidates[:1], loads), tip)[0, -1, 0]
+        few, many = (batch_ms(model, law, size, loads) for size in (16, 128))
+        candidate = population(name, 1)
+        single = 1e3 * cost_s(model, law, candidate, loads)
+        ours = model.positions(model.solve(law, candidate, loads, tolerance_mm=TOLERANCE_MM), tip)[0, -1, 0]
+        reference = fine.positions(fine.solve(law, candidate, loads), tip)[0, -1, 0]
         off = np.linalg.norm(ours - reference) / np.linalg.norm(reference - tip[0])
-        print(
-            f"{name:14s} {1e3 * batch / 16:6.2f} ms a candidate in a batch of 16, {1e3 * single:6.1f} ms alone; "
-            f"tip {100 * off:.3f} % of its deflection from 39 x 3"
-        )
-    print("growth, ms in all (Neo-Hookean); slope of the logarithms over the last three points:")
+        print(f"| {name} | {few:.2f} | {many:.2f} | {many / few:.2f} | {single:.1f} | {100 * off:.3f} |", flush=True)
+    print("ms of a candidate; tip: off 39 x 3 elements, in % of its deflection")
+    print("\ngrowth, ms in all (Neo-Hookean); slope of the logarithms over the last three points:")
     curves = {
         "candidates": [(n, cost(model, n, 16)) for n in (4, 8, 16, 32, 64, 128)],
         "states": [(n, cost(model, 16, n)) for n in (4, 8, 16, 32, 64, 128)],
@@ -74,6 +81,7 @@ def main() -> None:
         print(f"  {name:10s} slope {slope(points):.2f}: " + ", ".join(f"{n}: {ms:.1f}" for n, ms in points))
     if len(sys.argv) > 1:
         draw(curves, sys.argv[1])
+    fit_cost.main()
 
 
 def slope(points: list[tuple[int, float]]) -> float:

@@ -46,8 +46,8 @@ def test_a_test_that_hangs_is_ended_with_all_that_it_started(tmp_path: Path) -> 
     (tmp_path / "test_hanging.py").write_text(HANGING)
     options = ("-q", "-n0", "-p", "no:cacheprovider", "-p", "conftest", "-c", PROJECT / "pyproject.toml")
     command = [sys.executable, "-m", "pytest", *options, tmp_path]
-    environment = os.environ | {"PYTHONPATH": str(PROJECT / "tests")}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+    path = os.pathsep.join([str(PROJECT / "tests"), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=300)
     assert done.returncode == 1, done.stdout
     assert "Timeout" in done.stdout
     programs = [int(number) for number in re.findall(r"^begun (\d+)$", done.stdout, re.M)]

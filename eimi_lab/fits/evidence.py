@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
-from eimi_fitting.beam.outline import View
 from eimi_fitting.beam.specimen import Section
+from eimi_fitting.beam.view import View
 from eimi_fitting.inference.experiment import Experiment
 from eimi_fitting.inference.measurements import EdgeObservation, Observation, PointObservation
 from eimi_fitting.inference.sources import StatedSource

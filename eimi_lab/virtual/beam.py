@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from eimi_fitting.beam.beside import SolidBeside
 from eimi_fitting.beam.loads import Loads
-from eimi_fitting.beam.outline import View, outline, points_on
+from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.beam.view import View
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.materials import TrueMaterial
 

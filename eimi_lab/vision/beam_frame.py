@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eimi_fitting.beam.outline import View
+from eimi_fitting.beam.view import View
 from eimi_lab.config.calibration import Calibration
 
 Array = NDArray[np.float64]

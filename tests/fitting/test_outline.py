@@ -10,9 +10,10 @@ import pytest
 from benchmarks.solid import MAGNETIC, held
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
-from eimi_fitting.beam.outline import View, edge_curves, outline, points_on
+from eimi_fitting.beam.outline import edge_curves, outline, points_on
 from eimi_fitting.beam.solid_model import SolidModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.beam.view import View
 from eimi_fitting.inference.measurements import signed_distance
 from eimi_fitting.laws import LAWS
 

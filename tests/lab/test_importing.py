@@ -174,6 +174,11 @@ def see_through(files: Path) -> None:
     cv2.imwrite(str(files / "frames" / "frame_10.png"), np.dstack([image, image, image, opacity]))
 
 
+def deepen(files: Path) -> None:
+    image = cv2.imread(str(files / "frames" / "frame_10.png"), cv2.IMREAD_GRAYSCALE)
+    cv2.imwrite(str(files / "frames" / "frame_10.png"), 257 * image.astype(np.uint16))
+
+
 def turned(files: Path) -> None:
     image = cv2.imread(str(files / "frames" / "frame_10.png"), cv2.IMREAD_GRAYSCALE)
     cv2.imwrite(str(files / "frames" / "frame_10.png"), cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE))
@@ -226,6 +231,7 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda files: (files / "states.csv").write_bytes("frame,current_A\nfräme_1.png,0\n".encode("latin-1")),
         "states.csv: is not UTF-8 text (byte 18); save it with that encoding",
     ),
+    "other depth": (deepen, "frame_10.png: is 128 x 96 px of 16 bits; frame_1.png is 128 x 96 px of 8 bits"),
     "stack": (stack, "frame_10.tif: is a stack of pictures; save each as a file of its own"),
     "see-through": (see_through, "frame_10.png: is transparent in places"),
     "turned": (turned, "frame_10.png: is 96 x 128 px of 8 bits; frame_1.png is 128 x 96 px of 8 bits; pictures of one"),

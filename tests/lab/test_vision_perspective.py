@@ -8,7 +8,8 @@ from benchmarks.edges import CALIBRATION, NOMINAL, SIZE, SPECIMEN
 from eimi_fitting.beam.beside import SolidBeside
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
-from eimi_fitting.beam.outline import View, outline
+from eimi_fitting.beam.outline import outline
+from eimi_fitting.beam.view import View
 from eimi_fitting.inference.measurements import EdgeObservation, signed_distance
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.materials import TrueMaterial

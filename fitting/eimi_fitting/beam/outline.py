@@ -7,8 +7,6 @@ the convex side, the one in mid-depth on the concave side.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,25 +15,10 @@ from eimi_fitting.beam.bricks import Bricks
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.path import Shapes
 from eimi_fitting.beam.solid_model import SolidModel
+from eimi_fitting.beam.view import View
 
 Array = NDArray[np.float64]
 Model = BeamModel | SolidModel | SolidBeside
-
-
-@dataclass(frozen=True)
-class View:
-    """An ordinary lens: centre_mm (2,) is where its axis meets mid-depth; stand_off_mm: from the pupil to there.
-
-    Places are as the scale of mid-depth has them.
-    """
-
-    centre_mm: Array
-    stand_off_mm: float
-
-    def seen(self, places_mm: Array) -> Array:
-        """Where places (..., 3) appear (..., 2); z points away from the camera."""
-        scale = self.stand_off_mm / (self.stand_off_mm + places_mm[..., 2:])
-        return self.centre_mm + scale * (places_mm[..., :2] - self.centre_mm)
 
 
 def edge_curves(model: BeamModel, shapes: Shapes) -> Array:

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.model import BeamModel, Shapes
-from eimi_fitting.beam.outline import Model, View, edge_curves, outline, points_on
+from eimi_fitting.beam.outline import Model, edge_curves, outline, points_on
+from eimi_fitting.beam.view import View
 from eimi_fitting.inference.unknowns import Setup
 
 Array = NDArray[np.float64]

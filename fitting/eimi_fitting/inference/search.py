@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 # The objectives of a whole population lie this near each other where the polish takes over: as a length, and as a share
 # of their range in the first generation, which is small where the beam hardly moved.
-_ENOUGH_MM, _ENOUGH_SHARE = 0.05, 0.05
+_ENOUGH_MM, _ENOUGH_SHARE = 0.3, 0.05
 _FIRST_STEP = 0.25  # in unit coordinates
 
 

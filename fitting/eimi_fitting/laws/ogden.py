@@ -21,7 +21,6 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize
 
 from eimi_fitting.laws.law import (
     SHEAR_MODULUS_PA,
@@ -214,6 +213,8 @@ def _stress_of_terms(law: Law, exponents: Array, strain: Array) -> Array:
 
 def _least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
     """The exponents are searched from several starts; the moduli are the least-squares ones for those exponents."""
+    from scipy import optimize  # slow to load, and of no use to a beam
+
     lower = np.array([c.lower for c in law.coordinates[-3:]])
     upper = np.array([c.upper for c in law.coordinates[-3:]])
     target = weight * stress

@@ -19,7 +19,7 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize, special
+from scipy import special
 
 from eimi_fitting.correlation import correlation_length
 from eimi_fitting.laws.law import CannotFit, Law, StressFit
@@ -179,6 +179,8 @@ def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array)
     In the intervals the range of a coordinate enters as a normal prior of its variance. A number without a unit goes
     from one end of its coordinates' intervals to the other, no further than their bounds.
     """
+    from scipy import optimize  # slow to load, and of no use to a beam
+
     ratios = law.coordinates[1:]
     lower, upper = np.array([c.lower for c in ratios]), np.array([c.upper for c in ratios])
     target = weight * stress
