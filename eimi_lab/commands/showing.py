@@ -37,17 +37,28 @@ def report(
     assets: Annotated[
         Path | None, typer.Option(help="a folder for each figure as SVG and PDF, each table as CSV and LaTeX")
     ] = None,
+    workers: Annotated[int, typer.Option(help="processes that share the datasets, at most one a processor", min=1)] = 1,
     force: Force = False,
 ) -> Result:
     """Write one self-contained HTML file: the number and what limits it, laws, errors, frames, residuals, methods."""
     from eimi_lab.outputs import check_distinct, refuse_existing
     from eimi_lab.progress import progress
     from eimi_lab.report.page import write_report
+    from eimi_lab.workers import executor_for
 
     check_distinct([*datasets, *(fit or [])], [output])
     refuse_existing(output, force)
     command = shlex.join(["eimi", *sys.argv[1:]])
-    write_report(output, datasets, fit or [], force=force, assets=assets, command=command, progress=progress)
+    write_report(
+        output,
+        datasets,
+        fit or [],
+        force=force,
+        assets=assets,
+        command=command,
+        executor=executor_for(min(workers, len(datasets)), None),
+        progress=progress,
+    )
     return Result([output, *([assets] if assets else [])], {"report": output, "assets": assets})
 
 

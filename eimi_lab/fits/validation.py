@@ -13,13 +13,15 @@ dataset itself states as uncertain (`predicted_error`).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.beam.beside import FORETOLD_MM
+from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.inference.corrections import Correction, correction, polished, refinements
 from eimi_fitting.inference.experiment import Comparison, Experiment, compare
@@ -40,6 +42,9 @@ Array = NDArray[np.float64]
 
 _SAME_STRETCH = 1e-3  # two simulations of one beam may differ by this much
 _DRAWS = 16  # of the fit's, evenly over the modulus
+# Of a fit's own error, or a micrometre: what depth adds to its edges is known this well. Of a fit that is hundreds of
+# micrometres off one or two states then tell, and no digit that counts is theirs.
+_OF_ERROR = 0.01
 
 
 class FitReference(Record):
@@ -142,21 +147,21 @@ def predict_each(
 ) -> Iterator[Prediction]:
     """Simulate fits, each with its file and its place there, on a dataset. Raises InputError as `predict` does.
 
-    What depth adds is much the same for all: each begins with what was found for the first.
+    What depth adds is much the same for fits that bend the beam alike: each begins with what was found before.
     """
-    near = None
+    near: list[Correction] = []
     for path, index, fit in fits:
         found = predict(evidence, fit, path, index, near)
-        near = near or found.correction
+        near += [found.correction] if found.correction else []
         yield found
 
 
 def predict(
-    evidence: Evidence, fit: FitRecord | TensileRecord, path: Path, index: int, near: Correction | None = None
+    evidence: Evidence, fit: FitRecord | TensileRecord, path: Path, index: int, near: Sequence[Correction] = ()
 ) -> Prediction:
     """Simulate the fit ``index`` of the file ``path`` on a dataset and measure its error.
 
-    near: the correction of another fit on the same dataset.
+    near: the corrections of other fits on the same dataset.
     Raises InputError when the fit was made from this very dataset under another section assumption.
     """
     section = evidence.experiment.model.specimen.section
@@ -166,15 +171,17 @@ def predict(
         raise InputError(
             f"{path}: fits.{index} took {evidence.path} as {seen.section}, not {section}; give --section {seen.section}"
         )
-    candidates = _drawn(fit)
-    beside = assumptions_of(fit, evidence, len(candidates))
-    experiment = polished(evidence.experiment)
-    plain = _compared(fit, beside, candidates, experiment)
+    experiment, own = polished(evidence.experiment), assumptions_of(fit, evidence, 1)
+
+    def against(experiments: Sequence[Experiment]) -> Comparison:
+        return _compared(fit, own, np.array([fit.values()]), experiments[0])
+
+    plain = against([experiment])
     (due,) = refinements([experiment])
-    alone = assumptions_of(fit, evidence, 1)
-    found = correction(due, [experiment], plain, lambda e: _compared(fit, alone, candidates[:1], e[0]), near)
-    observed = experiment.observed
-    misfit = observed.misfit(experiment.model, plain.shapes[0], beside.setup, found.changes[0] if found else None)
+    foretold_mm = max(FORETOLD_MM, _OF_ERROR * float(plain.error_mm[0].mean()))
+    found = correction(due, [experiment], plain, against, near, foretold_mm)
+    observed, residuals = experiment.observed, plain.misfits[0].residuals
+    misfit = observed.of_residuals(residuals + found.changes[0] if found else residuals)
     model, shapes = (found.models[0], found.better.shapes[0]) if found else (experiment.model, plain.shapes[0])
     view = observed.view if isinstance(observed, EdgeObservation) else None
     solved = not plain.unconverged[0] and (section != "solid" or found is not None)
@@ -187,7 +194,7 @@ def predict(
     return Prediction(
         validation=_validation(evidence, fit, reference, seen is not None, plain, misfit, solved),
         correction=found,
-        edges_mm=beside.as_measured(points_on(outline(model, shapes, view)[0], 6)),
+        edges_mm=own.as_measured(points_on(outline(model, shapes, view)[0], 6)),
         residuals_mm=np.where(misfit.weights > 0, misfit.residuals[0], np.nan),
         error_mm=misfit.error_mm[0],
         deviation_mm=misfit.deviation_mm[0],
@@ -215,7 +222,7 @@ def _validation(
     misfit: Misfit,
     solved: bool,
 ) -> Validation:
-    """plain: of the candidates of `_drawn`; misfit: theirs with what better models change in it."""
+    """plain: of the fit on the planar mesh; misfit: with what a better model changes in it."""
     common: dict[str, Any] = {
         "dataset": str(evidence.path),
         "sha256": evidence.sha256,
@@ -236,7 +243,7 @@ def _validation(
         **common,
         status="ok",
         mean_error_mm=float(misfit.error_mm[0].mean()),
-        mean_error_interval_mm=_error_interval(plain, misfit, predicted_errors_mm(fit, evidence, misfit)),
+        mean_error_interval_mm=_error_interval(fit, evidence, misfit),
         mean_deviation_mm=float(misfit.deviation_mm[0].mean()),
         max_stretch=stretch,
         stable=not plain.unstable[0],
@@ -245,21 +252,26 @@ def _validation(
     )
 
 
-def _drawn(fit: FitRecord | TensileRecord) -> Array:
-    """(1 + D, n): the fit's parameters, and those of some of its draws."""
-    return np.concatenate([[fit.values()], fit.drawn(_DRAWS)])
+def _error_interval(
+    fit: FitRecord | TensileRecord, evidence: Evidence, misfit: Misfit
+) -> tuple[float, float | None] | None:
+    """95 % of the mean errors of some draws, and that of the fit itself; none without draws.
 
-
-def _error_interval(plain: Comparison, misfit: Misfit, drawn_mm: Array) -> tuple[float, float | None] | None:
-    """95 % of the mean errors drawn (T, D), from that of the fit itself where it is less; none without draws.
-
-    No upper end where one of the draws has no equilibrium.
+    The draws bend on the coarse mesh, from where the fit does there: what better models change in one, misfit, they
+    change in the others. No upper end where one of the draws has no equilibrium.
     """
-    drawn = drawn_mm[:, ~plain.unconverged[1:]]
-    if not drawn.size:
+    candidates = np.concatenate([[fit.values()], fit.drawn(_DRAWS)])
+    coarse = replace(evidence.experiment, model=BeamModel(evidence.experiment.model.specimen))
+    every = _compared(fit, assumptions_of(fit, evidence, len(candidates)), candidates, coarse)
+    bent = every.misfits[0].residuals
+    drawn = coarse.observed.of_residuals(misfit.residuals + bent - bent[:1])
+    sound = ~every.unconverged[1:] & ~every.unconverged[0]
+    errors_mm = predicted_errors_mm(fit, evidence, drawn)[:, sound]
+    if not errors_mm.size:
         return None
-    low, high = np.quantile(drawn, [0.025, 0.975]).tolist()
-    return min(low, float(misfit.error_mm[0].mean())), None if plain.unconverged.any() else high
+    low, high = np.quantile(errors_mm, [0.025, 0.975]).tolist()
+    mean = float(misfit.error_mm[0].mean())
+    return min(low, mean), None if every.unconverged.any() else max(high, mean)
 
 
 def write_validation(path: Path, validations: Sequence[Validation], force: bool = False) -> ValidationFile:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from datetime import datetime
 from importlib.resources import files
@@ -21,7 +22,7 @@ from eimi_lab.report.contents import DatasetContents, ReportContents, short_name
 from eimi_lab.report.elements import Elements
 from eimi_lab.report.panel import DatasetPanel, ReportPanel, every_panel
 from eimi_lab.report.shown import leading, read_shown
-from eimi_lab.report.simulated import simulate_fits
+from eimi_lab.report.simulated import simulate_on_each
 
 Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 
@@ -35,11 +36,13 @@ def write_report(
     force: bool = False,
     assets: Path | None = None,
     command: str = "",
+    executor: Callable[[], AbstractContextManager[Executor]] | None = None,
     progress: Progress = lambda title, total: nullcontext(silent),
 ) -> None:
     """Write the report on datasets and on the fits of fits.json files, laid over them. Raises InputError.
 
     assets: a folder for each figure as SVG and PDF, each table as CSV and LaTeX. command: the line that asked for it.
+    executor: whose workers share the datasets.
     """
     every = read_shown(fits)
     steps = len(datasets) * (len(every) + 1) + sum(isinstance(panel, ReportPanel) for panel in every_panel())
@@ -47,8 +50,8 @@ def write_report(
         folder = stack.enter_context(whole_folder(assets, force)) if assets is not None else None
         told = stack.enter_context(progress("report", steps))
         shown = []
-        for path, name in zip(datasets, short_names(datasets), strict=True):
-            evidence, laid_over, validations = simulate_fits(path, every, flagged, told)
+        found = simulate_on_each(datasets, every, flagged, told, executor)
+        for path, name, (evidence, laid_over, validations) in zip(datasets, short_names(datasets), found, strict=True):
             dataset = stack.enter_context(open_dataset(path))
             stands_for = leading(every, evidence.sha256)
             shown.append(DatasetContents(dataset, evidence, tuple(laid_over), tuple(validations), name, stands_for))

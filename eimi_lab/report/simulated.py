@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from eimi_fitting.inference.corrections import Correction
+from eimi_lab.errors import InputError
 from eimi_lab.fits.evidence import Evidence, load_evidence
 from eimi_lab.fits.fitting import check_section
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.validation import Prediction, Validation, predict
 from eimi_lab.progress import silent
 from eimi_lab.report.shown import ShownFit, sections_of
+from eimi_lab.workers import completed
 
 
 @dataclass(frozen=True)
@@ -23,9 +27,40 @@ class SimulatedOutlines(Prediction):
     evidence: Evidence
 
 
+Simulated = tuple[Evidence, list[SimulatedOutlines], list[Validation]]
+"""See `simulate_fits`."""
+
+
+def simulate_on_each(
+    paths: Sequence[Path],
+    every: Sequence[ShownFit],
+    flagged: bool,
+    told: Callable[[str], None] = silent,
+    executor: Callable[[], AbstractContextManager[Executor]] | None = None,
+) -> list[Simulated]:
+    """`simulate_fits` of each dataset, shared out to the workers of an executor where there is one."""
+
+    def arguments(task: int) -> dict[str, object]:
+        own = {"path": paths[task], "every": every, "flagged": flagged}
+        return own if executor else {**own, "told": told}
+
+    own_of = {(shown.path, shown.index): shown for shown in every}
+    found: dict[int, Simulated] = {}
+    for task, result in completed(simulate_fits, arguments, range(len(paths)), executor, (InputError,)):
+        evidence, simulated, validations = result()
+        # A worker sends copies of the fits; whoever looks for those of one fit looks for this one.
+        of_these = [
+            replace(outlines, shown=own_of[outlines.shown.path, outlines.shown.index]) for outlines in simulated
+        ]
+        found[task] = evidence, of_these, validations
+        for _ in range(len(every) + 1 if executor else 0):
+            told(paths[task].name)
+    return [found[task] for task in range(len(paths))]
+
+
 def simulate_fits(
     path: Path, every: Sequence[ShownFit], flagged: bool, told: Callable[[str], None] = silent
-) -> tuple[Evidence, list[SimulatedOutlines], list[Validation]]:
+) -> Simulated:
     """A dataset as evidence, the fits that have an equilibrium in all its states, and the validations of all fits.
 
     A fit is simulated under the section under which it took this dataset, or else all of its datasets; a tensile fit
@@ -38,20 +73,21 @@ def simulate_fits(
     told(f"{path.name} read")
     by_section = {first.experiment.model.specimen.section: first}
     simulated, validations = [], []
-    first_of: dict[str, Correction] = {}  # found first, by section: the others begin with it, as in `predict_each`
+    near: dict[str, list[Correction]] = {}  # by section: a fit begins with what was found before, as in `predict_each`
     for shown in every:
         section = check_section(_own_section(shown, first.sha256))
         if section and section not in by_section:
             by_section[section] = load_evidence(path, flagged=flagged, section=section)
         evidence = by_section[section] if section else first
         own = evidence.experiment.model.specimen.section
-        found = predict(evidence, shown.fit, shown.path, shown.index, first_of.get(own))
+        found = predict(evidence, shown.fit, shown.path, shown.index, near.get(own, ()))
         if found.correction:
-            first_of.setdefault(own, found.correction)
+            near.setdefault(own, []).append(found.correction)
         validations.append(found.validation)
         told(f"{path.name}, {shown.label}")
         if found.validation.status == "ok":
-            simulated.append(SimulatedOutlines(**vars(found), shown=shown, evidence=evidence))
+            # Without the solid's shapes, which are large, and nothing that is shown.
+            simulated.append(SimulatedOutlines(**vars(replace(found, correction=None)), shown=shown, evidence=evidence))
     return first, simulated, validations
 
 

@@ -45,7 +45,7 @@ def _errors_of(
     if plain.unconverged[0]:
         return nothing, None
     found = [
-        correction(own, [experiment], plain, against, depth if own is SOLID else None)
+        correction(own, [experiment], plain, against, [depth] if depth and own is SOLID else ())
         for own in refinements([experiment])
     ]
     solid = experiment.model.specimen.section == "solid"

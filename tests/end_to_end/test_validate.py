@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import csv
 import json
+import pickle
 import re
 import sys
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -23,6 +27,7 @@ from eimi_lab.notebook import load_evidence, open_dataset, read_any_fits, valida
 from eimi_lab.report import panels
 from eimi_lab.report.citation import METHOD, SUITE
 from eimi_lab.report.shown import read_shown
+from eimi_lab.report.simulated import simulate_on_each
 from eimi_lab.report.stress import MODES, stress_curve
 
 Eimi = Callable[..., tuple[int, str, str]]
@@ -134,8 +139,8 @@ def test_the_interval_of_the_error_is_that_of_the_draws(done: Done, folder: Path
     fits = ("--fit", "wide.json", "--fit", "at_end.json")
     done("validate", "unseen.h5", *fits, "-o", "ends.json", folder=folder)
     wide, at_end = json.loads((folder / "ends.json").read_text())["validations"]
-    # (What the finer mesh changes is taken at the value, and at the end it is a little different.)
-    assert wide["mean_error_interval_mm"] == pytest.approx([wide["mean_error_mm"], at_end["mean_error_mm"]], rel=2e-3)
+    # (Draws bend on the coarse mesh; what finer ones change is taken at the value, and differs a little at the end.)
+    assert wide["mean_error_interval_mm"] == pytest.approx([wide["mean_error_mm"], at_end["mean_error_mm"]], rel=1e-2)
     assert at_end["mean_error_interval_mm"] is None
 
 
@@ -171,6 +176,29 @@ def test_a_report_lays_tensile_fits_beside_those_of_bending(done: Done, folder: 
         assert v["mean_error_mm"] is not None
         error = 1e3 * v["mean_error_mm"]
         assert (f">{error:.2f} [" if error < 10 else f">{error:.1f} [" if error < 100 else f">{error:.0f} [") in page
+
+
+class Copying(ThreadPoolExecutor):
+    """Sends what it is given and what comes of it as other processes do."""
+
+    def submit(self, function: Callable[..., Any], /, *given: Any, **named: Any) -> Future[Any]:
+        copy = pickle.loads(pickle.dumps((given, named)))
+        return super().submit(lambda: pickle.loads(pickle.dumps(function(*copy[0], **copy[1]))))
+
+
+def test_workers_share_the_datasets_of_a_report_and_change_no_digit(folder: Path) -> None:
+    paths = [folder / "train.h5", folder / "unseen.h5"]
+    every = read_shown([folder / "fits.json", folder / "tensile.json"])
+    here, there = list[str](), list[str]()
+    alone = simulate_on_each(paths, every, False, here.append)
+    shared = simulate_on_each(paths, every, False, there.append, partial(Copying, 2))
+    assert len(here) == len(there) == 2 * (1 + len(every))
+    for (own, outlines, validations), other in zip(alone, shared, strict=True):
+        assert other[0].path == own.path
+        assert [every.index(o.shown) for o in other[1]] == list(range(len(every)))
+        assert all(o.shown is every[place] for place, o in enumerate(other[1]))
+        assert [v.model_dump() for v in other[2]] == [v.model_dump() for v in validations]
+        assert [o.edges_mm.tolist() for o in other[1]] == [o.edges_mm.tolist() for o in outlines]
 
 
 class WellFormed(HTMLParser):

@@ -131,6 +131,18 @@ def test_a_thin_layer_of_silicone_about_the_magnet_is_followed_in_big_steps(magn
     assert four.rigid[0] == pytest.approx(forty.rigid[0, ::10], abs=1e-5)
 
 
+def test_a_turn_that_has_just_begun_is_followed_on_a_fine_mesh():
+    """What two places foretell of a turn is too long by its square; small elements at the magnet take that ill."""
+    model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)), 52, 6)
+    one, forty = (
+        model.solve(LAWS["neo-hookean"], [[20e3]], Loads.along(np.linspace(0, 15, n + 1)[1:]), tolerance_mm=1e-4)
+        for n in (1, 40)
+    )
+    assert one.converged[0]
+    assert forty.converged[0]
+    assert one.rigid[0, -1] == pytest.approx(forty.rigid[0, -1], abs=1e-3)
+
+
 @pytest.mark.parametrize("mesh", [(13, 1), (26, 3), (52, 6)])
 def test_a_law_that_softens_beyond_its_stretches_stays_on_its_path(mesh):
     model, parameters = BeamModel(type3("plane-strain"), *mesh), np.array([[23044.0, 534.0, -91.0]])

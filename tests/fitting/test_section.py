@@ -89,6 +89,46 @@ def test_one_state_tells_of_a_candidate_very_near(gravity_deg):
     assert len(beside.solve(NEO, np.array([[TRUE_PA]]), loads).effect.places) > 1  # that of a near one is not kept
 
 
+def test_of_candidates_known_the_one_that_bends_alike_tells_of_another():
+    loads = Loads.along(np.linspace(0, 6, 7))
+    beside = SolidBeside(BEAM, 13, 1)
+    known = [beside.solve(NEO, np.array([[share * TRUE_PA]]), loads).effect for share in (0.8, 1.0, 1.5)]
+    for candidate, fewest in ((0.803, 0), (1.003, 1)):
+        modulus = np.array([[candidate * TRUE_PA]])
+        every = beside.solid.solve(NEO, modulus, loads, tolerance_mm=1e-4)
+        for order in (known, known[::-1]):
+            near = beside.starting(*order).solve(NEO, modulus, loads)
+            assert len(near.effect.places) == 1
+            assert near.effect.base.places == known[fewest].places
+            assert near.displacement == pytest.approx(every.displacement, abs=1e-3)
+    # One that was told by another is as good as one that was solved alone.
+    again = beside.starting(near.effect).solve(NEO, np.array([[TRUE_PA]]), loads)
+    assert len(again.effect.places) == 1
+    assert again.displacement == pytest.approx(beside.solve(NEO, np.array([[TRUE_PA]]), loads).displacement, abs=1e-3)
+
+
+def test_what_is_known_no_better_than_asked_for_takes_fewer_states():
+    loads, modulus = Loads.along(np.linspace(0, 6, 7)), np.array([[0.9 * TRUE_PA]])
+    beside = SolidBeside(BEAM, 13, 1)
+    effect = beside.solve(NEO, np.array([[TRUE_PA]]), loads).effect
+    well, loosely = (beside.starting(effect, foretold_mm=own).solve(NEO, modulus, loads) for own in (1e-3, 2e-2))
+    assert len(loosely.effect.places) < len(well.effect.places)
+    assert 1e-5 < np.abs(loosely.displacement - well.displacement).max() < 2e-2
+
+
+def test_a_planar_shape_that_is_there_is_not_sought_again(monkeypatch):
+    loads, modulus = Loads.along(np.linspace(0, 6, 7)), np.array([[TRUE_PA]])
+    beside = SolidBeside(BEAM, 13, 1)
+    assert beside.is_beside(BeamModel(replace(BEAM, section="solid"), 13, 1))
+    assert not beside.is_beside(BeamModel(BEAM, 14, 1))
+    assert not beside.is_beside(BeamModel(replace(BEAM, section="plane-strain"), 13, 1))
+    assert not beside.is_beside(BeamModel(replace(BEAM, width_mm=1.1 * BEAM.width_mm), 13, 1))
+    expected = beside.solve(NEO, modulus, loads)
+    flat = beside.planar.solve(NEO, modulus, loads, tolerance_mm=1e-2)
+    monkeypatch.setattr(BeamModel, "solve", None)
+    assert beside.lifting(flat).solve(NEO, modulus, loads).displacement == pytest.approx(expected.displacement)
+
+
 def test_states_that_lie_on_no_ray_of_loads_are_all_solved():
     loads = Loads.along([0.0, 3.0, 3.0], gravity_angle_deg=0.0, tip_force_N=[0.0, 0.0, 0.003])
     beside = SolidBeside(BEAM, 13, 1)

@@ -10,6 +10,7 @@ let taken = { dataset: "", states: [], moduli: [] }; // of the run under way: wh
 let asking = false;
 let found = null;
 
+const BEGINS = "the run begins …";
 const tried = (act) => async (event) => {
   event?.preventDefault();
   try { await act(); } catch (error) { tell(error.message, true); }
@@ -42,7 +43,7 @@ byId("dry").addEventListener("click", tried(async () => {
 }));
 byId("order").addEventListener("submit", tried(async () => {
   byId("dry-lines").hidden = true;
-  tell("the run begins …");
+  tell(BEGINS);
   await steer("/api/run/start", order());
 }));
 for (const act of ["pause", "go-on", "end"]) byId(act).addEventListener("click", tried(() => steer(`/api/run/${act}`)));
@@ -64,6 +65,7 @@ function showState({ run, control }) {
   byId("go-on").disabled = !mine || run?.phase !== "paused";
   byId("end").disabled = !mine || run?.phase === "stopping";
   if (!run) return;
+  if (run.phase !== "beginning" && byId("told").textContent === BEGINS) tell("");
   if (!goingOn && lastAbout) {
     showValues({ ...lastAbout, set_A: 0, on: false, rate_Hz: 0, field_mT: 0 });
     picture.canvas.setAttribute("aria-label", "the last picture of the run");

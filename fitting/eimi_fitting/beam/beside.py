@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import prod
 
 import numpy as np
@@ -26,7 +27,7 @@ Array = NDArray[np.float64]
 
 # A state that was foretold this well by the states before it is the last that is solved. The bulk of the specimen shows
 # a tenth of that, and its edges are good to 1e-3 mm.
-_FORETOLD_MM = 1e-3
+FORETOLD_MM = 1e-3
 _FEW = 6  # iterations of Newton's method from a start that is near
 _SAME = 1e-6  # of the range of places: nearer than this is the same place
 _BEYOND = 0.1  # of its range: so far beyond its places an effect is extrapolated
@@ -64,9 +65,18 @@ class DepthEffect:
         """Places where it is the same as its base."""
         return (0.0,) if self.base and self.by_turn else ()
 
+    @cached_property
+    def alone(self) -> DepthEffect:
+        """The same without a base, as far as it was solved: at the base's places, drawn together to that."""
+        if self.base is None or not self.places:
+            return self.base or self
+        reach = self.places[0] / self.base.places[0] if self.by_turn else 1.0
+        places = tuple(reach * place for place in self.base.places)
+        return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
+
     def covers(self, places: Array) -> bool:
         """Whether it is known that far, or nearly so: beyond its places a polynomial swings."""
-        own = (self.base if self.base and not self.places else self).places
+        own = self.alone.places
         beyond = _BEYOND * np.ptp(own)
         return bool(min(own) - beyond <= places.min() and places.max() <= max(own) + beyond)
 
@@ -92,13 +102,15 @@ class SolidBeside:
         self.mesh = self.solid.mesh
         self._plan, column = np.unique(self.mesh.nodes[:, :2], axis=0, return_inverse=True)
         self._column = column.reshape(-1)
-        self._start: DepthEffect | None = None
+        self._starts: tuple[DepthEffect, ...] = ()
+        self._foretold_mm = FORETOLD_MM
+        self._flat: Shapes | None = None
         self._known: DepthEffect | None = None
 
-    def __reduce__(self) -> tuple[type[SolidBeside], tuple[Specimen, int, int, int], dict[str, DepthEffect | None]]:
+    def __reduce__(self) -> tuple[type[SolidBeside], tuple[Specimen, int, int, int], dict[str, object]]:
         """As `BeamModel` is sent."""
         arguments = (self.specimen, self.planar.along, self.planar.across, self.solid.more)
-        return SolidBeside, arguments, {"_start": self._start, "_known": self._known}
+        return SolidBeside, arguments, {name: vars(self)[name] for name in ("_starts", "_foretold_mm", "_known")}
 
     def knowing(self, effect: DepthEffect | None) -> SolidBeside:
         """The same model with the effect of depth known, by the tip's turn: planar shapes alone are solved; or not."""
@@ -115,10 +127,25 @@ class SolidBeside:
         """Another specimen on as many elements."""
         return SolidBeside(specimen, self.planar.along, self.planar.across, self.solid.more)
 
-    def starting(self, effect: DepthEffect | None) -> SolidBeside:
-        """The same model, for candidates near the one whose effect of depth is given."""
+    def is_beside(self, model: BeamModel) -> bool:
+        """Whether a planar model's lines are those of this solid, so that its shapes are the planar ones here."""
+        own = self.planar
+        lines = (own.along, own.across) == (model.along, model.across)
+        return lines and own.specimen == replace(model.specimen, section=model.specimen.planar_section)
+
+    def lifting(self, flat: Shapes | None) -> SolidBeside:
+        """The same model, for the one candidate whose planar shapes are given: they are not sought again."""
         own = copy(self)
-        own._start = effect
+        own._flat = flat
+        return own
+
+    def starting(self, *effects: DepthEffect | None, foretold_mm: float = FORETOLD_MM) -> SolidBeside:
+        """The same model, for candidates near those whose effects of depth are given.
+
+        foretold_mm: how well a state has to be foretold to be the last that is solved.
+        """
+        own = copy(self)
+        own._starts, own._foretold_mm = tuple(effect for effect in effects if effect), foretold_mm
         return own
 
     def solve(
@@ -135,7 +162,9 @@ class SolidBeside:
         parameters = np.atleast_2d(parameters)
         if len(parameters) != 1:
             raise ValueError(f"one candidate at a time, not {len(parameters)}")
-        flat = self.planar.solve(law, parameters, loads, tolerance_mm=tolerance_mm, field_factor=field_factor)
+        flat = self._flat or self.planar.solve(
+            law, parameters, loads, tolerance_mm=tolerance_mm, field_factor=field_factor
+        )
         chosen = candidates(law, parameters, "solid", bulk_modulus_Pa, field_factor)
         effect = lift = None
         if np.isin(flat.status, (Status.CONVERGED, Status.UNSTABLE)).all():
@@ -182,9 +211,7 @@ class SolidBeside:
         step = np.diff(turn[np.argsort(along, kind="stable")])
         by_turn = bool(((step >= 0).all() or (step <= 0).all()) and np.ptp(turn) > _LEAST_TURN)
         places = turn if by_turn else along
-        base = self._start
-        near = base is not None and base.by_turn == by_turn and base.covers(places)
-        effect = DepthEffect((), (), by_turn, base if near else None)
+        effect = DepthEffect((), (), by_turn, self._base(places, by_turn))
         apart = _SAME * max(float(np.ptp(places)), _LEAST_TURN)
         left = np.arange(len(places))
         for own in effect.alike:
@@ -200,9 +227,15 @@ class SolidBeside:
                 return None
             effect = effect.with_one(float(places[k]), found)
             left = left[np.abs(places[left] - places[k]) > apart]
-            if foretold and len(known) and np.abs(foretold.displacement - found.displacement).max() < _FORETOLD_MM:
+            if foretold and len(known) and np.abs(foretold.displacement - found.displacement).max() < self._foretold_mm:
                 break
         return effect
+
+    def _base(self, places: Array, by_turn: bool) -> DepthEffect | None:
+        """Of the effects given that are known far enough, that of the candidate which the loads turn most alike."""
+        near = [own.alone for own in self._starts if own.by_turn == by_turn and own.covers(places)]
+        farthest = np.abs(places).max()
+        return min(near, key=lambda own: abs(np.abs(own.places).max() - farthest), default=None)
 
     def _solved(
         self,

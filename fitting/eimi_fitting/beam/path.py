@@ -25,6 +25,7 @@ _MOST_BULK_RATIO = 1e8
 _CUTS = (1, 4, 16, 64)
 _FEW = 6  # iterations of a step that stays on its path, to a tolerance of micrometres; one less to a loose one
 _LOOSE_MM = 1e-3
+_FAILED = (Status.DIVERGED, Status.OUT_OF_ITERATIONS)
 _OF_STRAIN, _SMALL_STRAIN = 1.5, 0.02
 _MOST_POINTS = 6  # of the path, that an extrapolation looks at
 _STATES_AT_ONCE = 64  # more of them together need more memory, and no less time
@@ -268,12 +269,24 @@ def _divided(
         guess = foretold or own[-1][1]
         batch, factor = chosen.take(rows[going])
         part, outcome, spent = solid.equilibrium(batch, actuation.at(target, factor), guess, tolerance_mm)
+        contracts = spent <= few
+        if foretold is not None:
+            contracts &= _as_foretold(solid, foretold, part)
+        again = np.flatnonzero(~contracts | np.isin(outcome, _FAILED))
+        if foretold is not None and cuts == _CUTS[-1] and len(again):
+            # A beam that has only begun to turn is foretold too long, by the turn's square: at last from where it is.
+            batch, factor = chosen.take(rows[going[again]])
+            other, ended, more = solid.equilibrium(
+                batch, actuation.at(target, factor), own[-1][1].take(again), tolerance_mm
+            )
+            better = np.flatnonzero((ended == Status.CONVERGED) & (more <= few))
+            part.put(again[better], other.take(better))
+            outcome[again[better]], contracts[again[better]] = Status.CONVERGED, True
+            spent[again] += more
         reached.put(going, part)
         iterations[going] += spent
         status[going] = outcome
-        sure[going] &= spent <= few
-        if foretold is not None:
-            sure[going] &= _as_foretold(solid, foretold, part)
+        sure[going] &= contracts
         own = [*own, (target, part)]
         keep = np.flatnonzero((outcome == Status.CONVERGED) & (sure[going] | (cuts == _CUTS[-1])))
         if len(keep) < len(going):

@@ -28,7 +28,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.beam.beside import DepthEffect, SolidBeside, SolidShapes
+from eimi_fitting.beam.beside import FORETOLD_MM, DepthEffect, SolidBeside, SolidShapes
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import Model
 from eimi_fitting.beam.specimen import Specimen
@@ -88,6 +88,7 @@ def polished(experiment: Experiment) -> Experiment:
 
 
 ALONG, _MOST_ACROSS = 20, 4
+_FIRST = np.zeros(1, np.intp)
 SOLID = Refinement(
     name="section",
     better=_solid,
@@ -133,19 +134,20 @@ def correction(
     experiments: Sequence[Experiment],
     here: Comparison,
     compare: Callable[[Sequence[Experiment]], Comparison],
-    start: Correction | None = None,
+    near: Sequence[Correction] = (),
+    foretold_mm: float = FORETOLD_MM,
 ) -> Correction | None:
     """What the refinement changes for a candidate; None where the better model finds no equilibrium.
 
-    here: of the experiments, with the candidate first; compare: says how far the candidate is from experiments; start:
-    of a candidate near this one.
+    here: of the experiments, with the candidate first; compare: says how far the candidate is from experiments; near:
+    of candidates near this one; foretold_mm: see `SolidBeside.starting`.
     """
     every = [refinement.better(e) for e in experiments]
-    if start:
-        every = [
-            replace(e, solid=e.solid.starting(effect)) if e.solid else e
-            for e, effect in zip(every, start.effects, strict=True)
-        ]
+    for i, e in enumerate(every):
+        if e.solid:
+            near_it = e.solid.starting(*(own.effects[i] for own in near), foretold_mm=foretold_mm)
+            same_lines = here.shapes and e.solid.is_beside(e.model)
+            every[i] = replace(e, solid=near_it.lifting(here.shapes[i].take(_FIRST)) if same_lines else near_it)
     better = compare(every)
     # Nearer to a singular corner the stretch is larger, and may be beyond the law's stability; the edges still tell.
     if here.unconverged[0] or better.unconverged[0]:

@@ -400,7 +400,7 @@ def _change(
     start: Correction | None = None,
 ) -> Correction | None:
     at = partial(_alone, problem, unit)
-    return correction(refinement, experiments, at(experiments), at, start)
+    return correction(refinement, experiments, at(experiments), at, [start] if start else ())
 
 
 def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment]) -> Comparison:

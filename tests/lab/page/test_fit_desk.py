@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import shutil
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,19 +14,20 @@ import pytest
 from websockets.sync.client import connect
 
 
-def in_control(served: Any) -> Any:
+@contextmanager
+def in_control(served: Any) -> Iterator[tuple[Any, str]]:
     """A socket whose tab steers, and the tab's name."""
-    socket_ = connect(
+    with connect(
         f"ws://{served.host}/live",
         origin=f"http://{served.host}",
         additional_headers={"Cookie": f"eimi_{served.port}={'t' * 43}"},
-    )
-    told = json.loads(socket_.recv(timeout=20))
-    if told["control"] != "you":
-        socket_.send(json.dumps({"take": True}))
-        while told["control"] != "you":
-            told = json.loads(socket_.recv(timeout=20))
-    return socket_, told["tab"]
+    ) as tab:
+        told = json.loads(tab.recv(timeout=20))
+        if told["control"] != "you":
+            tab.send(json.dumps({"take": True}))
+            while told["control"] != "you":
+                told = json.loads(tab.recv(timeout=20))
+        yield tab, told["tab"]
 
 
 @pytest.mark.parametrize(
@@ -36,8 +39,7 @@ def in_control(served: Any) -> Any:
     ],
 )
 def test_a_fit_of_nothing_is_refused(served: Any, asked: dict[str, str], words: str) -> None:
-    tab, name = in_control(served)
-    with tab:
+    with in_control(served) as (_, name):
         answer = served.ask(
             "/api/fit/start", "POST", json.dumps(asked).encode(), Origin=f"http://{served.host}", X_Tab=name
         )
@@ -50,8 +52,7 @@ def test_what_a_fit_cannot_explain_is_told_in_the_tab(served: Any) -> None:
     own = served.folder / "unfit"
     own.mkdir()
     shutil.copy(served.folder / "run.h5", own)
-    tab, name = in_control(served)
-    with tab:
+    with in_control(served) as (tab, name):
         asked = json.dumps({"dataset": "unfit/run.h5", "model": "neo-hookean"}).encode()
         assert served.ask("/api/fit/start", "POST", asked, Origin=f"http://{served.host}", X_Tab=name).status == 200
         told: dict[str, Any] = {"phase": ""}
@@ -66,9 +67,8 @@ def test_what_a_fit_cannot_explain_is_told_in_the_tab(served: Any) -> None:
 def test_a_fit_of_before_is_replaced_where_that_is_asked_for_alone(served: Any) -> None:
     fits = served.folder / "run.fits.json"
     fits.write_text("of before")
-    tab, name = in_control(served)
     try:
-        with tab:
+        with in_control(served) as (_, name):
             asked = json.dumps({"dataset": "run.h5", "model": "neo-hookean"}).encode()
             answer = served.ask("/api/fit/start", "POST", asked, Origin=f"http://{served.host}", X_Tab=name)
         assert answer.status == 400
@@ -89,8 +89,7 @@ def test_one_run_at_a_time(served: Any, monkeypatch: pytest.MonkeyPatch) -> None
 
     monkeypatch.setattr(served.page.desk, "run", GoingOn())
     asked = {"protocol": "protocol.toml", "specimen": "specimen.toml", "rig": "virtual", "dataset": "new.h5"}
-    tab, name = in_control(served)
-    with tab:
+    with in_control(served) as (_, name):
         answer = served.ask(
             "/api/run/start", "POST", json.dumps(asked).encode(), Origin=f"http://{served.host}", X_Tab=name
         )
