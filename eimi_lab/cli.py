@@ -16,7 +16,7 @@ from eimi_lab.commands.examples import EXAMPLES, in_help
 from eimi_lab.commands.result import printing
 from eimi_lab.errors import InputError, OwnFault, tell
 from eimi_lab.stderr import never_blocking
-from eimi_lab.stopping import Stopped, unwind_on_termination
+from eimi_lab.stopping import Stopped, leaving, unwind_on_termination
 from eimi_lab.threads import one_thread_each
 
 app = typer.Typer(
@@ -67,8 +67,11 @@ def main() -> None:
     """Run the command line and exit: 0 done, 2 bad input, 1 another failure, 128 + n stopped by signal n."""
     unwind_on_termination()
     one_thread_each()
-    with never_blocking():
-        status = _status()
+    try:
+        with never_blocking():
+            status = _status()
+    except Stopped as stopped:  # once more, before the first could be told of
+        status = _told(stopped)
     timed = sys.modules.get("eimi_drivers.cameras.timed")
     if timed and timed.calls_under_way():  # its library may wait at the end for the call that never comes back
         sys.stdout.flush()
@@ -85,7 +88,7 @@ def _status() -> int:
     except (KeyboardInterrupt, typer.Abort):
         return _tell("stopped by SIGINT", 130)
     except Stopped as stopped:
-        return _tell(stopped.in_words(), 128 + stopped.number)
+        return _told(stopped)
     except Exception as error:
         from eimi_drivers.interfaces import InstrumentError, SwitchOffFailed
 
@@ -104,6 +107,11 @@ def _left_out(error: Exception) -> str:
     from pydantic import ValidationError
 
     return f", not {error.__cause__.errors()[0]['input']}" if isinstance(error.__cause__, ValidationError) else ""
+
+
+def _told(stopped: Stopped) -> int:
+    with leaving():
+        return _tell(stopped.in_words(), 128 + stopped.number)
 
 
 def _tell(message: str, status: int) -> int:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 
 TERMINATION = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
@@ -34,6 +36,19 @@ def unwind_on_termination() -> None:
     for number in (signal.SIGINT, *TERMINATION):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _raise)
+
+
+@contextmanager
+def leaving() -> Iterator[None]:
+    """For the last words: all that had to end has ended, and a further signal waits for them; later ones end it."""
+    heeded = [n for n in (signal.SIGINT, *TERMINATION) if signal.getsignal(n) is _raise]
+    for number in heeded:
+        signal.signal(number, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        for number in heeded:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def raise_if_asked() -> None:

@@ -1,0 +1,42 @@
+"""A second Ctrl-C while the program tells of the first."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+STOPPED = """
+import os, signal
+from eimi_lab import cli
+from eimi_lab.stopping import Stopped
+
+def ctrl_c():
+    os.kill(os.getpid(), signal.SIGINT)
+
+def app(*arguments, **options):
+    try:
+        ctrl_c()
+    except Stopped as stopped:
+        raise Stopped(stopped.number, "the coil is off") from stopped
+
+def with_another_before(act):
+    again = [ctrl_c]
+    def acting(said):
+        while again:
+            again.pop()()
+        return act(said)
+    return acting
+
+cli.app = app
+cli.{place} = with_another_before(cli.{place})
+cli.main()
+"""
+
+
+@pytest.mark.parametrize("place", ["tell", "_told"])
+def test_what_the_first_left_behind_is_told_all_the_same(place: str) -> None:
+    command = [sys.executable, "-c", STOPPED.format(place=place)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert (done.returncode, done.stderr) == (130, "eimi: stopped by SIGINT: the coil is off\n")
