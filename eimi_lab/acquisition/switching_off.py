@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from types import FrameType
 
 from eimi_drivers.interfaces import InstrumentError
-from eimi_drivers.supplies.base import SupplyBase
 from eimi_lab.acquisition.coil import Coil, never
 from eimi_lab.acquisition.guardian import Guardian
 from eimi_lab.errors import tell
@@ -36,9 +35,8 @@ def switching_off(coil: Coil, guardian: Guardian | None = None) -> Iterator[Call
     The guardian is armed meanwhile, and disarmed only once the supply says that it is off.
 
     A signal is only noted when it arrives and acted on between operations, so that no exchange with an instrument
-    and no write to a file is cut in two; a second one leaves out the ramp down, and what the supply was yet to be
-    asked. Ctrl-Z is refused, in words: a run that is suspended would leave the coil on. The handlers that were there
-    before are put back afterwards.
+    and no write to a file is cut in two; a second one cuts the ramp down short, and nothing else. Ctrl-Z is refused, in
+    words: a run that is suspended would leave the coil on. The handlers that were there before are put back afterwards.
     Outside the main thread, where Python delivers no signals, only the switching off is left. Raises SwitchOffFailed
     where that failed.
     """
@@ -69,10 +67,6 @@ def switching_off(coil: Coil, guardian: Guardian | None = None) -> Iterator[Call
         if len(noted) > 1:
             raise _InHaste
 
-    def leave_questions_out() -> None:
-        if len(noted) > 1 and threading.current_thread() is threading.main_thread():
-            raise Stopped(noted[0])
-
     previous = {}
     if threading.current_thread() is threading.main_thread():
         # What is ignored stays ignored: a run under nohup outlives its terminal.
@@ -83,28 +77,14 @@ def switching_off(coil: Coil, guardian: Guardian | None = None) -> Iterator[Call
     try:
         if guardian:
             guardian.arm()
-        with _between_questions(coil.supply, leave_questions_out):
-            try:
-                yield stop_if_asked
-            finally:
-                ramp_down_and_switch_off(coil, guardian, go_on_down)
+        try:
+            yield stop_if_asked
+        finally:
+            ramp_down_and_switch_off(coil, guardian, go_on_down)
         stop_if_asked()
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
-
-
-@contextmanager
-def _between_questions(supply: object, look: Callable[[], None]) -> Iterator[None]:
-    """A supply whose driver can be called away from a read-back is."""
-    if not isinstance(supply, SupplyBase):
-        yield
-        return
-    supply.meanwhile = look
-    try:
-        yield
-    finally:
-        supply.meanwhile = never
 
 
 def ramp_down_and_switch_off(

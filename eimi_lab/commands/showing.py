@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from eimi_lab.commands.result import Result
-from eimi_lab.commands.shared_options import Force, Output, Specimen
+from eimi_lab.commands.shared_options import Force, Output, Specimen, Workers
 
 # Beside Python, what a result may depend on.
 _PACKAGES = ("numpy", "scipy", "cma", "h5py", "opencv-python-headless")
@@ -37,7 +37,7 @@ def report(
     assets: Annotated[
         Path | None, typer.Option(help="a folder for each figure as SVG and PDF, each table as CSV and LaTeX")
     ] = None,
-    workers: Annotated[int, typer.Option(help="processes that share the datasets, at most one a processor", min=1)] = 1,
+    workers: Workers = 1,
     force: Force = False,
 ) -> Result:
     """Write one self-contained HTML file: the number and what limits it, laws, errors, frames, residuals, methods."""

@@ -12,13 +12,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from eimi_lab.dataset.csv_tables import read_table
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.errors import InputError
-from eimi_lab.vision.image_files import find_images, read_image
 
 Run = Callable[..., tuple[int, str]]
 
@@ -305,54 +302,6 @@ def test_an_existing_file_stays_unless_forced(run: Run, pictures: Path) -> None:
     assert (pictures / "out.h5").read_text() == "precious"
 
 
-@pytest.mark.parametrize("ending", [".png", ".jpg", ".tif", ".bmp", ".pgm"])
-@pytest.mark.parametrize("share", [0.05, 0.5, 0.9, 0.999])
-def test_a_truncated_image_is_never_read(
-    tmp_path: Path, frame: Callable[..., np.ndarray], ending: str, share: float
-) -> None:
-    path = tmp_path / f"image{ending}"
-    cv2.imwrite(str(path), frame(1))
-    whole = path.read_bytes()
-    assert read_image(path).shape == (96, 128)
-    path.write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(InputError, match=path.name):
-        read_image(path)
-
-
-def test_a_phone_appends_a_film_and_has_a_thumbnail_inside(tmp_path: Path, frame: Callable[..., np.ndarray]) -> None:
-    path = tmp_path / "image.jpg"
-    whole, small = (cv2.imencode(".jpg", image)[1].tobytes() for image in (frame(1), frame(1)[::4, ::4]))
-    thumbnail = b"Exif\0\0" + small
-    whole = whole[:2] + b"\xff\xe1" + (len(thumbnail) + 2).to_bytes(2, "big") + thumbnail + whole[2:]
-    path.write_bytes(whole + b"ftypmp42" + bytes(5000))
-    assert read_image(path).shape == (96, 128)
-    path.write_bytes(whole[: len(whole) - len(whole) // 4])
-    with pytest.raises(InputError, match="truncated or damaged"):
-        read_image(path)
-
-
-def test_pictures_as_phones_store_them_are_named(tmp_path: Path) -> None:
-    heic = b"\0\0\0\x18ftypheic" + bytes(100)
-    (tmp_path / "IMG_1.HEIC").write_bytes(heic)
-    with pytest.raises(InputError, match=r"holds no images .*; save IMG_1.HEIC and its like as JPEG or PNG"):
-        find_images(tmp_path)
-    (tmp_path / "renamed.jpg").write_bytes(heic)
-    with pytest.raises(InputError, match="is a HEIC picture; save it as JPEG or PNG"):
-        read_image(tmp_path / "renamed.jpg")
-
-
-def test_a_turned_phone_says_so_in_its_pictures(tmp_path: Path) -> None:
-    """Stored lying on its side with Exif's orientation 6 (CIPA DC-008, 4.6.4): seen upright, as viewers show it."""
-    upright = np.full((96, 64, 3), 200, np.uint8)
-    upright[:20] = (30, 30, 220)
-    raw = cv2.imencode(".jpg", cv2.rotate(upright, cv2.ROTATE_90_COUNTERCLOCKWISE))[1].tobytes()
-    entry = b"\x01\x12\0\x03\0\0\0\x01\0\x06\0\0"
-    exif = b"Exif\0\0MM\0*\0\0\0\x08\0\x01" + entry + bytes(4)
-    path = tmp_path / "image.jpg"
-    path.write_bytes(raw[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + raw[2:])
-    assert np.abs(read_image(path).astype(int) - upright).max() < 40
-
-
 def test_the_real_beam_comes_in_as_points(run: Run, files: Path, measured: Path) -> None:
     for name in ("points.csv", "states.csv", "specimen.toml"):
         shutil.copy(measured / "real_beam" / name, files)
@@ -440,26 +389,3 @@ def test_through_the_installed_module(pictures: Path) -> None:
     )
     assert done.returncode == 2
     assert done.stderr == "eimi: frames/frame_10.png: is truncated or damaged; copy it again\n"
-
-
-cells = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=8)
-
-
-@given(rows=st.lists(st.lists(cells, min_size=1, max_size=4), max_size=5))
-def test_any_table_is_read_or_told_in_one_line(tmp_path_factory: pytest.TempPathFactory, rows: list[list[str]]) -> None:
-    path = tmp_path_factory.mktemp("tables") / "states.csv"
-    path.write_text("\n".join(["frame,current_A", *(",".join(row) for row in rows)]), encoding="utf-8", newline="")
-    told = ""
-    try:
-        numbers = [row.number("current_A") for row in read_table(path, ["frame"], ["current_A"])]
-    except InputError as error:
-        numbers, told = [], str(error)
-    assert np.isfinite(numbers).all()
-    assert told.startswith(str(path)) or numbers
-
-
-@given(numbers=st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=20))
-def test_numbers_survive_a_table(tmp_path_factory: pytest.TempPathFactory, numbers: list[float]) -> None:
-    path = tmp_path_factory.mktemp("tables") / "states.csv"
-    path.write_text("current_A\n" + "\n".join(map(repr, numbers)))
-    assert [row.number("current_A") for row in read_table(path, ["current_A"])] == numbers

@@ -15,12 +15,8 @@ import pytest
 from numpy.typing import NDArray
 
 from eimi_drivers.clock import SimulatedClock
-from eimi_drivers.emulators.korad import KoradDialect
-from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import Frame, Identity, InstrumentError, Limits, Reading
 from eimi_drivers.supplies.base import WATCHDOG_S
-from eimi_drivers.supplies.korad import KoradSupply
-from eimi_drivers.supplies.transport import InProcessTransport
 from eimi_lab.acquisition.capture import capture
 from eimi_lab.acquisition.coil import Coil, never
 from eimi_lab.acquisition.dry_run import dry_run
@@ -241,35 +237,6 @@ def test_a_second_signal_leaves_the_ramp_down_out(signals: int, ramped: bool) ->
         run()
     assert supply.did[-1] == "off"
     assert (len(supply.did) > 3) is ramped
-
-
-@pytest.mark.parametrize(("signals", "asked_on"), [(1, True), (2, False)])
-def test_a_second_signal_leaves_the_read_backs_under_way_out(signals: int, asked_on: bool) -> None:
-    """On a slow line they are most of what a set-point takes. What switches off is still read back."""
-    clock = SimulatedClock()
-
-    class Signalling(KoradDialect):
-        def receive(self, data: bytes) -> bytes:
-            if data == b"ISET1:0.700":
-                for _ in range(signals):
-                    signal.raise_signal(signal.SIGINT)
-            return super().receive(data)
-
-    link = InProcessTransport(Signalling(CoilSupply(clock)), clock)
-    supply = KoradSupply(link, Limits(current_A=1.0, voltage_V=5.0), clock)
-
-    def run() -> None:
-        coil = Coil(supply, clock, RAMP)
-        with switching_off(coil):
-            coil.step_to(0.7)
-
-    with pytest.raises(Stopped):
-        run()
-    after = link.sent[link.sent.index(b"ISET1:0.700") + 1 :]
-    assert (after[0] == b"ISET1?") is asked_on
-    assert after[-6 if asked_on else 0 :][:2] == [b"ISET1:0.000", b"OUT0"]
-    assert after[-4:] == [b"ISET1?", b"ISET1?", b"STATUS?", b"STATUS?"]
-    supply.set_current(0.5)  # nothing looks any more
 
 
 def test_a_coil_that_could_not_be_switched_off_stays_under_guard() -> None:

@@ -1,0 +1,33 @@
+"""Tables of any text are read, or told in one line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eimi_lab.dataset.csv_tables import read_table
+from eimi_lab.errors import InputError
+
+cells = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=8)
+
+
+@given(rows=st.lists(st.lists(cells, min_size=1, max_size=4), max_size=5))
+def test_any_table_is_read_or_told_in_one_line(tmp_path_factory: pytest.TempPathFactory, rows: list[list[str]]) -> None:
+    path = tmp_path_factory.mktemp("tables") / "states.csv"
+    path.write_text("\n".join(["frame,current_A", *(",".join(row) for row in rows)]), encoding="utf-8", newline="")
+    told = ""
+    try:
+        numbers = [row.number("current_A") for row in read_table(path, ["frame"], ["current_A"])]
+    except InputError as error:
+        numbers, told = [], str(error)
+    assert np.isfinite(numbers).all()
+    assert told.startswith(str(path)) or numbers
+
+
+@given(numbers=st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=20))
+def test_numbers_survive_a_table(tmp_path_factory: pytest.TempPathFactory, numbers: list[float]) -> None:
+    path = tmp_path_factory.mktemp("tables") / "states.csv"
+    path.write_text("current_A\n" + "\n".join(map(repr, numbers)))
+    assert [row.number("current_A") for row in read_table(path, ["current_A"])] == numbers

@@ -1,0 +1,61 @@
+"""Image files as cameras and phones store them, whole and cut short."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from eimi_lab.errors import InputError
+from eimi_lab.vision.image_files import find_images, read_image
+
+
+@pytest.mark.parametrize("ending", [".png", ".jpg", ".tif", ".bmp", ".pgm"])
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.9, 0.999])
+def test_a_truncated_image_is_never_read(
+    tmp_path: Path, frame: Callable[..., np.ndarray], ending: str, share: float
+) -> None:
+    path = tmp_path / f"image{ending}"
+    cv2.imwrite(str(path), frame(1))
+    whole = path.read_bytes()
+    assert read_image(path).shape == (96, 128)
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(InputError, match=path.name):
+        read_image(path)
+
+
+def test_a_phone_appends_a_film_and_has_a_thumbnail_inside(tmp_path: Path, frame: Callable[..., np.ndarray]) -> None:
+    path = tmp_path / "image.jpg"
+    whole, small = (cv2.imencode(".jpg", image)[1].tobytes() for image in (frame(1), frame(1)[::4, ::4]))
+    thumbnail = b"Exif\0\0" + small
+    whole = whole[:2] + b"\xff\xe1" + (len(thumbnail) + 2).to_bytes(2, "big") + thumbnail + whole[2:]
+    path.write_bytes(whole + b"ftypmp42" + bytes(5000))
+    assert read_image(path).shape == (96, 128)
+    path.write_bytes(whole[: len(whole) - len(whole) // 4])
+    with pytest.raises(InputError, match="truncated or damaged"):
+        read_image(path)
+
+
+def test_pictures_as_phones_store_them_are_named(tmp_path: Path) -> None:
+    heic = b"\0\0\0\x18ftypheic" + bytes(100)
+    (tmp_path / "IMG_1.HEIC").write_bytes(heic)
+    with pytest.raises(InputError, match=r"holds no images .*; save IMG_1.HEIC and its like as JPEG or PNG"):
+        find_images(tmp_path)
+    (tmp_path / "renamed.jpg").write_bytes(heic)
+    with pytest.raises(InputError, match="is a HEIC picture; save it as JPEG or PNG"):
+        read_image(tmp_path / "renamed.jpg")
+
+
+def test_a_turned_phone_says_so_in_its_pictures(tmp_path: Path) -> None:
+    """Stored lying on its side with Exif's orientation 6 (CIPA DC-008, 4.6.4): seen upright, as viewers show it."""
+    upright = np.full((96, 64, 3), 200, np.uint8)
+    upright[:20] = (30, 30, 220)
+    raw = cv2.imencode(".jpg", cv2.rotate(upright, cv2.ROTATE_90_COUNTERCLOCKWISE))[1].tobytes()
+    entry = b"\x01\x12\0\x03\0\0\0\x01\0\x06\0\0"
+    exif = b"Exif\0\0MM\0*\0\0\0\x08\0\x01" + entry + bytes(4)
+    path = tmp_path / "image.jpg"
+    path.write_bytes(raw[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + raw[2:])
+    assert np.abs(read_image(path).astype(int) - upright).max() < 40
