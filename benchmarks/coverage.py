@@ -50,7 +50,8 @@ from eimi_fitting.inference.sources import SOURCES, StatedSource, loads_under, s
 from eimi_fitting.inference.unknowns import Setup, Unknowns
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.search_space import search_space
-from eimi_lab.config.rig import load_rig, stated_by_rig
+from eimi_lab.config.rig import load_rig
+from eimi_lab.config.rig_uncertainty import stated_by_rig
 from eimi_lab.config.specimen import load_specimen
 
 Array = NDArray[np.float64]

@@ -6,7 +6,6 @@ again on another one when a worker is lost, each with one thread (`eimi_lab.thre
 
 from __future__ import annotations
 
-import asyncio
 import multiprocessing
 import os
 import platform
@@ -121,6 +120,8 @@ def cluster(address: str) -> Iterator[Executor]:
     Raises InputError where dask.distributed is not installed, no scheduler answers, no worker is there or one has
     another version of a package that decides the last digits; ChildProcessError when the cluster is lost.
     """
+    import asyncio  # slow to load, and of no use to processes
+
     try:
         from distributed import Client, KilledWorker
     except ImportError as error:

@@ -12,13 +12,12 @@ from eimi_drivers.cameras.camera_names import CAMERAS
 from eimi_drivers.cameras.settings import CameraSettings
 from eimi_drivers.emulators.coil_line import ADDRESS
 from eimi_drivers.supplies.supply_names import SUPPLIES
-from eimi_fitting.inference.sources import StatedSource
 from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.config.materials import TrueMaterials, load_materials
 from eimi_lab.config.protocol import SupplyLimits
 from eimi_lab.config.simulated_optics import Optics
-from eimi_lab.config.toml import Document, Table, check, locate, parse, parse_table, read_text
-from eimi_lab.config.uncertainty import OfRig, stated_of
+from eimi_lab.config.toml import Document, Table, check, locate, parse_table, read_text
+from eimi_lab.config.uncertainty import OfRig
 from eimi_lab.errors import InputError
 
 VIRTUAL = "virtual"
@@ -199,21 +198,6 @@ class Rig(Document):
     def simulated(self) -> bool:
         """Whether the supply is virtual as well as the camera, so that seconds are simulated."""
         return self.supply.driver == VIRTUAL
-
-
-class _Stated(Document):
-    """What of a rig says how well its numbers are known, whatever else it holds."""
-
-    model_config = ConfigDict(extra="ignore")
-
-    uncertainty: OfRig | None = None
-
-
-def stated_by_rig(text: str, origin: str, coil_constant_mT_per_A: float) -> tuple[StatedSource, ...]:
-    """How uncertain the current is, as a field, by the text of a rig that a dataset keeps. Raises InputError."""
-    found = parse(_Stated, text, origin)
-    in_units = {"current_A": coil_constant_mT_per_A}
-    return stated_of("rig", found.uncertainty, lambda _: f"supply of {parse_table(text, origin).get('name')}", in_units)
 
 
 def load_rig(name: str | Path) -> Rig:

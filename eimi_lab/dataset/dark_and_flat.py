@@ -14,7 +14,6 @@ from eimi_lab.dataset.layout import group, to_stored
 from eimi_lab.dataset.rewriting import rewritten
 from eimi_lab.dataset.stored_edges import drop_edges
 from eimi_lab.errors import InputError
-from eimi_lab.vision.image_files import described, read_image
 from eimi_lab.vision.intensity import FieldCorrection, in_channels
 
 GROUP = "correction"
@@ -26,6 +25,8 @@ Images = Mapping[str, NDArray[Any]]
 
 def read_correction_images(dark: Path | None, flat: Path | None) -> dict[str, NDArray[Any]]:
     """Read a dark frame and a flat field from files. Raises InputError for images that can correct nothing."""
+    from eimi_lab.vision.image_files import read_image  # OpenCV is slow to load, and a fit of stored edges does without
+
     images = {name: read_image(path) for name, path in (("dark", dark), ("flat", flat)) if path is not None}
     try:
         correction_by(images)
@@ -41,6 +42,8 @@ def correction_by(images: Images) -> FieldCorrection | None:
 
 def check_like(images: Images, frame: NDArray[Any]) -> None:
     """Raise InputError where an image differs from a frame in size or depth, or a dark frame was taken with light."""
+    from eimi_lab.vision.image_files import described  # see above
+
     for name, image in images.items():
         if (image.shape, image.dtype) != (frame.shape, frame.dtype):
             raise InputError(f"--{name}: is {described(image)}; the frames are {described(frame)}")

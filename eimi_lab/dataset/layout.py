@@ -26,20 +26,22 @@ import platform
 from dataclasses import astuple, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings
 from eimi_drivers.interfaces import Identity
 from eimi_lab.config.calibration import Calibration
-from eimi_lab.config.protocol import Protocol
-from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import Document
 from eimi_lab.vision.check import Flag, Severity
+
+if TYPE_CHECKING:  # what knows every driver is slow to load, and who reads a dataset does without
+    from eimi_drivers.cameras.settings import CameraSettings
+    from eimi_lab.config.protocol import Protocol
+    from eimi_lab.config.rig import Rig
 
 FORMAT = 1
 FORMAT_ATTRIBUTE = "eimi_format"
@@ -86,7 +88,7 @@ class Header:
     truth: dict[str, Any] | None = None
     note: str = ""
     taken: str | None = None
-    camera_settings: CameraSettings = NO_SETTINGS
+    camera_settings: CameraSettings | None = None
     without_contact: str = ""
 
     @property

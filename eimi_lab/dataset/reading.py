@@ -28,12 +28,10 @@ from eimi_lab.dataset.state import State
 from eimi_lab.dataset.stored_edges import read_edges, read_projection
 from eimi_lab.dataset.tip_force_angles import tip_force_angles
 from eimi_lab.dataset.upright import turn
-from eimi_lab.dataset.videos import ENDINGS as VIDEOS
 from eimi_lab.errors import InputError
 from eimi_lab.tables import html_table
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.edge_set import EdgeSet
-from eimi_lab.vision.image_files import ENDINGS as IMAGES
 from eimi_lab.vision.intensity import FieldCorrection
 from eimi_lab.vision.projection import Projection
 from eimi_lab.writer_lock import is_being_written
@@ -64,8 +62,6 @@ _IF_DAMAGED = "`eimi recover` makes a copy of what is readable"
 _NOT_HDF5 = "is not an HDF5 file; `eimi import` makes a dataset from images or points"
 # What a person may give in a dataset's place, by the ending of its name.
 _INSTEAD = {
-    **dict.fromkeys(IMAGES, "is a picture; `eimi import` makes a dataset of pictures"),
-    **dict.fromkeys(VIDEOS, "is a video; `eimi import` makes a dataset of videos"),
     ".json": "is a JSON file; a fit goes with --fit, and the dataset is what `eimi acquire` or `eimi import` wrote",
     ".toml": "is a TOML file, not a dataset, which `eimi acquire` or `eimi import` writes",
     ".csv": "is a table; `eimi import` makes a dataset of tables and what they list",
@@ -368,7 +364,7 @@ def open_file(path: Path) -> tuple[h5py.File, bool]:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error})") from error
     if not is_hdf5:
-        raise InputError(f"{path}: {_INSTEAD.get(path.suffix.lower(), _NOT_HDF5)}")
+        raise InputError(f"{path}: {_instead(path)}")
     try:
         return h5py.File(path, "r"), True
     except OSError as error:
@@ -385,6 +381,19 @@ def open_file(path: Path) -> tuple[h5py.File, bool]:
         except OSError as error:
             reason = str(error)
     raise InputError(f"{path}: is a damaged HDF5 file ({reason}); `eimi recover` makes a copy of what is readable")
+
+
+def _instead(path: Path) -> str:
+    """What a file is that is none of HDF5, and what is to be done with it."""
+    from eimi_lab.dataset.videos import ENDINGS as VIDEOS  # OpenCV is slow to load
+    from eimi_lab.vision.image_files import ENDINGS as IMAGES
+
+    ending = path.suffix.lower()
+    if ending in IMAGES:
+        return "is a picture; `eimi import` makes a dataset of pictures"
+    if ending in VIDEOS:
+        return "is a video; `eimi import` makes a dataset of videos"
+    return _INSTEAD.get(ending, _NOT_HDF5)
 
 
 def _refuse_links(path: Path, file: h5py.File) -> None:

@@ -368,7 +368,7 @@ def _empty_file(header: Header, image: NDArray[Any]) -> bytes:
         detector = group(entry["instrument"], "detector", "NXdetector")
         frames = frame_stack(detector, "data", image)
         put_text(detector, "description", "side camera")
-        if settings := header.camera_settings.chosen():
+        if header.camera_settings and (settings := header.camera_settings.chosen()):
             read_back = group(detector, "settings", "NXcollection")
             for name, value in settings.items():
                 read_back[name] = value

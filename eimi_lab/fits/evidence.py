@@ -20,7 +20,7 @@ from eimi_fitting.beam.view import View
 from eimi_fitting.inference.experiment import Experiment
 from eimi_fitting.inference.measurements import EdgeObservation, Observation, PointObservation
 from eimi_fitting.inference.sources import StatedSource
-from eimi_lab.config.rig import stated_by_rig
+from eimi_lab.config.rig_uncertainty import stated_by_rig
 from eimi_lab.config.uncertainty import missing_keys
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.state import State

@@ -29,7 +29,8 @@ from eimi_fitting.inference.design_of_experiment import (
 )
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.protocol import Currents, Protocol
-from eimi_lab.config.rig import Rig, stated_by_rig
+from eimi_lab.config.rig import Rig
+from eimi_lab.config.rig_uncertainty import stated_by_rig
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import to_toml
 from eimi_lab.errors import InputError

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -14,12 +13,15 @@ from eimi_lab.config.calibration import Calibration
 Array = NDArray[np.float64]
 
 # Undistorting iterates; OpenCV's default of five rounds leaves hundredths of a pixel on a strong lens.
-_UNDISTORT = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 50, 1e-10)
+_ROUNDS, _ENOUGH = 50, 1e-10
 
 
 def undistorted(points_px: Array, matrix: Array, distortion: Array) -> Array:
     """(n, 2) px as a lens without distortion would have them; matrix and distortion are OpenCV's."""
-    ideal = cv2.undistortPoints(points_px.reshape(-1, 1, 2), matrix, distortion, None, None, matrix, _UNDISTORT)
+    import cv2  # slow to load, and a fit of stored edges does without
+
+    until = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, _ROUNDS, _ENOUGH)
+    ideal = cv2.undistortPoints(points_px.reshape(-1, 1, 2), matrix, distortion, None, None, matrix, until)
     return np.asarray(ideal, dtype=np.float64).reshape(-1, 2)
 
 
@@ -59,6 +61,8 @@ class BeamFrame:
         points = np.asarray(points_mm, dtype=np.float64).reshape(-1, 2) @ self._axes * self._scale + self._origin
         if self._matrix is None or len(points) == 0:
             return points
+        import cv2  # see `undistorted`
+
         rays = np.linalg.solve(self._matrix, np.column_stack([points, np.ones(len(points))]).T).T
         still = np.zeros(3)
         image_points = cv2.projectPoints(rays, still, still, self._matrix, self._distortion)[0]

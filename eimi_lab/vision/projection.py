@@ -12,7 +12,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -173,5 +172,7 @@ def _in_space(colours: NDArray[Any], space: str) -> NDArray[np.float32]:
     pixels = np.ascontiguousarray(colours, dtype=np.float32)
     if space == CAMERA:
         return pixels
+    import cv2  # slow to load, and a fit of stored edges does without
+
     lab = cv2.cvtColor(pixels, cv2.COLOR_BGR2Lab)
     return np.asarray(lab / np.array([100.0, 255.0, 255.0]) + np.array([0.0, 0.5, 0.5]), dtype=np.float32)

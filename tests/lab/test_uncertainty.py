@@ -9,7 +9,8 @@ import pytest
 
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.calibration import Calibration, load_calibration
-from eimi_lab.config.rig import load_rig, stated_by_rig
+from eimi_lab.config.rig import load_rig
+from eimi_lab.config.rig_uncertainty import stated_by_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import parse
 from eimi_lab.errors import InputError

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from xml.sax.saxutils import quoteattr
+from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
@@ -194,7 +194,7 @@ def _febio(material: Material) -> str:
     words = material.in_words_of("febio")
     tags = {**words.constants, "k": MPA_PER_PA * material.bulk_modulus_Pa, "pressure_model": "2"}
     lines = [f"  <{tag}>{_number(value)}</{tag}>" for tag, value in tags.items()]
-    head = f'<material id="1" name={quoteattr(material.name)} type="{words.keyword}">'
+    head = f'<material id="1" name="{escape(material.name)}" type="{words.keyword}">'
     volume = words.volume or "k/2 (J - 1)^2, which is pressure_model 2"
     notes = _notes(material, _MPA, volume, "for FEBio 4, uncoupled materials", *words.notes)
     return _comment(notes) + "\n".join([head, *lines, "</material>"]) + "\n"
@@ -204,7 +204,7 @@ def _sofa(material: Material) -> str:
     """keyword: the materialName; the constants, that of the volume term too, are its ParameterSet."""
     words = material.in_words_of("sofa")
     parameters = " ".join(_number(value) for value in words.constants.values())
-    field = f'<TetrahedronHyperelasticityFEMForceField name={quoteattr(material.name)} materialName="{words.keyword}"'
+    field = f'<TetrahedronHyperelasticityFEMForceField name="{escape(material.name)}" materialName="{words.keyword}"'
     notes = _notes(material, _MPA, words.volume or "k0/2 ln(J)^2", *words.notes)
     return _comment(notes) + f'{field} ParameterSet="{parameters}"/>\n'
 
