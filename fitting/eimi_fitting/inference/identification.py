@@ -43,7 +43,7 @@ from eimi_fitting.inference.modulus_range import NothingConverged, scanned, with
 from eimi_fitting.inference.named_causes import doubtful_loads
 from eimi_fitting.inference.noise import linearise_noise
 from eimi_fitting.inference.objective import Evaluation, Problem
-from eimi_fitting.inference.polish import ENOUGH, Optimum, Polish, polish
+from eimi_fitting.inference.polish import ENOUGH, Optimum, Polish, moved_by, polish
 from eimi_fitting.inference.search import Discards, Generation, Objectives, Run, SearchResult, search
 from eimi_fitting.inference.tensile_curves import TensileCurve, TensileEvidence
 from eimi_fitting.inference.unknowns import Prior, Unknowns, nuisances
@@ -63,7 +63,7 @@ _STAYS_PERCENT, _MOST_PASSES, _NOT_WORSE = 0.05, 3, 1.01
 # Of the modulus: what the solid's mesh leaves at least, which is 0.1 at most for the specimens of
 # `benchmarks.solid_mesh`, and what a Newton step of the tolerance and the states between leave.
 _UNSURE_PERCENT = 0.15
-_LOOSE = 1e-2  # of the objective: what a step gains before the solid is known
+_LOOSE = 1e-2  # of the objective: what a step gains before the corrections are known
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -278,9 +278,14 @@ class SearchEnd:
 
 
 def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
-    """All that follows a search: polish, corrections and intervals, from unit coordinates (n,) near the optimum."""
+    """All that follows a search: polish, corrections and intervals, from unit coordinates (n,) near the optimum.
+
+    Of planar models the first polish is on the mesh of the search: it only says where to find what a finer mesh
+    changes. Of solids it is on their own lines, for what depth moves is the way from there.
+    """
     solid = SOLID in refinements(problem.experiments)
-    first = _polished(problem, unit, enough=_LOOSE if solid else ENOUGH)
+    on_lines = problem if solid else replace(problem, experiments=tuple(coarsened(problem.experiments)))
+    first = _polished(on_lines, unit, enough=_LOOSE)
     problem, optimum, effects = _corrected(problem, first)
     names = [refinement.name for refinement in refinements(problem.experiments)]
     estimated = estimate(problem, optimum, effects, names, seed)
@@ -341,19 +346,21 @@ def _polished(
     )
 
 
-def _corrected(
-    problem: Problem, optimum: Optimum[Evaluation]
-) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...]]:
+def _corrected(problem: Problem, first: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...]]:
     """The problem with all corrections that are found in it, its optimum, and how far each correction moved it."""
+    plain, optimum = problem.experiments, first
     effects: list[Effect] = []
-    plain = problem.experiments
-    if SOLID in refinements(plain):  # first: a law that is bent to follow what no plane does may be none for the mesh
-        problem, optimum, effects = _with_depth(problem, optimum)
-    unit = optimum.unit
-    found = _change(problem, FINER_MESH, plain, unit) if FINER_MESH in refinements(plain) else None
-    if found is not None:
+    solid = SOLID in refinements(plain)
+    if solid:  # first: a law that is bent to follow what no plane does may be none for the mesh
+        problem, optimum, effects = _with_depth(problem, first)
+    found = _change(problem, FINER_MESH, plain, optimum.unit) if FINER_MESH in refinements(plain) else None
+    if not solid:
+        problem = problem if found is None else replace(problem, experiments=found.added(plain))
+        optimum = _polished(problem, optimum.unit)
+    elif found is not None:
         problem, optimum = _with_change(problem, problem, found, optimum)
-        effects.append(Effect(found, optimum.unit - unit))
+    if found is not None:
+        effects.append(Effect(found, moved_by(optimum, found.changes)))
     return problem, optimum, tuple(effects)
 
 

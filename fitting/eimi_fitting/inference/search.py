@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 # The objectives of a whole population lie this near each other where the polish takes over: as a length, and as a share
 # of their range in the first generation, which is small where the beam hardly moved.
-_ENOUGH_MM, _ENOUGH_SHARE = 0.3, 0.05
+_ENOUGH_MM, _ENOUGH_SHARE = 0.3, 0.2
 _FIRST_STEP = 0.25  # in unit coordinates
 
 
@@ -243,7 +243,7 @@ def _strategy(
         "tolflatfitness": 10,
         "maxiter": most_generations,
         "verbose": -9,
-        "CMA_stds": [1.0] * len(start) + [0.1] * idle,
+        "CMA_stds": [0.3] + [1.0] * (len(start) - 1) + [0.1] * idle,
     }
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
