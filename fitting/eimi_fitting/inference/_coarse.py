@@ -1,4 +1,4 @@
-"""Experiments as the search sees them: on the coarse mesh and with few points of each edge.
+"""Experiments on a mesh that a population can afford, and as the search sees them: with few points of each edge.
 
 The search only leads the polish near: what the coarse mesh is off by (a few thousandths of a millimetre) is more than
 what the points left out would add.
@@ -16,11 +16,14 @@ from eimi_fitting.inference.measurements import EdgeObservation, Observation
 POINTS_OF_EDGE = 25  # about two an element
 
 
-def coarsened(experiments: Sequence[Experiment]) -> list[Experiment]:
-    """The same states on the mesh of `BeamModel`'s defaults, with every so-many-th point of each edge."""
-    return [
-        dataclasses.replace(e, model=BeamModel(e.model.specimen), observed=_thinned(e.observed)) for e in experiments
-    ]
+def on_coarse_mesh(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """The same on the mesh of `BeamModel`'s defaults."""
+    return tuple(dataclasses.replace(e, model=BeamModel(e.model.specimen)) for e in experiments)
+
+
+def coarsened(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """The same states on that mesh, with every so-many-th point of each edge."""
+    return tuple(dataclasses.replace(e, observed=_thinned(e.observed)) for e in on_coarse_mesh(experiments))
 
 
 def _thinned(observed: Observation) -> Observation:

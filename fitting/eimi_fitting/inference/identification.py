@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.inference._coarse import coarsened
+from eimi_fitting.inference._coarse import coarsened, on_coarse_mesh
 from eimi_fitting.inference.checks import (
     Doubt,
     check_determined,
@@ -203,7 +203,7 @@ def identify(
     """
     begun = time.perf_counter()
     stated = _problem(model, experiments, free, free_bulk, tensile)
-    coarse = replace(stated, experiments=tuple(coarsened(stated.experiments)))
+    coarse = replace(stated, experiments=coarsened(stated.experiments))
     guessed = _INDEPENDENT_A_STATE * sum(len(experiment.loads) for experiment in experiments)
     beam_alone = replace(coarse, curves=())
     scan = scanned(beam_alone, guessed)
@@ -280,13 +280,13 @@ class SearchEnd:
 def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
     """All that follows a search: polish, corrections and intervals, from unit coordinates (n,) near the optimum.
 
-    Of planar models the first polish is on the mesh of the search: it only says where to find what a finer mesh
-    changes. Of solids it is on their own lines, for what depth moves is the way from there.
+    A planar model follows small steps of the parameters on the mesh of the search, whose residuals are made those of
+    the finer meshes; a solid's on the solid's own lines.
     """
     solid = SOLID in refinements(problem.experiments)
-    on_lines = problem if solid else replace(problem, experiments=tuple(coarsened(problem.experiments)))
-    first = _polished(on_lines, unit, enough=_LOOSE)
-    problem, optimum, effects = _corrected(problem, first)
+    followed = problem if solid else replace(problem, experiments=on_coarse_mesh(problem.experiments))
+    first = _polished(followed, unit, enough=_LOOSE)
+    problem, optimum, effects = _corrected(problem, followed, first)
     names = [refinement.name for refinement in refinements(problem.experiments)]
     estimated = estimate(problem, optimum, effects, names, seed)
     return SearchEnd(problem, optimum, effects, first.polish, estimated)
@@ -346,22 +346,29 @@ def _polished(
     )
 
 
-def _corrected(problem: Problem, first: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...]]:
-    """The problem with all corrections that are found in it, its optimum, and how far each correction moved it."""
+def _corrected(
+    problem: Problem, followed: Problem, first: Optimum[Evaluation]
+) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...]]:
+    """The problem with all corrections that are found in it, its optimum, and how far each correction moved it.
+
+    followed: the problem as small steps of the parameters follow it, with its first optimum.
+    """
     plain, optimum = problem.experiments, first
     effects: list[Effect] = []
     solid = SOLID in refinements(plain)
     if solid:  # first: a law that is bent to follow what no plane does may be none for the mesh
-        problem, optimum, effects = _with_depth(problem, first)
-    found = _change(problem, FINER_MESH, plain, optimum.unit) if FINER_MESH in refinements(plain) else None
-    if not solid:
-        problem = problem if found is None else replace(problem, experiments=found.added(plain))
-        optimum = _polished(problem, optimum.unit)
-    elif found is not None:
-        problem, optimum = _with_change(problem, problem, found, optimum)
-    if found is not None:
-        effects.append(Effect(found, moved_by(optimum, found.changes)))
-    return problem, optimum, tuple(effects)
+        followed, optimum, effects = _with_depth(followed, first)
+    if FINER_MESH not in refinements(plain):
+        return followed, optimum, tuple(effects)
+    found = _change(problem, FINER_MESH, plain, optimum.unit)
+    if found is None:
+        return (followed, optimum, tuple(effects)) if solid else (problem, _polished(problem, optimum.unit), ())
+    if solid:
+        experiments = found.added(followed.experiments)
+    else:
+        experiments = found.instead(followed.experiments, optimum.evaluation.comparison)
+    followed, optimum = _with_change(replace(followed, experiments=experiments), followed, optimum)
+    return followed, optimum, (*effects, Effect(found, moved_by(optimum, found.changes)))
 
 
 def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], list[Effect]]:
@@ -375,7 +382,8 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
         further = _change(problem, SOLID, problem.experiments, optimum.unit, found)
         if further is None:
             break
-        trial, reached = _with_change(problem, corrected, further, optimum)
+        changed = replace(problem, experiments=further.added(problem.experiments))
+        trial, reached = _with_change(changed, corrected, optimum)
         moved = problem.unknowns.modulus_percent(reached.unit[0] - optimum.unit[0])
         if passes and reached.evaluation.objective_mm[0] > _NOT_WORSE * optimum.evaluation.objective_mm[0]:
             break
@@ -390,11 +398,8 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
     return corrected, optimum, [Effect(found, whole, share, _UNSURE_PERCENT)]
 
 
-def _with_change(
-    plain: Problem, now: Problem, found: Correction, optimum: Optimum[Evaluation]
-) -> tuple[Problem, Optimum[Evaluation]]:
-    """The plain problem with a change, and its optimum, beginning at that of ``now``."""
-    changed = replace(plain, experiments=found.added(plain.experiments))
+def _with_change(changed: Problem, now: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation]]:
+    """A problem that differs from ``now`` in its changes alone, and its optimum, beginning at that of ``now``."""
     start = changed.with_own_changes(optimum.evaluation, now), optimum.distance
     return changed, _polished(changed, optimum.unit, start)
 

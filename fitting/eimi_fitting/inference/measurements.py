@@ -40,26 +40,41 @@ def signed_distance(curves: Array, points: Array) -> Array:
     """
     stations = points_on(curves, 4)
     segments = curves.shape[-3]
-    # |p - v|² without |p|²: enough to find the nearest station, and a matrix product.
-    score = np.sum(stations**2, axis=-1)[..., None, :] - 2 * np.matmul(points, stations.swapaxes(-1, -2))
-    nearest = np.argmin(score, axis=-1)
+    # |p - v|² without |p|² is enough to find the nearest station: one product of (x, y, 1) and (-2 x, -2 y, |v|²).
+    ahead = np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1)
+    behind = np.concatenate([-2 * stations, (stations**2).sum(axis=-1, keepdims=True)], axis=-1)
+    nearest = np.argmin(np.matmul(ahead, behind.swapaxes(-1, -2)), axis=-1)
     segment = np.minimum(nearest // 4, segments - 1)
     xi = -1 + 0.5 * (nearest - 4 * segment)
     lowest = np.where(segment == 0, -1.0, -1.5)
     highest = np.where(segment == segments - 1, 1.0, 1.5)
-    own = np.take_along_axis(curves, segment[..., None, None], axis=-3)  # (..., n, 3, 2)
-    bend = own[..., 0, :] - 2 * own[..., 1, :] + own[..., 2, :]
-    slope = 0.5 * (own[..., 2, :] - own[..., 0, :])
+    first, middle, last = np.moveaxis(curves, -2, 0)
+
+    def own(of_segment: Array) -> tuple[Array, Array]:
+        """Of each point's segment, x and y (..., n) apart: sums over two numbers a row are slow."""
+        x, y = (np.take_along_axis(of_segment[..., i], segment, axis=-1) for i in range(2))
+        return x, y
+
+    bend_x, bend_y = own(first - 2 * middle + last)
+    slope_x, slope_y = own(0.5 * (last - first))
+    from_x, from_y = own(middle)
+    from_x, from_y = from_x - points[..., 0], from_y - points[..., 1]
+
+    def at(xi: Array) -> tuple[Array, Array, Array, Array]:
+        """From the point to the curve, and the curve's tangent."""
+        tangent_x, tangent_y = slope_x + xi * bend_x, slope_y + xi * bend_y
+        gap_x = from_x + xi * (slope_x + 0.5 * xi * bend_x)
+        gap_y = from_y + xi * (slope_y + 0.5 * xi * bend_y)
+        return gap_x, gap_y, tangent_x, tangent_y
+
     for _ in range(3):
-        gap = own[..., 1, :] + xi[..., None] * (slope + 0.5 * xi[..., None] * bend) - points
-        tangent = slope + xi[..., None] * bend
-        curvature = np.sum(tangent**2, axis=-1) + np.sum(gap * bend, axis=-1)
-        step = np.sum(gap * tangent, axis=-1) / np.maximum(curvature, 1e-12)
+        gap_x, gap_y, tangent_x, tangent_y = at(xi)
+        curvature = tangent_x**2 + tangent_y**2 + gap_x * bend_x + gap_y * bend_y
+        step = (gap_x * tangent_x + gap_y * tangent_y) / np.maximum(curvature, 1e-12)
         xi = np.clip(xi - step, lowest, highest)
-    gap = points - own[..., 1, :] - xi[..., None] * (slope + 0.5 * xi[..., None] * bend)
-    tangent = slope + xi[..., None] * bend
-    side = tangent[..., 0] * gap[..., 1] - tangent[..., 1] * gap[..., 0]
-    return np.asarray(np.copysign(np.sqrt(np.sum(gap**2, axis=-1)), side))
+    gap_x, gap_y, tangent_x, tangent_y = at(xi)
+    side = tangent_y * gap_x - tangent_x * gap_y
+    return np.asarray(np.copysign(np.hypot(gap_x, gap_y), side))
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,9 @@ Array = NDArray[np.float64]
 
 # The objectives of a whole population lie this near each other where the polish takes over: as a length, and as a share
 # of their range in the first generation, which is small where the beam hardly moved.
-_ENOUGH_MM, _ENOUGH_SHARE = 0.3, 0.2
-_FIRST_STEP = 0.25  # in unit coordinates
+_ENOUGH_MM, _ENOUGH_SHARE = 0.5, 0.3
+_FIRST_STEP = 0.25  # in unit coordinates, and of the first one, a modulus that a scan has found already,
+_MODULUS = 0.3  # this share
 
 
 class Values(Protocol):
@@ -243,7 +244,7 @@ def _strategy(
         "tolflatfitness": 10,
         "maxiter": most_generations,
         "verbose": -9,
-        "CMA_stds": [0.3] + [1.0] * (len(start) - 1) + [0.1] * idle,
+        "CMA_stds": [_MODULUS] + [1.0] * (len(start) - 1) + [0.1] * idle,
     }
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
