@@ -4,7 +4,7 @@ measurements, experiment       simulated edges and points, their distance to the
 unknowns                       the law's coordinates, the bulk modulus and freed nuisances, each in one entry
 tensile_curves, objective      tensile curves beside the edges; all the evidence as one number a candidate
 modulus_range, named_causes    between which moduli to search; slips in the loads, told before any search
-search, polish, corrections    CMA-ES on a coarse mesh, Gauss-Newton on a finer one, what a better model changes
+search, polish, corrections    CMA-ES and Gauss-Newton on a coarse mesh, what a better model changes
 identification                 all of it in order, from experiments to a fit
 covariance, estimate           the evidence linearised about the optimum; values with intervals
 profile_likelihood             their ends where the objective is no quadratic

@@ -1,7 +1,7 @@
 """Evolutionary identification: CMA-ES searches the parameters whose simulated edges lie on the measured ones.
 
-After Di Lecce et al. 2022 (Front. Robot. AI 8:790571): a search on a coarse mesh, a polish on a finer one, another with
-what a still finer one changes in the edges, and what the numbers are worth.
+After Di Lecce et al. 2022 (Front. Robot. AI 8:790571): a search and a polish on a mesh that a population can afford,
+another polish with what better models change in the edges, and what the numbers are worth.
 """
 
 from __future__ import annotations
@@ -139,9 +139,8 @@ def identify(
     """Identify one law from one or several experiments.
 
     The search runs on the coarse mesh of `BeamModel`'s defaults, with nuisances as stated, over the moduli that a scan
-    finds worth it (`inference.modulus_range`); the polish, the errors and
-    the intervals use the experiments' own models, corrected by what better ones change in the residuals
-    (`inference.corrections`).
+    finds worth it (`inference.modulus_range`); the errors and the intervals are those of better models than the
+    experiments' own (`inference.corrections`).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Gauss-Newton from the best candidate of a search, on a finer mesh than the search could afford.
+"""Gauss-Newton from the best candidate of a search.
 
 The objective is a mean of root mean squares, the sum over k of sqrt(sum r_ki^2 / N_k). Its gradient is that of least
 squares with the weights 1 / (N_k error_k), which are renewed at each step (iteratively reweighted least squares;
