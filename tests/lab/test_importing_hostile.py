@@ -224,7 +224,7 @@ def test_pictures_that_do_not_fit_leave_nothing_behind(run: Run, files: Path, fr
 
 
 def within(room: int, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    """A command whose files may grow to so many bytes; in a process of its own, which HDF5 would take down at its end."""
+    """A command whose files may grow to so many bytes; in a process of its own, which HDF5 may take down."""
     return subprocess.run(
         [sys.executable, "-m", "eimi_lab", *map(str, arguments)],
         capture_output=True,
