@@ -60,7 +60,7 @@ def saved(figure: Figure, format: str, **how: Any) -> bytes:
         layout = figure.get_layout_engine()
         if layout is not None:  # once for all files of a figure, and without the draw that savefig would spend on it
             layout.execute(figure)
-            figure.set_layout_engine("none")
+            figure.set_layout_engine(None)  # "none" leaves a placeholder, for whose sake savefig draws twice
         figure.savefig(buffer, format=format, metadata=undated, **how)
     return buffer.getvalue()
 

@@ -179,7 +179,8 @@ def predict(
     plain = against([experiment])
     (due,) = refinements([experiment])
     foretold_mm = max(FORETOLD_MM, _OF_ERROR * float(plain.error_mm[0].mean()))
-    found = correction(due, [experiment], plain, against, near, foretold_mm)
+    # Where the planar model has no equilibrium there is none to report, whatever a better one says.
+    found = None if plain.unconverged[0] else correction(due, [experiment], plain, against, near, foretold_mm)
     observed, residuals = experiment.observed, plain.misfits[0].residuals
     misfit = observed.of_residuals(residuals + found.changes[0] if found else residuals)
     model, shapes = (found.models[0], found.better.shapes[0]) if found else (experiment.model, plain.shapes[0])

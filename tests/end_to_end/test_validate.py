@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
@@ -21,8 +22,10 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.inference.corrections import correction
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import engineering_stress
+from eimi_lab.fits import validation
 from eimi_lab.notebook import load_evidence, open_dataset, read_any_fits, validate
 from eimi_lab.report import panels
 from eimi_lab.report.citation import METHOD, SUITE
@@ -407,6 +410,24 @@ def test_a_law_without_an_equilibrium_is_told_and_stops_nothing(done: Done, fold
     assert second["status"] == "ok"
     assert (first["status"], first["mean_error_mm"], first["by_state"]) == ("no equilibrium", None, [])
     assert [line.split()[0] for line in lines[-2:]] == ["negative.json:0", "unseen.h5:"]
+
+
+def test_no_better_model_is_asked_where_the_planar_one_has_no_equilibrium(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    evidence, asked = load_evidence(folder / "unseen.h5"), list[float]()
+    first, *_ = read_any_fits(folder / "tensile.json")
+
+    def counted(*given: Any) -> Any:
+        asked.append(1.0)
+        return correction(*given)
+
+    monkeypatch.setattr(validation, "correction", counted)
+    lost = first.model_copy(update={"parameters": {"mu": replace(first.parameters["mu"], value=-60e3)}})
+    assert validate(evidence, lost, Path("lost.json"), 0).status == "no equilibrium"
+    assert not asked
+    assert validate(evidence, first, Path("tensile.json"), 0).status == "ok"
+    assert asked
 
 
 @pytest.mark.parametrize(

@@ -177,7 +177,9 @@ def test_what_the_solid_does_not_take_is_refused_by_name():
         SolidModel(replace(SHALLOW, length_mm=4.0))
 
 
-@pytest.mark.parametrize("principal", [(1.3, 0.9, 0.8), (0.8, 0.9, 1.3), (0.9, 0.8, 0.7)])
+@pytest.mark.parametrize(
+    "principal", [(1.3, 0.9, 0.8), (0.8, 0.9, 1.3), (0.9, 0.8, 0.7), (1.3, 1.3, 0.6), (1.0, 1.0, 1.0)]
+)
 def test_the_largest_stretch_is_told_whatever_its_direction(principal):
     mesh = brick_mesh(np.array([0.0, 2.0]), np.array([-0.5, 0.5]), np.array([0.0, 1.5]), lambda x, y, z: (x, y, z))
     turn, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))

@@ -43,6 +43,11 @@ def turned(F: Array, tensor: Array) -> Array:
     return np.asarray(sum(F[:, k, None] * tensor[PLACE[k]] for k in range(3)))
 
 
+def right_cauchy_green(F: Array) -> Array:
+    """C = F^T F: (3, 3, ...) -> (6, ...)."""
+    return np.stack([(F[:, _FIRST[v]] * F[:, _SECOND[v]]).sum(axis=0) for v in range(6)])
+
+
 def _outer(a: Array, b: Array) -> Array:
     return a[:, None] * b[None]
 
@@ -66,7 +71,7 @@ def response(law: Law, parameters: Array, F: Array, J: Array) -> tuple[Array, Ar
     parameters: (..., n), broadcast against J (...); F: (3, 3, ...). Columns of D belong to the strains E11, E22, E33,
     2 E12, 2 E23, 2 E13.
     """
-    C = np.stack([(F[:, _FIRST[v]] * F[:, _SECOND[v]]).sum(axis=0) for v in range(6)])
+    C = right_cauchy_green(F)
     inverse = _adjugate(C) / (J * J)
     if isinstance(law, InvariantLaw):
         S, D = _by_invariants(law, parameters, C, inverse, J)
