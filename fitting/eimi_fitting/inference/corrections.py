@@ -121,19 +121,22 @@ class Correction:
         """Of depth, in each experiment."""
         return tuple(s.effect if isinstance(s, SolidShapes) else None for s in self.better.shapes)
 
-    def instead(self, experiments: Sequence[Experiment], here: Comparison) -> tuple[Experiment, ...]:
-        """Other models' experiments with a change that makes the better one's residuals of theirs, of ``here``."""
-        return tuple(
-            replace(e, change=there.residuals[0] - own.residuals[0])
-            for e, there, own in zip(experiments, self.better.misfits, here.misfits, strict=True)
-        )
-
     def added(self, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
         """The experiments with the changes added to what is added to their residuals already."""
         return tuple(
             replace(e, change=change if e.change is None else e.change + change)
             for e, change in zip(experiments, self.changes, strict=True)
         )
+
+
+def with_residuals_of(
+    better: Comparison, experiments: Sequence[Experiment], here: Comparison
+) -> tuple[Experiment, ...]:
+    """The experiments with changes that make their residuals for a candidate, those of ``here``, a better model's."""
+    return tuple(
+        replace(e, change=(0.0 if e.change is None else e.change) + there.residuals[0] - own.residuals[0])
+        for e, there, own in zip(experiments, better.misfits, here.misfits, strict=True)
+    )
 
 
 def correction(

@@ -35,6 +35,7 @@ from eimi_fitting.inference.corrections import (
     correction,
     polished,
     refinements,
+    with_residuals_of,
 )
 from eimi_fitting.inference.covariance import independent_points
 from eimi_fitting.inference.estimate import Effect, Estimate, estimate
@@ -43,7 +44,7 @@ from eimi_fitting.inference.modulus_range import NothingConverged, scanned, with
 from eimi_fitting.inference.named_causes import doubtful_loads
 from eimi_fitting.inference.noise import linearise_noise
 from eimi_fitting.inference.objective import Evaluation, Problem
-from eimi_fitting.inference.polish import ENOUGH, Optimum, Polish, moved_by, polish
+from eimi_fitting.inference.polish import ENOUGH, Optimum, Polish, polish
 from eimi_fitting.inference.search import Discards, Generation, Objectives, Run, SearchResult, search
 from eimi_fitting.inference.tensile_curves import TensileCurve, TensileEvidence
 from eimi_fitting.inference.unknowns import Prior, Unknowns, nuisances
@@ -282,11 +283,14 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
     A planar model follows small steps of the parameters on the mesh of the search, whose residuals are made those of
     the finer meshes; a solid's on the solid's own lines.
     """
-    solid = SOLID in refinements(problem.experiments)
-    followed = problem if solid else replace(problem, experiments=on_coarse_mesh(problem.experiments))
-    first = _polished(followed, unit, enough=_LOOSE)
-    problem, optimum, effects = _corrected(problem, followed, first)
     names = [refinement.name for refinement in refinements(problem.experiments)]
+    if SOLID in refinements(problem.experiments):
+        first = _polished(problem, unit, enough=_LOOSE)
+        problem, optimum, effects = _with_solids(problem, first)
+    else:
+        coarse = replace(problem, experiments=on_coarse_mesh(problem.experiments))
+        first = _polished(coarse, unit, enough=_LOOSE)
+        problem, optimum, effects = _with_finer_meshes(problem, coarse, first)
     estimated = estimate(problem, optimum, effects, names, seed)
     return SearchEnd(problem, optimum, effects, first.polish, estimated)
 
@@ -345,29 +349,47 @@ def _polished(
     )
 
 
-def _corrected(
-    problem: Problem, followed: Problem, first: Optimum[Evaluation]
+def _with_finer_meshes(
+    problem: Problem, coarse: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...]]:
-    """The problem with all corrections that are found in it, its optimum, and how far each correction moved it.
+    """The coarse problem with the residuals of the problem's meshes, then with those of the finer ones; its optimum.
 
-    followed: the problem as small steps of the parameters follow it, with its first optimum.
+    And how far the finer ones moved it. Where one finds no equilibrium, what was reached before.
     """
-    plain, optimum = problem.experiments, first
-    effects: list[Effect] = []
-    solid = SOLID in refinements(plain)
-    if solid:  # first: a law that is bent to follow what no plane does may be none for the mesh
-        followed, optimum, effects = _with_depth(followed, first)
-    if FINER_MESH not in refinements(plain):
-        return followed, optimum, tuple(effects)
-    found = _change(problem, FINER_MESH, plain, optimum.unit)
+    plain = _alone(problem, optimum.unit, problem.experiments)
+    if plain.unconverged[0]:
+        return coarse, optimum, ()
+    own, reached = _with_residuals_of(plain, coarse, optimum)
+    found = _change(problem, FINER_MESH, problem.experiments, reached.unit)
     if found is None:
-        return (followed, optimum, tuple(effects)) if solid else (problem, _polished(problem, optimum.unit), ())
-    if solid:
-        experiments = found.added(followed.experiments)
-    else:
-        experiments = found.instead(followed.experiments, optimum.evaluation.comparison)
-    followed, optimum = _with_change(replace(followed, experiments=experiments), followed, optimum)
-    return followed, optimum, (*effects, Effect(found, moved_by(optimum, found.changes)))
+        return own, reached, ()
+    finer, optimum = _with_residuals_of(found.better, own, reached)
+    return finer, optimum, (Effect(found, optimum.unit - reached.unit),)
+
+
+def _with_residuals_of(
+    better: Comparison, now: Problem, optimum: Optimum[Evaluation]
+) -> tuple[Problem, Optimum[Evaluation]]:
+    """The problem with a better model's residuals at its optimum, and the optimum that this leads to."""
+    experiments = with_residuals_of(better, now.experiments, optimum.evaluation.comparison)
+    return _with_change(replace(now, experiments=experiments), now, optimum)
+
+
+def _with_solids(
+    problem: Problem, optimum: Optimum[Evaluation]
+) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...]]:
+    """The problem with all corrections that are found in it, its optimum, and how far each correction moved it."""
+    # First depth: a law that is bent to follow what no plane does may be none for the mesh of what is planar.
+    plain = problem.experiments
+    problem, optimum, effects = _with_depth(problem, optimum)
+    unit = optimum.unit
+    found = _change(problem, FINER_MESH, plain, unit) if FINER_MESH in refinements(plain) else None
+    if found is not None:
+        problem, optimum = _with_change(
+            replace(problem, experiments=found.added(problem.experiments)), problem, optimum
+        )
+        effects.append(Effect(found, optimum.unit - unit))
+    return problem, optimum, tuple(effects)
 
 
 def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], list[Effect]]:

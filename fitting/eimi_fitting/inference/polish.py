@@ -108,15 +108,6 @@ def polish(
     return Optimum(unit, here, distance, Polish(before, best, steps))
 
 
-def moved_by(optimum: Optimum[E], changes: Sequence[Array]) -> Array:
-    """(n,): how far changes (K, G, m) mm of the residuals, one an experiment, moved the optimum, to first order."""
-    misfits = optimum.evaluation.misfits
-    own = [*changes, *(np.zeros(1) for _ in misfits[len(changes) :])]  # beside the edges nothing is changed
-    gradient, hessian = _normal_equations(misfits, optimum.distance, own)
-    damping = _damping(_DAMPING * float(optimum.evaluation.objective_mm[0]), hessian)
-    return -step_to_minimum(optimum.unit, -gradient, hessian + damping)
-
-
 def _about(evaluate: Callable[[Array], E], unit: Array) -> tuple[E, Array]:
     batch, distance = difference_batch(unit)
     return evaluate(batch), distance
@@ -124,23 +115,20 @@ def _about(evaluate: Callable[[Array], E], unit: Array) -> tuple[E, Array]:
 
 def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Array:
     """The step (n,) from ``unit`` to the least value of the objective's quadratic within the unit cube."""
-    gradient, hessian = _normal_equations(here.misfits, distance, [misfit.residuals[0] for misfit in here.misfits])
-    return step_to_minimum(unit, gradient, hessian + _damping(damping, hessian))
+    gradient, hessian = _normal_equations(here.misfits, distance)
+    damping = max(damping, _FACTORISED * float(np.trace(hessian)))
+    return step_to_minimum(unit, gradient, hessian + damping * np.eye(len(unit)))
 
 
-def _damping(least: float, hessian: Array) -> Array:
-    """(n, n)."""
-    return max(least, _FACTORISED * float(np.trace(hessian))) * np.eye(len(hessian))
-
-
-def _normal_equations(misfits: Sequence[Misfit], distance: Array, residuals: Sequence[Array]) -> tuple[Array, Array]:
-    """Gradient (n,) of these residuals and Hessian (n, n) of the objective, up to a factor."""
+def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array, Array]:
+    """Gradient (n,) and Hessian (n, n) of the objective, up to a factor."""
     n = len(distance)
     gradient, hessian = np.zeros(n), np.zeros((n, n))
-    for misfit, r in zip(misfits, residuals, strict=True):
+    for misfit in misfits:
+        r = misfit.residuals[0]
         slope = (misfit.residuals[1 : n + 1] - misfit.residuals[n + 1 :]) / distance[:, None, None, None]
         count = misfit.weights.sum(axis=(1, 2))
         weight = 1.0 / np.maximum(count * misfit.error_mm[0], 1e-12)
-        gradient += np.einsum("ikgn,kgn,k->i", slope, np.broadcast_to(r, slope.shape[1:]), weight)
+        gradient += np.einsum("ikgn,kgn,k->i", slope, r, weight)
         hessian += np.einsum("ikgn,jkgn,k->ij", slope, slope, weight)
     return gradient, hessian
