@@ -70,7 +70,7 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
             temporary.chmod(0o666 & ~umask)
             os.replace(temporary, file)
         except OSError as error:  # a full disk names no file, or one that nobody has heard of
-            if error.filename in (None, name) and error.errno is not None:
+            if error.errno is not None and (error.filename is None or name in (error.filename, error.filename2)):
                 raise OSError(error.errno, error.strerror, str(path)) from error
             raise
         finally:

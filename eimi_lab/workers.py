@@ -20,6 +20,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from importlib.metadata import version
+from multiprocessing import resource_tracker
 from typing import TypeVar
 
 from eimi_lab.errors import InputError
@@ -90,6 +91,7 @@ def completed(
 def processes(workers: int) -> Iterator[Executor]:
     """That many processes of this machine; they go when this one goes, and when the block ends by an error."""
     before = set(multiprocessing.active_children())
+    begin_resource_tracker()
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), leave_with_parent)
     try:
         yield pool
@@ -99,6 +101,21 @@ def processes(workers: int) -> Iterator[Executor]:
         raise
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def begin_resource_tracker() -> None:
+    """Python's process that removes what is shared begins with the first pool, and ends when this process does.
+
+    A hang-up would end it before, since it ignores the other signals alone, and it would be missed in many lines. So it
+    begins with that signal blocked, which it inherits.
+    """
+    if not hasattr(signal, "SIGHUP"):
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGHUP])
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def leave_with_parent() -> None:

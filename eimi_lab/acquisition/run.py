@@ -122,7 +122,12 @@ def acquire(
     if begun.states == len(protocol.currents_A):
         return path
     coil = Coil(supply, clock, protocol.ramp)
-    beat = bench.guardian.beat if bench.guardian else never
+
+    def beat() -> None:
+        if bench.guardian:
+            bench.guardian.beat()
+        coil.meanwhile()
+
     with DatasetWriter.resume(path, beat) if resume else DatasetWriter(path, header, at_rest[0], force, beat) as writer:
         stepping = Stepping(
             protocol=protocol,

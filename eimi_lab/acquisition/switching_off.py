@@ -5,10 +5,11 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 
 from eimi_drivers.interfaces import InstrumentError
+from eimi_drivers.supplies.base import SupplyBase
 from eimi_lab.acquisition.coil import Coil, never
 from eimi_lab.acquisition.guardian import Guardian
 from eimi_lab.errors import tell
@@ -35,10 +36,10 @@ def switching_off(coil: Coil, guardian: Guardian | None = None) -> Iterator[Call
     The guardian is armed meanwhile, and disarmed only once the supply says that it is off.
 
     A signal is only noted when it arrives and acted on between operations, so that no exchange with an instrument
-    and no write to a file is cut in two; a second one cuts the ramp down short, and nothing else. Ctrl-Z is refused, in
-    words: a run that is suspended would leave the coil on. The handlers that were there before are put back afterwards.
-    Outside the main thread, where Python delivers no signals, only the switching off is left. Raises SwitchOffFailed
-    where that failed.
+    and no write to a file is cut in two; a second one leaves out the ramp down, and is heeded `_in_haste`. Ctrl-Z is
+    refused, in words: a run that is suspended would leave the coil on. The handlers that were there before are put back
+    afterwards. Outside the main thread, where Python delivers no signals, only the switching off is left. Raises
+    SwitchOffFailed where that failed.
     """
     noted: list[int] = []
     suspended: list[int] = []
@@ -78,13 +79,47 @@ def switching_off(coil: Coil, guardian: Guardian | None = None) -> Iterator[Call
         if guardian:
             guardian.arm()
         try:
-            yield stop_if_asked
+            with _in_haste(coil, guardian, noted):
+                yield stop_if_asked
         finally:
             ramp_down_and_switch_off(coil, guardian, go_on_down)
         stop_if_asked()
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def _in_haste(coil: Coil, guardian: Guardian | None, noted: list[int]) -> Iterator[None]:
+    """A second signal is heeded within an operation, too.
+
+    Between two exchanges with the supply the rest is left out: on a slow line the read-backs of a set-point are most of
+    what it takes. A state is stored to its end, with the coil switched off meanwhile.
+    """
+    off: list[bool] = []
+
+    def leave() -> None:
+        if len(noted) > 1 and not off and threading.current_thread() is threading.main_thread():
+            raise Stopped(noted[0])
+
+    def switch_off() -> None:
+        if len(noted) > 1 and not off:
+            off.append(True)
+            if guardian:
+                guardian.allow(OFF_WITHIN_S)
+            with suppress(InstrumentError):  # it is tried again on the way out, and told of there
+                coil.supply.safe_off()
+
+    supply = getattr(coil.supply, "watched", coil.supply)
+    coil.meanwhile = switch_off
+    if isinstance(supply, SupplyBase):
+        supply.meanwhile = leave
+    try:
+        yield
+    finally:
+        coil.meanwhile = never
+        if isinstance(supply, SupplyBase):
+            supply.meanwhile = never
 
 
 def ramp_down_and_switch_off(

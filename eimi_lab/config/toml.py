@@ -58,6 +58,8 @@ def locate(name: str | Path, folder: str = "") -> Path:
 
 def read_text(path: Path) -> str:
     """The text of a UTF-8 file. Raises InputError."""
+    if path.exists() and not (path.is_file() or path.is_dir()):  # one that never ends, or for whose writer to wait
+        raise InputError(f"{path}: is no file but a device or a pipe")
     try:
         return path.read_text(encoding="utf-8")
     except OSError as error:

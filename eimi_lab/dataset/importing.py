@@ -22,7 +22,7 @@ from eimi_lab.dataset.listing import ListedFrame, Listing, last_number, list_fra
 from eimi_lab.dataset.points import Load
 from eimi_lab.dataset.state_loads import load_of
 from eimi_lab.dataset.tip_force_angles import store_tip_force_angles
-from eimi_lab.dataset.writing import DatasetWriter
+from eimi_lab.dataset.writing import DatasetWriter, StorageFailed
 from eimi_lab.errors import InputError, tell
 from eimi_lab.outputs import whole_file
 from eimi_lab.progress import silent
@@ -82,12 +82,15 @@ def import_frames(
         check_like(correcting, stored(first))
         header = Header(specimen=specimen, calibration=calibration, taken=_oldest(listing))
         shown = progress("import", len(by_state)) if progress and len(listing.frames) >= MANY_FRAMES else None
-        with (
-            shown or nullcontext(silent) as report,
-            DatasetWriter(temporary, header, Frame(stored(first), 0, 0.0), force=True) as writer,
-        ):
-            images = (in_channels(image, coloured) for image in listing.images())
-            _append_states(writer, by_state, images, first, average, report)
+        try:
+            with (
+                shown or nullcontext(silent) as report,
+                DatasetWriter(temporary, header, Frame(stored(first), 0, 0.0), force=True) as writer,
+            ):
+                images = (in_channels(image, coloured) for image in listing.images())
+                _append_states(writer, by_state, images, first, average, report)
+        except StorageFailed as error:  # of the temporary file, and no run to go on with
+            raise OSError(f"{path}: cannot be written: {error.reason}") from error
         store_tip_force_angles(temporary, [state.load.tip_force_angle_deg for state in by_state])
         if correcting:
             store_correction(temporary, correcting)

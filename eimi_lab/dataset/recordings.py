@@ -11,7 +11,7 @@ kind, made with the file, and not one a state. A column tells to which state, or
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,7 +86,8 @@ def make_recordings(entry: h5py.Group, names: Sequence[str], image: NDArray[Any]
 
 
 def append_moments(
-    store: h5py.Group,
+    recording: str,
+    store: Mapping[str, h5py.Dataset],
     images: NDArray[Any],
     belongs_to: Sequence[int],
     moments: Sequence[Moment],
@@ -94,11 +95,11 @@ def append_moments(
 ) -> None:
     """Add frames, as they are stored, at the end of a recording, flushed in an order that a crash cannot harm.
 
-    beat: called after every frame.
+    store: its columns, which somebody keeps open: one that is let go writes what is left of it, and where the disk is
+    full nobody hears of that. beat: called after every frame.
     """
-    name = BELONGS_TO[store.name.rpartition("/")[2]]
     rows: dict[str, Sequence[float]] = {
-        name: belongs_to,
+        BELONGS_TO[recording]: belongs_to,
         "number": [moment.frame.number for moment in moments],
         "timestamp": [moment.frame.timestamp_s for moment in moments],
         "set_current": [moment.set_A for moment in moments],

@@ -69,6 +69,11 @@ def _nobody() -> None:
 class StorageFailed(OSError):
     """The disk takes no more; what was acknowledged is safe."""
 
+    def __init__(self, message: str, reason: str = "") -> None:
+        """reason: that of the system alone."""
+        super().__init__(message)
+        self.reason = reason
+
 
 class DatasetWriter:
     """Appends one state after another to a file; use as a context manager.
@@ -133,7 +138,7 @@ class DatasetWriter:
         self._states = {name: entry["states"][name] for name in STATE_COLUMNS}
         self._end_time = entry["end_time"]
         self._sessions = {name: entry["sessions"][name] for name in SESSION_COLUMNS}
-        self._recordings = {name: entry[name] for name in BELONGS_TO if name in entry}
+        self._recordings = {name: dict(entry[name]) for name in BELONGS_TO if name in entry}
         self._stored = len(self._states["index"])
 
     @contextmanager
@@ -144,10 +149,12 @@ class DatasetWriter:
             self._abandon()
             number = re.search(r"errno = (\d+)", str(error))
             reason = os.strerror(int(number[1])) if number else str(error)
-            raise StorageFailed(
-                f"{self.path}: cannot be written any more: {reason}; the {self._stored} states acknowledged so far are "
-                "safe, and `eimi acquire --resume` goes on from there"
-            ) from error
+            left = "no state was stored yet"
+            if self._stored:
+                left = (
+                    f"the {self._stored} states stored so far are safe, and `eimi acquire --resume` goes on from there"
+                )
+            raise StorageFailed(f"{self.path}: cannot be written any more: {reason}; {left}", reason) from error
 
     def _abandon(self) -> None:
         """Let go of the file as the last writes left it, as a crash would.
@@ -263,7 +270,7 @@ class DatasetWriter:
     def _append_moments(self, name: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
         if moments and name in self._recordings:
             images = self._images([moment.frame for moment in moments])
-            append_moments(self._recordings[name], images, belongs_to, moments, self._beat)
+            append_moments(name, self._recordings[name], images, belongs_to, moments, self._beat)
 
     def _images(self, frames: Sequence[Frame]) -> NDArray[Any]:
         images = np.stack([to_stored(frame.image) for frame in frames])

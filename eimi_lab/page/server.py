@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import ipaddress
 import os
+import signal
 import socket
 import sys
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
+from types import FrameType
 
 import uvicorn
 from starlette.applications import Starlette
@@ -28,6 +30,7 @@ from eimi_lab.page.picture_desk import PictureDesk
 from eimi_lab.page.run_desk import RunDesk
 from eimi_lab.page.tabs import Tabs
 from eimi_lab.page.worker import Worker
+from eimi_lab.stopping import TERMINATION, Stopped
 from eimi_lab.threads import one_thread_each
 
 STATIC = Path(str(files("eimi_lab.page"))) / "static"
@@ -148,10 +151,38 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None]) -> Non
         timeout_graceful_shutdown=CLOSE_WITHIN_S,
     )
     say(f"http://{_in_address(host)}:{bound}/?token={token}")
+    server = _Server(config)
     try:
-        uvicorn.Server(config).run(sockets=[listening])
+        server.run(sockets=[listening])
     finally:
         page.worker.close()
+    if server.asked:
+        raise Stopped(server.asked[0])
+
+
+class _Server(uvicorn.Server):
+    """Closes in good order at every signal that asks the program to stop, which uvicorn does not at a hang-up.
+
+    asked: the signals that came. A second one waits for the end of what the first began, for `CLOSE_WITHIN_S` at most.
+    """
+
+    def __init__(self, config: uvicorn.Config) -> None:
+        super().__init__(config)
+        self.asked: list[int] = []
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        def close(number: int, frame: FrameType | None) -> None:
+            self.asked.append(number)
+            self.should_exit = True
+
+        heeded = [n for n in (signal.SIGINT, *TERMINATION) if signal.getsignal(n) is not signal.SIG_IGN]
+        before = {number: signal.signal(number, close) for number in heeded}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
 
 def _listen(host: str, port: int) -> socket.socket:

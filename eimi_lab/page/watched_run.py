@@ -123,10 +123,13 @@ class _Events:
 
 
 class WatchedSupply:
-    """A supply that tells what is asked of it and what it measured; see `PowerSupply` for what each method does."""
+    """A supply that tells what is asked of it and what it measured; see `PowerSupply` for what each method does.
+
+    watched: the supply itself.
+    """
 
     def __init__(self, supply: PowerSupply, clock: Clock, rig: Rig, say: _Events) -> None:
-        self._supply, self._clock, self._say = supply, clock, say
+        self.watched, self._clock, self._say = supply, clock, say
         self._warming = Warming(rig.coil) if rig.coil else None
         self.limits: Limits = supply.limits
         self.set_A, self.measured_A = 0.0, 0.0
@@ -135,7 +138,7 @@ class WatchedSupply:
     @property
     def without_contact(self) -> str:
         """As the driver has it."""
-        return without_contact(self._supply)
+        return without_contact(self.watched)
 
     def values(self) -> dict[str, Any]:
         """What is known of the coil now; heat is a share of what it bears for ever."""
@@ -143,39 +146,39 @@ class WatchedSupply:
         return {"set_A": self.set_A, "measured_A": self.measured_A, "on": self.on, "heat_share": heat}
 
     def identify(self) -> Identity:
-        return self._supply.identify()
+        return self.watched.identify()
 
     def set_voltage(self, voltage_V: float) -> None:
-        self._supply.set_voltage(voltage_V)
+        self.watched.set_voltage(voltage_V)
 
     def set_current(self, current_A: float) -> None:
-        self._supply.set_current(current_A)
+        self.watched.set_current(current_A)
         self.set_A = current_A
         if self._warming:
             self._warming.flows(self._clock.now(), current_A if self.on else 0.0)
 
     def set_output(self, on: bool) -> None:
-        self._supply.set_output(on)
+        self.watched.set_output(on)
         self._told_on(on)
 
     def output_on(self) -> bool:
-        return self._supply.output_on()
+        return self.watched.output_on()
 
     def measure(self) -> Reading:
-        reading = self._supply.measure()
+        reading = self.watched.measure()
         self.measured_A = reading.current_A
         return reading
 
     def check(self) -> None:
-        self._supply.check()
+        self.watched.check()
 
     def safe_off(self) -> None:
-        self._supply.safe_off()
+        self.watched.safe_off()
         self.set_A = self.measured_A = 0.0
         self._told_on(False)
 
     def close(self) -> None:
-        self._supply.close()
+        self.watched.close()
 
     def _told_on(self, on: bool) -> None:
         self.on = on

@@ -14,6 +14,8 @@ from eimi_drivers.interfaces import InstrumentError, InstrumentTimeout, Protecti
 from eimi_lab.acquisition.dry_run import dry_run
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
+from eimi_lab.dataset import writing
+from eimi_lab.dataset.layout import append
 from eimi_lab.stopping import Stopped
 
 STAYS = "nothing switches the output off, it stays as it was set"
@@ -106,6 +108,29 @@ def test_a_second_ctrl_c_leaves_out_the_ramp(setup: Any) -> None:
         assert setup.is_off()
     assert len(currents[1]) > 5
     assert set(currents[2]) == {0.0}
+
+
+def test_two_signals_while_a_state_is_stored_switch_off_first(setup: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is stored all the same."""
+    still_on: list[bool] = []
+
+    def slow(column: h5py.Dataset, rows: Any) -> None:
+        append(column, rows)
+        if setup.coil.state.set_current_A == 0.2 and not still_on:
+            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGTERM)
+            still_on.append(True)
+        elif still_on:
+            still_on.append(setup.coil.state.output)
+
+    monkeypatch.setattr(writing, "append", slow)
+    with pytest.raises(Stopped):
+        setup.run()
+    assert still_on[0]
+    assert len(still_on) > 10
+    assert not any(still_on[1:])
+    assert setup.is_off()
+    assert setup.stored() == [0.0, 0.1, 0.2]
 
 
 def stopped_twice() -> None:

@@ -28,40 +28,51 @@ from pathlib import Path
 import numpy as np
 from eimi_drivers.interfaces import Frame
 from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.layout import Header
+from eimi_lab.dataset.recordings import Moment
 from eimi_lab.dataset.writing import DatasetWriter, StorageFailed
 
-folder, size, states = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
-header = Header(load_specimen(folder / "specimen.toml"), load_calibration(folder / "calibration.toml"))
+folder, size, states, settling = Path(sys.argv[1]), *map(int, sys.argv[2:])
+header = Header(load_specimen(folder / "specimen.toml"), load_calibration(folder / "calibration.toml"),
+                load_protocol(folder / "protocol.toml"))
 image = lambda k: np.random.default_rng(k).integers(0, 255, (96, 128)).astype(np.uint8)
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 try:
     with DatasetWriter(folder / "run.h5", header, Frame(image(0), 0, 0.0)) as writer:
         for k in range(states):
-            writer.append_state([Frame(image(k), k, 0.0)], current_A=k / 10, field_mT=k * 0.47)
+            moments = [Moment(Frame(image(99), n, 0.0), 1.0, 0.5, k / 10) for n in range(settling)]
+            writer.append_state([Frame(image(k), k, 0.0)], current_A=k / 10, field_mT=k * 0.47, transient=moments)
             print(k, flush=True)
 except StorageFailed as error:
     print(error, file=sys.stderr)
 """
 
 
-def write_until_full(folder: Path, size: int, states: int = 8) -> tuple[int, str]:
-    """Acknowledged states and what was said."""
-    command = [sys.executable, "-c", WRITE_UNTIL_FULL, str(folder), str(size), str(states)]
+def write_until_full(folder: Path, size: int, states: int = 8, settling: int = 0) -> tuple[int, str]:
+    """Acknowledged states and what was said. settling: frames kept of how the beam came to rest in each."""
+    command = [sys.executable, "-c", WRITE_UNTIL_FULL, str(folder), *map(str, (size, states, settling))]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stderr
     return len(done.stdout.split()), done.stderr
 
 
 @pytest.mark.parametrize(
-    "size", [70_000, *(pytest.param(size, marks=pytest.mark.slow) for size in range(36_000, 120_000, 1_500))]
+    ("size", "settling"),
+    [
+        (70_000, 0),
+        (150_000, 12),
+        *(pytest.param(size, 0, marks=pytest.mark.slow) for size in range(36_000, 120_000, 1_500)),
+        *(pytest.param(size, 12, marks=pytest.mark.slow) for size in range(36_000, 400_000, 9_500)),
+    ],
 )
-def test_a_full_disk_costs_no_acknowledged_state(files: Path, size: int) -> None:
-    acknowledged, said = write_until_full(files, size)
+def test_a_full_disk_costs_no_acknowledged_state(files: Path, size: int, settling: int) -> None:
+    acknowledged, said = write_until_full(files, size, settling=settling)
     assert acknowledged < 8
-    assert f"cannot be written any more: File too large; the {acknowledged} states" in said
+    left = f"the {acknowledged} states stored so far are safe" if acknowledged else "no state was stored yet"
+    assert f"cannot be written any more: File too large; {left}" in said
     assert said.count("\n") == 1
     path = files / "run.h5"
     if not acknowledged:

@@ -223,25 +223,39 @@ def test_pictures_that_do_not_fit_leave_nothing_behind(run: Run, files: Path, fr
     assert not (files / "a").exists()
 
 
-def test_a_full_disk_leaves_a_dataset_as_it_was(run: Run, files: Path, frame: Draw) -> None:
-    """In a process of its own, which HDF5 would take down at its end."""
-    fill(files, {f"f_{k}.png": frame(k) for k in range(9)}, list(range(9)))
-    assert imported(run, files) == (0, "")
-    before = (files / "out.h5").read_bytes()
-    room = len(before) + 2048
-    done = subprocess.run(
-        [sys.executable, "-m", "eimi_lab", "segment", str(files / "out.h5")],
+def within(room: int, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """A command whose files may grow to so many bytes; in a process of its own, which HDF5 may take down."""
+    return subprocess.run(
+        [sys.executable, "-m", "eimi_lab", *map(str, arguments)],
         capture_output=True,
         text=True,
         timeout=60,
         check=False,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (room, room)),
     )
+
+
+@pytest.mark.parametrize("share", [0.5, 1.01])
+def test_a_full_disk_leaves_a_dataset_as_it_was(run: Run, files: Path, frame: Draw, share: float) -> None:
+    """Where it is full while the dataset is copied, and where edges are added to the copy."""
+    fill(files, {f"f_{k}.png": frame(k) for k in range(9)}, list(range(9)))
+    assert imported(run, files) == (0, "")
+    before = (files / "out.h5").read_bytes()
+    done = within(int(share * len(before)), "segment", files / "out.h5")
     *_, last = done.stderr.splitlines()
     assert (done.returncode, last) == (1, f"eimi: [Errno 27] File too large: '{files / 'out.h5'}'")
     assert "Traceback" not in done.stderr
     assert (files / "out.h5").read_bytes() == before
     assert not list(files.glob(".*"))
+
+
+def test_a_dataset_for_which_there_is_no_room_is_told_by_its_name(files: Path, frame: Draw) -> None:
+    fill(files, {f"f_{k}.png": frame(k) for k in range(9)}, list(range(9)))
+    given = [f"--{name}={files / name}.toml" for name in ("specimen", "calibration")]
+    given += [f"--states={files / 'states.csv'}", f"--output={files / 'out.h5'}"]
+    done = within(60_000, "import", files / "frames", *given)
+    assert (done.returncode, done.stderr) == (1, f"eimi: {files / 'out.h5'}: cannot be written: File too large\n")
+    assert not list(files.glob("*out.h5*"))
 
 
 def test_a_damaged_video_is_told_in_one_line(files: Path, frame: Draw) -> None:

@@ -1,4 +1,4 @@
-"""A second Ctrl-C while the program tells of the first."""
+"""A Ctrl-C that comes at a bad moment: while the program tells of the first, or where Python drops what is raised."""
 
 from __future__ import annotations
 
@@ -40,3 +40,26 @@ def test_what_the_first_left_behind_is_told_all_the_same(place: str) -> None:
     command = [sys.executable, "-c", STOPPED.format(place=place)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
     assert (done.returncode, done.stderr) == (130, "eimi: stopped by SIGINT: the coil is off\n")
+
+
+DROPPED = """
+import os, signal, sys, threading
+from eimi_lab import cli
+
+class Departing:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        len("here Python hears of it")
+
+def app(*arguments, **options):
+    Departing()
+    threading.Event().wait(30)
+
+cli.app = app
+cli.main()
+"""
+
+
+def test_one_that_python_drops_comes_again() -> None:
+    done = subprocess.run([sys.executable, "-c", DROPPED], capture_output=True, text=True, check=False, timeout=60)
+    assert (done.returncode, done.stderr) == (130, "eimi: stopped by SIGINT\n")

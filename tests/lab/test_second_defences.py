@@ -15,8 +15,12 @@ import pytest
 from numpy.typing import NDArray
 
 from eimi_drivers.clock import SimulatedClock
+from eimi_drivers.emulators.korad import KoradDialect
+from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import Frame, Identity, InstrumentError, Limits, Reading
 from eimi_drivers.supplies.base import WATCHDOG_S
+from eimi_drivers.supplies.korad import KoradSupply
+from eimi_drivers.supplies.transport import InProcessTransport
 from eimi_lab.acquisition.capture import capture
 from eimi_lab.acquisition.coil import Coil, never
 from eimi_lab.acquisition.dry_run import dry_run
@@ -30,6 +34,7 @@ from eimi_lab.config.specimen import load_specimen
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.errors import InputError
+from eimi_lab.page.watched_run import WatchedSupply
 from eimi_lab.stopping import Stopped
 from eimi_lab.vision.settling_statistic import Noise, measure_noise
 
@@ -237,6 +242,78 @@ def test_a_second_signal_leaves_the_ramp_down_out(signals: int, ramped: bool) ->
         run()
     assert supply.did[-1] == "off"
     assert (len(supply.did) > 3) is ramped
+
+
+OFF = [b"ISET1:0.000", b"OUT0", b"ISET1?", b"ISET1?", b"STATUS?", b"STATUS?"]
+
+
+class Interrupting(KoradDialect):
+    """Somebody asks to stop, so many times, while the current is set to 0.7 A."""
+
+    signals = 0
+
+    def receive(self, data: bytes) -> bytes:
+        if data == b"ISET1:0.700":
+            for _ in range(self.signals):
+                signal.raise_signal(signal.SIGINT)
+        return super().receive(data)
+
+
+def a_korad(clock: SimulatedClock, signals: int = 0) -> tuple[KoradSupply, list[bytes]]:
+    """One on an emulator, and every message that it was sent so far."""
+    dialect = Interrupting(CoilSupply(clock))
+    dialect.signals = signals
+    link = InProcessTransport(dialect, clock)
+    return KoradSupply(link, Limits(current_A=1.0, voltage_V=5.0), clock), link.sent
+
+
+@pytest.mark.parametrize("shown", [False, True])
+@pytest.mark.parametrize(("signals", "asked_on"), [(1, True), (2, False)])
+def test_a_second_signal_leaves_the_read_backs_under_way_out(signals: int, asked_on: bool, shown: bool) -> None:
+    """They are most of what a set-point takes. What switches off is still read back. shown: by the page."""
+    clock = SimulatedClock()
+    supply, sent = a_korad(clock, signals)
+    told: list[str] = []
+    rig = load_rig("virtual").model_copy(update={"coil": None})
+    seen: Any = WatchedSupply(supply, clock, rig, lambda what, **more: told.append(what)) if shown else supply
+
+    def run() -> None:
+        coil = Coil(seen, clock, RAMP)
+        with switching_off(coil):
+            coil.step_to(0.7)
+
+    with pytest.raises(Stopped):
+        run()
+    after = sent[sent.index(b"ISET1:0.700") + 1 :]
+    assert (after[0] == b"ISET1?") is asked_on
+    assert after[-6 if asked_on else 0 :] == OFF
+    assert told == (["output"] if shown else [])
+    supply.set_current(0.5)  # nothing looks any more
+
+
+def test_a_second_signal_while_a_state_is_stored_switches_off_first() -> None:
+    """It is stored to its end all the same. The coil's being off is made sure of once more on the way out."""
+    clock = SimulatedClock()
+    supply, sent = a_korad(clock)
+    stored = []
+
+    def run() -> None:
+        coil = Coil(supply, clock, RAMP)
+        with switching_off(coil) as stop_if_asked:
+            coil.step_to(0.5)
+            sent.clear()
+            for frame in range(4):
+                if frame == 1:
+                    signal.raise_signal(signal.SIGINT)
+                    signal.raise_signal(signal.SIGTERM)
+                coil.meanwhile()
+                stored.append((frame, list(sent)))
+            stop_if_asked()
+
+    with pytest.raises(Stopped):
+        run()
+    assert stored == [(0, []), (1, OFF), (2, OFF), (3, OFF)]
+    assert sent == [*OFF, *OFF]
 
 
 def test_a_coil_that_could_not_be_switched_off_stays_under_guard() -> None:

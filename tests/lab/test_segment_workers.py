@@ -83,7 +83,11 @@ def test_what_a_worker_cannot_read_is_told_as_by_one_process(
     assert said[0][1].splitlines()[-1] == said[1][1].splitlines()[-1]
 
 
-def test_ctrl_c_ends_all_workers_with_one_line(run: Run, files: Path, frame: Callable[..., NDArray[np.uint8]]) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_a_signal_to_all_of_them_ends_all_workers_with_one_line(
+    run: Run, files: Path, frame: Callable[..., NDArray[np.uint8]], number: signal.Signals
+) -> None:
+    """As a terminal gives it: Ctrl-C, or being closed, which a process of Python itself does not expect."""
     path = imported(run, files, [frame(seed) for seed in range(20)] * 8)
     before = path.read_bytes()
     process = subprocess.Popen(
@@ -91,13 +95,13 @@ def test_ctrl_c_ends_all_workers_with_one_line(run: Run, files: Path, frame: Cal
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a test run in the background ignores it
+        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),  # a test run in the background ignores it
     )
     assert process.stderr is not None
     assert process.stderr.readline().startswith("segment 1/160: ")
-    os.killpg(process.pid, signal.SIGINT)
+    os.killpg(process.pid, number)
     said = process.communicate(timeout=60)[1].splitlines()  # to the end: as long as any of its processes is there
-    assert process.returncode == 128 + signal.SIGINT
-    assert said[-1] == "eimi: stopped by SIGINT"
+    assert process.returncode == 128 + number
+    assert said[-1] == f"eimi: stopped by {number.name}"
     assert all(line.startswith("segment ") for line in said[:-1])
     assert path.read_bytes() == before
