@@ -57,6 +57,13 @@ ALL = (
         "why/statistics.md",
     ),
     Benchmark(
+        "report",
+        "report_cost",
+        "What `eimi report` costs, by datasets and fits.",
+        "howto/report.md",
+        short=("--repeats", "1"),
+    ),
+    Benchmark(
         "coverage",
         "coverage",
         "How many of the 95 % intervals hold the truth, and how wide they are over what would hold 95 %.",

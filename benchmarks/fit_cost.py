@@ -70,15 +70,21 @@ def dataset(path: Path, states: int) -> Path:
     return path
 
 
+def spent(*arguments: str) -> tuple[float, float]:
+    """Processor seconds of `eimi` with arguments, and its largest memory, MB."""
+    command = [sys.executable, "-c", _STARTED, sys.executable, "-m", "eimi_lab", *arguments]
+    alone = os.environ | dict.fromkeys(THREADS, "1")
+    run = subprocess.run(command, env=alone, capture_output=True, text=True, check=True)
+    seconds, largest = map(float, run.stdout.split())
+    return seconds, largest / (1 << 20 if sys.platform == "darwin" else 1 << 10)
+
+
 def fit_cost(path: Path, section: str, laws: tuple[str, ...], repeats: int = 1) -> tuple[float, float]:
     """Processor seconds of the fastest of several runs of `eimi fit`, and the largest memory of any, MB."""
-    command = [sys.executable, "-c", _STARTED, sys.executable, "-m", "eimi_lab", "fit", str(path), "--force"]
-    command += ["--section", section, "-o", str(path.with_suffix(".json"))]
-    command += [word for law in laws for word in ("--model", law)]
-    alone = os.environ | dict.fromkeys(THREADS, "1")
-    runs = [subprocess.run(command, env=alone, capture_output=True, text=True, check=True) for _ in range(repeats)]
-    seconds, largest = zip(*(map(float, run.stdout.split()) for run in runs), strict=True)
-    return min(seconds), max(largest) / (1 << 20 if sys.platform == "darwin" else 1 << 10)
+    models = [word for law in laws for word in ("--model", law)]
+    fit = ("fit", str(path), "--force", "--section", section, "-o", str(path.with_suffix(".json")), *models)
+    seconds, largest = zip(*(spent(*fit) for _ in range(repeats)), strict=True)
+    return min(seconds), max(largest)
 
 
 def task_kB(path: Path, section: str) -> float:

@@ -88,6 +88,17 @@ class NeverBlocking(io.TextIOBase):
             self._waiting.clear()
 
 
+def open_what_is_closed() -> None:
+    """A program begun without standard streams (`2>&-`) would give their numbers to the files that it writes."""
+    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest number that is free: this one
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(descriptor, "w" if descriptor else "r", closefd=False))
+
+
 @contextmanager
 def never_blocking() -> Iterator[None]:
     """Standard error takes every text at once while the context lasts."""

@@ -10,10 +10,12 @@ from typing import Annotated
 import typer
 
 from eimi_lab.commands.result import Result
-from eimi_lab.commands.shared_options import Force, Output, Specimen, Workers
+from eimi_lab.commands.shared_options import Force, Output, Specimen
 
 # Beside Python, what a result may depend on.
 _PACKAGES = ("numpy", "scipy", "cma", "h5py", "opencv-python-headless")
+
+_UNASKED = 4  # processes at most: each takes some hundred megabytes
 
 
 def print_versions(asked: bool) -> None:
@@ -37,7 +39,13 @@ def report(
     assets: Annotated[
         Path | None, typer.Option(help="a folder for each figure as SVG and PDF, each table as CSV and LaTeX")
     ] = None,
-    workers: Workers = 1,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            help="processes that share the datasets of four fits or more, one a processor at most [default: to 4]",
+            min=1,
+        ),
+    ] = None,
     force: Force = False,
 ) -> Result:
     """Write one self-contained HTML file: the number and what limits it, laws, errors, frames, residuals, methods."""
@@ -56,7 +64,7 @@ def report(
         force=force,
         assets=assets,
         command=command,
-        executor=executor_for(min(workers, len(datasets)), None),
+        executor=executor_for(min(workers or _UNASKED, len(datasets)), None),
         progress=progress,
     )
     return Result([output, *([assets] if assets else [])], {"report": output, "assets": assets})

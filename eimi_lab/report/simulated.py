@@ -27,6 +27,8 @@ class SimulatedOutlines(Prediction):
     evidence: Evidence
 
 
+_WORTH_A_START = 4  # fits: fewer are simulated on a dataset before another process has started
+
 Simulated = tuple[Evidence, list[SimulatedOutlines], list[Validation]]
 """See `simulate_fits`."""
 
@@ -38,7 +40,8 @@ def simulate_on_each(
     told: Callable[[str], None] = silent,
     executor: Callable[[], AbstractContextManager[Executor]] | None = None,
 ) -> list[Simulated]:
-    """`simulate_fits` of each dataset, shared out to the workers of an executor where there is one."""
+    """`simulate_fits` of each dataset, shared out to the workers of an executor where there is one and fits enough."""
+    executor = executor if len(every) >= _WORTH_A_START else None
 
     def arguments(task: int) -> dict[str, object]:
         own = {"path": paths[task], "every": every, "flagged": flagged}

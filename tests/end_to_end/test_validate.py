@@ -25,6 +25,7 @@ from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.inference.corrections import correction
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import engineering_stress
+from eimi_lab import workers
 from eimi_lab.fits import validation
 from eimi_lab.notebook import load_evidence, open_dataset, read_any_fits, validate
 from eimi_lab.report import panels
@@ -191,7 +192,8 @@ class Copying(ThreadPoolExecutor):
 
 def test_workers_share_the_datasets_of_a_report_and_change_no_digit(folder: Path) -> None:
     paths = [folder / "train.h5", folder / "unseen.h5"]
-    every = read_shown([folder / "fits.json", folder / "tensile.json"])
+    (folder / "again.json").write_text((folder / "fits.json").read_text())
+    every = read_shown([folder / "fits.json", folder / "tensile.json", folder / "again.json"])
     here, there = list[str](), list[str]()
     alone = simulate_on_each(paths, every, False, here.append)
     shared = simulate_on_each(paths, every, False, there.append, partial(Copying, 2))
@@ -202,6 +204,25 @@ def test_workers_share_the_datasets_of_a_report_and_change_no_digit(folder: Path
         assert all(o.shown is every[place] for place, o in enumerate(other[1]))
         assert [v.model_dump() for v in other[2]] == [v.model_dump() for v in validations]
         assert [o.edges_mm.tolist() for o in other[1]] == [o.edges_mm.tolist() for o in outlines]
+
+
+def test_no_worker_is_started_for_few_fits(folder: Path) -> None:
+    def started() -> Any:
+        raise AssertionError("a worker for three fits")
+
+    every = read_shown([folder / "fits.json", folder / "tensile.json"])
+    paths = [folder / "train.h5", folder / "unseen.h5"]
+    assert len(simulate_on_each(paths, every, False, executor=started)) == 2
+
+
+@pytest.mark.parametrize(("asked", "started"), [((), 2), (("--workers", "1"), 1), (("--workers", "2"), 2)])
+def test_workers_of_a_report_are_one_a_dataset_unless_asked_for(
+    done: Done, folder: Path, monkeypatch: pytest.MonkeyPatch, asked: tuple[str, ...], started: int
+) -> None:
+    counts = list[int]()
+    monkeypatch.setattr(workers, "executor_for", lambda count, scheduler: counts.append(count))
+    done("report", "train.h5", "unseen.h5", *asked, "-o", "shared.html", "--force", folder=folder)
+    assert counts == [started]
 
 
 class WellFormed(HTMLParser):

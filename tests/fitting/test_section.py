@@ -89,6 +89,33 @@ def test_one_state_tells_of_a_candidate_very_near(gravity_deg):
     assert len(beside.solve(NEO, np.array([[TRUE_PA]]), loads).effect.places) > 1  # that of a near one is not kept
 
 
+def test_a_candidate_of_the_same_law_and_planar_shapes_is_not_solved_again(monkeypatch):
+    loads, ogden = Loads.along(np.linspace(0, 6, 7)), LAWS["ogden"]
+    beside = SolidBeside(BEAM, 13, 1)
+
+    def of_two_terms(share):  # one material, however it is shared out to equal exponents
+        mu = TRUE_PA / 2 * np.array([share, 1 - share, 0.0])
+        return np.array([[mu[0], 2.0, mu[1], 2.0, 0.0, 2.0]])
+
+    first = beside.solve(ogden, of_two_terms(0.7), loads)
+    expected = beside.solve(ogden, of_two_terms(0.2), loads)
+    moved = beside.solve(ogden, 1.002 * of_two_terms(0.2), loads)
+    assert moved.displacement != pytest.approx(first.displacement, abs=5e-3)
+    near = beside.starting(first.effect)
+    monkeypatch.setattr(SolidBeside, "_solved", None)
+    again = near.solve(ogden, of_two_terms(0.2), loads)
+    assert again.effect is first.effect
+    assert again.displacement == pytest.approx(expected.displacement, abs=1e-4)
+    # Another law, another shape and another bulk modulus are each solved.
+    for law, parameters, bulk in (
+        (NEO, np.array([[TRUE_PA]]), None),
+        (ogden, 1.002 * of_two_terms(0.2), None),
+        (ogden, of_two_terms(0.2), np.array([1e3 * TRUE_PA])),
+    ):
+        with pytest.raises(TypeError):
+            near.solve(law, parameters, loads, bulk_modulus_Pa=bulk)
+
+
 def test_of_candidates_known_the_one_that_bends_alike_tells_of_another():
     loads = Loads.along(np.linspace(0, 6, 7))
     beside = SolidBeside(BEAM, 13, 1)
@@ -136,6 +163,23 @@ def test_states_that_lie_on_no_ray_of_loads_are_all_solved():
     every = beside.solid.solve(NEO, np.array([[TRUE_PA]]), loads, tolerance_mm=1e-4)
     assert found.effect is None
     assert found.displacement == pytest.approx(every.displacement, abs=1e-3)
+
+
+def test_where_no_effect_is_carried_the_plane_leads_the_solid_from_state_to_state(monkeypatch):
+    loads, spent = Loads.along([0.0, 3.0, 3.0], gravity_angle_deg=0.0, tip_force_N=[0.0, 0.0, 0.003]), []
+    beside, modulus = SolidBeside(BEAM, 13, 1), np.array([[TRUE_PA]])
+    plain = beside.solid.solve(NEO, modulus, loads)
+    solve = SolidModel.solve
+
+    def counted(*given, **named):
+        found = solve(*given, **named)
+        spent.append(int(found.iterations.sum()))
+        return found
+
+    monkeypatch.setattr(SolidModel, "solve", counted)
+    assert beside.solve(NEO, modulus, loads).displacement == pytest.approx(plain.displacement, abs=1e-3)
+    led, *_ = spent
+    assert led < beside.solid.solve(NEO, modulus, loads, tolerance_mm=1e-2).iterations.sum()
 
 
 def test_tracked_points_lie_at_their_depth():

@@ -5,6 +5,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
+
+import pytest
 
 from eimi_lab.stderr import NeverBlocking
 
@@ -56,3 +59,35 @@ def test_the_command_line_ends_with_its_message_where_the_reader_is_late() -> No
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "nothing.toml" in done.stderr
+
+
+WORKING = """
+import os
+from eimi_lab import cli
+from eimi_lab.progress import progress
+
+def app(*arguments, **options):
+    with open("dataset", "wb"), progress("work", 1) as report:
+        report("done")
+        os.write(2, b"what a library in C says")
+    print("the result")
+
+cli.app = app
+cli.main()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="closes what a program is to begin without")
+@pytest.mark.parametrize("closed", [(2,), (0, 1, 2)])
+def test_a_program_begun_without_standard_streams_does_its_work(tmp_path: Path, closed: tuple[int, ...]) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", WORKING],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        preexec_fn=lambda: [os.close(descriptor) for descriptor in closed],
+        check=False,
+        timeout=60,
+    )
+    assert done.returncode == 0
+    assert done.stdout == (b"" if 1 in closed else b"the result\n")
+    assert (tmp_path / "dataset").read_bytes() == b""

@@ -2,7 +2,8 @@
 
 In plane stress a beam bends almost as its solid does. The difference is some hundredths of the deflection and smooth in
 how far the beam is turned: Newton's method reaches the solid from the planar shape in a few steps in any state, and few
-states tell the others.
+states tell the others. Candidates of one law whose planar shapes are the same, such as fits from other seeds, have the
+same solid: one of them is solved for all.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from eimi_fitting.beam.equilibrium import Configuration, Status, combine
 from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.mesh import Indices
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.path import Candidates, Shapes, candidates, mark_unstable
 from eimi_fitting.beam.solid_model import SolidModel
@@ -31,7 +33,23 @@ FORETOLD_MM = 1e-3
 _FEW = 6  # iterations of Newton's method from a start that is near
 _SAME = 1e-6  # of the range of places: nearer than this is the same place
 _BEYOND = 0.1  # of its range: so far beyond its places an effect is extrapolated
+_SAME_BULK = 1e-3  # of its ratio to the shear modulus
 _LEAST_TURN = 1e-3  # rad: a beam that turns less is told apart by its load
+
+
+@dataclass(frozen=True)
+class _Origin:
+    """Of which candidate an effect is: its law, its bulk over its shear modulus, its planar displacements."""
+
+    law: Law
+    bulk_ratio: float
+    planar: Array
+
+    def is_alike(self, other: _Origin, within_mm: float) -> bool:
+        """Whether the other has the same law and, so far as it counts, the same planar shapes."""
+        same = self.law is other.law and abs(self.bulk_ratio / other.bulk_ratio - 1) < _SAME_BULK
+        same = same and self.planar.shape == other.planar.shape
+        return same and bool(np.abs(self.planar - other.planar).max() < within_mm)
 
 
 @dataclass(frozen=True)
@@ -40,12 +58,14 @@ class DepthEffect:
 
     by_turn: a place is how far the planar tip is turned (rad), else how far along a ray of loads it is; base: an effect
     of a candidate near this one, about which this one is interpolated. Where the tip is not turned the two are alike.
+    origin: the candidate that was solved for it.
     """
 
     places: tuple[float, ...]
     differences: tuple[Configuration, ...]
     by_turn: bool
     base: DepthEffect | None = None
+    origin: _Origin | None = None
 
     def at(self, place: float) -> Configuration:
         """By the polynomial through all of the differences from the base."""
@@ -169,7 +189,11 @@ class SolidBeside:
         effect = lift = None
         if np.isin(flat.status, (Status.CONVERGED, Status.UNSTABLE)).all():
             lift = self._lift(flat)
-            effect = self._known or self._effect(chosen, lift, flat, loads, tolerance_mm)
+            origin = _origin(chosen, flat)
+            effect = self._known or self._of_one_alike(origin)
+            if effect is None:
+                found = self._effect(chosen, lift, flat, loads, tolerance_mm)
+                effect = replace(found, origin=origin) if found else None
         if effect is None or lift is None:
             every = self.solid.solve(
                 law,
@@ -178,6 +202,7 @@ class SolidBeside:
                 tolerance_mm=tolerance_mm,
                 bulk_modulus_Pa=bulk_modulus_Pa,
                 field_factor=field_factor,
+                beside=None if lift is None else self._lifted(lift, flat, np.arange(len(loads))),
             )
             return SolidShapes(**vars(every))
         return self._shapes(chosen, flat, lift, loads, effect)
@@ -221,7 +246,7 @@ class SolidBeside:
             distance = np.abs(places[left, None] - known).prod(axis=1) if len(known) else np.abs(places[left])
             k = int(left[np.argmax(distance)])
             foretold = effect.at(places[k]) if len(known) > 1 or effect.base else None
-            lifted = replace(self.solid.solid.rest(1), displacement=lift[:, k, self._column], rigid=flat.rigid[:, k])
+            lifted = self._lifted(lift, flat, np.array([k]))
             found = self._solved(chosen, loads.state(k), lifted, foretold, tolerance_mm)
             if found is None:
                 return None
@@ -230,6 +255,11 @@ class SolidBeside:
             if foretold and len(known) and np.abs(foretold.displacement - found.displacement).max() < self._foretold_mm:
                 break
         return effect
+
+    def _of_one_alike(self, origin: _Origin) -> DepthEffect | None:
+        """Of the effects given, one of a candidate that is as near as a state has to be foretold."""
+        alike = (e for e in self._starts if e.origin and e.origin.is_alike(origin, self._foretold_mm))
+        return next(alike, None)
 
     def _base(self, places: Array, by_turn: bool) -> DepthEffect | None:
         """Of the effects given that are known far enough, that of the candidate which the loads turn most alike."""
@@ -258,6 +288,11 @@ class SolidBeside:
         moved = self.planar.positions(flat, self._plan) - self._plan
         return np.concatenate([moved, np.zeros((*moved.shape[:-1], 1))], axis=-1)
 
+    def _lifted(self, lift: Array, flat: Shapes, states: Indices) -> Configuration:
+        """The planar shapes in some states, a row a state, without stress."""
+        rest = self.solid.solid.rest(len(states))
+        return replace(rest, displacement=lift[0, states][:, self._column], rigid=flat.rigid[0, states])
+
     def _shapes(self, chosen: Candidates, flat: Shapes, lift: Array, loads: Loads, effect: DepthEffect) -> SolidShapes:
         along = None if effect.by_turn else _along_ray(loads)
         displacement, rigid = lift[:, :, self._column], flat.rigid.copy()
@@ -279,6 +314,12 @@ class SolidBeside:
         )
         mark_unstable(chosen, shapes)
         return shapes
+
+
+def _origin(chosen: Candidates, flat: Shapes) -> _Origin:
+    batch = chosen.batch
+    modulus = batch.law.initial_shear_modulus(batch.parameters)
+    return _Origin(batch.law, float(batch.bulk[0] / modulus[0]), flat.displacement)
 
 
 def _along_ray(loads: Loads) -> Array | None:

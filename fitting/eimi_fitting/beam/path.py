@@ -123,8 +123,13 @@ def follow(
     tolerance_mm: float,
     start: Configuration | None,
     keep: bool = False,
+    beside: Configuration | None = None,
 ) -> Shapes:
-    """Take the candidates through the K states in order; see `BeamModel.solve`; keep: `Shapes.every`."""
+    """Take the candidates through the K states in order; see `BeamModel.solve`; keep: `Shapes.every`.
+
+    beside: where a model that moves much as this one does stands, a row a state: of one candidate, its steps from state
+    to state are tried first.
+    """
     p, k_states = len(chosen.sound), len(loads)
     now = solid.rest(p) if start is None else start.copy()
     shapes = Shapes(
@@ -138,9 +143,12 @@ def follow(
     rows = np.flatnonzero(chosen.sound)
     path: Path = [(np.zeros(7), solid.rest(p))]
     first: list[Configuration] = []
-    near = start
     for k in range(k_states):
         load = loads.state(k)
+        near = start if k == 0 else None
+        if beside is not None and len(rows):
+            earlier = [beside.take(np.array([k - 1]))] if k else []
+            near = combine([1.0, 1.0, -1.0][: 2 + len(earlier)], [now, beside.take(np.array([k])), *earlier])
         with np.errstate(all="ignore"):
             status, iterations = _advance(solid, actuation, chosen, rows, path, load, now, tolerance_mm, near)
         shapes.displacement[:, k] = now.displacement
@@ -152,7 +160,6 @@ def follow(
         path = [*path[1 - _MOST_POINTS :], (load, now.copy())]
         if keep:
             first.append(now.take(np.arange(1)))
-        near = None
     mark_unstable(chosen, shapes)
     return replace(shapes, every=joined(first)) if keep else shapes
 

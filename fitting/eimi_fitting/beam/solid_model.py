@@ -55,12 +55,16 @@ class SolidModel:
         start: Configuration | None = None,
         bulk_modulus_Pa: Array | None = None,
         field_factor: Array | None = None,
+        beside: Configuration | None = None,
     ) -> Shapes:
-        """As `BeamModel.solve`, with displacements (P, K, N, 3). Raises ValueError for a pressure."""
+        """As `BeamModel.solve`, with displacements (P, K, N, 3); beside: see `path.follow`.
+
+        Raises ValueError for a pressure.
+        """
         if np.any(loads.pressure_Pa):
             raise ValueError("the solid model takes no pressure_Pa: choose a planar section")
         chosen = candidates(law, parameters, "solid", bulk_modulus_Pa, field_factor)
-        return follow(self.solid, self.actuation, chosen, loads, tolerance_mm, start)
+        return follow(self.solid, self.actuation, chosen, loads, tolerance_mm, start, beside=beside)
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
         """(P, K): rotation of the tip from rest, of the magnet or of the last nodes in mid-depth."""

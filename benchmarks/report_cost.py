@@ -1,0 +1,59 @@
+"""What `eimi report` costs: three datasets with twenty fits, four laws in bending and each in four tensile windows.
+
+The shipped specimens type1 to type3 on the virtual rig, 16 states each. The tensile test is `--curve`, or without it a
+curve of Yeoh's law, which no law of two terms follows to its end.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.fit_cost import spent
+from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.tensile import engineering_stress
+
+SPECIMENS = ("type1", "type2", "type3")
+_YEOH_PA = (20e3, 3e3, 50.0)
+_LARGEST_STRAIN, _ROWS = 4.0, 200
+
+
+def curve(path: Path) -> Path:
+    """Strain and stress of a tensile test."""
+    strain = np.linspace(0.0, _LARGEST_STRAIN, _ROWS + 1)[1:]
+    stress_kPa = 1e-3 * engineering_stress(LAWS["yeoh"], np.array([_YEOH_PA]), strain)[0]
+    rows = [f"{e:.4f},{s:.5f}" for e, s in zip(strain, stress_kPa, strict=True)]
+    path.write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")
+    return path
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--curve", type=Path, help="a tensile test of your own")
+    parser.add_argument("--repeats", type=int, default=3, help="the fastest of so many runs counts")
+    given = parser.parse_args()
+    laws = [word for law in LAWS for word in ("--model", law)]
+    with tempfile.TemporaryDirectory(prefix="report_cost") as name:
+        folder = Path(name)
+        datasets = [str(folder / f"{specimen}.h5") for specimen in SPECIMENS]
+        for specimen, path in zip(SPECIMENS, datasets, strict=True):
+            spent("acquire", "dragon_skin_10", "--specimen", specimen, "--rig", "virtual", "-o", path)
+        bending, tensile, page = (str(folder / file) for file in ("fits.json", "tensile.json", "report.html"))
+        spent("fit", datasets[0], *laws, "-o", bending)
+        spent("tensile", str(given.curve or curve(folder / "curve.csv")), *laws, "-o", tensile)
+        print("| datasets | fits | processor, s | MB |")
+        print("| --- | --- | --- | --- |")
+        for paths, fits in ((datasets[:1], [bending]), (datasets, [bending]), (datasets, [bending, tensile])):
+            shown = [word for path in fits for word in ("--fit", path)]
+            report = ("report", *paths, *shown, "--workers", "1", "-o", page, "--force")
+            seconds, megabytes = zip(*(spent(*report) for _ in range(given.repeats)), strict=True)
+            count = {1: len(LAWS), 2: 5 * len(LAWS)}[len(fits)]
+            print(f"| {len(paths)} | {count} | {min(seconds):.1f} | {max(megabytes):.0f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
