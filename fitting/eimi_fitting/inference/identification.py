@@ -240,7 +240,7 @@ def identify(
         law=problem.law,
         error_mm=final.error_mm[0],
         deviation_mm=final.deviation_mm[0],
-        max_stretch=float(final.max_stretch[0]),
+        max_stretch=refined.max_stretch,
         curves=problem.curves,
         curve_rmse_Pa=curve_rmse_Pa,
         doubts=(
@@ -268,11 +268,15 @@ def identify(
 
 @dataclass(frozen=True)
 class SearchEnd:
-    """Where the polishes led: the problem with its corrections, its optimum, what they moved, and what it is worth."""
+    """Where the polishes led: the problem with its corrections, its optimum, what they moved, and what it is worth.
+
+    max_stretch: on the experiments' own meshes.
+    """
 
     problem: Problem
     optimum: Optimum[Evaluation]
     effects: tuple[Effect, ...]
+    max_stretch: float
     polish: Polish
     estimate: Estimate
 
@@ -287,12 +291,13 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
     if SOLID in refinements(problem.experiments):
         first = _polished(problem, unit, enough=_LOOSE)
         problem, optimum, effects = _with_solids(problem, first)
+        stretch = optimum.evaluation.comparison.max_stretch
     else:
         coarse = replace(problem, experiments=on_coarse_mesh(problem.experiments))
         first = _polished(coarse, unit, enough=_LOOSE)
-        problem, optimum, effects = _with_finer_meshes(problem, coarse, first)
+        problem, optimum, effects, stretch = _with_finer_meshes(problem, coarse, first)
     estimated = estimate(problem, optimum, effects, names, seed)
-    return SearchEnd(problem, optimum, effects, first.polish, estimated)
+    return SearchEnd(problem, optimum, effects, float(stretch[0]), first.polish, estimated)
 
 
 def _problem(
@@ -351,20 +356,23 @@ def _polished(
 
 def _with_finer_meshes(
     problem: Problem, coarse: Problem, optimum: Optimum[Evaluation]
-) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...]]:
-    """The coarse problem with the residuals of the problem's meshes, then with those of the finer ones; its optimum.
+) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], Array]:
+    """The coarse problem with the residuals of the problem's meshes, then with those of finer ones, and its optimum.
 
-    And how far the finer ones moved it. Where one finds no equilibrium, what was reached before.
+    And how far the finer ones moved it, and the largest stretch (1,) on the problem's meshes. Where one of them finds
+    no equilibrium, what was reached before.
     """
     plain = _alone(problem, optimum.unit, problem.experiments)
     if plain.unconverged[0]:
-        return coarse, optimum, ()
+        return coarse, optimum, (), plain.max_stretch
     own, reached = _with_residuals_of(plain, coarse, optimum)
-    found = _change(problem, FINER_MESH, problem.experiments, reached.unit)
+    at = partial(_alone, problem, reached.unit)
+    plain = at(problem.experiments)
+    found = correction(FINER_MESH, problem.experiments, plain, at)
     if found is None:
-        return own, reached, ()
+        return own, reached, (), plain.max_stretch
     finer, optimum = _with_residuals_of(found.better, own, reached)
-    return finer, optimum, (Effect(found, optimum.unit - reached.unit),)
+    return finer, optimum, (Effect(found, optimum.unit - reached.unit),), plain.max_stretch
 
 
 def _with_residuals_of(
