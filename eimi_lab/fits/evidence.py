@@ -96,6 +96,12 @@ def load_evidence(
     each state that had to be segmented.
     """
     path = Path(path)
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:
+        raise InputError(
+            f"{str(path)!r}: is not UTF-8, and a result has to name the file; give it another name"
+        ) from error
     with open_dataset(path) as dataset:
         needs_edges = dataset.kind == "frames" and dataset.edges() is None
     if needs_edges:

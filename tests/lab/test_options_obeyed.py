@@ -259,3 +259,8 @@ def test_what_a_rig_states_of_its_current_reaches_the_fit(dataset: Path) -> None
     stated = {source.source: source for source in load_evidence(dataset, flagged=True).experiment.stated}
     assert rig.uncertainty is not None
     assert stated["offset"].standard_uncertainty == pytest.approx(4.7 * rig.uncertainty["current_A"])  # mT
+
+
+def test_a_name_that_no_result_can_hold_is_refused_before_the_work() -> None:
+    with pytest.raises(InputError, match=r"udcff\.h5': is not UTF-8"):
+        load_evidence("\udcff.h5")
