@@ -1,4 +1,4 @@
-"""The command line in this process: a start of the program for each command would take most of the time."""
+"""The command line in this process, since a start for each command would take most of the time; and a tracked strip."""
 
 from __future__ import annotations
 
@@ -9,9 +9,27 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.laws import LAWS
 from eimi_lab import cli
+
+SPECIMEN = """
+[specimen]
+name = "plain strip"
+material = "silicone"
+length_mm = 30.0
+width_mm = 3.0
+depth_mm = 10.0
+density_kg_m3 = 1070.0
+section = "plane-stress"
+"""
+
+Done = Callable[..., list[str]]
 
 
 class Ended(NamedTuple):
@@ -49,3 +67,39 @@ def done(eimi: Callable[..., Ended]) -> Callable[..., list[str]]:
         return ended.said.splitlines()
 
     return done
+
+
+def track_points(done: Done, folder: Path, name: str, forces_N: list[float], modulus_Pa: float) -> None:
+    """Points on the middle line of a strip of a known law under tip forces, imported as `name`.h5."""
+    model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")).refined().halved()
+    loads = Loads.along([0.0] * len(forces_N), 90.0, 90.0, forces_N)
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[modulus_Pa]]), loads)
+    rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
+    places = model.positions(shapes, rest)[0]
+    rows = [
+        f"{k},p{i},{rest[i, 0]},{rest[i, 1]},{x:.6f},{y:.6f},0.01"
+        for k, state in enumerate(places)
+        for i, (x, y) in enumerate(state)
+    ]
+    (folder / f"{name}.csv").write_text("\n".join(["state,point,x0_mm,y0_mm,x_mm,y_mm,sigma_mm", *rows]) + "\n")
+    states = [f"{k},0.0,{force}" for k, force in enumerate(forces_N)]
+    (folder / f"{name}_states.csv").write_text("\n".join(["state,field_mT,tip_force_N", *states]) + "\n")
+    (folder / "specimen.toml").write_text(SPECIMEN)
+    tables = ("--states", f"{name}_states.csv", "--specimen", "specimen.toml", "--gravity-angle", "90")
+    done("import", f"{name}.csv", *tables, "-o", f"{name}.h5", folder=folder)
+
+
+@pytest.fixture(scope="module")
+def folder(done: Done, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two datasets of one strip, a fit of the first, and tensile fits of a stiffer curve."""
+    folder = tmp_path_factory.mktemp("validate")
+    track_points(done, folder, "train", [0.0, 0.001, 0.002], 46e3)
+    track_points(done, folder, "unseen", [0.0005, 0.0015, 0.003], 46e3)
+    done("fit", "train.h5", "--model", "neo-hookean", "-o", "fits.json", folder=folder)
+    strain = np.linspace(0.02, 1.0, 30)
+    stress = 60 * (1 + strain - (1 + strain) ** -2)
+    rows = [f"{e},{s}" for e, s in zip(strain, stress, strict=True)]
+    (folder / "curve.csv").write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")
+    windows = ("--window", "20", "--window", "full")
+    done("tensile", "curve.csv", "--model", "neo-hookean", *windows, "-o", "tensile.json", folder=folder)
+    return folder

@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 # The objectives of a whole population lie this near each other where the polish takes over: as a length, and as a share
 # of their range in the first generation, which is small where the beam hardly moved.
 _ENOUGH_MM, _ENOUGH_SHARE = 0.5, 0.3
-_FIRST_STEP = 0.25  # in unit coordinates, and of the first one, a modulus that a scan has found already,
-_MODULUS = 0.3  # this share
+_FIRST_STEP = 0.25  # in unit coordinates
+_MODULUS = 0.3  # of that step, in the first coordinate: a modulus that a scan has found already
 
 
 class Values(Protocol):

@@ -1,0 +1,250 @@
+"""The report on datasets, seen and unseen, and on fits of bending and of tension."""
+
+from __future__ import annotations
+
+import csv
+import json
+import pickle
+import re
+import sys
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.tensile import engineering_stress
+from eimi_lab import workers
+from eimi_lab.report import panels
+from eimi_lab.report.citation import METHOD, SUITE
+from eimi_lab.report.shown import read_shown
+from eimi_lab.report.simulated import simulate_on_each
+from eimi_lab.report.stress import MODES, stress_curve
+
+Done = Callable[..., list[str]]
+
+
+def page_of(done: Done, folder: Path, *arguments: str) -> str:
+    done("report", *arguments, "-o", "report.html", "--force", folder=folder)
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_report_lays_tensile_fits_beside_those_of_bending(done: Done, folder: Path) -> None:
+    page = page_of(done, folder, "train.h5", "unseen.h5", "--fit", "fits.json", "--fit", "tensile.json")
+    for words in ("tensile 20 %", "tensile full", "bending", "Every fit on every specimen", "is an extrapolation"):
+        assert words in page
+    assert "is not drawn" not in page
+    assert "://" not in page
+    # What `eimi validate` writes is what the report shows.
+    fits = ("--fit", "fits.json", "--fit", "tensile.json")
+    done("validate", "train.h5", "unseen.h5", *fits, "-o", "shown.json", "--force", folder=folder)
+    for v in json.loads((folder / "shown.json").read_text())["validations"]:
+        assert v["mean_error_mm"] is not None
+        error = 1e3 * v["mean_error_mm"]
+        assert (f">{error:.2f} [" if error < 10 else f">{error:.1f} [" if error < 100 else f">{error:.0f} [") in page
+
+
+class Copying(ThreadPoolExecutor):
+    """Sends what it is given and what comes of it as other processes do."""
+
+    def submit(self, function: Callable[..., Any], /, *given: Any, **named: Any) -> Future[Any]:
+        copy = pickle.loads(pickle.dumps((given, named)))
+        return super().submit(lambda: pickle.loads(pickle.dumps(function(*copy[0], **copy[1]))))
+
+
+def test_workers_share_the_datasets_of_a_report_and_change_no_digit(folder: Path) -> None:
+    paths = [folder / "train.h5", folder / "unseen.h5"]
+    (folder / "again.json").write_text((folder / "fits.json").read_text())
+    every = read_shown([folder / "fits.json", folder / "tensile.json", folder / "again.json"])
+    here, there = list[str](), list[str]()
+    alone = simulate_on_each(paths, every, False, here.append)
+    shared = simulate_on_each(paths, every, False, there.append, partial(Copying, 2))
+    assert len(here) == len(there) == 2 * (1 + len(every))
+    for (own, outlines, validations), other in zip(alone, shared, strict=True):
+        assert other[0].path == own.path
+        assert [every.index(o.shown) for o in other[1]] == list(range(len(every)))
+        assert all(o.shown is every[place] for place, o in enumerate(other[1]))
+        assert [v.model_dump() for v in other[2]] == [v.model_dump() for v in validations]
+        assert [o.edges_mm.tolist() for o in other[1]] == [o.edges_mm.tolist() for o in outlines]
+
+
+def test_no_worker_is_started_for_few_fits(folder: Path) -> None:
+    def started() -> Any:
+        raise AssertionError("a worker for three fits")
+
+    every = read_shown([folder / "fits.json", folder / "tensile.json"])
+    paths = [folder / "train.h5", folder / "unseen.h5"]
+    assert len(simulate_on_each(paths, every, False, executor=started)) == 2
+
+
+@pytest.mark.parametrize(("asked", "started"), [((), 2), (("--workers", "1"), 1), (("--workers", "2"), 2)])
+def test_workers_of_a_report_are_one_a_dataset_unless_asked_for(
+    done: Done, folder: Path, monkeypatch: pytest.MonkeyPatch, asked: tuple[str, ...], started: int
+) -> None:
+    counts = list[int]()
+    monkeypatch.setattr(workers, "executor_for", lambda count, scheduler: counts.append(count))
+    done("report", "train.h5", "unseen.h5", *asked, "-o", "shared.html", "--force", folder=folder)
+    assert counts == [started]
+
+
+class WellFormed(HTMLParser):
+    """Every element closed in its turn, no attribute or id twice, every image described; what the text says."""
+
+    VOID = frozenset({"meta", "img", "br"})
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.text = ""
+        self.feed(page)
+        self.close()
+        assert self.open == []
+        assert len(set(self.ids)) == len(self.ids)
+        assert {link.removeprefix("#") for link in self.links} <= set(self.ids)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        assert len(given) == len(attrs)
+        assert tag not in {"script", "link", "iframe"}
+        assert "p" not in self.open or tag in {"b", "br", "code", "span"}, f"<{tag}> in a paragraph"
+        if tag == "img":
+            assert given["alt"]
+            assert str(given["src"]).startswith("data:image/")
+        self.ids += [str(given["id"])] if "id" in given else []
+        self.links += [str(given["href"])] if "href" in given else []
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_a_hostile_name_stays_text_and_every_figure_is_a_file_too(done: Done, folder: Path) -> None:
+    name = """<script>alert("1")</script> & </p> $x_1$ {{ 1 }} end{tabular}"""
+    plain = (folder / "specimen.toml").read_text()
+    (folder / "hostile.toml").write_text(plain.replace('"plain strip"', f"'''{name}'''"))
+    tables = ("--states", "train_states.csv", "--specimen", "hostile.toml", "--gravity-angle", "90")
+    done("import", "train.csv", *tables, "-o", "hostile.h5", folder=folder)
+    page = page_of(done, folder, "hostile.h5", "--fit", "fits.json", "--fit", "tensile.json", "--assets", "assets")
+    shown = WellFormed(page)
+    assert shown.text.count(name) >= 1
+    files = [path.suffix for path in (folder / "assets").iterdir()]
+    pictures, numbered = page.count("<figure"), page.count("<table")
+    assert [files.count(f".{kind}") for kind in ("svg", "pdf", "csv", "tex")] == [
+        *(pictures, pictures, numbered, numbered)
+    ]
+    for file in (folder / "assets").glob("*.svg"):
+        assert not list(ElementTree.parse(file).iter("{http://www.w3.org/2000/svg}script"))
+    (laws,) = (folder / "assets").glob("*_laws.csv")
+    rows = list(csv.reader(laws.read_text(encoding="utf-8").splitlines()))
+    origins = ("bending", "tensile 20 %", "tensile full")
+    assert [row[:2] for row in rows[1:]] == [["neo-hookean", words] for words in origins]
+    latex = laws.with_suffix(".tex").read_text(encoding="utf-8")
+    assert r"tensile 20 \%" in latex
+    assert latex.count(r" \\") == 4
+    assert "doi:10.3389/frobt.2021.790571" in shown.text
+
+
+def test_what_to_cite_is_what_the_citation_file_says() -> None:
+    cff = (Path(__file__).parents[2] / "CITATION.cff").read_text(encoding="utf-8")
+    for words in (METHOD.title, METHOD.doi, *(author.split(", ")[0] for author in METHOD.authors), SUITE.authors[0]):
+        assert words in cff
+
+
+def test_a_panel_of_the_report_is_one_file(
+    done: Done, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The one that CONTRIBUTING.md shows: its file lies in the folder of panels, and nothing else is touched."""
+    guide = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    (code,) = (block for block in re.findall(r"```python\n(.*?)```", guide, re.DOTALL) if "PANEL = " in block)
+    (tmp_path / "tip_forces.py").write_text(code, encoding="utf-8")
+    monkeypatch.setattr(panels, "__path__", [*panels.__path__, str(tmp_path)])
+    try:
+        page = page_of(done, folder, "train.h5", "unseen.h5", "--fit", "fits.json")
+    finally:
+        sys.modules.pop("eimi_lab.report.panels.tip_forces", None)
+    assert page.count("<h3>Forces at the tip</h3>") == 2
+    assert "0.0, 0.001, 0.002 N" in page
+    before, title, after = re.findall(r"<h3>(.*?)</h3>", page)[:3]
+    assert (before, title) == ("Error against field", "Forces at the tip")
+    assert after.startswith("Simulated and measured")
+
+
+def test_a_report_without_a_bending_fit_or_with_a_lost_curve(done: Done, folder: Path) -> None:
+    (folder / "curve.csv").rename(folder / "kept.csv")
+    try:
+        page = page_of(done, folder, "unseen.h5", "--fit", "tensile.json")
+        assert "The tensile test is not drawn: curve.csv: cannot be read" in page
+        (folder / "curve.csv").write_text("strain,stress_kPa\n0.1,2\n")
+        page = page_of(done, folder, "unseen.h5", "--fit", "tensile.json")
+        assert "The tensile test is not drawn: curve.csv has changed since it was fitted." in page
+    finally:
+        (folder / "kept.csv").replace(folder / "curve.csv")
+    content = json.loads((folder / "tensile.json").read_text())
+    del content["fits"][0]["draws"]  # as an earlier release wrote it
+    (folder / "earlier.json").write_text(json.dumps(content))
+    page = page_of(done, folder, "unseen.h5", "--fit", "earlier.json")
+    assert page.count("holds no draws: no band for neo-hookean, tensile 20 %.") == 1
+    assert "Shaded" not in page
+    assert "<h2>Search</h2>" not in page
+
+
+def test_a_report_shows_a_law_without_an_equilibrium_as_such(done: Done, folder: Path) -> None:
+    content = json.loads((folder / "tensile.json").read_text())
+    content["fits"][0]["parameters"]["mu"]["value"] = -60e3
+    (folder / "lost.json").write_text(json.dumps(content))
+    page = page_of(done, folder, "unseen.h5", "--fit", "fits.json", "--fit", "lost.json")
+    assert ">no equilibrium<" in page
+
+
+def test_bands_of_stress_are_those_of_the_parameters(folder: Path) -> None:
+    strain = np.linspace(0, 1, 21)
+    for shown in read_shown([folder / "tensile.json"]):
+        low, high = shown.fit.parameters["mu"].interval_95
+        ends = engineering_stress(LAWS["neo-hookean"], np.array([[low], [high]]), strain).T
+        assert stress_curve(shown, strain).band_Pa == pytest.approx(ends, rel=0.02, abs=1e-6)
+    # A bending fit that fixes C10 + C01 alone: its band is between the laws of C10 and of C01 nearly only.
+    content = json.loads((folder / "fits.json").read_text())
+    (fit,) = content["fits"]
+    half = {"value": 10e3, "unit": "Pa", "interval_95": [0.0, 20e3]}
+    fit["model"], fit["parameters"] = "mooney-rivlin", {"C10": half, "C01": half}
+    fit["initial_shear_modulus"] = {"value": 40e3, "unit": "Pa", "interval_95": [40e3, 40e3]}
+    fit["draws"] = {"seed": 1, "names": ["C10", "C01"], "values": [[c, 20e3 - c] for c in np.linspace(0, 20e3, 41)]}
+    (folder / "loose.json").write_text(json.dumps(content))
+    (shown,) = read_shown([folder / "loose.json"])
+    ends = engineering_stress(LAWS["mooney-rivlin"], np.array([[500.0, 19500.0], [19500.0, 500.0]]), strain).T
+    assert stress_curve(shown, strain).band_Pa == pytest.approx(ends, rel=1e-6, abs=1e-6)
+
+
+def test_planar_tension_and_shear_follow_their_closed_forms() -> None:
+    """Mooney and Rivlin's law (Treloar 1975, The Physics of Rubber Elasticity, chapter 5)."""
+    law, strain = LAWS["mooney-rivlin"], np.linspace(0, 1, 11)
+    c10, c01, stretch = 20e3, 4e3, 1 + strain
+    uniaxial, planar, shear = (mode.stress_Pa(law, np.array([c10, c01]), strain) for mode in MODES)
+    assert uniaxial == pytest.approx(2 * (stretch - stretch**-2) * (c10 + c01 / stretch), abs=1e-6)
+    assert planar == pytest.approx(2 * (c10 + c01) * (stretch - stretch**-3), abs=1e-6)
+    assert shear == pytest.approx(2 * (c10 + c01) * strain, abs=1e-6)
+
+
+def test_two_section_assumptions_stand_side_by_side_in_a_report(done: Done, folder: Path) -> None:
+    done("fit", "train.h5", "--model", "neo-hookean", "--section", "plane-strain", "-o", "strain.json", folder=folder)
+    page = page_of(done, folder, "train.h5", "unseen.h5", "--fit", "fits.json", "--fit", "strain.json")
+    assert "bending, plane-stress" in page
+    assert "bending, plane-strain" in page
+    # Each is simulated under its own assumption: the error is what each fit wrote.
+    for name in ("fits.json", "strain.json"):
+        (fit,) = json.loads((folder / name).read_text())["fits"]
+        error = 1e3 * fit["mean_error_mm"]
+        told = [float(number) for number in re.findall(r">([\d.]+) \[", page)]
+        assert any(number == pytest.approx(error, rel=5e-3, abs=0.025) for number in told)
