@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
@@ -39,8 +39,12 @@ def simulate_on_each(
     flagged: bool,
     told: Callable[[str], None] = silent,
     executor: Callable[[], AbstractContextManager[Executor]] | None = None,
-) -> list[Simulated]:
-    """`simulate_fits` of each dataset, shared out to the workers of an executor where there is one and fits enough."""
+    meanwhile: Callable[[], None] | None = None,
+) -> Iterator[tuple[int, Simulated]]:
+    """`simulate_fits` of each dataset, with its place among the paths, as they come.
+
+    Shared out to the workers of an executor where there is one and fits enough; meanwhile: see `completed`.
+    """
     executor = executor if len(every) >= _WORTH_A_START else None
 
     def arguments(task: int) -> dict[str, object]:
@@ -48,17 +52,16 @@ def simulate_on_each(
         return own if executor else {**own, "told": told}
 
     own_of = {(shown.path, shown.index): shown for shown in every}
-    found: dict[int, Simulated] = {}
-    for task, result in completed(simulate_fits, arguments, range(len(paths)), executor, (InputError,)):
+    tasks = range(len(paths))
+    for task, result in completed(simulate_fits, arguments, tasks, executor, (InputError,), meanwhile):
         evidence, simulated, validations = result()
         # A worker sends copies of the fits; whoever looks for those of one fit looks for this one.
         of_these = [
             replace(outlines, shown=own_of[outlines.shown.path, outlines.shown.index]) for outlines in simulated
         ]
-        found[task] = evidence, of_these, validations
         for _ in range(len(every) + 1 if executor else 0):
             told(paths[task].name)
-    return [found[task] for task in range(len(paths))]
+        yield task, (evidence, of_these, validations)
 
 
 def simulate_fits(
