@@ -21,6 +21,7 @@ from eimi_fitting.beam.system import System
 Array = NDArray[np.float64]
 
 
+MOST_ITERATIONS = 25  # of Newton's method
 _ELEMENTS_AT_ONCE = 4096  # of all candidates or states together: more of them are not strained at once
 
 
@@ -237,7 +238,7 @@ class Solid:
         loads: SolidLoads,
         start: Configuration,
         tolerance_mm: float,
-        most_iterations: int = 25,
+        most_iterations: int = MOST_ITERATIONS,
     ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp]]:
         """Newton from ``start`` until no node moves by ``tolerance_mm`` in a step.
 

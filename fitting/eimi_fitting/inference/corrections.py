@@ -69,8 +69,8 @@ FINER_MESH = Refinement(
 @lru_cache(maxsize=8)
 def solid_beside(specimen: Specimen) -> SolidBeside:
     """The solid of a specimen and its planar model, on lines that are enough."""
-    across = BeamModel(specimen, ALONG).across
-    return SolidBeside(specimen, ALONG, min(2 * across, _MOST_ACROSS))
+    across = round(ALONG * specimen.width_mm / specimen.flexible_length_mm)
+    return SolidBeside(specimen, ALONG, min(max(across, _LEAST_ACROSS), _MOST_ACROSS))
 
 
 def _solid(experiment: Experiment) -> Experiment:
@@ -87,7 +87,7 @@ def polished(experiment: Experiment) -> Experiment:
     return replace(experiment, model=BeamModel(specimen, beside.planar.along, beside.planar.across))
 
 
-ALONG, _MOST_ACROSS = 20, 4
+ALONG, _LEAST_ACROSS, _MOST_ACROSS = 20, 2, 4
 _FIRST = np.zeros(1, np.intp)
 SOLID = Refinement(
     name="section",
