@@ -35,7 +35,7 @@ def brick_mesh(
     """The bricks between the lines x_mm, y_mm and z_mm, all rising; ``mapping`` takes their nodes to other places."""
     lines = [np.interp(np.arange(2 * len(v) - 1) / 2, np.arange(len(v)), v) for v in (x_mm, y_mm, z_mm)]
     along, across, deep = (len(line) for line in lines)
-    numbers = np.arange(along * across * deep, dtype=np.intp)
+    numbers: Indices = np.arange(along * across * deep, dtype=np.intp)
     if across < deep:
         numbers = numbers.reshape(along, deep, across).swapaxes(1, 2)
     numbers = numbers.reshape(along, across, deep)

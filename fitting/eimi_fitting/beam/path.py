@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.element import Batch
-from eimi_fitting.beam.equilibrium import MOST_ITERATIONS, Configuration, Solid, Status, combine, joined, loads_joined
+from eimi_fitting.beam.equilibrium import Configuration, Solid, Status, combine, joined, loads_joined
 from eimi_fitting.beam.loads import Actuation, Loads
 from eimi_fitting.beam.mesh import Indices
 from eimi_fitting.laws.law import Law, Section
@@ -261,7 +261,7 @@ def _divided(
     (Deuflhard 2011, Newton Methods for Nonlinear Problems, section 5.1). Sure is who took few iterations in each step.
     """
     few = _FEW - (tolerance_mm > _LOOSE_MM)
-    most = few if cuts < _CUTS[-1] else MOST_ITERATIONS  # who takes more is not sure, and has smaller steps to come
+    most = few if cuts < _CUTS[-1] else None  # who takes more is not sure, and has smaller steps to come
     everyone = len(rows) == len(path[-1][1].rigid)
     own = path[-_MOST_POINTS:] if everyone else _taken(path, rows)
     previous = path[-1][0]
