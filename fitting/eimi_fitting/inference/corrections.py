@@ -81,10 +81,13 @@ def _solid(experiment: Experiment) -> Experiment:
 def polished(experiment: Experiment) -> Experiment:
     """On the model that follows small steps of the parameters: of a solid, the planar one on its lines."""
     specimen = experiment.model.specimen
-    if specimen.section != "solid":
-        return experiment
+    return replace(experiment, model=_on_lines_of_solid(specimen)) if specimen.section == "solid" else experiment
+
+
+@lru_cache(maxsize=8)
+def _on_lines_of_solid(specimen: Specimen) -> BeamModel:
     beside = solid_beside(specimen)
-    return replace(experiment, model=BeamModel(specimen, beside.planar.along, beside.planar.across))
+    return BeamModel(specimen, beside.planar.along, beside.planar.across)
 
 
 ALONG, _LEAST_ACROSS, _MOST_ACROSS = 20, 2, 4
