@@ -8,7 +8,7 @@ from typing import Any
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 WIDTH_IN = 7.1  # an A4 page between margins of 15 mm: type is as large in print as it says
 STYLE: Any = {
@@ -22,6 +22,7 @@ STYLE: Any = {
     "axes.spines.right": False,
     "axes.grid": True,
     "axes.axisbelow": True,
+    "axes.titley": 1.0,  # not looked for above what else stands there, which takes as long as all the axes' labels
     "grid.alpha": 0.25,
     "legend.frameon": False,
     "lines.linewidth": 1.3,
@@ -66,4 +67,4 @@ def plain_logarithm(axes: Axes) -> None:
     """Numbers in full on a logarithmic y axis, and no more of them than can be told apart."""
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_minor_locator(NullLocator())

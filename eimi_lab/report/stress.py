@@ -67,21 +67,13 @@ MODES = (UNIAXIAL, PLANAR, SHEAR)
 
 @dataclass(frozen=True)
 class StressCurve:
-    """A fit's engineering stress (m,) in Pa at strains (m,) in one mode, its band (m, 2), how far its data reached."""
+    """A fit's engineering stress (m,) in Pa at strains (m,) in one mode, and its band (m, 2)."""
 
     shown: ShownFit
     mode: Mode
     strain: Array
     stress_Pa: Array
     band_Pa: Array
-
-    @property
-    def reached(self) -> float:
-        """The strain of this mode at the largest stretch in the fit's data, of a tensile curve in a bending fit too."""
-        fit = self.shown.fit
-        curves = fit.tensile if isinstance(fit, FitRecord) else ()
-        stretch = max([fit.max_stretch, *(1 + curve.largest_strain for curve in curves)])
-        return self.mode.at_stretch(stretch)
 
 
 @dataclass(frozen=True)
@@ -102,6 +94,12 @@ def largest_strain(every: Sequence[ShownFit]) -> float:
     """How far to draw: up to the largest strain of the tensile fits, or a little beyond what bending reached."""
     tensile = [s.fit.max_stretch - 1 for s in every if isinstance(s.fit, TensileRecord)]
     return min(max(tensile), _LARGEST_STRAIN) if tensile else _BENDING_ALONE * (bending_strain(every) or 0.0)
+
+
+def reached(shown: ShownFit, mode: Mode) -> float:
+    """The strain of this mode at the largest stretch in the fit's data, of a tensile curve in a bending fit too."""
+    curves = shown.fit.tensile if isinstance(shown.fit, FitRecord) else ()
+    return mode.at_stretch(max([shown.fit.max_stretch, *(1 + curve.largest_strain for curve in curves)]))
 
 
 def stress_curve(shown: ShownFit, strain: Array, mode: Mode = UNIAXIAL) -> StressCurve:

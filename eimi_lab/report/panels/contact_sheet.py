@@ -6,7 +6,10 @@ import textwrap
 from typing import Any
 
 import cv2
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from numpy.typing import NDArray
 
 from eimi_lab.dataset.state import State
 from eimi_lab.drawing import WIDTH_IN, Drawing
@@ -16,6 +19,8 @@ from eimi_lab.report.elements import Picture, Table
 from eimi_lab.report.frames import Crop, crop_of, edges_px, load_words
 from eimi_lab.report.panel import DatasetPanel
 from eimi_lab.vision.flags import Flag
+
+Array = NDArray[np.float64]
 
 _MOST = 48  # thumbnails: more say no more
 _ABREAST = 8
@@ -39,16 +44,18 @@ def contact_sheet(contents: DatasetContents, flags: dict[int, list[Flag]]) -> Dr
     tall = crop.height_over_width + above + _GAP
     drawing = Drawing(WIDTH_IN / columns / (1 + _GAP) * rows * tall)
     axes = drawing.subplots()
+    edges: list[Array] = []
     left_out = {own.state for own in contents.evidence.used.left_out}
     for place, state in enumerate(states):
         row, column = divmod(place, columns)
         x, y = column * (1 + _GAP), row * tall
-        _thumbnail(axes, contents, state, crop, (x, y + above))
+        edges += _thumbnail(axes, contents, state, crop, (x, y + above))
         out = state.index in left_out
         title = f"{state.index}: {load_words(state)}{', left out' if out else ''}"
         axes.text(x, y + 0.02, title, va="top", fontsize=7, fontweight="bold" if out else "normal")
         names = "\n".join(words[state.index])
         axes.text(x, y + _LINE, names, va="top", fontsize=5.5, fontfamily="DejaVu Sans Mono")
+    axes.add_collection(LineCollection(edges, colors=PALETTE[1], linewidths=0.7), autolim=False)
     axes.set_xlim(-0.01, columns * (1 + _GAP))
     axes.set_ylim(rows * tall, -0.02)
     axes.set_aspect("equal")
@@ -62,16 +69,16 @@ def shown_states(contents: DatasetContents) -> tuple[State, ...]:
     return states[:: -(-len(states) // _MOST)]
 
 
-def _thumbnail(axes: Axes, contents: DatasetContents, state: State, crop: Crop, corner: tuple[float, float]) -> None:
-    """A frame one unit wide with its upper left corner there, and its edges."""
+def _thumbnail(
+    axes: Axes, contents: DatasetContents, state: State, crop: Crop, corner: tuple[float, float]
+) -> list[Array]:
+    """A frame one unit wide with its upper left corner there; gives where its edges are."""
     x, y = corner
     size = (_THUMB_PX, max(1, round(_THUMB_PX * crop.height_over_width)))
     image = crop.of(contents.dataset.images(state.index, 1)[0])
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     axes.imshow(small, cmap="gray", vmin=0, vmax=1, extent=(x, x + 1, y + crop.height_over_width, y))
-    for side in edges_px(contents, state):
-        places = crop.places(side) / (crop.right - crop.left)
-        axes.plot(x + places[:, 0], y + places[:, 1], color=PALETTE[1], linewidth=0.7)
+    return [[x, y] + crop.places(side) / (crop.right - crop.left) for side in edges_px(contents, state)]
 
 
 def flags_of(contents: DatasetContents) -> dict[int, list[Flag]]:

@@ -38,6 +38,7 @@ def drawn_boxes(report: ReportContents) -> Drawing:
                 widths=0.6,
                 whis=(0, 100),
                 patch_artist=True,
+                manage_ticks=False,
                 boxprops={"facecolor": s.colour, "alpha": 0.45},
                 medianprops={"color": "black"},
                 whiskerprops={**edge, "linestyle": s.line},

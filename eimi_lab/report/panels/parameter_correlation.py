@@ -44,7 +44,7 @@ def drawn_correlations(every: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
         axes.set_xlim(-0.5, most - 0.5)  # cells of one size in every matrix
         axes.set_ylim(most - 0.5, -0.5)
         axes.xaxis.tick_top()
-        axes.set_title(shown.label, loc="left")
+        axes.set_title(shown.label, loc="left", pad=18)  # above the numbers
         axes.grid(visible=False)
         axes.spines[:].set_visible(False)
         axes.tick_params(length=0)
