@@ -127,8 +127,8 @@ def follow(
 ) -> Shapes:
     """Take the candidates through the K states in order; see `BeamModel.solve`; keep: `Shapes.every`.
 
-    beside: where a model that moves much as this one does stands, a row a state: of one candidate, its steps from state
-    to state are tried first.
+    beside: of one candidate, where a model that moves much as this one does stands, a row a state: what is between the
+    two is extrapolated, and tried first.
     """
     p, k_states = len(chosen.sound), len(loads)
     now = solid.rest(p) if start is None else start.copy()
@@ -142,13 +142,14 @@ def follow(
     )
     rows = np.flatnonzero(chosen.sound)
     path: Path = [(np.zeros(7), solid.rest(p))]
+    apart: Path = []  # what is between this model and the one beside it
     first: list[Configuration] = []
     for k in range(k_states):
         load = loads.state(k)
         near = start if k == 0 else None
-        if beside is not None and len(rows):
-            earlier = [beside.take(np.array([k - 1]))] if k else []
-            near = combine([1.0, 1.0, -1.0][: 2 + len(earlier)], [now, beside.take(np.array([k])), *earlier])
+        there = None if beside is None else beside.take(np.array([k]))
+        if there is not None and len(rows):
+            near = combine([1.0, 1.0], [there, _extrapolate(apart, load) or apart[-1][1]]) if apart else there
         with np.errstate(all="ignore"):
             status, iterations = _advance(solid, actuation, chosen, rows, path, load, now, tolerance_mm, near)
         shapes.displacement[:, k] = now.displacement
@@ -158,6 +159,8 @@ def follow(
         rows = rows[status == Status.CONVERGED]
         shapes.max_stretch[rows, k] = solid.stretch(now.displacement[rows]).max(axis=(0, 2))
         path = [*path[1 - _MOST_POINTS :], (load, now.copy())]
+        if there is not None:
+            apart = [*apart[1 - _MOST_POINTS :], (load, combine([1.0, -1.0], [now, there]))]
         if keep:
             first.append(now.take(np.arange(1)))
     mark_unstable(chosen, shapes)
