@@ -40,12 +40,12 @@ from eimi_fitting.inference.corrections import (
 from eimi_fitting.inference.covariance import independent_points
 from eimi_fitting.inference.estimate import Effect, Estimate, estimate
 from eimi_fitting.inference.experiment import DISCARDED_MM, Comparison, Experiment
-from eimi_fitting.inference.modulus_range import NothingConverged, scanned, within
+from eimi_fitting.inference.modulus_range import NothingConverged, narrowed, scanned, within
 from eimi_fitting.inference.named_causes import doubtful_loads
 from eimi_fitting.inference.noise import linearise_noise
 from eimi_fitting.inference.objective import Evaluation, Problem
 from eimi_fitting.inference.polish import ENOUGH, Optimum, Polish, polish
-from eimi_fitting.inference.search import Discards, Generation, Objectives, Run, SearchResult, search
+from eimi_fitting.inference.search import ENOUGH_MM, Discards, Generation, Objectives, Run, SearchResult, search
 from eimi_fitting.inference.tensile_curves import TensileCurve, TensileEvidence
 from eimi_fitting.inference.unknowns import Prior, Unknowns, nuisances
 from eimi_fitting.laws import LAWS, Law
@@ -64,6 +64,7 @@ _STAYS_PERCENT, _MOST_PASSES, _NOT_WORSE = 0.05, 3, 1.01
 # Of the modulus: what the solid's mesh leaves at least, which is 0.1 at most for the specimens of
 # `benchmarks.solid_mesh`, and what a Newton step of the tolerance and the states between leave.
 _UNSURE_PERCENT = 0.15
+_ENOUGH = 0.12  # of what the places lie off where nothing moves: the search of a beam that hardly moves ends there
 _LOOSE = 1e-2  # of the objective: what a step gains before the corrections are known
 
 
@@ -206,7 +207,7 @@ def identify(
     coarse = replace(stated, experiments=coarsened(stated.experiments))
     guessed = _INDEPENDENT_A_STATE * sum(len(experiment.loads) for experiment in experiments)
     beam_alone = replace(coarse, curves=())
-    scan = scanned(beam_alone, guessed)
+    scan = narrowed(beam_alone, scanned(beam_alone, guessed), guessed)
     slips = doubtful_loads(beam_alone, scan, guessed)
     bounds_Pa = scan.searched()
     problem = within(stated, bounds_Pa)
@@ -218,6 +219,7 @@ def identify(
         most_generations=most_generations,
         restarts=restarts,
         bipop=bipop,
+        enough_mm=min(ENOUGH_MM, _ENOUGH * scan.unmoved_mm),
         replay=replay,
         progress=progress,
     )
@@ -340,18 +342,23 @@ def _polished(
 ) -> Optimum[Evaluation]:
     """Gauss-Newton over all unknowns; twice where the residuals decide how much else there is beside the edges."""
     if not problem.has_more_than_edges:
-        return polish(lambda units: problem.evaluate(units, 1.0), unit, start, enough)
+        return polish(_keeping(problem, 1.0), unit, start, enough)
     whole = problem.unknowns.whole(unit)[0]
     first_count = independent_points(problem, problem.evaluate(whole[None], 1.0).comparison.misfits)
-    first = polish(lambda units: problem.evaluate(units, first_count), whole)
+    first = polish(_keeping(problem, first_count), whole)
     second_count = linearise_noise(problem, first, considered(problem, first.unit)).about.likelihood_points
     if abs(np.log(second_count / first_count)) < _SAME_COUNT:
         return first
-    second = polish(lambda units: problem.evaluate(units, second_count), first.unit)
+    second = polish(_keeping(problem, second_count), first.unit)
     steps = first.polish.steps + second.polish.steps
     return replace(
         second, polish=replace(second.polish, mean_error_before_mm=first.polish.mean_error_before_mm, steps=steps)
     )
+
+
+def _keeping(problem: Problem, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
+    """For a polish, whose candidates are near each other."""
+    return lambda units, near: problem.evaluate(units, independent_points, near=near, keep=True)
 
 
 def _with_finer_meshes(
@@ -362,25 +369,18 @@ def _with_finer_meshes(
     And how far the finer ones moved it, and the largest stretch (1,) on the problem's meshes. Where one of them finds
     no equilibrium, what was reached before.
     """
-    plain = _alone(problem, optimum.unit, problem.experiments)
+    at = partial(_alone, problem, optimum.unit)
+    plain = at(problem.experiments)
     if plain.unconverged[0]:
         return coarse, optimum, (), plain.max_stretch
-    own, reached = _with_residuals_of(plain, coarse, optimum)
-    at = partial(_alone, problem, reached.unit)
-    plain = at(problem.experiments)
+    residuals = with_residuals_of(plain, coarse.experiments, optimum.evaluation.comparison)
+    own, reached = _with_change(replace(coarse, experiments=residuals), coarse, optimum)
+    # What a mesh changes is much alike where the last one led: it is asked of both meshes at one place.
     found = correction(FINER_MESH, problem.experiments, plain, at)
     if found is None:
         return own, reached, (), plain.max_stretch
-    finer, optimum = _with_residuals_of(found.better, own, reached)
+    finer, optimum = _with_change(replace(own, experiments=found.added(own.experiments)), own, reached)
     return finer, optimum, (Effect(found, optimum.unit - reached.unit),), plain.max_stretch
-
-
-def _with_residuals_of(
-    better: Comparison, now: Problem, optimum: Optimum[Evaluation]
-) -> tuple[Problem, Optimum[Evaluation]]:
-    """The problem with a better model's residuals at its optimum, and the optimum that this leads to."""
-    experiments = with_residuals_of(better, now.experiments, optimum.evaluation.comparison)
-    return _with_change(replace(now, experiments=experiments), now, optimum)
 
 
 def _with_solids(

@@ -116,9 +116,18 @@ class Problem:
         )
 
     def evaluate(
-        self, unit: Array, independent_points: float, experiments: Sequence[Experiment] | None = None
+        self,
+        unit: Array,
+        independent_points: float,
+        experiments: Sequence[Experiment] | None = None,
+        near: Evaluation | None = None,
+        keep: bool = False,
     ) -> Evaluation:
-        """Candidates (P, searched) or (P, n) in unit coordinates; ``experiments`` in place of the problem's own."""
+        """Candidates (P, searched) or (P, n) in unit coordinates; ``experiments`` in place of the problem's own.
+
+        near: an earlier evaluation on the same meshes, made to ``keep`` where its first candidate stands, which is near
+        these.
+        """
         unit = self.unknowns.whole(unit)
         parameters = self.unknowns.parameters(unit)
         used = self.experiments if experiments is None else experiments
@@ -133,6 +142,8 @@ class Problem:
                         [e.under(d) for e, d in zip(used, deviations, strict=True)],
                         bulk_modulus_Pa=None if bulk is None else bulk[rows],
                         setups=self.unknowns.setups(unit[rows], len(used)),
+                        near=near.comparison.shapes if near else (),
+                        keep=keep,
                     ),
                 )
                 for rows, deviations in self.unknowns.bent(unit, len(used))
