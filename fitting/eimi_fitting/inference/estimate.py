@@ -243,7 +243,7 @@ def _ends(
     bounds_prior = np.where(np.arange(len(about.unit)) < searched, np.diag(about.prior), 0.0)
 
     def deviance(unit: Array) -> tuple[Array, Array]:
-        candidates = problem.evaluate(unit, about.likelihood_points, near=optimum.evaluation)
+        candidates = problem.evaluate(unit, about.likelihood_points, near=optimum.evaluation.comparison.shapes)
         objective = candidates.objective_mm
         valid = objective < DISCARDED_MM
         moved = unit - about.unit

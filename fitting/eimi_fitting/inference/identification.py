@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.beam.path import Shapes
 from eimi_fitting.inference._coarse import coarsened, on_coarse_mesh
 from eimi_fitting.inference.checks import (
     Doubt,
@@ -229,7 +230,7 @@ def identify(
     # Where a freed source changes the specimen the candidates have no mesh in common, but the optimum has one.
     alone = final if final.shapes else problem.evaluate(optimum.unit[None], guessed).comparison
     alike = common_errors(alone.shapes, final.misfits, optimum.distance, problem.experiments, problem.unknowns)
-    check_explained(final, experiments, alike, bool(problem.curves))
+    check_explained(final, experiments, alike, bool(problem.curves), bool(optimum.evaluation.beyond[0]))
     due = refinements(experiments)
     check_determined(refined.estimate, experiments)
     in_problem = {effect.correction.refinement for effect in refined.effects}
@@ -342,23 +343,18 @@ def _polished(
 ) -> Optimum[Evaluation]:
     """Gauss-Newton over all unknowns; twice where the residuals decide how much else there is beside the edges."""
     if not problem.has_more_than_edges:
-        return polish(_keeping(problem, 1.0), unit, start, enough)
+        return polish(problem.nearby(1.0), unit, start, enough)
     whole = problem.unknowns.whole(unit)[0]
     first_count = independent_points(problem, problem.evaluate(whole[None], 1.0).comparison.misfits)
-    first = polish(_keeping(problem, first_count), whole)
+    first = polish(problem.nearby(first_count), whole)
     second_count = linearise_noise(problem, first, considered(problem, first.unit)).about.likelihood_points
     if abs(np.log(second_count / first_count)) < _SAME_COUNT:
         return first
-    second = polish(_keeping(problem, second_count), first.unit)
+    second = polish(problem.nearby(second_count), first.unit)
     steps = first.polish.steps + second.polish.steps
     return replace(
         second, polish=replace(second.polish, mean_error_before_mm=first.polish.mean_error_before_mm, steps=steps)
     )
-
-
-def _keeping(problem: Problem, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
-    """For a polish, whose candidates are near each other."""
-    return lambda units, near: problem.evaluate(units, independent_points, near=near, keep=True)
 
 
 def _with_finer_meshes(
@@ -369,18 +365,25 @@ def _with_finer_meshes(
     And how far the finer ones moved it, and the largest stretch (1,) on the problem's meshes. Where one of them finds
     no equilibrium, what was reached before.
     """
-    at = partial(_alone, problem, optimum.unit)
-    plain = at(problem.experiments)
+    plain = _alone(problem, optimum.unit, problem.experiments)
     if plain.unconverged[0]:
         return coarse, optimum, (), plain.max_stretch
-    residuals = with_residuals_of(plain, coarse.experiments, optimum.evaluation.comparison)
-    own, reached = _with_change(replace(coarse, experiments=residuals), coarse, optimum)
-    # What a mesh changes is much alike where the last one led: it is asked of both meshes at one place.
+    own, reached = _with_residuals_of(plain, coarse, optimum)
+    at = partial(_alone, problem, reached.unit)
+    plain = at(problem.experiments, plain.shapes)
     found = correction(FINER_MESH, problem.experiments, plain, at)
     if found is None:
         return own, reached, (), plain.max_stretch
-    finer, optimum = _with_change(replace(own, experiments=found.added(own.experiments)), own, reached)
+    finer, optimum = _with_residuals_of(found.better, own, reached)
     return finer, optimum, (Effect(found, optimum.unit - reached.unit),), plain.max_stretch
+
+
+def _with_residuals_of(
+    better: Comparison, now: Problem, optimum: Optimum[Evaluation]
+) -> tuple[Problem, Optimum[Evaluation]]:
+    """The problem with a better model's residuals at its optimum, and the optimum that this leads to."""
+    experiments = with_residuals_of(better, now.experiments, optimum.evaluation.comparison)
+    return _with_change(replace(now, experiments=experiments), now, optimum)
 
 
 def _with_solids(
@@ -444,6 +447,6 @@ def _change(
     return correction(refinement, experiments, at(experiments), at, [start] if start else ())
 
 
-def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment]) -> Comparison:
+def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment], near: Sequence[Shapes] = ()) -> Comparison:
     """Of one candidate alone: a change by a better model is small, and rounding differs with the size of a batch."""
-    return problem.evaluate(unit[None], 1.0, experiments).comparison
+    return problem.evaluate(unit[None], 1.0, experiments, near, keep=True).comparison
