@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 ENOUGH_MM = 0.5  # that the objectives of a whole population lie from each other where the polish takes over
 _FIRST_STEP = 0.25  # in unit coordinates
-_MODULUS = 0.2  # of that step, in the first coordinate: a modulus that a scan has found already
+_MODULUS = 0.3  # of that step, in the first coordinate: a modulus that a scan has found already
 
 
 class Values(Protocol):
