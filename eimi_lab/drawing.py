@@ -1,4 +1,4 @@
-"""How every picture of results looks: one style, one palette, figures that show themselves in a notebook."""
+"""How every picture of results looks: one style, figures that show themselves in a notebook."""
 
 from __future__ import annotations
 
@@ -9,15 +9,6 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-# Okabe and Ito's palette, told apart by readers with any colour vision (jfly.uni-koeln.de/color, 2008); the pair that
-# looks like red and green comes last. Black is for what was measured.
-PALETTE = ("#0072B2", "#E69F00", "#CC79A7", "#56B4E9", "#D55E00", "#009E73", "#F0E442")
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-LINES = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 3)))
-MEASURED = "#000000"
-IN_ORDER = "cividis"  # colours of an ordered quantity (Nunez, Anderton, Renslow 2018, PLoS ONE 13:e0199239)
-OF_TWO_SIGNS = "PuOr"  # and of one that may be negative (colorbrewer2.org, safe for colour vision)
 
 WIDTH_IN = 7.1  # an A4 page between margins of 15 mm: type is as large in print as it says
 STYLE: Any = {

@@ -23,6 +23,7 @@ from multiprocessing import resource_tracker
 from typing import TypeVar
 
 from eimi_lab.errors import InputError
+from eimi_lab.garbage import collect_seldom
 from eimi_lab.threads import THREADS
 
 T = TypeVar("T")
@@ -54,12 +55,15 @@ def completed(
     tasks: Sequence[int],
     executor: Callable[[], AbstractContextManager[Executor]] | None = None,
     expected: tuple[type[Exception], ...] = (),
+    meanwhile: Callable[[], None] | None = None,
 ) -> Generator[tuple[int, Callable[[], T]]]:
     """Yields (task, a function that gives the result of function(**arguments(task)) or raises its error) as they come.
 
     In this process, one after the other, where there is no executor. Where a worker is lost, what is left is given to
     a new executor. Raises ChildProcessError when that does not help, and errors of the function that are not
     ``expected``.
+    meanwhile: what this process does when all tasks are with the workers, before it waits for the first of them; not
+    called where there is no executor.
     """
     left, losses = list(tasks), 0
     while left:
@@ -69,6 +73,9 @@ def completed(
             continue
         with executor() as pool:
             futures = {pool.submit(function, **arguments(task)): task for task in left}
+            if meanwhile:
+                meanwhile()
+                meanwhile = None
             try:
                 for future in as_completed(futures):
                     error = future.exception()
@@ -120,6 +127,7 @@ def begin_resource_tracker() -> None:
 def leave_with_parent() -> None:
     """In a worker: do not outlive the parent, however it ends, and leave Ctrl-C to it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    collect_seldom()
     parent = multiprocessing.parent_process()
     if parent is not None:
 

@@ -11,7 +11,8 @@ from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
 from eimi_lab.dataset.state import State
-from eimi_lab.drawing import IN_ORDER, Drawing, label, styled
+from eimi_lab.drawing import Drawing, label, styled
+from eimi_lab.palette import IN_ORDER
 
 Array = NDArray[np.float64]
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.beam.equilibrium import Configuration
 from eimi_fitting.inference.considered import Candidate, changes_by
 from eimi_fitting.inference.measurements import Misfit
 from eimi_fitting.inference.sources import SOURCES, StatedSource
@@ -24,16 +25,19 @@ Array = NDArray[np.float64]
 _TIMES = 25  # that each draw of the parameters meets sources of its own
 
 
-def predicted_errors_mm(fit: FitRecord | TensileRecord, evidence: Evidence, misfit: Misfit) -> Array:
+def predicted_errors_mm(
+    fit: FitRecord | TensileRecord, evidence: Evidence, misfit: Misfit, near: Configuration | None = None
+) -> Array:
     """(T, D): mean errors of the fit's draws on a dataset, T times with other deviations of its sources.
 
-    misfit: of the fit itself and D of its draws (1 + D, ...).
+    misfit: of the fit itself and D of its draws (1 + D, ...); near: where the fit's beam stands on the coarse mesh, or
+    nearly so, a row a state.
     """
     residuals = misfit.residuals[1:]
     count = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
     numbers = _numbers(fit, evidence)
     sizes = [(stated.source, part, stated.standard_uncertainty) for stated, part in numbers]
-    found = zip(numbers, changes_by(_candidate(fit, evidence), evidence.experiment, sizes), strict=True)
+    found = zip(numbers, changes_by(_candidate(fit, evidence), evidence.experiment, sizes, near), strict=True)
     changes = [(number, change) for number, change in found if change is not None]
     if not changes:
         return np.asarray(misfit.error_mm[None, 1:].mean(axis=2))

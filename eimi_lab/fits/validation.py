@@ -13,7 +13,7 @@ dataset itself states as uncertain (`predicted_error`).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,10 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.beside import FORETOLD_MM
-from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.equilibrium import Status
 from eimi_fitting.beam.outline import outline, points_on
+from eimi_fitting.inference.considered import coarse_model
 from eimi_fitting.inference.corrections import Correction, correction, polished, refinements
-from eimi_fitting.inference.experiment import Comparison, Experiment, compare
+from eimi_fitting.inference.experiment import TOLERANCE_MM, Comparison, Experiment, compare
 from eimi_fitting.inference.measurements import EdgeObservation, Misfit
 from eimi_fitting.inference.quantity import Quantity
 from eimi_fitting.laws import LAWS
@@ -150,18 +151,42 @@ def predict_each(
     What depth adds is much the same for fits that bend the beam alike: each begins with what was found before.
     """
     near: list[Correction] = []
-    for path, index, fit in fits:
-        found = predict(evidence, fit, path, index, near)
+    every = planar_comparisons(evidence, [fit for _, _, fit in fits])
+    for (path, index, fit), plain in zip(fits, every, strict=True):
+        found = predict(evidence, fit, path, index, near, plain)
         near += [found.correction] if found.correction else []
         yield found
 
 
+def planar_comparisons(evidence: Evidence, fits: Sequence[FitRecord | TensileRecord]) -> list[Comparison]:
+    """How far each fit is from a dataset on the planar model on which its correction begins.
+
+    Those of one law that assume nothing else of the dataset are one batch.
+    """
+    experiment = polished(evidence.experiment)
+    own = [assumptions_of(fit, evidence, 1) for fit in fits]
+    batches: dict[object, list[int]] = {}
+    for i, fit in enumerate(fits):
+        batches.setdefault(fit.model if own[i] == Assumptions() else i, []).append(i)
+    found: dict[int, Comparison] = {}
+    for batch in batches.values():
+        values = np.array([fits[i].values() for i in batch])
+        every = _compared(fits[batch[0]], own[batch[0]], values, experiment)
+        found |= {i: every.take(np.array([row])) for row, i in enumerate(batch)}
+    return [found[i] for i in range(len(fits))]
+
+
 def predict(
-    evidence: Evidence, fit: FitRecord | TensileRecord, path: Path, index: int, near: Sequence[Correction] = ()
+    evidence: Evidence,
+    fit: FitRecord | TensileRecord,
+    path: Path,
+    index: int,
+    near: Sequence[Correction] = (),
+    plain: Comparison | None = None,
 ) -> Prediction:
     """Simulate the fit ``index`` of the file ``path`` on a dataset and measure its error.
 
-    near: the corrections of other fits on the same dataset.
+    near: the corrections of other fits on the same dataset; plain: of `planar_comparisons`, where it is known.
     Raises InputError when the fit was made from this very dataset under another section assumption.
     """
     section = evidence.experiment.model.specimen.section
@@ -176,7 +201,7 @@ def predict(
     def against(experiments: Sequence[Experiment]) -> Comparison:
         return _compared(fit, own, np.array([fit.values()]), experiments[0])
 
-    plain = against([experiment])
+    plain = plain or _compared(fit, own, np.array([fit.values()]), experiment)
     (due,) = refinements([experiment])
     foretold_mm = max(FORETOLD_MM, _OF_ERROR * float(plain.error_mm[0].mean()))
     # Where the planar model has no equilibrium there is none to report, whatever a better one says.
@@ -262,17 +287,26 @@ def _error_interval(
     change in the others. No upper end where one of the draws has no equilibrium.
     """
     candidates = np.concatenate([[fit.values()], fit.drawn(_DRAWS)])
-    coarse = replace(evidence.experiment, model=BeamModel(evidence.experiment.model.specimen))
-    every = _compared(fit, assumptions_of(fit, evidence, len(candidates)), candidates, coarse)
-    bent = every.misfits[0].residuals
-    drawn = coarse.observed.of_residuals(misfit.residuals + bent - bent[:1])
-    sound = ~every.unconverged[1:] & ~every.unconverged[0]
-    errors_mm = predicted_errors_mm(fit, evidence, drawn)[:, sound]
+    own, model = assumptions_of(fit, evidence, len(candidates)), coarse_model(evidence.experiment.model.specimen)
+    shapes = model.solve(
+        LAWS[fit.model],
+        candidates,
+        evidence.experiment.loads,
+        tolerance_mm=TOLERANCE_MM,
+        bulk_modulus_Pa=own.bulk_modulus_Pa,
+        field_factor=own.setup.field_factor if own.setup else None,
+        keep=True,
+    )
+    observed = evidence.experiment.observed
+    bent = observed.misfit(model, shapes, own.setup).residuals
+    drawn = observed.of_residuals(misfit.residuals + bent - bent[:1])
+    sound = np.asarray(np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all(axis=1))
+    errors_mm = predicted_errors_mm(fit, evidence, drawn, shapes.every)[:, sound[1:] & sound[0]]
     if not errors_mm.size:
         return None
     low, high = np.quantile(errors_mm, [0.025, 0.975]).tolist()
     mean = float(misfit.error_mm[0].mean())
-    return min(low, mean), None if every.unconverged.any() else max(high, mean)
+    return min(low, mean), max(high, mean) if sound.all() else None
 
 
 def write_validation(path: Path, validations: Sequence[Validation], force: bool = False) -> ValidationFile:

@@ -7,6 +7,7 @@ import csv
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
@@ -32,6 +33,15 @@ class Picture:
     says: str
     caption: str | Markup
     photograph: bool = False
+
+    @cached_property
+    def embedded(self) -> str:
+        """The figure as an address that holds all of it."""
+        if self.photograph:
+            kind, content = "webp", saved(self.figure, "webp", dpi=_RASTER_DPI, pil_kwargs=_WEBP)
+        else:
+            kind, content = "svg+xml", saved(self.figure, "svg", dpi=_RASTER_DPI)
+        return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
 @dataclass(frozen=True)
@@ -86,7 +96,7 @@ class Elements:
         return Markup(
             '<figure id="figure-{number}"><img src="{source}" alt="{says}">'
             "<figcaption><b>Figure {number}.</b> {caption}</figcaption></figure>"
-        ).format(number=number, source=_embedded(picture), says=picture.says, caption=picture.caption)
+        ).format(number=number, source=picture.embedded, says=picture.says, caption=picture.caption)
 
     def table(self, table: Table) -> Markup:
         """A table as HTML; it is the next one of the page."""
@@ -113,14 +123,6 @@ class Elements:
             name = f"table_{number:02d}_{table.name}"
             found |= {f"{name}.csv": table.to_csv().encode(), f"{name}.tex": table.to_latex().encode()}
         return found
-
-
-def _embedded(picture: Picture) -> str:
-    if picture.photograph:
-        kind, content = "webp", saved(picture.figure, "webp", dpi=_RASTER_DPI, pil_kwargs=_WEBP)
-    else:
-        kind, content = "svg+xml", saved(picture.figure, "svg", dpi=_RASTER_DPI)
-    return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
 def _lines(cell: AnyCell) -> list[Cell]:

@@ -7,20 +7,20 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from datetime import datetime
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 from jinja2 import Environment, select_autoescape
 from markupsafe import Markup
 
 from eimi_lab.dataset.reading import open_dataset
-from eimi_lab.drawing import styled
 from eimi_lab.outputs import whole_file, whole_folder, write_whole
 from eimi_lab.progress import silent
 from eimi_lab.report.contents import DatasetContents, ReportContents, short_names
+from eimi_lab.report.drawn_panels import AnyPanel, DrawnPanels, Values
 from eimi_lab.report.elements import Elements
-from eimi_lab.report.panel import DatasetPanel, ReportPanel, every_panel
+from eimi_lab.report.panel import ReportPanel, every_panel
 from eimi_lab.report.shown import leading, read_shown
 from eimi_lab.report.simulated import simulate_on_each
 
@@ -44,18 +44,23 @@ def write_report(
     assets: a folder for each figure as SVG and PDF, each table as CSV and LaTeX. command: the line that asked for it.
     executor: whose workers share the datasets.
     """
-    every = read_shown(fits)
-    steps = len(datasets) * (len(every) + 1) + sum(isinstance(panel, ReportPanel) for panel in every_panel())
+    every, panels, written = read_shown(fits), every_panel(), datetime.now().astimezone()
+    steps = len(datasets) * (len(every) + 1) + sum(isinstance(panel, ReportPanel) for panel in panels)
     with ExitStack() as stack:
         folder = stack.enter_context(whole_folder(assets, force)) if assets is not None else None
         told = stack.enter_context(progress("report", steps))
-        shown = []
-        found = simulate_on_each(datasets, every, flagged, told, executor)
-        for path, name, (evidence, laid_over, validations) in zip(datasets, short_names(datasets), found, strict=True):
-            dataset = stack.enter_context(open_dataset(path))
+        names, shown, drawn = short_names(datasets), dict[int, DatasetContents](), DrawnPanels(panels, told)
+        of_fits = partial(drawn.fits, ReportContents(every, (), written, command))
+        for place, found in simulate_on_each(datasets, every, flagged, told, executor, meanwhile=of_fits):
+            evidence, laid_over, validations = found
+            dataset = stack.enter_context(open_dataset(datasets[place]))
             stands_for = leading(every, evidence.sha256)
-            shown.append(DatasetContents(dataset, evidence, tuple(laid_over), tuple(validations), name, stands_for))
-        page, elements = render(ReportContents(every, tuple(shown), datetime.now().astimezone(), command), told)
+            shown[place] = DatasetContents(
+                dataset, evidence, tuple(laid_over), tuple(validations), names[place], stands_for
+            )
+            drawn.dataset(shown[place])
+        in_order = tuple(shown[place] for place in range(len(datasets)))
+        page, elements = render(ReportContents(every, in_order, written, command), drawn)
         if folder is not None:
             for name, content in elements.files().items():
                 write_whole(folder / name, content)
@@ -63,25 +68,21 @@ def write_report(
         temporary.write_text(page, encoding="utf-8")
 
 
-@styled
-def render(report: ReportContents, told: Callable[[str], None] = silent) -> tuple[str, Elements]:
+def render(report: ReportContents, drawn: DrawnPanels) -> tuple[str, Elements]:
     """The page as HTML, with every panel that has something to show, and its figures and tables."""
     elements = Elements()
     environment = _environment(elements)
-    panels = every_panel()
-    above = [panel for panel in panels if isinstance(panel, ReportPanel) and not panel.after_datasets]
-    below = [panel for panel in panels if isinstance(panel, ReportPanel) and panel.after_datasets]
-    of_dataset = [panel for panel in panels if isinstance(panel, DatasetPanel)]
+    drawn.report(report)
     template = environment.from_string((files("eimi_lab.report") / "page.html").read_text(encoding="utf-8"))
     page = template.render(
         title=_title(report),
         report=report,
-        before=_filled(environment, above, report, told),
+        before=_filled(environment, drawn.of_report(after_datasets=False)),
         sections=[
-            {"name": shown.name, "slug": f"dataset-{number}", "panels": _filled(environment, of_dataset, shown, told)}
+            {"name": shown.name, "slug": f"dataset-{number}", "panels": _filled(environment, drawn.of_dataset(shown))}
             for number, shown in enumerate(report.datasets, 1)
         ],
-        after=_filled(environment, below, report, told),
+        after=_filled(environment, drawn.of_report(after_datasets=True)),
     )
     return page, elements
 
@@ -102,19 +103,14 @@ def _title(report: ReportContents) -> str:
     return f"Material identified: {materials}" if materials else "Material identified"
 
 
-def _filled(
-    environment: Environment, panels: Iterable[Any], contents: Any, told: Callable[[str], None]
-) -> list[dict[str, str]]:
+def _filled(environment: Environment, drawn: Iterable[tuple[AnyPanel, Values]]) -> list[dict[str, str]]:
     """Title, anchor and body of each panel that has something to show."""
     filled = []
-    for panel in panels:
-        values = panel.values(contents)
+    for panel, values in drawn:
         if values is not None:
             title, body = (
                 Markup(environment.from_string(text).render(values)) for text in (panel.title, panel.template)
             )
             slug = re.sub(r"\W+", "-", panel.title.lower()).strip("-")
             filled.append({"title": title, "body": body, "slug": slug})
-        if not isinstance(panel, DatasetPanel):
-            told(panel.title.lower() or "result")
     return filled

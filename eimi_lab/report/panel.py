@@ -30,10 +30,14 @@ class _Panel:
 
 @dataclass(frozen=True, kw_only=True)
 class ReportPanel(_Panel):
-    """Once in a report, before its datasets or after them. values: None leaves the panel out."""
+    """Once in a report, before its datasets or after them. values: None leaves the panel out.
+
+    of_fits: it shows the fits alone and asks for no dataset, so that it can be drawn while these are simulated.
+    """
 
     values: Callable[[ReportContents], Mapping[str, Any] | None]
     after_datasets: bool = False
+    of_fits: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

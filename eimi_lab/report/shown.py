@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from eimi_fitting.inference.choice_of_law import Choice
-from eimi_lab.drawing import LINES, MARKERS, PALETTE
 from eimi_lab.fits.fits_file import read_fits_file
 from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.palette import LINES, MARKERS, PALETTE
 
 
 @dataclass(frozen=True)

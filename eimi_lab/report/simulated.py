@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from eimi_fitting.inference.corrections import Correction
+from eimi_fitting.inference.experiment import Comparison
+from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.errors import InputError
 from eimi_lab.fits.evidence import Evidence, load_evidence
 from eimi_lab.fits.fitting import check_section
 from eimi_lab.fits.records import FitRecord
-from eimi_lab.fits.validation import Prediction, Validation, predict
+from eimi_lab.fits.validation import Prediction, Validation, planar_comparisons, predict
 from eimi_lab.progress import silent
 from eimi_lab.report.shown import ShownFit, sections_of
 from eimi_lab.workers import completed
@@ -39,8 +41,12 @@ def simulate_on_each(
     flagged: bool,
     told: Callable[[str], None] = silent,
     executor: Callable[[], AbstractContextManager[Executor]] | None = None,
-) -> list[Simulated]:
-    """`simulate_fits` of each dataset, shared out to the workers of an executor where there is one and fits enough."""
+    meanwhile: Callable[[], None] | None = None,
+) -> Iterator[tuple[int, Simulated]]:
+    """`simulate_fits` of each dataset, with its place among the paths, as they come.
+
+    Shared out to the workers of an executor where there is one and fits enough; meanwhile: see `completed`.
+    """
     executor = executor if len(every) >= _WORTH_A_START else None
 
     def arguments(task: int) -> dict[str, object]:
@@ -48,17 +54,26 @@ def simulate_on_each(
         return own if executor else {**own, "told": told}
 
     own_of = {(shown.path, shown.index): shown for shown in every}
-    found: dict[int, Simulated] = {}
-    for task, result in completed(simulate_fits, arguments, range(len(paths)), executor, (InputError,)):
+    tasks = sorted(range(len(paths)), key=lambda task: -_size(paths[task])) if executor else range(len(paths))
+    for task, result in completed(simulate_fits, arguments, tasks, executor, (InputError,), meanwhile):
         evidence, simulated, validations = result()
         # A worker sends copies of the fits; whoever looks for those of one fit looks for this one.
         of_these = [
             replace(outlines, shown=own_of[outlines.shown.path, outlines.shown.index]) for outlines in simulated
         ]
-        found[task] = evidence, of_these, validations
         for _ in range(len(every) + 1 if executor else 0):
             told(paths[task].name)
-    return [found[task] for task in range(len(paths))]
+        yield task, (evidence, of_these, validations)
+
+
+def _size(path: Path) -> float:
+    """What a dataset's simulation takes, beside that of others: more states, and a wider beam has more elements.
+
+    The longest is begun first, lest it be waited for in the end. Raises InputError.
+    """
+    with open_dataset(path) as dataset:
+        beam = dataset.specimen.specimen
+        return len(dataset.states) * beam.width_mm / beam.length_mm
 
 
 def simulate_fits(
@@ -75,15 +90,18 @@ def simulate_fits(
     first = load_evidence(path, flagged=flagged, section=check_section(common))
     told(f"{path.name} read")
     by_section = {first.experiment.model.specimen.section: first}
-    simulated, validations = [], []
-    near: dict[str, list[Correction]] = {}  # by section: a fit begins with what was found before, as in `predict_each`
+    every_evidence = []
     for shown in every:
         section = check_section(_own_section(shown, first.sha256))
         if section and section not in by_section:
             by_section[section] = load_evidence(path, flagged=flagged, section=section)
-        evidence = by_section[section] if section else first
+        every_evidence.append(by_section[section] if section else first)
+    plain = _planar(every, every_evidence)
+    simulated, validations = [], []
+    near: dict[str, list[Correction]] = {}  # by section: a fit begins with what was found before, as in `predict_each`
+    for shown, evidence, compared in zip(every, every_evidence, plain, strict=True):
         own = evidence.experiment.model.specimen.section
-        found = predict(evidence, shown.fit, shown.path, shown.index, near.get(own, ()))
+        found = predict(evidence, shown.fit, shown.path, shown.index, near.get(own, ()), compared)
         if found.correction:
             near.setdefault(own, []).append(found.correction)
         validations.append(found.validation)
@@ -92,6 +110,15 @@ def simulate_fits(
             # Without the solid's shapes, which are large, and nothing that is shown.
             simulated.append(SimulatedOutlines(**vars(replace(found, correction=None)), shown=shown, evidence=evidence))
     return first, simulated, validations
+
+
+def _planar(every: Sequence[ShownFit], on: Sequence[Evidence]) -> list[Comparison]:
+    """`planar_comparisons` of each fit on its evidence."""
+    found: dict[int, Comparison] = {}
+    for evidence in {id(own): own for own in on}.values():
+        places = [place for place, own in enumerate(on) if own is evidence]
+        found |= zip(places, planar_comparisons(evidence, [every[place].fit for place in places]), strict=True)
+    return [found[place] for place in range(len(every))]
 
 
 def _own_section(shown: ShownFit, sha256: str) -> str | None:

@@ -7,8 +7,9 @@ import json
 import pickle
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
@@ -23,6 +24,7 @@ from eimi_fitting.laws.tensile import engineering_stress
 from eimi_lab import workers
 from eimi_lab.report import panels
 from eimi_lab.report.citation import METHOD, SUITE
+from eimi_lab.report.page import write_report
 from eimi_lab.report.shown import read_shown
 from eimi_lab.report.simulated import simulate_on_each
 from eimi_lab.report.stress import MODES, stress_curve
@@ -63,10 +65,16 @@ def test_workers_share_the_datasets_of_a_report_and_change_no_digit(folder: Path
     (folder / "again.json").write_text((folder / "fits.json").read_text())
     every = read_shown([folder / "fits.json", folder / "tensile.json", folder / "again.json"])
     here, there = list[str](), list[str]()
-    alone = simulate_on_each(paths, every, False, here.append)
-    shared = simulate_on_each(paths, every, False, there.append, partial(Copying, 2))
+    alone = dict(simulate_on_each(paths, every, False, here.append))
+    waited = list[str]()
+    shared = dict(
+        simulate_on_each(paths, every, False, there.append, partial(Copying, 2), lambda: waited.append("once"))
+    )
+    assert waited == ["once"]
     assert len(here) == len(there) == 2 * (1 + len(every))
-    for (own, outlines, validations), other in zip(alone, shared, strict=True):
+    assert set(alone) == set(shared) == {0, 1}
+    for place, (own, outlines, validations) in alone.items():
+        other = shared[place]
         assert other[0].path == own.path
         assert [every.index(o.shown) for o in other[1]] == list(range(len(every)))
         assert all(o.shown is every[place] for place, o in enumerate(other[1]))
@@ -80,7 +88,28 @@ def test_no_worker_is_started_for_few_fits(folder: Path) -> None:
 
     every = read_shown([folder / "fits.json", folder / "tensile.json"])
     paths = [folder / "train.h5", folder / "unseen.h5"]
-    assert len(simulate_on_each(paths, every, False, executor=started)) == 2
+    assert [place for place, _ in simulate_on_each(paths, every, False, executor=started)] == [0, 1]
+
+
+def test_a_page_is_the_same_by_workers_and_without(folder: Path) -> None:
+    """Its panels are then drawn in another order: those of the fits first."""
+    (folder / "again.json").write_text((folder / "fits.json").read_text())
+    fits = [folder / name for name in ("fits.json", "tensile.json", "again.json")]
+    pages, steps = [], []
+    for executor in (None, partial(Copying, 2)):
+        told = list[str]()
+        output = folder / f"page{len(pages)}.html"
+        progress = partial(counted, told, steps)
+        write_report(output, [folder / "unseen.h5"], fits, executor=executor, progress=progress)
+        pages.append(re.sub(r'<p class="byline">.*', "", output.read_text(encoding="utf-8")))
+        assert len(told) == steps[-1]
+    assert pages[0] == pages[1]
+
+
+@contextmanager
+def counted(told: list[str], steps: list[int], title: str, total: int) -> Iterator[Callable[[str], None]]:
+    steps.append(total)
+    yield told.append
 
 
 @pytest.mark.parametrize(("asked", "started"), [((), 2), (("--workers", "1"), 1), (("--workers", "2"), 2)])

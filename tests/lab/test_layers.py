@@ -26,7 +26,7 @@ ORDER = (
     ("eimi_fitting.inference",),
     ("eimi_fitting.discovery",),
     ("eimi_fitting",),
-    ("eimi_lab.stderr", "eimi_lab.threads"),
+    ("eimi_lab.stderr", "eimi_lab.threads", "eimi_lab.garbage", "eimi_lab.palette"),
     ("eimi_lab.errors", "eimi_lab.progress", "eimi_lab.stopping", "eimi_lab.tables", "eimi_lab.drawing"),
     ("eimi_lab.outputs", "eimi_lab.writer_lock", "eimi_lab.workers"),
     ("eimi_lab.config",),

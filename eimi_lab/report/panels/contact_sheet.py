@@ -9,7 +9,8 @@ import cv2
 from matplotlib.axes import Axes
 
 from eimi_lab.dataset.state import State
-from eimi_lab.drawing import PALETTE, WIDTH_IN, Drawing
+from eimi_lab.drawing import WIDTH_IN, Drawing
+from eimi_lab.palette import PALETTE
 from eimi_lab.report.contents import DatasetContents
 from eimi_lab.report.elements import Picture, Table
 from eimi_lab.report.frames import Crop, crop_of, edges_px, load_words

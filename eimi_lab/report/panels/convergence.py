@@ -82,4 +82,5 @@ PANEL = ReportPanel(
 {{ searches | table }}
 """,
     values=_values,
+    of_fits=True,
 )

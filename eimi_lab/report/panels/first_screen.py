@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from eimi_fitting.inference.measurements import PointObservation
-from eimi_lab.drawing import MEASURED, PALETTE, Drawing, label
+from eimi_lab.drawing import Drawing, label
+from eimi_lab.palette import MEASURED, PALETTE
 from eimi_lab.report.contents import DatasetContents, ReportContents
 from eimi_lab.report.elements import Picture
 from eimi_lab.report.findings import findings

@@ -27,5 +27,5 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
 
 
 PANEL = ReportPanel(
-    place=20, after_datasets=True, title="Stability", template="{{ stability | table }}", values=_values
+    place=20, after_datasets=True, title="Stability", template="{{ stability | table }}", values=_values, of_fits=True
 )

@@ -140,4 +140,5 @@ PANEL = ReportPanel(
 {% for choices in comparisons %}{{ choices | table }}{% endfor %}
 """,
     values=_values,
+    of_fits=True,
 )

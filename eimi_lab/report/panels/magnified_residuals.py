@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.inference.measurements import EdgeObservation
-from eimi_lab.drawing import MEASURED, PALETTE, Drawing, label
+from eimi_lab.drawing import Drawing, label
+from eimi_lab.palette import MEASURED, PALETTE
 from eimi_lab.report.contents import DatasetContents
 from eimi_lab.report.elements import Picture
 from eimi_lab.report.frames import load_words, some_states

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from eimi_lab.drawing import OF_TWO_SIGNS, Drawing
+from eimi_lab.drawing import Drawing
 from eimi_lab.fits.records import FitRecord
+from eimi_lab.palette import OF_TWO_SIGNS
 from eimi_lab.report.contents import ReportContents
 from eimi_lab.report.elements import Picture
 from eimi_lab.report.panel import ReportPanel
@@ -67,4 +68,6 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
     return {"picture": Picture("correlation", drawn, "correlation of the unknowns", caption)}
 
 
-PANEL = ReportPanel(place=17, title="What hangs together", template="{{ picture | figure }}", values=_values)
+PANEL = ReportPanel(
+    place=17, title="What hangs together", template="{{ picture | figure }}", values=_values, of_fits=True
+)

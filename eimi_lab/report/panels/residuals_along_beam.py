@@ -12,7 +12,8 @@ from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
 from eimi_fitting.inference.measurements import EdgeObservation
-from eimi_lab.drawing import IN_ORDER, Drawing, label
+from eimi_lab.drawing import Drawing, label
+from eimi_lab.palette import IN_ORDER
 from eimi_lab.report.contents import DatasetContents
 from eimi_lab.report.elements import Picture
 from eimi_lab.report.panel import DatasetPanel

@@ -97,4 +97,6 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
     return {"picture": Picture("stress_strain", drawn, "stress against strain of every law", caption)}
 
 
-PANEL = ReportPanel(place=20, title="Stress against strain", template="{{ picture | figure }}", values=_values)
+PANEL = ReportPanel(
+    place=20, title="Stress against strain", template="{{ picture | figure }}", values=_values, of_fits=True
+)

@@ -86,4 +86,5 @@ PANEL = ReportPanel(
 alone.</p>{% endif %}
 """,
     values=_values,
+    of_fits=True,
 )

@@ -17,18 +17,13 @@ Array = NDArray[np.float64]
 class Bricks:
     """nodes: (N, 3) mm; elements: (E, 27) node indices, local node 9 i + 3 j + k at i along, j across, k in depth.
 
-    counts: nodes along, across and in depth. They are numbered in depth first, then across, so that the stiffness
-    matrix has a small band.
+    numbers: (along, across, depth) the number of the node at each place of the grid. They are numbered first where
+    they are fewest, across or in depth, and along last, so that the stiffness matrix has a small band.
     """
 
     nodes: Array
     elements: Indices
-    counts: tuple[int, int, int]
-
-    @property
-    def numbers(self) -> Indices:
-        """(along, across, depth): the number of the node at each place of the grid."""
-        return np.arange(len(self.nodes), dtype=np.intp).reshape(self.counts)
+    numbers: Indices
 
 
 def brick_mesh(
@@ -39,12 +34,17 @@ def brick_mesh(
 ) -> Bricks:
     """The bricks between the lines x_mm, y_mm and z_mm, all rising; ``mapping`` takes their nodes to other places."""
     lines = [np.interp(np.arange(2 * len(v) - 1) / 2, np.arange(len(v)), v) for v in (x_mm, y_mm, z_mm)]
-    places = [g.ravel() for g in np.meshgrid(*lines, indexing="ij")]
-    counts = (len(lines[0]), len(lines[1]), len(lines[2]))
-    numbers = np.arange(len(places[0]), dtype=np.intp).reshape(counts)
+    along, across, deep = (len(line) for line in lines)
+    numbers: Indices = np.arange(along * across * deep, dtype=np.intp)
+    if across < deep:
+        numbers = numbers.reshape(along, deep, across).swapaxes(1, 2)
+    numbers = numbers.reshape(along, across, deep)
+    places = [np.empty(numbers.size) for _ in lines]
+    for place, values in zip(places, np.meshgrid(*lines, indexing="ij"), strict=True):
+        place[numbers] = values
     corner = numbers[0:-1:2, 0:-1:2, 0:-1:2].ravel()
     elements = corner[:, None] + numbers[:3, :3, :3].ravel()
-    return Bricks(np.column_stack(mapping(*places) if mapping else places), elements, counts)
+    return Bricks(np.column_stack(mapping(*places) if mapping else places), elements, numbers)
 
 
 def shape_functions(xi: Array, eta: Array, zeta: Array) -> tuple[Array, Array]:

@@ -21,6 +21,7 @@ from eimi_fitting.beam.system import System
 Array = NDArray[np.float64]
 
 
+_MOST_ITERATIONS = 25  # of Newton's method
 _ELEMENTS_AT_ONCE = 4096  # of all candidates or states together: more of them are not strained at once
 
 
@@ -237,9 +238,12 @@ class Solid:
         loads: SolidLoads,
         start: Configuration,
         tolerance_mm: float,
-        most_iterations: int = 25,
+        few: int | None = None,
     ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp]]:
         """Newton from ``start`` until no node moves by ``tolerance_mm`` in a step.
+
+        few: of a start that should be near: whoever takes more iterations, or comes by a tangent that is not positive
+        definite, is given up as OUT_OF_ITERATIONS. There are smaller steps for it, or another way.
 
         The tangent of the last step, in which a nearly incompressible material's pressures are eliminated exactly, is
         the second derivative of the potential: where it is not positive definite a beam would leave the equilibrium,
@@ -257,7 +261,7 @@ class Solid:
         status = np.full(b, Status.OUT_OF_ITERATIONS, np.int8)
         iterations = np.zeros(b, np.intp)
         rows = np.arange(b)
-        for _ in range(most_iterations):
+        for _ in range(few or _MOST_ITERATIONS):
             if not len(rows):
                 break
             everyone = len(rows) == b
@@ -276,7 +280,7 @@ class Solid:
             done = ok & (largest < tolerance_mm)
             status[rows[done]] = Status.CONVERGED
             status[rows[done & step.indefinite]] = Status.BUCKLED
-            rows = rows[ok & ~done]
+            rows = rows[ok & ~done & ~(step.indefinite & (few is not None))]
         return now, status, iterations
 
 

@@ -265,6 +265,7 @@ def _divided(
     (Deuflhard 2011, Newton Methods for Nonlinear Problems, section 5.1). Sure is who took few iterations in each step.
     """
     few = _FEW - (tolerance_mm > _LOOSE_MM)
+    most = few if cuts < _CUTS[-1] else None  # who takes more is not sure, and has smaller steps to come
     everyone = len(rows) == len(path[-1][1].rigid)
     own = path[-_MOST_POINTS:] if everyone else _taken(path, rows)
     previous = path[-1][0]
@@ -279,7 +280,7 @@ def _divided(
         foretold = _extrapolate(own, target) if cuts == 1 or c > 1 else None
         guess = foretold or own[-1][1]
         batch, factor = chosen.take(rows[going])
-        part, outcome, spent = solid.equilibrium(batch, actuation.at(target, factor), guess, tolerance_mm)
+        part, outcome, spent = solid.equilibrium(batch, actuation.at(target, factor), guess, tolerance_mm, most)
         contracts = spent <= few
         if foretold is not None:
             contracts &= _as_foretold(solid, foretold, part)

@@ -12,12 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.equilibrium import Configuration, Status
 from eimi_fitting.beam.model import BeamModel, Shapes
+from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.inference.covariance import Linearisation
 from eimi_fitting.inference.experiment import Experiment
 from eimi_fitting.inference.objective import Problem
@@ -129,16 +131,26 @@ class Candidate:
     freed: tuple[tuple[str, int, float], ...] = ()
 
 
+@lru_cache(maxsize=8)
+def coarse_model(specimen: Specimen) -> BeamModel:
+    """On which differences between candidates are computed."""
+    return BeamModel(specimen)
+
+
 def changes_by(
-    candidate: Candidate, experiment: Experiment, numbers: Sequence[tuple[str, int, float]]
+    candidate: Candidate,
+    experiment: Experiment,
+    numbers: Sequence[tuple[str, int, float]],
+    near: Configuration | None = None,
 ) -> list[Array | None]:
     """(K, G, m) mm: what deviations of (source, part, size) change in a candidate's residuals.
 
-    By differences of the planar model on the coarse mesh; None where that finds no equilibrium.
+    By differences of the planar model on the coarse mesh; None where that finds no equilibrium. near: where the beam
+    stands there, or nearly so, a row a state.
     """
-    experiment = replace(experiment, model=BeamModel(experiment.model.specimen), solid=None, change=None)
+    experiment = replace(experiment, model=coarse_model(experiment.model.specimen), solid=None, change=None)
     as_stated = Setup.of(candidate.freed, 1)
-    here = _bent(candidate, experiment, as_stated)
+    here = _bent(candidate, experiment, as_stated, near)
     if not _in_equilibrium(here):
         return [None] * len(numbers)
     residuals = experiment.observed.misfit(experiment.model, here, as_stated).residuals[0]

@@ -69,8 +69,8 @@ FINER_MESH = Refinement(
 @lru_cache(maxsize=8)
 def solid_beside(specimen: Specimen) -> SolidBeside:
     """The solid of a specimen and its planar model, on lines that are enough."""
-    across = BeamModel(specimen, ALONG).across
-    return SolidBeside(specimen, ALONG, min(2 * across, _MOST_ACROSS))
+    across = round(ALONG * specimen.width_mm / specimen.flexible_length_mm)
+    return SolidBeside(specimen, ALONG, min(max(across, _LEAST_ACROSS), _MOST_ACROSS))
 
 
 def _solid(experiment: Experiment) -> Experiment:
@@ -81,13 +81,16 @@ def _solid(experiment: Experiment) -> Experiment:
 def polished(experiment: Experiment) -> Experiment:
     """On the model that follows small steps of the parameters: of a solid, the planar one on its lines."""
     specimen = experiment.model.specimen
-    if specimen.section != "solid":
-        return experiment
+    return replace(experiment, model=_on_lines_of_solid(specimen)) if specimen.section == "solid" else experiment
+
+
+@lru_cache(maxsize=8)
+def _on_lines_of_solid(specimen: Specimen) -> BeamModel:
     beside = solid_beside(specimen)
-    return replace(experiment, model=BeamModel(specimen, beside.planar.along, beside.planar.across))
+    return BeamModel(specimen, beside.planar.along, beside.planar.across)
 
 
-ALONG, _MOST_ACROSS = 20, 4
+ALONG, _LEAST_ACROSS, _MOST_ACROSS = 20, 2, 4
 _FIRST = np.zeros(1, np.intp)
 SOLID = Refinement(
     name="section",

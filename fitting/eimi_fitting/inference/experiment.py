@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 # Worse than any simulation can be, and finite: the optimiser would replace a NaN by the generation's median.
 DISCARDED_MM = 1e6
-_TOLERANCE_MM = 1e-2  # of the last Newton step: what is left is below 1e-4, and edges are good to 1e-3
+TOLERANCE_MM = 1e-2  # of the last Newton step: what is left is below 1e-4, and edges are good to 1e-3
 
 
 @dataclass(frozen=True)
@@ -129,6 +129,20 @@ class Comparison:
         """(P,): mean over the states of the error; DISCARDED_MM where a candidate is not valid."""
         return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
 
+    def take(self, rows: NDArray[np.intp]) -> Comparison:
+        """Some of the candidates."""
+        return Comparison(
+            error_mm=self.error_mm[rows],
+            deviation_mm=self.deviation_mm[rows],
+            unconverged=self.unconverged[rows],
+            unstable=self.unstable[rows],
+            max_stretch=self.max_stretch[rows],
+            shapes=tuple(shapes.take(rows) for shapes in self.shapes),
+            misfits=tuple(
+                Misfit(m.residuals[rows], m.weights, m.error_mm[rows], m.deviation_mm[rows]) for m in self.misfits
+            ),
+        )
+
 
 def joined(parts: Sequence[tuple[NDArray[np.intp], Comparison]]) -> Comparison:
     """Groups of candidates, which and how they compare, as one batch; without shapes, whose meshes may differ."""
@@ -220,7 +234,7 @@ def _solved(
         law,
         parameters[first],
         experiment.loads,
-        tolerance_mm=_TOLERANCE_MM,
+        tolerance_mm=TOLERANCE_MM,
         bulk_modulus_Pa=None if bulk_modulus_Pa is None else bulk_modulus_Pa[first],
         field_factor=None if setup is None else setup.field_factor[first],
         **planar,

@@ -16,6 +16,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.inference.experiment import TOLERANCE_MM
 from eimi_fitting.inference.measurements import signed_distance
 from eimi_fitting.laws import LAWS
 
@@ -25,7 +26,6 @@ _MODULUS_PA = 50e3  # of no account: the load follows it
 _LINEAR_TURN_DEG = 60.0  # of the largest load, if the beam stayed as stiff as it is at rest: about 45 in fact
 _ALONG, _ACROSS = 13, 1  # elements: within 0.3 % of the modulus of what 20 x 4 say, in a third of a fit's mesh's time
 _STEP = 0.02
-_TOLERANCE_MM = 1e-2  # of the last Newton step, as in a fit
 
 
 def expected_bias(specimen: Specimen) -> float:
@@ -38,10 +38,10 @@ def expected_bias(specimen: Specimen) -> float:
     planar = BeamModel(specimen, beside.planar.along, beside.planar.across)
     loads = _loads(planar)
     stated, stiffer = (np.array([[_MODULUS_PA * np.exp(step)]]) for step in (0.0, _STEP))
-    here = planar.solve(law, stated, loads, tolerance_mm=_TOLERANCE_MM, keep=True)
-    ahead = planar.solve(law, stiffer, loads, tolerance_mm=_TOLERANCE_MM, near=here.every)
+    here = planar.solve(law, stated, loads, tolerance_mm=TOLERANCE_MM, keep=True)
+    ahead = planar.solve(law, stiffer, loads, tolerance_mm=TOLERANCE_MM, near=here.every)
     solid = beside.lifting(here) if beside.is_beside(planar) else beside
-    target = points_on(outline(solid, solid.solve(law, stated, loads, tolerance_mm=_TOLERANCE_MM))[0], 2)
+    target = points_on(outline(solid, solid.solve(law, stated, loads, tolerance_mm=TOLERANCE_MM))[0], 2)
     # One step of Gauss-Newton: another would move it by 0.1 % of the modulus where it is a quarter, and by less else.
     off, off_ahead = (signed_distance(outline(planar, own), target[None]).ravel() for own in (here, ahead))
     slope = (off_ahead - off) / _STEP

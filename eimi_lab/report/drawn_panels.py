@@ -1,0 +1,62 @@
+"""What the panels of a report show, drawn as soon as that is known: of the fits, of each dataset, of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from eimi_lab.drawing import styled
+from eimi_lab.progress import silent
+from eimi_lab.report.contents import DatasetContents, ReportContents
+from eimi_lab.report.elements import Picture
+from eimi_lab.report.panel import DatasetPanel, ReportPanel
+
+AnyPanel = ReportPanel | DatasetPanel
+Values = Mapping[str, Any] | None
+"""What fills a panel's template; None leaves the panel out."""
+
+
+class DrawnPanels:
+    """Each panel is drawn once. told: hears of each of the report's."""
+
+    def __init__(self, panels: Sequence[AnyPanel], told: Callable[[str], None] = silent) -> None:
+        self._of_report = [panel for panel in panels if isinstance(panel, ReportPanel)]
+        self._of_dataset = [panel for panel in panels if isinstance(panel, DatasetPanel)]
+        self._told = told
+        self._report: dict[ReportPanel, Values] = {}
+        self._datasets: dict[str, list[tuple[AnyPanel, Values]]] = {}
+
+    def fits(self, report: ReportContents) -> None:
+        """Draw what shows the fits of a report alone."""
+        self._draw(report, [panel for panel in self._of_report if panel.of_fits])
+
+    def dataset(self, shown: DatasetContents) -> None:
+        """Draw the panels of a dataset."""
+        self._datasets[shown.name] = [(panel, _drawn(panel, shown)) for panel in self._of_dataset]
+
+    def report(self, report: ReportContents) -> None:
+        """Draw what is left."""
+        self._draw(report, [panel for panel in self._of_report if panel not in self._report])
+
+    def of_report(self, *, after_datasets: bool) -> list[tuple[AnyPanel, Values]]:
+        """In their places before the datasets or after them."""
+        own = [panel for panel in self._of_report if panel.after_datasets == after_datasets]
+        return [(panel, self._report[panel]) for panel in own]
+
+    def of_dataset(self, shown: DatasetContents) -> list[tuple[AnyPanel, Values]]:
+        """In their places."""
+        return self._datasets[shown.name]
+
+    def _draw(self, report: ReportContents, panels: Sequence[ReportPanel]) -> None:
+        for panel in panels:
+            self._report[panel] = _drawn(panel, report)
+            self._told(panel.title.lower() or "result")
+
+
+@styled
+def _drawn(panel: AnyPanel, contents: Any) -> Values:
+    values: Values = panel.values(contents)
+    for value in (values or {}).values():
+        if isinstance(value, Picture):
+            _ = value.embedded
+    return values
