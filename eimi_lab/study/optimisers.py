@@ -68,7 +68,7 @@ def _cma_es(counted: _Counted, n: int, seed: int) -> None:
 
 
 def _gauss_newton(counted: _Counted, n: int, seed: int) -> None:
-    polish(counted.evaluate, np.full(n, 0.5))
+    polish(lambda units, _: counted.evaluate(units), np.full(n, 0.5))
 
 
 def _nelder_mead(counted: _Counted, n: int, seed: int) -> None:

@@ -239,7 +239,7 @@ def test_a_fit_that_is_stopped_says_so_in_one_line_and_takes_its_workers_along(
 
 @pytest.mark.parametrize(("checkpoint", "told"), [([], "fits.json"), (["--checkpoint", "log.jsonl"], "log.jsonl")])
 def test_a_full_disk_is_one_line_with_the_file(beams: Path, tmp_path: Path, checkpoint: list[str], told: str) -> None:
-    fit = ["fit", str(beams / "first.h5"), "--model", "neo-hookean", *checkpoint, "-o", "fits.json"]
+    fit = ["fit", str(beams / "first.h5"), "--model", "neo-hookean", "--restarts", "1", *checkpoint, "-o", "fits.json"]
     done = subprocess.run(
         [sys.executable, "-m", "eimi_lab", *fit],
         cwd=tmp_path,
@@ -290,7 +290,7 @@ def test_a_fit_killed_again_and_again_ends_as_if_it_had_not_been(beams: Path, tm
 
 def test_what_cannot_be_resumed_is_told_in_one_line(beams: Path, tmp_path: Path, run: Run) -> None:
     log, output = tmp_path / "log.jsonl", tmp_path / "fits.json"
-    fit = ["fit", beams / "first.h5", "--model", "neo-hookean", "-o", output, "--checkpoint", log]
+    fit = ["fit", beams / "first.h5", "--model", "neo-hookean", "--restarts", 1, "-o", output, "--checkpoint", log]
     assert run(*fit)[0] == 0
     output.unlink()
     written = log.read_text()
@@ -302,7 +302,7 @@ def test_what_cannot_be_resumed_is_told_in_one_line(beams: Path, tmp_path: Path,
         return said
 
     assert "log.jsonl: exists already; --resume goes on with it" in refused()
-    assert "its restarts should be the same to resume, is 0 there and 2 here" in refused("--resume", "--restarts", 2)
+    assert "its restarts should be the same to resume, is 1 there and 2 here" in refused("--resume", "--restarts", 2)
     assert "its fits should be the same" in refused("--resume", "--seed", 2)
     assert "--workers 2: the cluster" in refused("--resume", "--workers", 2, "--scheduler", "tcp://localhost:1")
     assert "second.h5" in refused("--resume", beams / "second.h5")

@@ -17,6 +17,11 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
+def bandwidth(dofs: Indices) -> int:
+    """Of the matrix that couples the unknowns of each element: dofs (E, d), -1 where fixed."""
+    return int((dofs.max(axis=1) - np.where(dofs < 0, dofs.max(), dofs).min(axis=1)).max())
+
+
 class BandAssembly:
     """Where each entry of the element matrices goes in the lower band.
 
@@ -28,7 +33,7 @@ class BandAssembly:
         d = dofs.shape[1]
         rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
         keep = (rows >= columns) & (columns >= 0)
-        self.bandwidth = int((rows - columns)[keep].max())
+        self.bandwidth = bandwidth(dofs)
         source = np.flatnonzero(keep.ravel())  # index into (E, d, d)
         target = columns.ravel()[source] * (self.bandwidth + 1) + (rows - columns).ravel()[source]
         order = np.argsort(target, kind="stable")

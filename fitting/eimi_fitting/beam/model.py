@@ -133,8 +133,8 @@ class BeamModel:
         bulk moduli (P,) are given, which plane stress does not know: ValueError. field_factor (P,) multiplies each
         candidate's magnetic loads: an uncertain magnetic moment or coil constant.
 
-        keep: `Shapes.every` of the first candidate. near: such, of a beam near this one on as many elements: one
-        candidate is sought in all states at once from there, and state after state only where that fails.
+        keep: `Shapes.every` of the first candidate. near: such, of a beam near these on as many elements: they are
+        sought in all states at once from there, and state after state only where that fails.
 
         Raises ValueError for a pressure on a specimen that has no pressure face.
         """

@@ -28,7 +28,7 @@ _LOOSE_MM = 1e-3
 _FAILED = (Status.DIVERGED, Status.OUT_OF_ITERATIONS)
 _OF_STRAIN, _SMALL_STRAIN = 1.5, 0.02
 _MOST_POINTS = 6  # of the path, that an extrapolation looks at
-_STATES_AT_ONCE = 64  # more of them together need more memory, and no less time
+_AT_ONCE = 104  # states of all candidates: more of them together need more memory, and no less time
 
 Path = list[tuple[Array, Configuration]]
 """Loads (7,) and where the candidates stood under them."""
@@ -66,6 +66,7 @@ class Shapes:
             iterations=self.iterations[rows],
             max_stretch=self.max_stretch[rows],
             last=self.last.take(rows),
+            every=self.every if rows[0] == 0 else None,
         )
 
 
@@ -127,8 +128,8 @@ def follow(
 ) -> Shapes:
     """Take the candidates through the K states in order; see `BeamModel.solve`; keep: `Shapes.every`.
 
-    beside: where a model that moves much as this one does stands, a row a state: of one candidate, its steps from state
-    to state are tried first.
+    beside: of one candidate, where a model that moves much as this one does stands, a row a state: what is between the
+    two is extrapolated, and tried first.
     """
     p, k_states = len(chosen.sound), len(loads)
     now = solid.rest(p) if start is None else start.copy()
@@ -142,13 +143,14 @@ def follow(
     )
     rows = np.flatnonzero(chosen.sound)
     path: Path = [(np.zeros(7), solid.rest(p))]
+    apart: Path = []  # what is between this model and the one beside it
     first: list[Configuration] = []
     for k in range(k_states):
         load = loads.state(k)
         near = start if k == 0 else None
-        if beside is not None and len(rows):
-            earlier = [beside.take(np.array([k - 1]))] if k else []
-            near = combine([1.0, 1.0, -1.0][: 2 + len(earlier)], [now, beside.take(np.array([k])), *earlier])
+        there = None if beside is None else beside.take(np.array([k]))
+        if there is not None and len(rows):
+            near = combine([1.0, 1.0], [there, _extrapolate(apart, load) or apart[-1][1]]) if apart else there
         with np.errstate(all="ignore"):
             status, iterations = _advance(solid, actuation, chosen, rows, path, load, now, tolerance_mm, near)
         shapes.displacement[:, k] = now.displacement
@@ -158,6 +160,8 @@ def follow(
         rows = rows[status == Status.CONVERGED]
         shapes.max_stretch[rows, k] = solid.stretch(now.displacement[rows]).max(axis=(0, 2))
         path = [*path[1 - _MOST_POINTS :], (load, now.copy())]
+        if there is not None:
+            apart = [*apart[1 - _MOST_POINTS :], (load, combine([1.0, -1.0], [now, there]))]
         if keep:
             first.append(now.take(np.arange(1)))
     mark_unstable(chosen, shapes)
@@ -167,31 +171,34 @@ def follow(
 def at_once(
     solid: Solid, actuation: Actuation, chosen: Candidates, loads: Loads, tolerance_mm: float, near: Configuration
 ) -> Shapes | None:
-    """One candidate in many states together, each from where a beam near it stands: a row of ``near`` a state.
+    """Candidates in many states together, each from where a beam near it stands: a row of ``near`` a state.
 
-    None where Newton's method does not contract at once from there.
+    None where Newton's method does not contract at once from there, for one of them.
     """
-    parts: list[tuple[Configuration, NDArray[np.int8], NDArray[np.intp]]] = []
-    for states in np.array_split(np.arange(len(loads)), -(-len(loads) // _STATES_AT_ONCE)):
-        batch, factor = chosen.take(0 * states)
-        own = near.take(states)
-        every = loads_joined([actuation.at(loads.state(k), factor[:1]) for k in states])
+    p, k_states = len(chosen.sound), len(loads)
+    if not chosen.sound.all():
+        return None
+    displacement, rigid = np.empty((p, k_states, *solid.mesh.nodes.shape)), np.empty((p, k_states, 3))
+    status, iterations = np.empty((p, k_states), np.int8), np.empty((p, k_states), np.intp)
+    stretch = np.empty((p, k_states))
+    first: list[Configuration] = []
+    for states in np.array_split(np.arange(k_states), min(-(-k_states * p // _AT_ONCE), k_states)):
+        batch, factor = chosen.take(np.tile(np.arange(p), len(states)))
+        own = near.take(np.repeat(states, p))
+        factor = np.broadcast_to(factor, len(own.rigid))[:p]
+        every = loads_joined([actuation.at(loads.state(k), factor) for k in states])
         with np.errstate(all="ignore"):
-            parts.append(solid.equilibrium(batch, every, own, tolerance_mm, _FEW))
-            there, status, _ = parts[-1]
-            if not (chosen.sound[0] and (status == Status.CONVERGED).all() and _as_foretold(solid, own, there).all()):
+            there, told, spent = solid.equilibrium(batch, every, own, tolerance_mm, _FEW)
+            if not ((told == Status.CONVERGED).all() and _as_foretold(solid, own, there).all()):
                 return None
-    found = joined([there for there, _, _ in parts])
-    status, iterations = (np.concatenate(own) for own in zip(*((s, i) for _, s, i in parts), strict=True))
-    shapes = Shapes(
-        displacement=found.displacement[None],
-        rigid=found.rigid[None],
-        status=status[None],
-        iterations=iterations[None],
-        max_stretch=solid.stretch(found.displacement).max(axis=(0, 2))[None],
-        last=found.take(np.array([len(loads) - 1])),
-        every=found,
-    )
+        shape = (len(states), p)
+        displacement[:, states] = there.displacement.reshape(*shape, *displacement.shape[2:]).swapaxes(0, 1)
+        rigid[:, states] = there.rigid.reshape(*shape, 3).swapaxes(0, 1)
+        status[:, states], iterations[:, states] = told.reshape(shape).T, spent.reshape(shape).T
+        stretch[:, states] = solid.stretch(there.displacement).max(axis=(0, 2)).reshape(shape).T
+        first.append(there.take(p * np.arange(len(states))))
+    last = there.take(np.arange(len(told) - p, len(told)))
+    shapes = Shapes(displacement, rigid, status, iterations, stretch, last, joined(first))
     mark_unstable(chosen, shapes)
     return shapes
 

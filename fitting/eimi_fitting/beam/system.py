@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from eimi_fitting.beam.band import BandAssembly, BandFactor, bounded, factorise
+from eimi_fitting.beam.band import BandAssembly, BandFactor, bandwidth, bounded, factorise
 from eimi_fitting.beam.mesh import Indices
 
 Array = NDArray[np.float64]
@@ -44,21 +44,20 @@ class System:
     def __init__(self, dofs: Indices, n: int, tied: Indices | None) -> None:
         self.n = n
         self._tied = tied
-        self._assembly = BandAssembly(dofs, n)
         self._in_band = False
         if tied is not None:
             own = dofs[tied].ravel()
             free = np.flatnonzero(own >= 0)
             self._columns, place = np.unique(own[free], return_inverse=True)
             self._gather = csr_array((np.ones(len(free)), (place, free)), shape=(len(self._columns), own.size))
-            self._in_band = n + 2 - int(self._columns[0]) <= self._assembly.bandwidth
+            self._in_band = n + 2 - int(self._columns[0]) <= bandwidth(dofs)
             if self._in_band:
-                self._assembly = BandAssembly(dofs, n + 3)
                 # Places in the lower band (n + 3, w): entry (i, j) stands at row j, column i - j.
-                w = self._assembly.bandwidth + 1
+                w = bandwidth(dofs) + 1
                 rows = n + np.arange(3)[:, None]
                 self._row_places = (self._columns * w + rows - self._columns).ravel()
                 self._corner_places = (n + _LOWER[1]) * w + _LOWER[0] - _LOWER[1]
+        self._assembly = BandAssembly(dofs, n + 3 if self._in_band else n)
 
     def solve(
         self,

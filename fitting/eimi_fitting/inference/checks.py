@@ -84,11 +84,16 @@ def deflection_mm(experiment: Experiment) -> float:
 
 
 def check_explained(
-    final: Comparison, experiments: Sequence[Experiment], alike: Sequence[CommonError], curves: bool = False
+    final: Comparison,
+    experiments: Sequence[Experiment],
+    alike: Sequence[CommonError],
+    curves: bool = False,
+    beyond: bool = False,
 ) -> None:
     """Raises NotExplained for the worst state of the first experiment that the law does not explain.
 
-    alike: what all states of an experiment are off alike; a clamp that is elsewhere is a doubt and no refusal.
+    alike: what all states of an experiment are off alike; a clamp that is elsewhere is a doubt and no refusal; beyond:
+    see `Evaluation`, nothing is explained then.
     """
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         error = misfit.error_mm[0]
@@ -100,6 +105,7 @@ def check_explained(
             limit = min(limit, _OF_WIDTH * experiment.model.specimen.width_mm)
         stated = _stated_mm(experiment, misfit)
         limits = np.maximum(limit, np.where(np.isfinite(stated), _WITHIN_NOISE * stated, 0.0))
+        limits = 0.0 * limits if beyond else limits
         worst = int(np.argmax(error - limits))
         if not error[worst] <= limits[worst]:
             raise NotExplained(index, worst, float(error[worst]), moved, curves)

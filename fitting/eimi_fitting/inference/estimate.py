@@ -141,7 +141,7 @@ def estimate(
     looked_at = (spread * np.sqrt(unknowns.prior))[: unknowns.searched] <= NOT_FIXED
     if unknowns.space.has_bulk:  # without an end above, and far from linear toward its lower one
         looked_at[-1] = True
-    ends = _ends(problem, about, _NORMAL * spread, tuple(int(i) for i in np.flatnonzero(looked_at)))
+    ends = _ends(problem, about, optimum, _NORMAL * spread, tuple(int(i) for i in np.flatnonzero(looked_at)))
     steps = steps_of(about, sources, covariance)
     everything = covariance + steps.sizes.T @ steps.sizes
     remaining = np.minimum(np.sqrt(np.diag(everything) * unknowns.prior), 1.0)
@@ -231,13 +231,19 @@ def _widened(problem: Problem, about: Linearisation) -> float:
     return float(special.stdtrit(freedom, 0.975)) / _NORMAL
 
 
-def _ends(problem: Problem, about: Linearisation, half_width: Array, looked_at: tuple[int, ...]) -> Ends:
+def _ends(
+    problem: Problem,
+    about: Linearisation,
+    optimum: Optimum[Evaluation],
+    half_width: Array,
+    looked_at: tuple[int, ...],
+) -> Ends:
     """Interval ends by the objective itself, where it is not the quadratic that the covariance takes it for."""
     searched = problem.unknowns.searched
     bounds_prior = np.where(np.arange(len(about.unit)) < searched, np.diag(about.prior), 0.0)
 
     def deviance(unit: Array) -> tuple[Array, Array]:
-        candidates = problem.evaluate(unit, about.likelihood_points)
+        candidates = problem.evaluate(unit, about.likelihood_points, near=optimum.evaluation.comparison.shapes)
         objective = candidates.objective_mm
         valid = objective < DISCARDED_MM
         moved = unit - about.unit

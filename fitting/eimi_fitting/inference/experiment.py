@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.beside import SolidBeside
-from eimi_fitting.beam.equilibrium import Status
+from eimi_fitting.beam.equilibrium import Configuration, Status
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel, Shapes
 from eimi_fitting.beam.specimen import Specimen
@@ -180,17 +180,21 @@ def compare(
     *,
     bulk_modulus_Pa: Array | None = None,
     setups: Sequence[Setup] | None = None,
+    near: Sequence[Shapes] = (),
+    keep: bool = False,
 ) -> Comparison:
     """Simulate P candidates (P, n) in every experiment and measure their distance to what was seen.
 
-    bulk_modulus_Pa: (P,), incompressible without it; setups: one an experiment, what is stated without them.
+    bulk_modulus_Pa: (P,), incompressible without it; setups: one an experiment, what is stated without them; near: of
+    candidates near these, one an experiment, whose first is where these are sought from; keep: shapes that can be that.
     """
     every_shapes, misfits = [], []
     unconverged, unstable = np.zeros((2, len(parameters)), bool)
     stretch = np.ones(len(parameters))
     for index, experiment in enumerate(experiments):
         setup = setups[index] if setups else None
-        shapes = _solved(law, parameters, experiment, bulk_modulus_Pa, setup)
+        start = near[index].every if near else None
+        shapes = _solved(law, parameters, experiment, bulk_modulus_Pa, setup, start, keep)
         misfit = experiment.observed.misfit(experiment.solved, shapes, setup, experiment.change)
         unconverged |= ~np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all(axis=1)
         unstable |= (shapes.status == Status.UNSTABLE).any(axis=1)
@@ -209,23 +213,30 @@ def compare(
 
 
 def _solved(
-    law: Law, parameters: Array, experiment: Experiment, bulk_modulus_Pa: Array | None, setup: Setup | None
+    law: Law,
+    parameters: Array,
+    experiment: Experiment,
+    bulk_modulus_Pa: Array | None,
+    setup: Setup | None,
+    near: Configuration | None,
+    keep: bool,
 ) -> Shapes:
     """Shapes of all candidates. Those that differ in roll or clamp alone bend alike, and are solved once."""
-    if setup is None:
-        return experiment.solved.solve(
-            law, parameters, experiment.loads, tolerance_mm=TOLERANCE_MM, bulk_modulus_Pa=bulk_modulus_Pa
-        )
-    bulk = np.zeros(len(parameters)) if bulk_modulus_Pa is None else bulk_modulus_Pa
-    every = np.column_stack([parameters, bulk, setup.field_factor])
-    _, first, own = np.unique(every, axis=0, return_index=True, return_inverse=True)
-    own = own.reshape(-1)
+    first = own = np.arange(len(parameters))
+    if setup is not None:
+        bulk = np.zeros(len(parameters)) if bulk_modulus_Pa is None else bulk_modulus_Pa
+        every = np.column_stack([parameters, bulk, setup.field_factor])
+        _, found, place = np.unique(every, axis=0, return_index=True, return_inverse=True)
+        first = np.sort(found)  # the first candidate stays the first
+        own = np.searchsorted(first, found[place.reshape(-1)])
+    planar: dict[str, Any] = {} if experiment.solid else {"near": near, "keep": keep}
     shapes = experiment.solved.solve(
         law,
         parameters[first],
         experiment.loads,
         tolerance_mm=TOLERANCE_MM,
         bulk_modulus_Pa=None if bulk_modulus_Pa is None else bulk_modulus_Pa[first],
-        field_factor=setup.field_factor[first],
+        field_factor=None if setup is None else setup.field_factor[first],
+        **planar,
     )
-    return shapes.take(own)
+    return shapes if setup is None else shapes.take(own)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.beam.path import Shapes
 from eimi_fitting.inference._coarse import coarsened, on_coarse_mesh
 from eimi_fitting.inference.checks import (
     Doubt,
@@ -40,12 +41,12 @@ from eimi_fitting.inference.corrections import (
 from eimi_fitting.inference.covariance import independent_points
 from eimi_fitting.inference.estimate import Effect, Estimate, estimate
 from eimi_fitting.inference.experiment import DISCARDED_MM, Comparison, Experiment
-from eimi_fitting.inference.modulus_range import NothingConverged, scanned, within
+from eimi_fitting.inference.modulus_range import NothingConverged, narrowed, scanned, within
 from eimi_fitting.inference.named_causes import doubtful_loads
 from eimi_fitting.inference.noise import linearise_noise
 from eimi_fitting.inference.objective import Evaluation, Problem
 from eimi_fitting.inference.polish import ENOUGH, Optimum, Polish, polish
-from eimi_fitting.inference.search import Discards, Generation, Objectives, Run, SearchResult, search
+from eimi_fitting.inference.search import ENOUGH_MM, Discards, Generation, Objectives, Run, SearchResult, search
 from eimi_fitting.inference.tensile_curves import TensileCurve, TensileEvidence
 from eimi_fitting.inference.unknowns import Prior, Unknowns, nuisances
 from eimi_fitting.laws import LAWS, Law
@@ -64,6 +65,7 @@ _STAYS_PERCENT, _MOST_PASSES, _NOT_WORSE = 0.05, 3, 1.01
 # Of the modulus: what the solid's mesh leaves at least, which is 0.1 at most for the specimens of
 # `benchmarks.solid_mesh`, and what a Newton step of the tolerance and the states between leave.
 _UNSURE_PERCENT = 0.15
+_ENOUGH = 0.14  # of what the places lie off where nothing moves: the search of a beam that hardly moves ends there
 _LOOSE = 1e-2  # of the objective: what a step gains before the corrections are known
 
 
@@ -206,7 +208,7 @@ def identify(
     coarse = replace(stated, experiments=coarsened(stated.experiments))
     guessed = _INDEPENDENT_A_STATE * sum(len(experiment.loads) for experiment in experiments)
     beam_alone = replace(coarse, curves=())
-    scan = scanned(beam_alone, guessed)
+    scan = narrowed(beam_alone, scanned(beam_alone, guessed), guessed)
     slips = doubtful_loads(beam_alone, scan, guessed)
     bounds_Pa = scan.searched()
     problem = within(stated, bounds_Pa)
@@ -218,6 +220,7 @@ def identify(
         most_generations=most_generations,
         restarts=restarts,
         bipop=bipop,
+        enough_mm=min(ENOUGH_MM, _ENOUGH * scan.unmoved_mm),
         replay=replay,
         progress=progress,
     )
@@ -227,7 +230,7 @@ def identify(
     # Where a freed source changes the specimen the candidates have no mesh in common, but the optimum has one.
     alone = final if final.shapes else problem.evaluate(optimum.unit[None], guessed).comparison
     alike = common_errors(alone.shapes, final.misfits, optimum.distance, problem.experiments, problem.unknowns)
-    check_explained(final, experiments, alike, bool(problem.curves))
+    check_explained(final, experiments, alike, bool(problem.curves), bool(optimum.evaluation.beyond[0]))
     due = refinements(experiments)
     check_determined(refined.estimate, experiments)
     in_problem = {effect.correction.refinement for effect in refined.effects}
@@ -340,14 +343,14 @@ def _polished(
 ) -> Optimum[Evaluation]:
     """Gauss-Newton over all unknowns; twice where the residuals decide how much else there is beside the edges."""
     if not problem.has_more_than_edges:
-        return polish(lambda units: problem.evaluate(units, 1.0), unit, start, enough)
+        return polish(problem.nearby(1.0), unit, start, enough)
     whole = problem.unknowns.whole(unit)[0]
     first_count = independent_points(problem, problem.evaluate(whole[None], 1.0).comparison.misfits)
-    first = polish(lambda units: problem.evaluate(units, first_count), whole)
+    first = polish(problem.nearby(first_count), whole)
     second_count = linearise_noise(problem, first, considered(problem, first.unit)).about.likelihood_points
     if abs(np.log(second_count / first_count)) < _SAME_COUNT:
         return first
-    second = polish(lambda units: problem.evaluate(units, second_count), first.unit)
+    second = polish(problem.nearby(second_count), first.unit)
     steps = first.polish.steps + second.polish.steps
     return replace(
         second, polish=replace(second.polish, mean_error_before_mm=first.polish.mean_error_before_mm, steps=steps)
@@ -367,7 +370,7 @@ def _with_finer_meshes(
         return coarse, optimum, (), plain.max_stretch
     own, reached = _with_residuals_of(plain, coarse, optimum)
     at = partial(_alone, problem, reached.unit)
-    plain = at(problem.experiments)
+    plain = at(problem.experiments, plain.shapes)
     found = correction(FINER_MESH, problem.experiments, plain, at)
     if found is None:
         return own, reached, (), plain.max_stretch
@@ -444,6 +447,6 @@ def _change(
     return correction(refinement, experiments, at(experiments), at, [start] if start else ())
 
 
-def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment]) -> Comparison:
+def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment], near: Sequence[Shapes] = ()) -> Comparison:
     """Of one candidate alone: a change by a better model is small, and rounding differs with the size of a batch."""
-    return problem.evaluate(unit[None], 1.0, experiments).comparison
+    return problem.evaluate(unit[None], 1.0, experiments, near, keep=True).comparison

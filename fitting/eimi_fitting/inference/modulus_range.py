@@ -13,8 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.inference.experiment import DISCARDED_MM, Comparison
+from eimi_fitting.beam.equilibrium import Status
+from eimi_fitting.inference.experiment import DISCARDED_MM
 from eimi_fitting.inference.objective import Evaluation, Problem
+from eimi_fitting.inference.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 
@@ -24,6 +26,7 @@ _LINEAR = 1e-3  # displacement over the beam's length up to which it is the load
 _MOST, _LEAST = 3.0, 1e-7  # of the same, if all were linear: beyond it no beam is measured
 _A_DECADE = 2  # candidates
 _AS_GOOD = 0.02  # share of the best objective
+_FINER, _ABOUT = 9, (10**0.5, 10**0.125)  # candidates about the best so far, and how far from it, twice
 
 
 class NothingConverged(Exception):
@@ -77,6 +80,16 @@ def scanned(problem: Problem, independent_points: float) -> Scan:
     return Scan(moduli, evaluated(problem, moduli, independent_points).objective_mm)
 
 
+def narrowed(problem: Problem, scan: Scan, independent_points: float) -> Scan:
+    """The scan with more candidates about its best, and about the best of these."""
+    for factor in _ABOUT:
+        moduli = np.geomspace(scan.best_Pa / factor, scan.best_Pa * factor, _FINER)
+        errors_mm = evaluated(problem, moduli, independent_points).objective_mm
+        order = np.argsort(every := np.concatenate([scan.moduli_Pa, moduli]))
+        scan = Scan(every[order], np.concatenate([scan.objective_mm, errors_mm])[order])
+    return scan
+
+
 def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
     """The problem with its first coordinate searched between these moduli."""
     space = problem.unknowns.space
@@ -87,19 +100,25 @@ def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
 
 def evaluated(problem: Problem, moduli_Pa: Array, independent_points: float) -> Evaluation:
     """Candidates of these moduli (S,), the law's ratios in the middle of their ranges."""
+    unknowns, unit = _candidates(problem, moduli_Pa)
+    return replace(problem, unknowns=unknowns).evaluate(unit, independent_points)
+
+
+def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
+    """Their unit coordinates (S, n), and the unknowns that these are of."""
     unit = np.full((len(moduli_Pa), problem.unknowns.searched), 0.5)
     span = (float(moduli_Pa.min()), 2 * float(moduli_Pa.max()))
     unit[:, 0] = np.log(moduli_Pa / span[0]) / np.log(span[1] / span[0])
-    return within(problem, span).evaluate(unit, independent_points)
+    unknowns = within(problem, span).unknowns
+    return unknowns, unknowns.whole(unit)
 
 
 def _compliance(problem: Problem) -> float:
     """Modulus (Pa) times the largest displacement over the beam's length, where that is small."""
     modulus = _FIRST_PA
     while modulus <= _STIFFEST_PA:
-        comparison = evaluated(problem, np.array([modulus]), 1.0).comparison
-        bent = _bent(problem, comparison)
-        if not comparison.unconverged[0] and bent <= _LINEAR:
+        bent = _bent(problem, modulus)
+        if bent <= _LINEAR:
             if bent == 0:
                 raise NothingActs(
                     "no load acts on the specimen in any state: no gravity, no tip force, and no field on a magnet"
@@ -111,8 +130,19 @@ def _compliance(problem: Problem) -> float:
     )
 
 
-def _bent(problem: Problem, comparison: Comparison) -> float:
-    return max(
-        float(np.abs(shapes.displacement).max()) / experiment.model.specimen.length_mm
-        for experiment, shapes in zip(problem.experiments, comparison.shapes, strict=True)
-    )
+def _bent(problem: Problem, modulus_Pa: float) -> float:
+    """The largest displacement over the beam's length, of all states at once: none is far from rest; else infinite."""
+    unknowns, unit = _candidates(problem, np.array([modulus_Pa]))
+    bent = 0.0
+    for experiment in problem.experiments:
+        shapes = experiment.model.solve(
+            problem.law,
+            unknowns.parameters(unit),
+            experiment.loads,
+            bulk_modulus_Pa=unknowns.bulk_modulus_Pa(unit),
+            near=experiment.model.solid.rest(len(experiment.loads)),
+        )
+        arrived = np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all()
+        moved = float(np.abs(shapes.displacement).max()) / experiment.model.specimen.length_mm
+        bent = max(bent, moved if arrived else np.inf)
+    return bent

@@ -69,7 +69,7 @@ def modulus_so_far(
         bounds, unit = before.bounds_Pa, before.unit
     problem = within(problem, bounds)
     whole = problem.unknowns.whole(unit)[0]
-    optimum = polish(lambda units: problem.evaluate(units, 1.0), whole)
+    optimum = polish(problem.nearby(1.0), whole)
     modulus = estimate(problem, optimum, (), (), 1).initial_shear_modulus
     share = 1.0 / (1.0 + section_bias)
     low_Pa, high_Pa = modulus.interval_95

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.loads import Loads
-from eimi_fitting.inference.modulus_range import NothingActs, Scan, evaluated, scanned
+from eimi_fitting.inference.modulus_range import NothingActs, Scan, narrowed, scanned
 from eimi_fitting.inference.objective import Problem
 from eimi_fitting.inference.unknowns import Unknowns
 
@@ -25,7 +25,6 @@ Array = NDArray[np.float64]
 # more, with a thousand times of it and with gravity upside down 0.05 and more, the least where the beam hangs.
 _SUSPECT, _HOPELESS = 0.04, 0.2
 _EXPLAINS = 0.4  # of the error with the loads as stated
-_FINER, _WITHIN = 9, (10**0.5, 10**0.125)  # candidates about the best so far, and how far from it, twice
 
 
 @dataclass(frozen=True)
@@ -75,17 +74,17 @@ CAUSES = (
 
 
 def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> tuple[NamedCause, ...]:
-    """The slips in the loads of single datasets that explain what the problem's scan leaves open.
+    """The slips in the loads of single datasets that explain what the problem's narrowed scan leaves open.
 
     Raises NamedCause for one without which nothing is explained.
     """
     found: list[NamedCause] = []
-    if _least(problem, scan, independent_points) <= _SUSPECT * scan.unmoved_mm:
+    if scan.best_mm <= _SUSPECT * scan.unmoved_mm:
         return ()
     for index, experiment in enumerate(problem.experiments):
         alone = replace(problem, experiments=(experiment,), unknowns=Unknowns(problem.unknowns.space), curves=())
-        own = scanned(alone, independent_points)
-        stated = _least(alone, own, independent_points)
+        own = narrowed(alone, scanned(alone, independent_points), independent_points)
+        stated = own.best_mm
         if stated <= _SUSPECT * own.unmoved_mm:
             continue
         without = [_without(alone, cause, independent_points) for cause in CAUSES]
@@ -104,16 +103,6 @@ def _without(alone: Problem, cause: Cause, independent_points: float) -> float:
         return np.inf
     changed = replace(alone, experiments=(replace(experiment, loads=loads),))
     try:
-        return _least(changed, scanned(changed, independent_points), independent_points)
+        return narrowed(changed, scanned(changed, independent_points), independent_points).best_mm
     except NothingActs:
         return np.inf
-
-
-def _least(problem: Problem, scan: Scan, independent_points: float) -> float:
-    """The least objective about the best modulus of a scan."""
-    for within in _WITHIN:
-        finer = np.geomspace(scan.best_Pa / within, scan.best_Pa * within, _FINER)
-        errors_mm = evaluated(problem, finer, independent_points).objective_mm
-        if errors_mm.min() < scan.best_mm:
-            scan = Scan(finer, errors_mm)
-    return scan.best_mm

@@ -13,12 +13,13 @@ independent: neighbours on an edge are not (see `eimi_fitting.inference.covarian
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.beam.path import Shapes
 from eimi_fitting.inference.experiment import DISCARDED_MM, Comparison, Experiment, compare, joined
 from eimi_fitting.inference.measurements import Misfit
 from eimi_fitting.inference.tensile_curves import TensileEvidence
@@ -26,6 +27,8 @@ from eimi_fitting.inference.unknowns import Unknowns
 from eimi_fitting.laws.law import Law
 
 Array = NDArray[np.float64]
+
+_MOST_MM = 0.99 * DISCARDED_MM  # of a candidate that is valid
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,12 @@ class Evaluation:
         # Far away a straight line continues the exponential, which would overflow.
         far = np.maximum(x - 5, 0.0)
         factor = np.exp(np.minimum(x, 5.0)) * (1 + far)
-        return np.where(mean < DISCARDED_MM, np.minimum(mean * factor, 0.99 * DISCARDED_MM), DISCARDED_MM)
+        return np.where(mean < DISCARDED_MM, np.minimum(mean * factor, _MOST_MM), DISCARDED_MM)
+
+    @property
+    def beyond(self) -> NDArray[np.bool_]:
+        """(P,): so far from what is known beside the edges that a search could not tell such candidates apart."""
+        return self.objective_mm == _MOST_MM
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
@@ -115,10 +123,25 @@ class Problem:
             evaluation, comparison=replace(comparison, error_mm=error, deviation_mm=deviation, misfits=misfits)
         )
 
+    def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
+        """Evaluates candidates that are near those evaluated before, as a polish does."""
+        return lambda units, near: self.evaluate(
+            units, independent_points, near=near.comparison.shapes if near else (), keep=True
+        )
+
     def evaluate(
-        self, unit: Array, independent_points: float, experiments: Sequence[Experiment] | None = None
+        self,
+        unit: Array,
+        independent_points: float,
+        experiments: Sequence[Experiment] | None = None,
+        near: Sequence[Shapes] = (),
+        keep: bool = False,
     ) -> Evaluation:
-        """Candidates (P, searched) or (P, n) in unit coordinates; ``experiments`` in place of the problem's own."""
+        """Candidates (P, searched) or (P, n) in unit coordinates; ``experiments`` in place of the problem's own.
+
+        near: of an earlier evaluation on the same meshes, made to ``keep`` where its first candidate stands, which is
+        near these.
+        """
         unit = self.unknowns.whole(unit)
         parameters = self.unknowns.parameters(unit)
         used = self.experiments if experiments is None else experiments
@@ -133,6 +156,8 @@ class Problem:
                         [e.under(d) for e, d in zip(used, deviations, strict=True)],
                         bulk_modulus_Pa=None if bulk is None else bulk[rows],
                         setups=self.unknowns.setups(unit[rows], len(used)),
+                        near=near,
+                        keep=keep,
                     ),
                 )
                 for rows, deviations in self.unknowns.bent(unit, len(used))

@@ -79,28 +79,31 @@ def difference_batch(unit: Array) -> tuple[Array, Array]:
 
 
 def polish(
-    evaluate: Callable[[Array], E], unit: Array, start: tuple[E, Array] | None = None, enough: float = ENOUGH
+    evaluate: Callable[[Array, E | None], E],
+    unit: Array,
+    start: tuple[E, Array] | None = None,
+    enough: float = ENOUGH,
 ) -> Optimum[E]:
-    """Improve ``unit`` (n,); ``evaluate`` takes (P, n) unit coordinates.
+    """Improve ``unit`` (n,); ``evaluate`` takes (P, n) unit coordinates, and what it said of others near them, or None.
 
     start: the evaluation of `difference_batch` at ``unit`` with its distances, where it is known; enough: a step that
     gains less of the objective is the last.
     Each step is tried at full length together with the differences about its end, which the next step needs: most
     steps are good, and a batch costs little more than one candidate. Only one that does not help is shortened.
     """
-    here, distance = start or _about(evaluate, unit)
+    here, distance = start or _about(evaluate, unit, None)
     before = best = float(here.objective_mm[0])
     for steps in range(1, MOST_STEPS + 1):
         step = _step(here, distance, unit, _DAMPING * best)
         reached = np.clip(unit + step, 0.0, 1.0)
-        there, distance_there = _about(evaluate, reached)
+        there, distance_there = _about(evaluate, reached, here)
         if there.objective_mm[0] >= best:
             shorter = unit + step * _SHORTER[:, None]
-            values = evaluate(shorter).objective_mm
+            values = evaluate(shorter, here).objective_mm
             if values.min() >= best:
                 return Optimum(unit, here, distance, Polish(before, best, steps - 1))
             reached = shorter[np.argmin(values)]
-            there, distance_there = _about(evaluate, reached)
+            there, distance_there = _about(evaluate, reached, here)
         unit, here, distance = reached, there, distance_there
         gained, best = best - float(here.objective_mm[0]), float(here.objective_mm[0])
         if gained < enough * best:
@@ -108,9 +111,9 @@ def polish(
     return Optimum(unit, here, distance, Polish(before, best, steps))
 
 
-def _about(evaluate: Callable[[Array], E], unit: Array) -> tuple[E, Array]:
+def _about(evaluate: Callable[[Array, E | None], E], unit: Array, near: E | None) -> tuple[E, Array]:
     batch, distance = difference_batch(unit)
-    return evaluate(batch), distance
+    return evaluate(batch, near), distance
 
 
 def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Array:

@@ -25,9 +25,7 @@ from eimi_fitting.inference.experiment import DISCARDED_MM
 
 Array = NDArray[np.float64]
 
-# The objectives of a whole population lie this near each other where the polish takes over: as a length, and as a share
-# of their range in the first generation, which is small where the beam hardly moved.
-_ENOUGH_MM, _ENOUGH_SHARE = 0.5, 0.3
+ENOUGH_MM = 0.5  # that the objectives of a whole population lie from each other where the polish takes over
 _FIRST_STEP = 0.25  # in unit coordinates
 _MODULUS = 0.3  # of that step, in the first coordinate: a modulus that a scan has found already
 
@@ -123,13 +121,15 @@ def search(
     most_generations: int = 400,
     restarts: int = 0,
     bipop: bool = False,
+    enough_mm: float = ENOUGH_MM,
     replay: Sequence[Objectives] = (),
     progress: Callable[[Generation, Objectives], None] | None = None,
 ) -> SearchResult:
     """Minimise over n unit coordinates; ``objective`` takes a population (P, n) at once.
 
     restarts: further runs with a doubled population each, from a random place; bipop: with runs of small populations
-    between them; most_generations: of one run; replay: the objectives of the first generations of an earlier search
+    between them; most_generations: of one run; enough_mm: a run ends where the objectives of a whole population lie
+    within it; replay: the objectives of the first generations of an earlier search
     with the same arguments, which are not evaluated again. ``progress`` is called after each generation, replayed
     ones included. Raises OtherSearch when ``replay`` does not fit.
     """
@@ -147,7 +147,7 @@ def search(
             values.append(np.array(objectives.objective_mm))
             strategy.tell(list(candidates), values[-1].tolist())
             log.add(strategy, candidates, objectives)
-            reasons = [str(reason) for reason in strategy.stop()] + log.together(values[-1])
+            reasons = [str(reason) for reason in strategy.stop()] + _together(values[-1], enough_mm)
         best = float(np.min(values))
         log.runs.append(Run(size, first_step, len(log.history) - begun, best, ", ".join(reasons)))
     return log.result()
@@ -156,6 +156,12 @@ def search(
 def _evaluated(objective: Callable[[Array], Values], candidates: Array) -> Objectives:
     found = objective(candidates)
     return Objectives(tuple(found.objective_mm.tolist()), int(found.unconverged.sum()), int(found.unstable.sum()))
+
+
+def _together(values: Array, enough_mm: float) -> list[str]:
+    """A reason to stop where a generation's values are near enough to each other."""
+    near = bool((values < DISCARDED_MM).all()) and np.ptp(values) < enough_mm
+    return ["population"] if near else []
 
 
 class _Log:
@@ -172,7 +178,6 @@ class _Log:
         self.runs: list[Run] = []
         self._best, self._best_unit = np.inf, np.full(n, 0.5)
         self._objectives: list[Objectives] = []
-        self._enough = 0.0
 
     def replayed(self, candidates: int) -> Objectives | None:
         """What the next generation is known to be. Raises OtherSearch where it has another number of candidates."""
@@ -192,8 +197,6 @@ class _Log:
         if values.min() < self._best:
             self._best, self._best_unit = float(values.min()), candidates[np.argmin(values), : self._n]
         valid = values[values < DISCARDED_MM]
-        if not self.history and len(valid):
-            self._enough = min(_ENOUGH_MM, _ENOUGH_SHARE * float(np.ptp(valid)))
         self._objectives.append(objectives)
         self.history.append(
             Generation(
@@ -207,11 +210,6 @@ class _Log:
         )
         if self._progress:
             self._progress(self.history[-1], objectives)
-
-    def together(self, values: Array) -> list[str]:
-        """A reason to stop where the last generation's values are near enough to each other."""
-        near = bool((values < DISCARDED_MM).all()) and np.ptp(values) < self._enough
-        return ["population"] if near else []
 
     def result(self) -> SearchResult:
         """At the end."""

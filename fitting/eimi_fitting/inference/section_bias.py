@@ -16,6 +16,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.inference.experiment import TOLERANCE_MM
 from eimi_fitting.inference.measurements import signed_distance
 from eimi_fitting.laws import LAWS
 
@@ -36,16 +37,15 @@ def expected_bias(specimen: Specimen) -> float:
     beside = SolidBeside(replace(specimen, section="solid"), _ALONG, _ACROSS)
     planar = BeamModel(specimen, beside.planar.along, beside.planar.across)
     loads = _loads(planar)
-    target = points_on(outline(beside, beside.solve(law, np.array([[_MODULUS_PA]]), loads))[0], 2)
-
-    def distance(moduli: Array) -> Array:
-        curves = outline(planar, planar.solve(law, moduli[:, None], loads))
-        return signed_distance(curves, np.broadcast_to(target, (len(moduli), *target.shape))).reshape(len(moduli), -1)
-
+    stated, stiffer = (np.array([[_MODULUS_PA * np.exp(step)]]) for step in (0.0, _STEP))
+    here = planar.solve(law, stated, loads, tolerance_mm=TOLERANCE_MM, keep=True)
+    ahead = planar.solve(law, stiffer, loads, tolerance_mm=TOLERANCE_MM, near=here.every)
+    solid = beside.lifting(here) if beside.is_beside(planar) else beside
+    target = points_on(outline(solid, solid.solve(law, stated, loads, tolerance_mm=TOLERANCE_MM))[0], 2)
     # One step of Gauss-Newton: another would move it by 0.1 % of the modulus where it is a quarter, and by less else.
-    here, ahead = distance(_MODULUS_PA * np.exp(np.array([0.0, _STEP])))
-    slope = (ahead - here) / _STEP
-    return float(np.expm1(-slope @ here / (slope @ slope)))
+    off, off_ahead = (signed_distance(outline(planar, own), target[None]).ravel() for own in (here, ahead))
+    slope = (off_ahead - off) / _STEP
+    return float(np.expm1(-slope @ off / (slope @ slope)))
 
 
 def _loads(planar: BeamModel) -> Loads:
