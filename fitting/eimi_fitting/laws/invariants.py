@@ -29,7 +29,7 @@ class _Invariant(NamedTuple):
 def _first_invariant(a: Array, J: Array, section: Section) -> _Invariant:
     """First isochoric invariant of a planar state."""
     if section == "plane-stress":
-        s = J**-2
+        s = 1 / J**2
         return _Invariant(a + s, np.ones_like(a), -2 * s / J, np.zeros_like(a), 6 * s**2)
     c = J ** (-2 / 3)
     value, over = c * (a + 1), 1 / J
@@ -39,7 +39,7 @@ def _first_invariant(a: Array, J: Array, section: Section) -> _Invariant:
 def _second_invariant(a: Array, J: Array, section: Section) -> _Invariant:
     """Second isochoric invariant of a planar state."""
     if section == "plane-stress":
-        s = J**-2
+        s = 1 / J**2
         return _Invariant(J**2 + a * s, s, 2 * J - 2 * a * s / J, -2 * s / J, 2 + 6 * a * s**2)
     c = J ** (-4 / 3)
     return _Invariant(

@@ -70,10 +70,14 @@ def _cosh_of_scaled_angle(nu: Array, c: Array) -> tuple[Array, Array, Array]:
         coefficients.append(coefficients[-1] * (nu2 - k * k) / ((2 * k + 1) * (k + 1)))
     g = np.zeros_like(z + nu2)
     g1, g2 = g.copy(), g.copy()
-    for k in range(n_terms, -1, -1):  # Horner for the value and both derivatives at once
-        g2 = g2 * z + 2 * g1
-        g1 = g1 * z + g
-        g = g * z + coefficients[k]
+    for k in range(n_terms, -1, -1):  # Horner for the value, its derivative and half the second at once, in place
+        g2 *= z
+        g2 += g1
+        g1 *= z
+        g1 += g
+        g *= z
+        g += coefficients[k]
+    g2 *= 2
     far = (z > _SERIES_TO) | (nu2 * z > _SERIES_PRODUCT)
     if np.any(far):
         z_far = np.where(far, z, 1.0)
@@ -123,28 +127,31 @@ class Ogden:
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
         """Energy density and derivatives of a planar state; equal stretches are no special case."""
-        c = a / (2 * J)
+        over_J = 1 / J
+        c = 0.5 * a * over_J
         log_J = np.log(J)
-        total = [np.zeros_like(c) for _ in range(6)]
+        value, by_a, by_J, by_aa, by_aJ, by_JJ = (np.zeros_like(c) for _ in range(6))  # without their powers of J
         for p in range(3):
             mu, alpha = parameters[..., 2 * p], parameters[..., 2 * p + 1]
             # In-plane terms are 2 J^beta g(c), the third stretch gives J^-gamma.
             beta, gamma = (alpha / 2, alpha) if section == "plane-stress" else (alpha / 6, alpha / 3)
             g, g1, g2 = _cosh_of_scaled_angle(alpha / 2, c)
             scale = mu / alpha
-            in_plane = scale * np.exp(beta * log_J)
-            third = scale * np.exp(-gamma * log_J)
-            over_J2 = in_plane / J**2
+            power = np.exp(beta * log_J)
+            in_plane = scale * power
+            third = scale / (power * power)  # gamma is twice beta
+            slope = beta * g - c * g1
             mixed = (beta - 1) * g1 - c * g2
-            total[0] += 2 * in_plane * g + third - 3 * scale
-            total[1] += in_plane / J * g1
-            total[2] += 2 * in_plane / J * (beta * g - c * g1) - gamma * third / J
-            total[3] += 0.5 * over_J2 * g2
-            total[4] += over_J2 * mixed
-            total[5] += (
-                2 * over_J2 * ((beta - 1) * (beta * g - c * g1) - c * mixed) + gamma * (gamma + 1) * third / J**2
-            )
-        return PlanarEnergy(*total)
+            value += 2 * (in_plane * g) + (third - 3 * scale)
+            by_a += in_plane * g1
+            by_J += 2 * (in_plane * slope) - gamma * third
+            by_aa += in_plane * g2
+            by_aJ += in_plane * mixed
+            by_JJ += 2 * (in_plane * ((beta - 1) * slope - c * mixed)) + (gamma * (gamma + 1)) * third
+        over_J2 = over_J * over_J
+        return PlanarEnergy(
+            value, by_a * over_J, by_J * over_J, 0.5 * by_aa * over_J2, by_aJ * over_J2, by_JJ * over_J2
+        )
 
     def principal(self, parameters: Array, stretches: Array) -> tuple[Array, Array, Array]:
         """Energy, gradient (..., 3) and Hessian (..., 3, 3) in the logarithms of the isochoric principal stretches."""
