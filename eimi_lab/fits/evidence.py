@@ -103,20 +103,22 @@ def load_evidence(
             f"{str(path)!r}: is not UTF-8, and a result has to name the file; give it another name"
         ) from error
     with open_dataset(path) as dataset:
-        needs_edges = dataset.kind == "frames" and dataset.edges() is None
-    if needs_edges:
-        from eimi_lab.segmentation import segment  # a slow import that a fit of stored edges does without
+        if dataset.kind != "frames" or dataset.edges() is not None:
+            return _evidence(dataset, path, section, flagged)
+    from eimi_lab.segmentation import segment  # a slow import that a fit of stored edges does without
 
-        segment(path, report)
+    segment(path, report)
     with open_dataset(path) as dataset:
-        specimen = dataset.specimen.mechanics()
-        if section:
-            specimen = dataclasses.replace(specimen, section=section)
-        used, observed = _observed(dataset, flagged)
-        states = tuple(dataset.states[i] for i in used)
-        states_used, seen_wrongly = _states_used(dataset, used), _lens_doubts(dataset, observed)
-        loads = _loads(dataset, states)
-        stated, unstated = _stated(dataset), _taken_as_exact(dataset)
+        return _evidence(dataset, path, section, flagged)
+
+
+def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bool) -> Evidence:
+    """Of a dataset that holds edges or tracked points. Raises InputError."""
+    specimen = dataset.specimen.mechanics()
+    if section:
+        specimen = dataclasses.replace(specimen, section=section)
+    used, observed = _observed(dataset, flagged)
+    states = tuple(dataset.states[i] for i in used)
     model = BeamModel(specimen).refined()
     if isinstance(observed, PointObservation):
         rest = observed.rest_mm[np.isfinite(observed.sigma_mm)]
@@ -126,8 +128,15 @@ def load_evidence(
             raise InputError(f"{path}: {error}") from error
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    experiment = Experiment(model, loads, observed, stated=stated)
-    return Evidence(path, digest, experiment, states, states_used, unstated, seen_wrongly)
+    return Evidence(
+        path,
+        digest,
+        Experiment(model, _loads(dataset, states), observed, stated=_stated(dataset)),
+        states,
+        _states_used(dataset, used),
+        _taken_as_exact(dataset),
+        _lens_doubts(dataset, observed),
+    )
 
 
 def experiment_so_far(dataset: Dataset, edges: Sequence[EdgeSet]) -> Experiment | None:

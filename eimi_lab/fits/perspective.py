@@ -86,8 +86,7 @@ def _crossing(points: Array, middle: Array, normal: Array) -> Array:
     tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
     arms = points[None] - middle[:, None]
     across, along = ((arms * axis[:, None]).sum(axis=2) for axis in (normal, tangent))
-    found = []
-    for row_across, row_along in zip(across, along, strict=True):
-        near = np.argsort(np.abs(row_along))[:6]  # a parabola through the nearest points
-        found.append(np.polyfit(row_along[near], row_across[near], 2)[-1])
-    return np.array(found)
+    near = np.argsort(np.abs(along), axis=1)[:, :6]  # a parabola through the nearest points, and its place at 0
+    x, y = (np.take_along_axis(own, near, axis=1) for own in (along, across))
+    powers = (x / np.abs(x).max(axis=1, keepdims=True))[..., None] ** np.arange(3)
+    return np.asarray((np.linalg.pinv(powers)[:, 0] * y).sum(axis=1))
