@@ -36,7 +36,7 @@ class DrawnPanels:
 
     def report(self, report: ReportContents) -> None:
         """Draw what is left."""
-        self._draw(report, [panel for panel in self._of_report if panel not in self._report])
+        self._draw(report, self._of_report)
 
     def of_report(self, *, after_datasets: bool) -> list[tuple[AnyPanel, Values]]:
         """In their places before the datasets or after them."""
@@ -48,7 +48,7 @@ class DrawnPanels:
         return self._datasets[shown.name]
 
     def _draw(self, report: ReportContents, panels: Sequence[ReportPanel]) -> None:
-        for panel in panels:
+        for panel in (panel for panel in panels if panel not in self._report):
             self._report[panel] = _drawn(panel, report)
             self._told(panel.title.lower() or "result")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
@@ -51,7 +52,8 @@ def write_report(
         told = stack.enter_context(progress("report", steps))
         names, shown, drawn = short_names(datasets), dict[int, DatasetContents](), DrawnPanels(panels, told)
         of_fits = partial(drawn.fits, ReportContents(every, (), written, command))
-        for place, found in simulate_on_each(datasets, every, flagged, told, executor, meanwhile=of_fits):
+        at_once = of_fits if _is_even(len(datasets)) else None
+        for place, found in simulate_on_each(datasets, every, flagged, told, executor, at_once):
             evidence, laid_over, validations = found
             dataset = stack.enter_context(open_dataset(datasets[place]))
             stands_for = leading(every, evidence.sha256)
@@ -59,6 +61,7 @@ def write_report(
                 dataset, evidence, tuple(laid_over), tuple(validations), names[place], stands_for
             )
             drawn.dataset(shown[place])
+            of_fits()
         in_order = tuple(shown[place] for place in range(len(datasets)))
         page, elements = render(ReportContents(every, in_order, written, command), drawn)
         if folder is not None:
@@ -66,6 +69,15 @@ def write_report(
                 write_whole(folder / name, content)
     with whole_file(output, force) as temporary:
         temporary.write_text(page, encoding="utf-8")
+
+
+def _is_even(datasets: int) -> bool:
+    """Whether all processors end with the datasets at one time, so that nothing is won by drawing later.
+
+    Where they do not, drawing waits for the processor that is done, lest it delay them all.
+    """
+    processors = os.cpu_count() or 1
+    return datasets <= processors or datasets % processors == 0
 
 
 def render(report: ReportContents, drawn: DrawnPanels) -> tuple[str, Elements]:
