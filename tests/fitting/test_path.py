@@ -64,7 +64,7 @@ def test_all_states_at_once_from_a_beam_nearby_as_one_after_another(section):
     near = stated.solve(law, parameters, loads, keep=True).every
     assert near is not None
     alone = wider.solve(law, parameters, loads, tolerance_mm=1e-6)
-    once = wider.solve(law, parameters, loads, tolerance_mm=1e-6, near=near)
+    once = wider.solve(law, parameters, loads, tolerance_mm=1e-6, near=near, keep=True)
     assert (once.status == alone.status).all()
     np.testing.assert_allclose(once.displacement, alone.displacement, atol=1e-6)
     np.testing.assert_allclose(once.max_stretch, alone.max_stretch, atol=1e-6)

@@ -142,7 +142,7 @@ class BeamModel:
             raise ValueError("a pressure is given, but the specimen names no face for it")
         chosen = candidates(law, parameters, self.specimen.planar_section, bulk_modulus_Pa, field_factor)
         if near is not None:
-            found = at_once(self.solid, self._actuation, chosen, loads, tolerance_mm, near)
+            found = at_once(self.solid, self._actuation, chosen, loads, tolerance_mm, near, keep)
             if found is not None:
                 return found
         return follow(self.solid, self._actuation, chosen, loads, tolerance_mm, start, keep)

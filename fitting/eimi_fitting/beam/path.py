@@ -28,7 +28,7 @@ _LOOSE_MM = 1e-3
 _FAILED = (Status.DIVERGED, Status.OUT_OF_ITERATIONS)
 _OF_STRAIN, _SMALL_STRAIN = 1.5, 0.02
 _MOST_POINTS = 6  # of the path, that an extrapolation looks at
-_AT_ONCE = 104  # states of all candidates: more of them together need more memory, and no less time
+_AT_ONCE = 1400  # elements, of all candidates and states: more of them need more memory, and no less time
 
 Path = list[tuple[Array, Configuration]]
 """Loads (7,) and where the candidates stood under them."""
@@ -169,7 +169,13 @@ def follow(
 
 
 def at_once(
-    solid: Solid, actuation: Actuation, chosen: Candidates, loads: Loads, tolerance_mm: float, near: Configuration
+    solid: Solid,
+    actuation: Actuation,
+    chosen: Candidates,
+    loads: Loads,
+    tolerance_mm: float,
+    near: Configuration,
+    keep: bool = False,
 ) -> Shapes | None:
     """Candidates in many states together, each from where a beam near it stands: a row of ``near`` a state.
 
@@ -182,7 +188,8 @@ def at_once(
     status, iterations = np.empty((p, k_states), np.int8), np.empty((p, k_states), np.intp)
     stretch = np.empty((p, k_states))
     first: list[Configuration] = []
-    for states in np.array_split(np.arange(k_states), min(-(-k_states * p // _AT_ONCE), k_states)):
+    parts = -(-k_states * p * len(solid.mesh.elements) // _AT_ONCE)
+    for states in np.array_split(np.arange(k_states), min(parts, k_states)):
         batch, factor = chosen.take(np.tile(np.arange(p), len(states)))
         own = near.take(np.repeat(states, p))
         factor = np.broadcast_to(factor, len(own.rigid))[:p]
@@ -196,9 +203,10 @@ def at_once(
         rigid[:, states] = there.rigid.reshape(*shape, 3).swapaxes(0, 1)
         status[:, states], iterations[:, states] = told.reshape(shape).T, spent.reshape(shape).T
         stretch[:, states] = solid.stretch(there.displacement).max(axis=(0, 2)).reshape(shape).T
-        first.append(there.take(p * np.arange(len(states))))
+        if keep:
+            first.append(there.take(p * np.arange(len(states))))
     last = there.take(np.arange(len(told) - p, len(told)))
-    shapes = Shapes(displacement, rigid, status, iterations, stretch, last, joined(first))
+    shapes = Shapes(displacement, rigid, status, iterations, stretch, last, joined(first) if keep else None)
     mark_unstable(chosen, shapes)
     return shapes
 

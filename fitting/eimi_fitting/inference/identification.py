@@ -365,7 +365,7 @@ def _with_finer_meshes(
     And how far the finer ones moved it, and the largest stretch (1,) on the problem's meshes. Where one of them finds
     no equilibrium, what was reached before.
     """
-    plain = _alone(problem, optimum.unit, problem.experiments)
+    plain = _alone(problem, optimum.unit, problem.experiments, keep=True)
     if plain.unconverged[0]:
         return coarse, optimum, (), plain.max_stretch
     own, reached = _with_residuals_of(plain, coarse, optimum)
@@ -447,6 +447,8 @@ def _change(
     return correction(refinement, experiments, at(experiments), at, [start] if start else ())
 
 
-def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment], near: Sequence[Shapes] = ()) -> Comparison:
+def _alone(
+    problem: Problem, unit: Array, experiments: Sequence[Experiment], near: Sequence[Shapes] = (), keep: bool = False
+) -> Comparison:
     """Of one candidate alone: a change by a better model is small, and rounding differs with the size of a batch."""
-    return problem.evaluate(unit[None], 1.0, experiments, near, keep=True).comparison
+    return problem.evaluate(unit[None], 1.0, experiments, near, keep).comparison
