@@ -52,7 +52,7 @@ def write_report(
         told = stack.enter_context(progress("report", steps))
         names, shown, drawn = short_names(datasets), dict[int, DatasetContents](), DrawnPanels(panels, told)
         of_fits = partial(drawn.fits, ReportContents(every, (), written, command))
-        at_once = of_fits if _is_even(len(datasets)) else None
+        at_once = of_fits if is_even(len(datasets)) else None
         for place, found in simulate_on_each(datasets, every, flagged, told, executor, at_once):
             evidence, laid_over, validations = found
             dataset = stack.enter_context(open_dataset(datasets[place]))
@@ -71,7 +71,7 @@ def write_report(
         temporary.write_text(page, encoding="utf-8")
 
 
-def _is_even(datasets: int) -> bool:
+def is_even(datasets: int) -> bool:
     """Whether all processors end with the datasets at one time, so that nothing is won by drawing later.
 
     Where they do not, drawing waits for the processor that is done, lest it delay them all.

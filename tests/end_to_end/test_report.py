@@ -24,7 +24,7 @@ from eimi_fitting.laws.tensile import engineering_stress
 from eimi_lab import workers
 from eimi_lab.report import panels
 from eimi_lab.report.citation import METHOD, SUITE
-from eimi_lab.report.page import write_report
+from eimi_lab.report.page import is_even, write_report
 from eimi_lab.report.shown import read_shown
 from eimi_lab.report.simulated import simulate_on_each
 from eimi_lab.report.stress import MODES, stress_curve
@@ -104,6 +104,14 @@ def test_a_page_is_the_same_by_workers_and_without(folder: Path) -> None:
         pages.append(re.sub(r'<p class="byline">.*', "", output.read_text(encoding="utf-8")))
         assert len(told) == steps[-1]
     assert pages[0] == pages[1]
+
+
+@pytest.mark.parametrize(("datasets", "even"), [(1, True), (2, True), (3, False), (4, True), (5, False)])
+def test_drawing_waits_where_a_processor_is_free_before_the_others(
+    monkeypatch: pytest.MonkeyPatch, datasets: int, even: bool
+) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    assert is_even(datasets) is even
 
 
 @contextmanager
