@@ -154,7 +154,7 @@ def predict_each(
     every = planar_comparisons(evidence, [fit for _, _, fit in fits])
     for (path, index, fit), plain in zip(fits, every, strict=True):
         found = predict(evidence, fit, path, index, near, plain)
-        near += [found.correction] if found.correction else []
+        near += [found.correction.without_shapes()] if found.correction else []
         yield found
 
 

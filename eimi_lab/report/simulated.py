@@ -103,7 +103,7 @@ def simulate_fits(
         own = evidence.experiment.model.specimen.section
         found = predict(evidence, shown.fit, shown.path, shown.index, near.get(own, ()), compared)
         if found.correction:
-            near.setdefault(own, []).append(found.correction)
+            near.setdefault(own, []).append(found.correction.without_shapes())
         validations.append(found.validation)
         told(f"{path.name}, {shown.label}")
         if found.validation.status == "ok":

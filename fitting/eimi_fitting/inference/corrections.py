@@ -111,18 +111,18 @@ def refinements(experiments: Sequence[Experiment]) -> tuple[Refinement, ...]:
 class Correction:
     """What a refinement changes for one candidate: changes, (K, G, m) mm of each experiment.
 
-    better: its comparison; models: that it was made with.
+    better: its comparison; models: that it was made with; effects: of depth, in each experiment.
     """
 
     refinement: Refinement
     changes: tuple[Array, ...]
     better: Comparison
     models: tuple[Model, ...]
+    effects: tuple[DepthEffect | None, ...]
 
-    @property
-    def effects(self) -> tuple[DepthEffect | None, ...]:
-        """Of depth, in each experiment."""
-        return tuple(s.effect if isinstance(s, SolidShapes) else None for s in self.better.shapes)
+    def without_shapes(self) -> Correction:
+        """The same without where each node stands in each state, which is large and known from the effects."""
+        return replace(self, better=replace(self.better, shapes=()))
 
     def added(self, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
         """The experiments with the changes added to what is added to their residuals already."""
@@ -168,4 +168,5 @@ def correction(
     changes = tuple(
         there.residuals[0] - own.residuals[0] for there, own in zip(better.misfits, here.misfits, strict=True)
     )
-    return Correction(refinement, changes, better, tuple(e.solved for e in every))
+    effects = tuple(s.effect if isinstance(s, SolidShapes) else None for s in better.shapes)
+    return Correction(refinement, changes, better, tuple(e.solved for e in every), effects)

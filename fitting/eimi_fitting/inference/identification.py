@@ -444,7 +444,8 @@ def _change(
     start: Correction | None = None,
 ) -> Correction | None:
     at = partial(_alone, problem, unit)
-    return correction(refinement, experiments, at(experiments), at, [start] if start else ())
+    found = correction(refinement, experiments, at(experiments), at, [start] if start else ())
+    return found and found.without_shapes()
 
 
 def _alone(
