@@ -13,7 +13,7 @@ dataset itself states as uncertain (`predicted_error`).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,11 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.beside import FORETOLD_MM
-from eimi_fitting.beam.equilibrium import Status
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.inference.considered import coarse_model
 from eimi_fitting.inference.corrections import Correction, correction, polished, refinements
-from eimi_fitting.inference.experiment import TOLERANCE_MM, Comparison, Experiment, compare
+from eimi_fitting.inference.experiment import Comparison, Experiment, compare
 from eimi_fitting.inference.measurements import EdgeObservation, Misfit
 from eimi_fitting.inference.quantity import Quantity
 from eimi_fitting.laws import LAWS
@@ -151,14 +150,14 @@ def predict_each(
     What depth adds is much the same for fits that bend the beam alike: each begins with what was found before.
     """
     near: list[Correction] = []
-    every = planar_comparisons(evidence, [fit for _, _, fit in fits])
+    every = _planar_comparisons(evidence, [fit for _, _, fit in fits])
     for (path, index, fit), plain in zip(fits, every, strict=True):
         found = predict(evidence, fit, path, index, near, plain)
         near += [found.correction.without_shapes()] if found.correction else []
         yield found
 
 
-def planar_comparisons(evidence: Evidence, fits: Sequence[FitRecord | TensileRecord]) -> list[Comparison]:
+def _planar_comparisons(evidence: Evidence, fits: Sequence[FitRecord | TensileRecord]) -> list[Comparison]:
     """How far each fit is from a dataset on the planar model on which its correction begins.
 
     Those of one law that assume nothing else of the dataset are one batch.
@@ -167,7 +166,8 @@ def planar_comparisons(evidence: Evidence, fits: Sequence[FitRecord | TensileRec
     own = [assumptions_of(fit, evidence, 1) for fit in fits]
     batches: dict[object, list[int]] = {}
     for i, fit in enumerate(fits):
-        batches.setdefault(fit.model if own[i] == Assumptions() else i, []).append(i)
+        is_alone = own[i].bulk_modulus_Pa is not None or own[i].setup is not None
+        batches.setdefault(i if is_alone else fit.model, []).append(i)
     found: dict[int, Comparison] = {}
     for batch in batches.values():
         values = np.array([fits[i].values() for i in batch])
@@ -186,7 +186,7 @@ def predict(
 ) -> Prediction:
     """Simulate the fit ``index`` of the file ``path`` on a dataset and measure its error.
 
-    near: the corrections of other fits on the same dataset; plain: of `planar_comparisons`, where it is known.
+    near: the corrections of other fits on the same dataset; plain: of `_planar_comparisons`, where it is known.
     Raises InputError when the fit was made from this very dataset under another section assumption.
     """
     section = evidence.experiment.model.specimen.section
@@ -201,7 +201,7 @@ def predict(
     def against(experiments: Sequence[Experiment]) -> Comparison:
         return _compared(fit, own, np.array([fit.values()]), experiments[0])
 
-    plain = plain or _compared(fit, own, np.array([fit.values()]), experiment)
+    plain = plain or against([experiment])
     (due,) = refinements([experiment])
     foretold_mm = max(FORETOLD_MM, _OF_ERROR * float(plain.error_mm[0].mean()))
     # Where the planar model has no equilibrium there is none to report, whatever a better one says.
@@ -228,7 +228,11 @@ def predict(
 
 
 def _compared(
-    fit: FitRecord | TensileRecord, beside: Assumptions, parameters: Array, experiment: Experiment
+    fit: FitRecord | TensileRecord,
+    beside: Assumptions,
+    parameters: Array,
+    experiment: Experiment,
+    keep: bool = False,
 ) -> Comparison:
     return compare(
         LAWS[fit.model],
@@ -236,6 +240,7 @@ def _compared(
         [experiment],
         bulk_modulus_Pa=beside.bulk_modulus_Pa,
         setups=[beside.setup] if beside.setup else None,
+        keep=keep,
     )
 
 
@@ -287,21 +292,11 @@ def _error_interval(
     change in the others. No upper end where one of the draws has no equilibrium.
     """
     candidates = np.concatenate([[fit.values()], fit.drawn(_DRAWS)])
-    own, model = assumptions_of(fit, evidence, len(candidates)), coarse_model(evidence.experiment.model.specimen)
-    shapes = model.solve(
-        LAWS[fit.model],
-        candidates,
-        evidence.experiment.loads,
-        tolerance_mm=TOLERANCE_MM,
-        bulk_modulus_Pa=own.bulk_modulus_Pa,
-        field_factor=own.setup.field_factor if own.setup else None,
-        keep=True,
-    )
-    observed = evidence.experiment.observed
-    bent = observed.misfit(model, shapes, own.setup).residuals
-    drawn = observed.of_residuals(misfit.residuals + bent - bent[:1])
-    sound = np.asarray(np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all(axis=1))
-    errors_mm = predicted_errors_mm(fit, evidence, drawn, shapes.every)[:, sound[1:] & sound[0]]
+    coarse = replace(evidence.experiment, model=coarse_model(evidence.experiment.model.specimen))
+    every = _compared(fit, assumptions_of(fit, evidence, len(candidates)), candidates, coarse, keep=True)
+    bent, sound = every.misfits[0].residuals, ~every.unconverged
+    drawn = coarse.observed.of_residuals(misfit.residuals + bent - bent[:1])
+    errors_mm = predicted_errors_mm(fit, evidence, drawn, every.shapes[0].every)[:, sound[1:] & sound[0]]
     if not errors_mm.size:
         return None
     low, high = np.quantile(errors_mm, [0.025, 0.975]).tolist()

@@ -8,14 +8,12 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from eimi_fitting.inference.corrections import Correction
-from eimi_fitting.inference.experiment import Comparison
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.errors import InputError
 from eimi_lab.fits.evidence import Evidence, load_evidence
 from eimi_lab.fits.fitting import check_section
 from eimi_lab.fits.records import FitRecord
-from eimi_lab.fits.validation import Prediction, Validation, planar_comparisons, predict
+from eimi_lab.fits.validation import Prediction, Validation, predict_each
 from eimi_lab.progress import silent
 from eimi_lab.report.shown import ShownFit, sections_of
 from eimi_lab.workers import completed
@@ -90,35 +88,26 @@ def simulate_fits(
     first = load_evidence(path, flagged=flagged, section=check_section(common))
     told(f"{path.name} read")
     by_section = {first.experiment.model.specimen.section: first}
-    every_evidence = []
+    on: list[Evidence] = []
     for shown in every:
         section = check_section(_own_section(shown, first.sha256))
         if section and section not in by_section:
             by_section[section] = load_evidence(path, flagged=flagged, section=section)
-        every_evidence.append(by_section[section] if section else first)
-    plain = _planar(every, every_evidence)
+        on.append(by_section[section] if section else first)
+    # Fits that share a section begin with what was found for those before, whatever stands between them.
+    predicted = {
+        section: predict_each(own, [(s.path, s.index, s.fit) for s, its in zip(every, on, strict=True) if its is own])
+        for section, own in by_section.items()
+    }
     simulated, validations = [], []
-    near: dict[str, list[Correction]] = {}  # by section: a fit begins with what was found before, as in `predict_each`
-    for shown, evidence, compared in zip(every, every_evidence, plain, strict=True):
-        own = evidence.experiment.model.specimen.section
-        found = predict(evidence, shown.fit, shown.path, shown.index, near.get(own, ()), compared)
-        if found.correction:
-            near.setdefault(own, []).append(found.correction.without_shapes())
+    for shown, evidence in zip(every, on, strict=True):
+        found = next(predicted[evidence.experiment.model.specimen.section])
         validations.append(found.validation)
         told(f"{path.name}, {shown.label}")
         if found.validation.status == "ok":
             # Without the solid's shapes, which are large, and nothing that is shown.
             simulated.append(SimulatedOutlines(**vars(replace(found, correction=None)), shown=shown, evidence=evidence))
     return first, simulated, validations
-
-
-def _planar(every: Sequence[ShownFit], on: Sequence[Evidence]) -> list[Comparison]:
-    """`planar_comparisons` of each fit on its evidence."""
-    found: dict[int, Comparison] = {}
-    for evidence in {id(own): own for own in on}.values():
-        places = [place for place, own in enumerate(on) if own is evidence]
-        found |= zip(places, planar_comparisons(evidence, [every[place].fit for place in places]), strict=True)
-    return [found[place] for place in range(len(every))]
 
 
 def _own_section(shown: ShownFit, sha256: str) -> str | None:

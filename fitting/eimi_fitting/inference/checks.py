@@ -105,7 +105,7 @@ def check_explained(
             limit = min(limit, _OF_WIDTH * experiment.model.specimen.width_mm)
         stated = _stated_mm(experiment, misfit)
         limits = np.maximum(limit, np.where(np.isfinite(stated), _WITHIN_NOISE * stated, 0.0))
-        limits = 0.0 * limits if beyond else limits
+        limits = np.zeros_like(limits) if beyond else limits
         worst = int(np.argmax(error - limits))
         if not error[worst] <= limits[worst]:
             raise NotExplained(index, worst, float(error[worst]), moved, curves)
