@@ -9,9 +9,9 @@ from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.fits.evidence import load_evidence
 from eimi_lab.fits.fits_file import read_any_fits, write_fits
 from eimi_lab.fits.fitting import fit_evidence
+from eimi_lab.fits.prediction import validate
 from eimi_lab.fits.tensile_files import read_tensile
 from eimi_lab.fits.tensile_fits import fit_window
-from eimi_lab.fits.validation import validate
 
 __all__ = [
     "fit_evidence",

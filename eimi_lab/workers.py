@@ -14,19 +14,21 @@ import struct
 import sys
 import threading
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager
-from functools import partial
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import cache, partial
+from importlib import import_module
 from importlib.metadata import version
 from multiprocessing import resource_tracker
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from eimi_lab.errors import InputError
-from eimi_lab.garbage import collect_seldom
+from eimi_lab.garbage import collect_seldom, keep_what_is_freed
 from eimi_lab.threads import THREADS
 
 T = TypeVar("T")
+Task = TypeVar("Task")
 
 MOST_LOSSES = 3  # of workers, one after the other with no task finished between
 PACKAGES = ("eimi-lab", "numpy", "scipy", "cma")  # that a number depends on
@@ -51,39 +53,47 @@ def executor_for(workers: int, scheduler: str | None) -> Callable[[], AbstractCo
 
 def completed(
     function: Callable[..., T],
-    arguments: Callable[[int], Mapping[str, object]],
-    tasks: Sequence[int],
+    arguments: Callable[[Task], Mapping[str, object]],
+    tasks: Sequence[Task],
     executor: Callable[[], AbstractContextManager[Executor]] | None = None,
     expected: tuple[type[Exception], ...] = (),
     meanwhile: Callable[[], None] | None = None,
-) -> Generator[tuple[int, Callable[[], T]]]:
+    further: Callable[[Task, T], Sequence[Task]] | None = None,
+) -> Generator[tuple[Task, Callable[[], T]]]:
     """Yields (task, a function that gives the result of function(**arguments(task)) or raises its error) as they come.
 
     In this process, one after the other, where there is no executor. Where a worker is lost, what is left is given to
     a new executor. Raises ChildProcessError when that does not help, and errors of the function that are not
     ``expected``.
     meanwhile: what this process does when all tasks are with the workers, before it waits for the first of them; not
-    called where there is no executor.
+    called where there is no executor. further: the tasks that a result asks for; the workers have them before it is
+    yielded.
     """
     left, losses = list(tasks), 0
     while left:
         if executor is None:
             task = left.pop(0)
-            yield task, partial(function, **arguments(task))
+            result = cache(partial(function, **arguments(task)))
+            left += further(task, result()) if further else ()
+            yield task, result
             continue
         with executor() as pool:
-            futures = {pool.submit(function, **arguments(task)): task for task in left}
-            if meanwhile:
-                meanwhile()
-                meanwhile = None
             try:
-                for future in as_completed(futures):
-                    error = future.exception()
-                    if error is not None and not isinstance(error, expected):
-                        raise error
-                    left.remove(futures[future])
-                    losses = 0
-                    yield futures[future], future.result
+                futures = {pool.submit(function, **arguments(task)): task for task in left}
+                if meanwhile:
+                    meanwhile()
+                    meanwhile = None
+                while futures:
+                    for future in wait(futures, return_when=FIRST_COMPLETED).done:
+                        task, error = futures.pop(future), future.exception()
+                        if error is not None and not isinstance(error, expected):
+                            raise error
+                        new = further(task, future.result()) if further and not error else ()
+                        left.remove(task)
+                        left += new
+                        futures |= {pool.submit(function, **arguments(own)): own for own in new}
+                        losses = 0
+                        yield task, future.result
             except BrokenProcessPool as error:
                 losses += 1
                 if losses == MOST_LOSSES:
@@ -93,12 +103,34 @@ def completed(
                     ) from error
 
 
+class _Processes(ProcessPoolExecutor):
+    """Its processes begin without heed of Ctrl-C, which would end them in many lines before they can be told."""
+
+    def submit(self, function: Callable[..., T], /, *given: Any, **named: Any) -> Future[T]:
+        """A process begins here where none is free."""
+        with _blocked("SIGINT"):
+            return super().submit(function, *given, **named)
+
+
+@contextmanager
+def _blocked(name: str) -> Iterator[None]:
+    """Processes that begin meanwhile begin with a signal blocked; here it comes when this is over."""
+    if not hasattr(signal, name) or not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [getattr(signal, name)])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 @contextmanager
 def processes(workers: int) -> Iterator[Executor]:
     """That many processes of this machine; they go when this one goes, and when the block ends by an error."""
     before = set(multiprocessing.active_children())
     begin_resource_tracker()
-    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), leave_with_parent)
+    pool = _Processes(workers, multiprocessing.get_context("spawn"), leave_with_parent)
     try:
         yield pool
     except BaseException:
@@ -109,25 +141,41 @@ def processes(workers: int) -> Iterator[Executor]:
         pool.shutdown(cancel_futures=True)
 
 
+@contextmanager
+def begun(
+    executor: Callable[[], AbstractContextManager[Executor]] | None, workers: int, module: str
+) -> Iterator[Callable[[], AbstractContextManager[Executor]] | None]:
+    """The same executor, which begins now: its workers load a module while this process loads what it needs itself.
+
+    Where workers are lost the next ones begin when they are asked for.
+    """
+    if executor is None:
+        yield None
+        return
+    with executor() as pool:
+        for _ in range(workers):
+            pool.submit(import_module, module)
+        first = [pool]
+        yield lambda: nullcontext(first.pop()) if first else executor()
+
+
 def begin_resource_tracker() -> None:
     """Python's process that removes what is shared begins with the first pool, and ends when this process does.
 
     A hang-up would end it before, since it ignores the other signals alone, and it would be missed in many lines. So it
     begins with that signal blocked, which it inherits.
     """
-    if not hasattr(signal, "SIGHUP"):
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGHUP])
-    try:
+    with _blocked("SIGHUP"):
         resource_tracker.ensure_running()
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def leave_with_parent() -> None:
     """In a worker: do not outlive the parent, however it ends, and leave Ctrl-C to it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(os, "nice"):
+        os.nice(5)  # the parent has less to do, and what it shows is waited for
     collect_seldom()
+    keep_what_is_freed()
     parent = multiprocessing.parent_process()
     if parent is not None:
 

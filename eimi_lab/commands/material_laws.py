@@ -99,7 +99,8 @@ def validate(
     from eimi_lab.fits.fit_summary import section_remarks
     from eimi_lab.fits.fits_file import read_any_fits
     from eimi_lab.fits.fitting import check_section
-    from eimi_lab.fits.validation import predict_each, write_validation
+    from eimi_lab.fits.prediction import predict_each
+    from eimi_lab.fits.validation import write_validation
     from eimi_lab.fits.validation_tables import by_dataset, matrix
     from eimi_lab.fits.validation_tables import by_state as state_tables
     from eimi_lab.outputs import check_distinct, refuse_existing

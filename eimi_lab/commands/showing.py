@@ -42,7 +42,7 @@ def report(
     workers: Annotated[
         int | None,
         typer.Option(
-            help="processes that share the datasets of four fits or more, one a processor at most [default: to 4]",
+            help="processes that share the work on several datasets, one a processor at most [default: to 4]",
             min=1,
         ),
     ] = None,
@@ -51,22 +51,25 @@ def report(
     """Write one self-contained HTML file: the number and what limits it, laws, errors, frames, residuals, methods."""
     from eimi_lab.outputs import check_distinct, refuse_existing
     from eimi_lab.progress import progress
-    from eimi_lab.report.page import write_report
-    from eimi_lab.workers import executor_for
+    from eimi_lab.workers import begun, executor_for
 
     check_distinct([*datasets, *(fit or [])], [output])
     refuse_existing(output, force)
     command = shlex.join(["eimi", *sys.argv[1:]])
-    write_report(
-        output,
-        datasets,
-        fit or [],
-        force=force,
-        assets=assets,
-        command=command,
-        executor=executor_for(min(workers or _UNASKED, len(datasets)), None),
-        progress=progress,
-    )
+    shared = min(workers or _UNASKED, len(datasets)) if fit else 1
+    with begun(executor_for(shared, None), shared, "eimi_lab.report.steps") as executor:
+        from eimi_lab.report.page import write_report  # slow to load, as what the workers load meanwhile
+
+        write_report(
+            output,
+            datasets,
+            fit or [],
+            force=force,
+            assets=assets,
+            command=command,
+            executor=executor,
+            progress=progress,
+        )
     return Result([output, *([assets] if assets else [])], {"report": output, "assets": assets})
 
 

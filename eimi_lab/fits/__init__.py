@@ -13,7 +13,8 @@ records            what stands in a result file
 fits_file          fits.json: its laws compared, written and read
 fit_summary        a fit and the comparison of laws in lines to print
 assumptions        what a fit assumes of a dataset beside its law: what was freed
-validation         the error of any fit on any dataset, seen or not; validation_tables prints it
+prediction         any fit simulated on any dataset, seen or not; predicted_error, the interval of its error
+validation         what that comes to, and validation.json; validation_tables prints it
 tensile            tensile tests from files; tensile_fits, the laws fitted to them
 cards              fits as material cards of other programs
 plotting           a law and the errors of a validation as pictures for a notebook

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.inference.experiment import Comparison, Experiment, compare
 from eimi_fitting.inference.section_bias import expected_bias
 from eimi_fitting.inference.unknowns import Setup, freed_number
+from eimi_fitting.laws import LAWS
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.records import FitRecord, TensileRecord
 
@@ -28,6 +30,17 @@ class Assumptions:
     def as_measured(self, places_mm: Array) -> Array:
         """Simulated places (..., 2) of the first candidate as the camera has them, with what the camera does put in."""
         return places_mm if self.setup is None else self.setup.imaged(places_mm)
+
+    def compared(self, model: str, parameters: Array, experiment: Experiment, keep: bool = False) -> Comparison:
+        """How far P candidates (P, n) of a law are from an experiment; keep: see `compare`."""
+        return compare(
+            LAWS[model],
+            parameters,
+            [experiment],
+            bulk_modulus_Pa=self.bulk_modulus_Pa,
+            setups=[self.setup] if self.setup else None,
+            keep=keep,
+        )
 
 
 def section_remark(evidence: Evidence) -> str | None:

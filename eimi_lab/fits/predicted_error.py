@@ -7,11 +7,13 @@ that is too high by a coil that is too strong bends this beam just as far; any o
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.equilibrium import Configuration
-from eimi_fitting.inference.considered import Candidate, changes_by
+from eimi_fitting.inference.considered import Candidate, changes_by, coarse_model
 from eimi_fitting.inference.measurements import Misfit
 from eimi_fitting.inference.sources import SOURCES, StatedSource
 from eimi_fitting.inference.unknowns import freed_number, shared
@@ -22,7 +24,30 @@ from eimi_lab.fits.records import DatasetReference, FitRecord, TensileRecord
 
 Array = NDArray[np.float64]
 
+_DRAWS = 16  # of the fit's, evenly over the modulus
 _TIMES = 25  # that each draw of the parameters meets sources of its own
+
+
+def error_interval_mm(
+    fit: FitRecord | TensileRecord, evidence: Evidence, residuals_mm: Array
+) -> tuple[float, float | None] | None:
+    """95 % of the mean errors of some draws, and that of the fit itself; None without draws.
+
+    residuals_mm: (K, G, m) of the fit itself, NaN where nothing was observed. The draws bend on the coarse mesh, from
+    where the fit does there: what better models change in one they change in the others. No upper end where one of the
+    draws has no equilibrium.
+    """
+    candidates = np.concatenate([[fit.values()], fit.drawn(_DRAWS)])
+    coarse = replace(evidence.experiment, model=coarse_model(evidence.experiment.model.specimen))
+    every = assumptions_of(fit, evidence, len(candidates)).compared(fit.model, candidates, coarse, keep=True)
+    bent, sound = every.misfits[0].residuals, ~every.unconverged
+    drawn = coarse.observed.of_residuals(np.nan_to_num(residuals_mm) + bent - bent[:1])
+    errors_mm = predicted_errors_mm(fit, evidence, drawn, every.shapes[0].every)[:, sound[1:] & sound[0]]
+    if not errors_mm.size:
+        return None
+    low, high = np.quantile(errors_mm, [0.025, 0.975]).tolist()
+    mean = float(drawn.error_mm[0].mean())
+    return min(low, mean), max(high, mean) if sound.all() else None
 
 
 def predicted_errors_mm(

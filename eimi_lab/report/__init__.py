@@ -2,6 +2,7 @@
 
 shown        the fits of all files, by their names, colours and marks
 simulated    the fits, simulated again for the datasets that are shown
+steps        the same in steps, which workers share
 contents     both, as the panels are given them
 findings     what it all comes to: the number, what limits it, whether to believe it
 panel        what a panel is; `panels` holds one a file

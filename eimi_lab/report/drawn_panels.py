@@ -1,15 +1,14 @@
-"""What the panels of a report show, drawn as soon as that is known: of the fits, of each dataset, of all of them."""
+"""What the panels of a report show, drawn as soon as that is known: of fits, of each dataset, of all, of intervals."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
-from eimi_lab.drawing import styled
-from eimi_lab.progress import silent
 from eimi_lab.report.contents import DatasetContents, ReportContents
 from eimi_lab.report.elements import Picture
-from eimi_lab.report.panel import DatasetPanel, ReportPanel
+from eimi_lab.report.panel import DatasetPanel, ReportPanel, every_panel
 
 AnyPanel = ReportPanel | DatasetPanel
 Values = Mapping[str, Any] | None
@@ -17,14 +16,19 @@ Values = Mapping[str, Any] | None
 
 
 class DrawnPanels:
-    """Each panel is drawn once. told: hears of each of the report's."""
+    """Each panel is drawn once."""
 
-    def __init__(self, panels: Sequence[AnyPanel], told: Callable[[str], None] = silent) -> None:
-        self._of_report = [panel for panel in panels if isinstance(panel, ReportPanel)]
-        self._of_dataset = [panel for panel in panels if isinstance(panel, DatasetPanel)]
-        self._told = told
+    def __init__(self) -> None:
         self._report: dict[ReportPanel, Values] = {}
         self._datasets: dict[str, list[tuple[AnyPanel, Values]]] = {}
+
+    @cached_property
+    def _panels(self) -> list[AnyPanel]:
+        return every_panel()  # with matplotlib, which is slow to import: not before the first is drawn
+
+    @property
+    def _of_report(self) -> list[ReportPanel]:
+        return [panel for panel in self._panels if isinstance(panel, ReportPanel)]
 
     def fits(self, report: ReportContents) -> None:
         """Draw what shows the fits of a report alone."""
@@ -32,7 +36,13 @@ class DrawnPanels:
 
     def dataset(self, shown: DatasetContents) -> None:
         """Draw the panels of a dataset."""
-        self._datasets[shown.name] = [(panel, _drawn(panel, shown)) for panel in self._of_dataset]
+        self._datasets[shown.name] = [
+            (panel, _drawn(panel, shown)) for panel in self._panels if isinstance(panel, DatasetPanel)
+        ]
+
+    def datasets(self, report: ReportContents) -> None:
+        """Draw what shows all datasets, but for intervals of errors."""
+        self._draw(report, [panel for panel in self._of_report if not panel.of_intervals])
 
     def report(self, report: ReportContents) -> None:
         """Draw what is left."""
@@ -50,12 +60,12 @@ class DrawnPanels:
     def _draw(self, report: ReportContents, panels: Sequence[ReportPanel]) -> None:
         for panel in (panel for panel in panels if panel not in self._report):
             self._report[panel] = _drawn(panel, report)
-            self._told(panel.title.lower() or "result")
 
 
-@styled
 def _drawn(panel: AnyPanel, contents: Any) -> Values:
-    values: Values = panel.values(contents)
+    from eimi_lab.drawing import styled
+
+    values: Values = styled(panel.values)(contents)
     for value in (values or {}).values():
         if isinstance(value, Picture):
             _ = value.embedded

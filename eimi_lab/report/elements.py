@@ -8,11 +8,12 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from markupsafe import Markup, escape
-from matplotlib.figure import Figure
 
-from eimi_lab.drawing import saved
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _RASTER_DPI = 220  # of pictures that hold photographs: sharp at twice the screen's pixels
 _WHOLE = 14  # rows that a page does not tear apart
@@ -37,6 +38,8 @@ class Picture:
     @cached_property
     def embedded(self) -> str:
         """The figure as an address that holds all of it."""
+        from eimi_lab.drawing import saved  # matplotlib is slow to import
+
         if self.photograph:
             kind, content = "webp", saved(self.figure, "webp", dpi=_RASTER_DPI, pil_kwargs=_WEBP)
         else:
@@ -114,6 +117,8 @@ class Elements:
 
     def files(self) -> dict[str, bytes]:
         """Each figure as SVG and PDF, each table as CSV and LaTeX, by the names of their files."""
+        from eimi_lab.drawing import saved
+
         found: dict[str, bytes] = {}
         for number, picture in enumerate(self.pictures, 1):
             for kind in ("svg", "pdf"):

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, ExitStack, nullcontext
+from dataclasses import replace
 from datetime import datetime
-from functools import partial
 from importlib.resources import files
 from pathlib import Path
 
@@ -21,9 +20,8 @@ from eimi_lab.progress import silent
 from eimi_lab.report.contents import DatasetContents, ReportContents, short_names
 from eimi_lab.report.drawn_panels import AnyPanel, DrawnPanels, Values
 from eimi_lab.report.elements import Elements
-from eimi_lab.report.panel import ReportPanel, every_panel
 from eimi_lab.report.shown import leading, read_shown
-from eimi_lab.report.simulated import simulate_on_each
+from eimi_lab.report.steps import simulate_on_each
 
 Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 
@@ -45,39 +43,39 @@ def write_report(
     assets: a folder for each figure as SVG and PDF, each table as CSV and LaTeX. command: the line that asked for it.
     executor: whose workers share the datasets.
     """
-    every, panels, written = read_shown(fits), every_panel(), datetime.now().astimezone()
-    steps = len(datasets) * (len(every) + 1) + sum(isinstance(panel, ReportPanel) for panel in panels)
+    every, written = read_shown(fits), datetime.now().astimezone()
     with ExitStack() as stack:
         folder = stack.enter_context(whole_folder(assets, force)) if assets is not None else None
-        told = stack.enter_context(progress("report", steps))
-        names, shown, drawn = short_names(datasets), dict[int, DatasetContents](), DrawnPanels(panels, told)
-        of_fits = partial(drawn.fits, ReportContents(every, (), written, command))
-        at_once = of_fits if is_even(len(datasets)) else None
-        for place, found in simulate_on_each(datasets, every, flagged, told, executor, at_once):
-            evidence, laid_over, validations = found
+        told = stack.enter_context(progress("report", len(datasets) * (2 + 2 * len(every)) + 1))
+        names, shown, drawn = short_names(datasets), dict[int, DatasetContents](), DrawnPanels()
+
+        def contents() -> ReportContents:
+            return ReportContents(every, tuple(shown[place] for place in sorted(shown)), written, command)
+
+        def of_fits() -> None:
+            drawn.fits(contents())
+
+        for place, found in simulate_on_each(datasets, every, flagged, told, executor, of_fits):
+            if place in shown:
+                shown[place] = replace(shown[place], validations=found.validations)  # with their intervals
+                continue
             dataset = stack.enter_context(open_dataset(datasets[place]))
-            stands_for = leading(every, evidence.sha256)
+            stands_for = leading(every, found.evidence.sha256)
             shown[place] = DatasetContents(
-                dataset, evidence, tuple(laid_over), tuple(validations), names[place], stands_for
+                dataset, found.evidence, found.outlines, found.validations, names[place], stands_for
             )
             drawn.dataset(shown[place])
+            told(f"{names[place]}, its figures")
             of_fits()
-        in_order = tuple(shown[place] for place in range(len(datasets)))
-        page, elements = render(ReportContents(every, in_order, written, command), drawn)
+            if len(shown) == len(datasets):
+                drawn.datasets(contents())
+        page, elements = render(contents(), drawn)
+        told("the page")
         if folder is not None:
             for name, content in elements.files().items():
                 write_whole(folder / name, content)
     with whole_file(output, force) as temporary:
         temporary.write_text(page, encoding="utf-8")
-
-
-def is_even(datasets: int) -> bool:
-    """Whether all processors end with the datasets at one time, so that nothing is won by drawing later.
-
-    Where they do not, drawing waits for the processor that is done, lest it delay them all.
-    """
-    processors = os.cpu_count() or 1
-    return datasets <= processors or datasets % processors == 0
 
 
 def render(report: ReportContents, drawn: DrawnPanels) -> tuple[str, Elements]:

@@ -32,12 +32,14 @@ class _Panel:
 class ReportPanel(_Panel):
     """Once in a report, before its datasets or after them. values: None leaves the panel out.
 
-    of_fits: it shows the fits alone and asks for no dataset, so that it can be drawn while these are simulated.
+    of_fits: it shows the fits alone and asks for no dataset, so that it can be drawn while these are simulated;
+    of_intervals: it shows the intervals of errors, which are known last.
     """
 
     values: Callable[[ReportContents], Mapping[str, Any] | None]
     after_datasets: bool = False
     of_fits: bool = False
+    of_intervals: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,11 +22,12 @@ import pytest
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import engineering_stress
 from eimi_lab import workers
-from eimi_lab.report import panels
+from eimi_lab.fits.prediction import simulate_each
+from eimi_lab.report import panels, simulated
 from eimi_lab.report.citation import METHOD, SUITE
-from eimi_lab.report.page import is_even, write_report
+from eimi_lab.report.page import write_report
 from eimi_lab.report.shown import read_shown
-from eimi_lab.report.simulated import simulate_on_each
+from eimi_lab.report.steps import simulate_on_each
 from eimi_lab.report.stress import MODES, stress_curve
 
 Done = Callable[..., list[str]]
@@ -60,10 +61,9 @@ class Copying(ThreadPoolExecutor):
         return super().submit(lambda: pickle.loads(pickle.dumps(function(*copy[0], **copy[1]))))
 
 
-def test_workers_share_the_datasets_of_a_report_and_change_no_digit(folder: Path) -> None:
+def test_workers_share_the_simulations_of_a_report_and_change_no_digit(folder: Path) -> None:
     paths = [folder / "train.h5", folder / "unseen.h5"]
-    (folder / "again.json").write_text((folder / "fits.json").read_text())
-    every = read_shown([folder / "fits.json", folder / "tensile.json", folder / "again.json"])
+    every = read_shown([folder / "fits.json", folder / "tensile.json"])
     here, there = list[str](), list[str]()
     alone = dict(simulate_on_each(paths, every, False, here.append))
     waited = list[str]()
@@ -71,24 +71,44 @@ def test_workers_share_the_datasets_of_a_report_and_change_no_digit(folder: Path
         simulate_on_each(paths, every, False, there.append, partial(Copying, 2), lambda: waited.append("once"))
     )
     assert waited == ["once"]
-    assert len(here) == len(there) == 2 * (1 + len(every))
+    assert len(here) == len(there) == 2 * (1 + 2 * len(every))
     assert set(alone) == set(shared) == {0, 1}
-    for place, (own, outlines, validations) in alone.items():
+    for place, own in alone.items():
         other = shared[place]
-        assert other[0].path == own.path
-        assert [every.index(o.shown) for o in other[1]] == list(range(len(every)))
-        assert all(o.shown is every[place] for place, o in enumerate(other[1]))
-        assert [v.model_dump() for v in other[2]] == [v.model_dump() for v in validations]
-        assert [o.edges_mm.tolist() for o in other[1]] == [o.edges_mm.tolist() for o in outlines]
+        assert other.evidence.path == own.evidence.path
+        assert all(o.shown is s for o, s in zip(other.outlines, every, strict=True))
+        assert [v.model_dump() for v in other.validations] == [v.model_dump() for v in own.validations]
+        assert [o.edges_mm.tolist() for o in other.outlines] == [o.edges_mm.tolist() for o in own.outlines]
 
 
-def test_no_worker_is_started_for_few_fits(folder: Path) -> None:
-    def started() -> Any:
-        raise AssertionError("a worker for three fits")
-
+def test_a_dataset_is_shown_before_the_intervals_of_its_errors_are_known(folder: Path) -> None:
     every = read_shown([folder / "fits.json", folder / "tensile.json"])
-    paths = [folder / "train.h5", folder / "unseen.h5"]
-    assert [place for place, _ in simulate_on_each(paths, every, False, executor=started)] == [0, 1]
+    intervals = [
+        (place, [v.mean_error_interval_mm is not None for v in on.validations], len(on.outlines))
+        for place, on in simulate_on_each([folder / "train.h5", folder / "unseen.h5"], every, False)
+    ]
+    count = len(every)
+    first, last = [False] * count, [True] * count
+    assert intervals == [(0, first, count), (1, first, count), (0, last, count), (1, last, count)]
+
+
+@pytest.mark.parametrize("executor", [None, partial(Copying, 2)], ids=["one process", "workers"])
+def test_a_fit_that_tells_nothing_of_the_others_is_simulated_by_itself(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, executor: Any
+) -> None:
+    every = read_shown([folder / "fits.json", folder / "tensile.json"])
+    paths, told = [folder / "train.h5", folder / "unseen.h5"], list[str]()
+    expected = dict(simulate_on_each(paths, every, False))
+
+    def but_the_second(evidence: Any, fits: Any) -> Iterator[Any]:
+        for i, found in enumerate(simulate_each(evidence, fits)):
+            yield None if i == 1 else found
+
+    monkeypatch.setattr(simulated, "simulate_each", but_the_second)
+    for place, on in simulate_on_each(paths, every, False, told.append, executor):
+        assert [o.edges_mm.tolist() for o in on.outlines] == [o.edges_mm.tolist() for o in expected[place].outlines]
+    assert [v.model_dump() for v in on.validations] == [v.model_dump() for v in expected[1].validations]
+    assert len(told) == 2 * (1 + 2 * len(every))
 
 
 def test_a_page_is_the_same_by_workers_and_without(folder: Path) -> None:
@@ -106,14 +126,6 @@ def test_a_page_is_the_same_by_workers_and_without(folder: Path) -> None:
     assert pages[0] == pages[1]
 
 
-@pytest.mark.parametrize(("datasets", "even"), [(1, True), (2, True), (3, False), (4, True), (5, False)])
-def test_drawing_waits_where_a_processor_is_free_before_the_others(
-    monkeypatch: pytest.MonkeyPatch, datasets: int, even: bool
-) -> None:
-    monkeypatch.setattr("os.cpu_count", lambda: 2)
-    assert is_even(datasets) is even
-
-
 @contextmanager
 def counted(told: list[str], steps: list[int], title: str, total: int) -> Iterator[Callable[[str], None]]:
     steps.append(total)
@@ -126,7 +138,7 @@ def test_workers_of_a_report_are_one_a_dataset_unless_asked_for(
 ) -> None:
     counts = list[int]()
     monkeypatch.setattr(workers, "executor_for", lambda count, scheduler: counts.append(count))
-    done("report", "train.h5", "unseen.h5", *asked, "-o", "shared.html", "--force", folder=folder)
+    done("report", "train.h5", "unseen.h5", "--fit", "fits.json", *asked, "-o", "shared.html", "--force", folder=folder)
     assert counts == [started]
 
 

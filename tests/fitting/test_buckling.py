@@ -167,3 +167,17 @@ def test_a_matrix_that_is_not_symmetric_is_not_judged():
     band[:, -1, 1] = 0.0
     assert factorise(band, np.ones(3, bool)).indefinite.all()
     assert not factorise(band, np.ones(3, bool), 0.5 * band).indefinite.any()
+
+
+def test_where_only_definite_matrices_count_no_other_is_solved():
+    band = np.tile([2.0, 0.5], (3, 4, 1))
+    band[:, -1, 1] = 0.0
+    band[1, 2, 0] = -1.0
+    every, right = factorise(band, np.ones(3, bool)), np.ones((3, 4))
+    definite = factorise(band, np.ones(3, bool), only_definite=True)
+    assert every.sound.all()
+    assert definite.sound.tolist() == [True, False, True]
+    assert (definite.indefinite == every.indefinite).all()
+    assert definite.solve(right)[[0, 2]] == pytest.approx(every.solve(right)[[0, 2]])
+    assert (definite.solve(right)[1] == 0).all()
+    assert np.abs(every.solve(right)[1]).min() > 0

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.equilibrium import Status
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
@@ -180,6 +181,37 @@ def test_where_no_effect_is_carried_the_plane_leads_the_solid_from_state_to_stat
     assert beside.solve(NEO, modulus, loads).displacement == pytest.approx(plain.displacement, abs=1e-3)
     led, *_ = spent
     assert led < beside.solid.solve(NEO, modulus, loads, tolerance_mm=1e-2).iterations.sum()
+
+
+def test_a_solid_that_is_not_near_its_plane_is_followed_where_that_is_allowed():
+    """Of loads on no ray each state is solved; it is told at no cost that this has to be done."""
+    loads, modulus = Loads.along([0.0, 3.0, 3.0], gravity_angle_deg=0.0, tip_force_N=[0.0, 0.0, 0.003]), [[TRUE_PA]]
+    beside = SolidBeside(BEAM, 13, 1)
+    given_up = beside.starting(reach="at once").solve(NEO, np.array(modulus), loads)
+    assert (given_up.status == Status.DIVERGED).all()
+    followed = beside.starting(reach="followed").solve(NEO, np.array(modulus), loads)
+    assert followed.converged.all()
+    assert followed.displacement == pytest.approx(beside.solve(NEO, np.array(modulus), loads).displacement)
+    on_a_ray = Loads.along([0.0, 3.0, 6.0])
+    near = beside.starting(reach="at once").solve(NEO, np.array(modulus), on_a_ray)
+    assert near.converged.all()
+    assert beside.starting(reach="followed").solve(NEO, np.array(modulus), on_a_ray).effect is None
+
+
+def test_a_solid_stands_last_where_it_stands_in_the_last_state():
+    loads, modulus = Loads.along(np.linspace(0, 6, 7)), np.array([[TRUE_PA]])
+    beside = SolidBeside(BEAM, 13, 1)
+    found = beside.solve(NEO, modulus, loads)
+    assert found.last.displacement == pytest.approx(found.displacement[:, -1])
+    assert found.last.rigid == pytest.approx(found.rigid[:, -1])
+    on = beside.solid.solve(NEO, modulus, Loads.along([6.0]), start=found.last, tolerance_mm=1e-2)
+    assert on.iterations[0, 0] == 1
+    near = beside.starting(found.effect).solve(NEO, 0.95 * modulus, loads)
+    places = np.array([0.01, 0.05, 0.2])
+    moved, turned = near.effect.moves(places)
+    for place, nodes, body in zip(places, moved, turned, strict=True):
+        assert nodes == pytest.approx(near.effect.at(place).displacement[0])
+        assert body == pytest.approx(near.effect.at(place).rigid[0])
 
 
 def test_tracked_points_lie_at_their_depth():

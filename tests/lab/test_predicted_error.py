@@ -15,9 +15,10 @@ from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.state import State
 from eimi_lab.dataset.tracked.points_csv import import_points
 from eimi_lab.fits.evidence import Evidence, load_evidence
+from eimi_lab.fits.prediction import validate
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.states_used import StatesUsed
-from eimi_lab.fits.validation import Validation, validate
+from eimi_lab.fits.validation import Validation
 
 TRUTH_PA, NOISE_MM = 46e3, 2e-3
 FIELD_MT = (1.5, 3.0, 4.5)

@@ -52,9 +52,10 @@ PANEL = ReportPanel(
     title="Every fit on every specimen",
     template="""
 {% for matrix in tables %}{{ matrix | table }}{% endfor %}
-<p class="note">The interval: while the initial shear modulus goes through its 95 % interval with the law's other ratios
-held; &gt; where the beam finds no equilibrium at an end of it. * fitted to this specimen; all others are predictions.
-Bold: the smallest.</p>
+<p class="note">The interval holds 95 % of the mean errors that the fit's draws have here, with what is uncertain
+about the specimen; &gt; where one of the draws finds no equilibrium. * fitted to this specimen; all others are
+predictions. Bold: the smallest.</p>
 """,
     values=_values,
+    of_intervals=True,
 )

@@ -86,7 +86,8 @@ class BandFactor:
     """The factors of a batch of band matrices.
 
     sound: (B,) which of them could be factorised; indefinite: (B,) which of the symmetric ones are not positive
-    definite. Those have LU factors, as all have where they are not symmetric; the others have Cholesky's.
+    definite. Those have LU factors, unless only definite ones were asked for, as all have where they are not symmetric;
+    the others have Cholesky's.
     """
 
     sound: NDArray[np.bool_]
@@ -116,13 +117,16 @@ def _columns(right: Array) -> Array:
     return right.reshape(-1, right.shape[-2] * right.shape[-1]).T
 
 
-def factorise(band: Array, sound: NDArray[np.bool_], upper: Array | None = None) -> BandFactor:
+def factorise(
+    band: Array, sound: NDArray[np.bool_], upper: Array | None = None, only_definite: bool = False
+) -> BandFactor:
     """Factorise the lower bands (B, n, w) of the candidates that are sound (finite).
 
     By Cholesky; the blocks that are not positive definite (far from equilibrium, or in one that is not stable) by LU
     with pivoting. ``upper`` holds the lower bands of the transposed matrices where these are not symmetric: LU alone
     serves then, and tells nothing of their definiteness. Blocks that are not sound are replaced by the identity, so
-    that they spoil no neighbour.
+    that they spoil no neighbour. only_definite: nor are symmetric ones sound that are not positive definite, which
+    saves their LU, the dearer of the two.
     """
     sound = sound & bounded(band)
     band, k = _with_identity(band, sound), band.shape[-1] - 1
@@ -144,6 +148,8 @@ def factorise(band: Array, sound: NDArray[np.bool_], upper: Array | None = None)
             break
         # What stands behind the block that ended it is as it was: it goes on there, in place.
         _, info = lapack.dpbtrf(cholesky[:, behind * n :], lower=1, overwrite_ab=1)
+    if only_definite:
+        return BandFactor(sound & ~indefinite, indefinite, cholesky, None, k)
     rest = band[indefinite]
     lu, found = _general_factors(rest, rest, np.ones(len(rest), bool))
     sound = sound.copy()

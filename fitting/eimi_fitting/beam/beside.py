@@ -12,6 +12,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import prod
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,9 @@ Array = NDArray[np.float64]
 # A state that was foretold this well by the states before it is the last that is solved. The bulk of the specimen shows
 # a tenth of that, and its edges are good to 1e-3 mm.
 FORETOLD_MM = 1e-3
+Reach = Literal["any", "at once", "followed"]
+"""How a solid is sought: at once from its planar shape, followed through all states, or thus where the first fails."""
+
 _FEW = 6  # iterations of Newton's method from a start that is near
 _SAME = 1e-6  # of the range of places: nearer than this is the same place
 _BEYOND = 0.1  # of its range: so far beyond its places an effect is extrapolated
@@ -69,16 +73,32 @@ class DepthEffect:
 
     def at(self, place: float) -> Configuration:
         """By the polynomial through all of the differences from the base."""
-        if not self.places:
-            assert self.base
-            return self.base.at(place)
-        known = (*self.places, *self.alike)
-        weights = [prod((place - s) / (t - s) for s in known if s != t) for t in self.places]
+        weights = self._weights(place)
         if self.base is None:
             return combine(weights, self.differences)
-        below = [self.base.at(own) for own in self.places]
-        minus = [-w for w in weights]
-        return combine([1.0, *weights, *minus], [self.base.at(place), *self.differences, *below])
+        return combine([1.0, *weights], [self.base.at(place), *self._from_base])
+
+    def moves(self, places: Array) -> tuple[Array, Array]:
+        """(K, N, 3) mm and (K, 3): `at` of K places, without stresses and pressures."""
+        weights = np.array([self._weights(float(place)) for place in places]).reshape(len(places), -1)
+        every = self.differences if self.base is None else self._from_base
+        nodal, rigid = ([getattr(own, name)[0] for own in every] for name in ("displacement", "rigid"))
+        if not every:
+            assert self.base
+            return self.base.moves(places)
+        own = np.tensordot(weights, nodal, 1), weights @ np.array(rigid)
+        below = self.base.moves(places) if self.base else None
+        return (below[0] + own[0], below[1] + own[1]) if below else own
+
+    def _weights(self, place: float) -> list[float]:
+        known = (*self.places, *self.alike)
+        return [prod((place - s) / (t - s) for s in known if s != t) for t in self.places]
+
+    @cached_property
+    def _from_base(self) -> tuple[Configuration, ...]:
+        assert self.base
+        pairs = zip(self.places, self.differences, strict=True)
+        return tuple(combine([1.0, -1.0], [own, self.base.at(place)]) for place, own in pairs)
 
     @property
     def alike(self) -> tuple[float, ...]:
@@ -124,13 +144,15 @@ class SolidBeside:
         self._column = column.reshape(-1)
         self._starts: tuple[DepthEffect, ...] = ()
         self._foretold_mm = FORETOLD_MM
+        self._reach: Reach = "any"
         self._flat: Shapes | None = None
         self._known: DepthEffect | None = None
 
     def __reduce__(self) -> tuple[type[SolidBeside], tuple[Specimen, int, int, int], dict[str, object]]:
         """As `BeamModel` is sent."""
         arguments = (self.specimen, self.planar.along, self.planar.across, self.solid.more)
-        return SolidBeside, arguments, {name: vars(self)[name] for name in ("_starts", "_foretold_mm", "_known")}
+        chosen = ("_starts", "_foretold_mm", "_reach", "_known")
+        return SolidBeside, arguments, {name: vars(self)[name] for name in chosen}
 
     def knowing(self, effect: DepthEffect | None) -> SolidBeside:
         """The same model with the effect of depth known, by the tip's turn: planar shapes alone are solved; or not."""
@@ -159,13 +181,17 @@ class SolidBeside:
         own._flat = flat
         return own
 
-    def starting(self, *effects: DepthEffect | None, foretold_mm: float = FORETOLD_MM) -> SolidBeside:
+    def starting(
+        self, *effects: DepthEffect | None, foretold_mm: float = FORETOLD_MM, reach: Reach = "any"
+    ) -> SolidBeside:
         """The same model, for candidates near those whose effects of depth are given.
 
-        foretold_mm: how well a state has to be foretold to be the last that is solved.
+        foretold_mm: how well a state has to be foretold to be the last that is solved; reach: what is not reached thus
+        has diverged.
         """
         own = copy(self)
-        own._starts, own._foretold_mm = tuple(effect for effect in effects if effect), foretold_mm
+        own._starts = tuple(effect for effect in effects if effect)
+        own._foretold_mm, own._reach = foretold_mm, reach
         return own
 
     def solve(
@@ -191,9 +217,11 @@ class SolidBeside:
             lift = self._lift(flat)
             origin = _origin(chosen, flat)
             effect = self._known or self._of_one_alike(origin)
-            if effect is None:
+            if effect is None and self._reach != "followed":
                 found = self._effect(chosen, lift, flat, loads, tolerance_mm)
                 effect = replace(found, origin=origin) if found else None
+        if effect is None and self._reach == "at once":
+            return self._given_up(flat)
         if effect is None or lift is None:
             every = self.solid.solve(
                 law,
@@ -206,6 +234,17 @@ class SolidBeside:
             )
             return SolidShapes(**vars(every))
         return self._shapes(chosen, flat, lift, loads, effect)
+
+    def _given_up(self, flat: Shapes) -> SolidShapes:
+        """All states as they would be without loads, and diverged."""
+        return SolidShapes(
+            displacement=np.zeros((*flat.status.shape, *self.mesh.nodes.shape)),
+            rigid=np.zeros_like(flat.rigid),
+            status=np.full(flat.status.shape, Status.DIVERGED, np.int8),
+            iterations=flat.iterations,
+            max_stretch=np.ones(flat.status.shape),
+            last=self.solid.solid.rest(1),
+        )
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
         """See `SolidModel.tip_angle_deg`."""
@@ -279,7 +318,7 @@ class SolidBeside:
         guess = lifted if foretold is None else combine([1.0, 1.0], [lifted, foretold])
         batch, factor = chosen.take(np.arange(1))
         found, status, _ = self.solid.solid.equilibrium(
-            batch, self.solid.actuation.at(load, factor), guess, tolerance_mm, _FEW
+            batch, self.solid.actuation.at(load, factor), guess, tolerance_mm, _FEW, only_try=True
         )
         return combine([1.0, -1.0], [found, lifted]) if status[0] == Status.CONVERGED else None
 
@@ -295,21 +334,17 @@ class SolidBeside:
 
     def _shapes(self, chosen: Candidates, flat: Shapes, lift: Array, loads: Loads, effect: DepthEffect) -> SolidShapes:
         along = None if effect.by_turn else _along_ray(loads)
-        displacement, rigid = lift[:, :, self._column], flat.rigid.copy()
-        own = None
-        for k, place in enumerate(self._turn(flat) if along is None else along):  # one at a time: each has stresses
-            own = effect.at(float(place))
-            displacement[:, k] += own.displacement
-            rigid[:, k] += own.rigid
-        assert own is not None
+        places = self._turn(flat) if along is None else along
+        moved, turned = effect.moves(places)
+        displacement = lift[:, :, self._column] + moved
         stretch = self.solid.solid.stretch(displacement[0]).max(axis=(0, 2))
         shapes = SolidShapes(
             displacement=displacement,
-            rigid=rigid,
+            rigid=flat.rigid + turned,
             status=np.full(flat.status.shape, Status.CONVERGED, np.int8),
             iterations=flat.iterations,
             max_stretch=stretch[None],
-            last=own,
+            last=combine([1.0, 1.0], [self._lifted(lift, flat, np.array([-1])), effect.at(float(places[-1]))]),
             effect=effect,
         )
         mark_unstable(chosen, shapes)

@@ -184,7 +184,7 @@ class Solid:
         parts = [displacement[first : first + most] for first in range(0, max(b, 1), most)]
         return np.concatenate([self.kind.stretch(self.ops, self.by_element(part)) for part in parts], axis=1)
 
-    def _step(self, batch: Batch, loads: SolidLoads, now: Configuration) -> _Step:
+    def _step(self, batch: Batch, loads: SolidLoads, now: Configuration, only_definite: bool) -> _Step:
         ops, body, kind = self.ops, self.body, self.kind
         b, n = len(now.displacement), len(self.mesh.elements)
         nodal = self.by_element(now.displacement)
@@ -211,7 +211,7 @@ class Solid:
             pull = np.empty((b, 3))
             pull[:, :2], pull[:, 2] = loads.force, moment
             tied = tie, turning + body.stiffness_of_turning(force, now.rigid), pull
-        x, rigid, sound, indefinite = self.system.solve(K, effective, right, tied, ev.valid, symmetric)
+        x, rigid, sound, indefinite = self.system.solve(K, effective, right, tied, ev.valid, symmetric, only_definite)
         flat = np.zeros((b, self.dimensions * len(self.mesh.nodes)))
         flat[:, self._free] = x
         step = flat.reshape(now.displacement.shape)
@@ -239,11 +239,13 @@ class Solid:
         start: Configuration,
         tolerance_mm: float,
         few: int | None = None,
+        only_try: bool = False,
     ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp]]:
         """Newton from ``start`` until no node moves by ``tolerance_mm`` in a step.
 
         few: of a start that should be near: whoever takes more iterations, or comes by a tangent that is not positive
-        definite, is given up as OUT_OF_ITERATIONS. There are smaller steps for it, or another way.
+        definite, is given up as OUT_OF_ITERATIONS. There are smaller steps for it, or another way. only_try: nor is it
+        asked whether the beam has BUCKLED there.
 
         The tangent of the last step, in which a nearly incompressible material's pressures are eliminated exactly, is
         the second derivative of the potential: where it is not positive definite a beam would leave the equilibrium,
@@ -267,7 +269,7 @@ class Solid:
             everyone = len(rows) == b
             part = now if everyone else now.take(rows)
             own = batch if everyone else _rows_of_batch(batch, rows)
-            step = self._step(own, loads if everyone else _rows_of_loads(loads, rows), part)
+            step = self._step(own, loads if everyone else _rows_of_loads(loads, rows), part, only_try)
             iterations[rows] += 1
             moved, largest = self._moved(part, step)
             ok = step.sound & (largest < 10 * size)

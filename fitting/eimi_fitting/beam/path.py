@@ -195,7 +195,7 @@ def at_once(
         factor = np.broadcast_to(factor, len(own.rigid))[:p]
         every = loads_joined([actuation.at(loads.state(k), factor) for k in states])
         with np.errstate(all="ignore"):
-            there, told, spent = solid.equilibrium(batch, every, own, tolerance_mm, _FEW)
+            there, told, spent = solid.equilibrium(batch, every, own, tolerance_mm, _FEW, only_try=True)
             if not ((told == Status.CONVERGED).all() and _as_foretold(solid, own, there).all()):
                 return None
         shape = (len(states), p)
@@ -242,7 +242,7 @@ def _advance(
     for cuts in _CUTS if near is None else (0, *_CUTS):
         way = [(load, near)] if near is not None and cuts == 0 else path
         part, outcome, spent, sure = _divided(
-            solid, actuation, chosen, rows[left], way, load, max(cuts, 1), tolerance_mm
+            solid, actuation, chosen, rows[left], way, load, max(cuts, 1), tolerance_mm, cuts == 0
         )
         arrived = np.flatnonzero(outcome == Status.CONVERGED)
         now.put(rows[left[arrived]], part.take(arrived))
@@ -269,11 +269,13 @@ def _divided(
     load: Array,
     cuts: int,
     tolerance_mm: float,
+    only_try: bool = False,
 ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp], NDArray[np.bool_]]:
     """Take ``rows`` from the path's end to the load in equal steps: places, Status, iterations, and who is sure.
 
     Newton's method that does not contract at once may end at another equilibrium than the one that the loads lead to
     (Deuflhard 2011, Newton Methods for Nonlinear Problems, section 5.1). Sure is who took few iterations in each step.
+    only_try: see `Solid.equilibrium`.
     """
     few = _FEW - (tolerance_mm > _LOOSE_MM)
     most = few if cuts < _CUTS[-1] else None  # who takes more is not sure, and has smaller steps to come
@@ -291,7 +293,9 @@ def _divided(
         foretold = _extrapolate(own, target) if cuts == 1 or c > 1 else None
         guess = foretold or own[-1][1]
         batch, factor = chosen.take(rows[going])
-        part, outcome, spent = solid.equilibrium(batch, actuation.at(target, factor), guess, tolerance_mm, most)
+        part, outcome, spent = solid.equilibrium(
+            batch, actuation.at(target, factor), guess, tolerance_mm, most, only_try
+        )
         contracts = spent <= few
         if foretold is not None:
             contracts &= _as_foretold(solid, foretold, part)

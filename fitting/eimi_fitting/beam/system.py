@@ -67,15 +67,18 @@ class System:
         body: tuple[Array, Array, Array] | None,
         sound: Sound,
         symmetric: bool,
+        only_definite: bool = False,
     ) -> Solution:
         """Assemble the stiffness (E, B, d, d) and the forces (E, B, d), solve K x = right - forces.
 
         right: (B or 1, n); body: how its elements' unknowns follow it (Et, B, d, 3), the further stiffness of its
-        rotation (B,), and its own right-hand side (B or 1, 3).
+        rotation (B,), and its own right-hand side (B or 1, 3); only_definite: see `factorise`.
         """
         rest = right - self._assembly.vector(force)[:, : self.n]
         if body is None:
-            factor = self._factor(self._assembly.matrix(stiffness), stiffness, None, sound & bounded(rest), symmetric)
+            factor = self._factor(
+                self._assembly.matrix(stiffness), stiffness, None, sound & bounded(rest), symmetric, only_definite
+            )
             return Solution(factor.solve(rest), np.zeros((len(rest), 3)), factor.sound, factor.indefinite)
         tie, turning, pull = body
         own, follow = stiffness[self._tied], tie.swapaxes(-1, -2)
@@ -89,10 +92,10 @@ class System:
         columns = rows if symmetric else self._reach(np.matmul(follow, own.swapaxes(-1, -2)))
         if self._in_band:
             band = self._put(self._assembly.matrix(stiffness), rows, corner)
-            factor = self._factor(band, stiffness, (columns, corner.swapaxes(-1, -2)), sound, symmetric)
+            factor = self._factor(band, stiffness, (columns, corner.swapaxes(-1, -2)), sound, symmetric, only_definite)
             step = factor.solve(both)
             return Solution(step[:, : self.n], step[:, self.n :], factor.sound, factor.indefinite)
-        factor = self._factor(self._assembly.matrix(stiffness), stiffness, None, sound, symmetric)
+        factor = self._factor(self._assembly.matrix(stiffness), stiffness, None, sound, symmetric, only_definite)
         sides = np.zeros((4, *rest.shape))
         sides[0] = rest
         sides[1:, :, self._columns] = columns.transpose(1, 0, 2)
@@ -126,9 +129,15 @@ class System:
         return band
 
     def _factor(
-        self, lower: Array, stiffness: Array, body: tuple[Array, Array] | None, sound: Sound, symmetric: bool
+        self,
+        lower: Array,
+        stiffness: Array,
+        body: tuple[Array, Array] | None,
+        sound: Sound,
+        symmetric: bool,
+        only_definite: bool,
     ) -> BandFactor:
         if symmetric:
-            return factorise(lower, sound)
+            return factorise(lower, sound, only_definite=only_definite)
         upper = self._assembly.matrix(np.ascontiguousarray(stiffness.swapaxes(-1, -2)))
         return factorise(lower, sound, self._put(upper, *body) if body else upper)

@@ -28,7 +28,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.beam.beside import FORETOLD_MM, DepthEffect, SolidBeside, SolidShapes
+from eimi_fitting.beam.beside import FORETOLD_MM, DepthEffect, Reach, SolidBeside, SolidShapes
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import Model
 from eimi_fitting.beam.specimen import Specimen
@@ -149,16 +149,17 @@ def correction(
     compare: Callable[[Sequence[Experiment]], Comparison],
     near: Sequence[Correction] = (),
     foretold_mm: float = FORETOLD_MM,
+    reach: Reach = "any",
 ) -> Correction | None:
     """What the refinement changes for a candidate; None where the better model finds no equilibrium.
 
     here: of the experiments, with the candidate first; compare: says how far the candidate is from experiments; near:
-    of candidates near this one; foretold_mm: see `SolidBeside.starting`.
+    of candidates near this one; foretold_mm, reach: see `SolidBeside.starting`.
     """
     every = [refinement.better(e) for e in experiments]
     for i, e in enumerate(every):
         if e.solid:
-            near_it = e.solid.starting(*(own.effects[i] for own in near), foretold_mm=foretold_mm)
+            near_it = e.solid.starting(*(own.effects[i] for own in near), foretold_mm=foretold_mm, reach=reach)
             same_lines = here.shapes and e.solid.is_beside(e.model)
             every[i] = replace(e, solid=near_it.lifting(here.shapes[i].take(_FIRST)) if same_lines else near_it)
     better = compare(every)

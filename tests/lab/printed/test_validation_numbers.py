@@ -15,8 +15,9 @@ from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.inference.draws import Draws
 from eimi_fitting.laws import LAWS
 from eimi_lab.fits.evidence import Evidence
+from eimi_lab.fits.prediction import predict
 from eimi_lab.fits.records import FitRecord
-from eimi_lab.fits.validation import FitReference, Validation, predict
+from eimi_lab.fits.validation import FitReference, Validation
 from eimi_lab.fits.validation_tables import by_dataset, by_state, matrix
 
 
