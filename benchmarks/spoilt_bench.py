@@ -91,7 +91,10 @@ class Trial:
         if not self.unread:
             self._reader = threading.Thread(target=self._read, daemon=True)
             self._reader.start()
-        wait_until(self.supply.at_full, f"the run never came to {FULL_A} A: {self.lines}")
+        try:
+            wait_until(self.supply.at_full, f"the run never came to {FULL_A} A")
+        except RuntimeError as error:
+            raise RuntimeError(f"{error}, and said {self.lines}") from error
         self.guardian = self._find_guardian()
 
     def start(self, output: str, unread: bool = False) -> subprocess.Popen[str]:
