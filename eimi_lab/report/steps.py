@@ -118,7 +118,8 @@ class _Work:
         return new
 
     def _tell(self, step: _Step) -> None:
-        self._told(f"{self._paths[step.place].name}, {self._every[step.fit].label}")
+        words = ", its interval" if step.kind == "interval" else ""
+        self._told(f"{self._paths[step.place].name}, {self._every[step.fit].label}{words}")
 
 
 def _size(path: Path) -> float:
