@@ -1,7 +1,6 @@
 """What becomes of memory that is no longer used: cycles are seldom looked for, and workers keep what they free."""
 
 import atexit
-import ctypes
 import gc
 import sys
 
@@ -27,6 +26,8 @@ def keep_what_is_freed() -> None:
     Each step on a solid has megabytes of its own. Taken from the system and given back again and again, with a page
     fault for each 4 kB, they cost a tenth of a report's simulations.
     """
+    import ctypes  # of no use to a program that has no workers
+
     if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "mallopt"):
         for setting, size in _SETTINGS:
             library.mallopt(setting, size)

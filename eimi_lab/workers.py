@@ -73,7 +73,7 @@ def completed(
     while left:
         if executor is None:
             task = left.pop(0)
-            result = cache(partial(function, **arguments(task)))
+            result = cache(partial(function, **arguments(task)))  # asked for here and by the caller
             left += further(task, result()) if further else ()
             yield task, result
             continue
@@ -130,7 +130,7 @@ def processes(workers: int) -> Iterator[Executor]:
     """That many processes of this machine; they go when this one goes, and when the block ends by an error."""
     before = set(multiprocessing.active_children())
     begin_resource_tracker()
-    pool = _Processes(workers, multiprocessing.get_context("spawn"), leave_with_parent)
+    pool = _Processes(workers, multiprocessing.get_context("spawn"), _begin_work)
     try:
         yield pool
     except BaseException:
@@ -172,10 +172,7 @@ def begin_resource_tracker() -> None:
 def leave_with_parent() -> None:
     """In a worker: do not outlive the parent, however it ends, and leave Ctrl-C to it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if hasattr(os, "nice"):
-        os.nice(5)  # the parent has less to do, and what it shows is waited for
     collect_seldom()
-    keep_what_is_freed()
     parent = multiprocessing.parent_process()
     if parent is not None:
 
@@ -184,6 +181,14 @@ def leave_with_parent() -> None:
             os._exit(1)
 
         threading.Thread(target=leave, daemon=True).start()
+
+
+def _begin_work() -> None:
+    """In a worker of a pool: the parent has less to do, and what it shows is waited for."""
+    leave_with_parent()
+    keep_what_is_freed()
+    if hasattr(os, "nice"):
+        os.nice(5)
 
 
 @contextmanager

@@ -142,7 +142,7 @@ def _simulated(
     index: int,
     near: Sequence[Correction],
     plain: Comparison,
-    reach: Reach = "any",
+    reach: Reach,
 ) -> Prediction | None:
     """See `simulate`. near: the corrections of other fits on the same dataset; plain: of `_planar_comparisons`;
     reach: how a solid is sought; None where it has to be followed and may not.

@@ -41,7 +41,7 @@ def write_report(
     """Write the report on datasets and on the fits of fits.json files, laid over them. Raises InputError.
 
     assets: a folder for each figure as SVG and PDF, each table as CSV and LaTeX. command: the line that asked for it.
-    executor: whose workers share the datasets.
+    executor: whose workers share the simulations.
     """
     every, written = read_shown(fits), datetime.now().astimezone()
     with ExitStack() as stack:

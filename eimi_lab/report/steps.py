@@ -69,7 +69,7 @@ class _Work:
         self._asked = set[_Step]()
 
     def first(self) -> list[_Step]:
-        """The steps that begin: the longest, lest it be waited for in the end. Raises InputError."""
+        """The steps that begin; for workers the longest first, lest it be waited for in the end. Raises InputError."""
         places = range(len(self._paths))
         order = sorted(places, key=lambda place: -_size(self._paths[place])) if self._shared else places
         return [_Step("fits", place) for place in order]

@@ -80,7 +80,7 @@ class DepthEffect:
 
     def moves(self, places: Array) -> tuple[Array, Array]:
         """(K, N, 3) mm and (K, 3): `at` of K places, without stresses and pressures."""
-        weights = np.array([self._weights(float(place)) for place in places]).reshape(len(places), -1)
+        weights = np.array([self._weights(float(place)) for place in places])
         every = self.differences if self.base is None else self._from_base
         nodal, rigid = ([getattr(own, name)[0] for own in every] for name in ("displacement", "rigid"))
         if not every:
