@@ -2,7 +2,8 @@
 
 python -m benchmarks.coverage [--experiments 2000] [--seed 1] [--workers 2]
 
-Each experiment is a measurement of its own. Every source of `eimi_fitting.inference.sources` that specimen, calibration
+Each experiment is a measurement of its own. Every source of `eimi_fitting.inference.evidence.sources` that specimen,
+calibration
 and rig can state is drawn from its stated uncertainty, those of the bench examples: width, magnet, scale, coil, clamp,
 angles, zero of the current. The beam that comes of it is simulated on 26 x 3 elements, the camera sees it as it is
 wrongly set up, and each edge point gets noise: half of it white, half with an exponential correlation along the edge,
@@ -41,13 +42,13 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Specimen
-from eimi_fitting.inference.estimate import Estimate
-from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
+from eimi_fitting.inference.evidence.objective import Problem
+from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource, loads_under, specimen_under
+from eimi_fitting.inference.evidence.unknowns import Setup, Unknowns
 from eimi_fitting.inference.identification import refine
-from eimi_fitting.inference.measurements import EdgeObservation
-from eimi_fitting.inference.objective import Problem
-from eimi_fitting.inference.sources import SOURCES, StatedSource, loads_under, specimen_under
-from eimi_fitting.inference.unknowns import Setup, Unknowns
+from eimi_fitting.inference.interval.estimate import Estimate
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.search_space import search_space
 from eimi_lab.config.rig import load_rig

@@ -38,8 +38,8 @@ from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Section
 from eimi_fitting.discovery.bending_rows import NoEquilibrium
 from eimi_fitting.discovery.terms_of_a_law import LIBRARY, LOT, MOST_TERMS, Discovery, discover
-from eimi_fitting.inference.experiment import Experiment
-from eimi_fitting.inference.tensile_curves import TensileCurve
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
 from eimi_fitting.laws import engineering_stress
 from eimi_fitting.laws.sum_of_terms import SumOfTerms, Term
 from eimi_lab.config.specimen import load_specimen

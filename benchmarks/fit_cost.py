@@ -22,8 +22,8 @@ from eimi_fitting.beam.beside import SolidBeside
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
+from eimi_fitting.inference.evidence.measurements import PointObservation
 from eimi_fitting.inference.identification import identify
-from eimi_fitting.inference.measurements import PointObservation
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
@@ -31,7 +31,7 @@ from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.stored_edges import write_edges
 from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.fits.evidence import load_evidence
-from eimi_lab.threads import THREADS
+from eimi_lab.process.threads import THREADS
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 

@@ -33,7 +33,7 @@ from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recordings import Moment
 from eimi_lab.dataset.recovery import MEMORY_BYTES, copy_readable, limit_memory
 from eimi_lab.dataset.writing import DatasetWriter
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 WITHIN_S = 10.0
 """Of processor time."""

@@ -15,10 +15,10 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_fitting.inference.identification import identify
-from eimi_fitting.inference.measurements import EdgeObservation
-from eimi_fitting.inference.section_bias import expected_bias
+from eimi_fitting.inference.planning.section_bias import expected_bias
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.specimen import load_specimen
 

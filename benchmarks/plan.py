@@ -21,7 +21,14 @@ from benchmarks.coverage import stated, with_noise
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Specimen
-from eimi_fitting.inference.design_of_experiment import (
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import edge_curves, points_on
+from eimi_fitting.inference.evidence.objective import Problem
+from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource, loads_under, specimen_under
+from eimi_fitting.inference.evidence.unknowns import Setup
+from eimi_fitting.inference.identification import refine
+from eimi_fitting.inference.interval.estimate import Estimate
+from eimi_fitting.inference.planning.design_of_experiment import (
     Candidates,
     EdgeNoise,
     KnownLaw,
@@ -29,13 +36,6 @@ from eimi_fitting.inference.design_of_experiment import (
     equally_spaced,
     exchange,
 )
-from eimi_fitting.inference.estimate import Estimate
-from eimi_fitting.inference.experiment import Experiment
-from eimi_fitting.inference.identification import refine
-from eimi_fitting.inference.measurements import edge_curves, points_on
-from eimi_fitting.inference.objective import Problem
-from eimi_fitting.inference.sources import SOURCES, StatedSource, loads_under, specimen_under
-from eimi_fitting.inference.unknowns import Setup
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.specimen import load_specimen
 

@@ -14,7 +14,7 @@ from functools import partial
 from benchmarks.timing import timed
 from eimi_lab.fits.evidence import load_evidence
 from eimi_lab.fits.fit_grid import fit_grid, grid
-from eimi_lab.workers import processes
+from eimi_lab.process.workers import processes
 
 ROUNDS = 3
 

@@ -13,9 +13,9 @@ import numpy as np
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, edge_curves, points_on
 from eimi_fitting.inference.identification import identify
-from eimi_fitting.inference.measurements import EdgeObservation, edge_curves, points_on
 from eimi_fitting.laws import LAWS
 
 SPECIMEN = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))

@@ -2,7 +2,7 @@
 
 import sys
 
-from eimi_lab.garbage import collect_seldom
+from eimi_lab.process.garbage import collect_seldom
 
 
 def main() -> None:

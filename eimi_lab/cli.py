@@ -14,10 +14,10 @@ import typer
 from eimi_lab.commands import beginning, bench, images, material_laws, next_run, showing, studying, watching
 from eimi_lab.commands.examples import EXAMPLES, in_help
 from eimi_lab.commands.result import printing
-from eimi_lab.errors import InputError, OwnFault, tell
-from eimi_lab.stderr import never_blocking, open_what_is_closed
-from eimi_lab.stopping import Stopped, leaving, unwind_on_termination
-from eimi_lab.threads import one_thread_each
+from eimi_lab.process.errors import InputError, OwnFault, tell
+from eimi_lab.process.stderr import never_blocking, open_what_is_closed
+from eimi_lab.process.stopping import Stopped, leaving, unwind_on_termination
+from eimi_lab.process.threads import one_thread_each
 
 app = typer.Typer(
     name="eimi",

@@ -21,14 +21,14 @@ from eimi_lab.config.rig import Rig, load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
-from eimi_lab.errors import InputError
 from eimi_lab.fits.evidence import load_evidence
 from eimi_lab.fits.fit_grid import fit_grid, grid
 from eimi_lab.fits.fits_file import write_fits
 from eimi_lab.fits.records import FitRecord
-from eimi_lab.outputs import new_folder
-from eimi_lab.report.page import write_report
-from eimi_lab.workers import executor_for
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.outputs import new_folder
+from eimi_lab.process.workers import executor_for
+from eimi_lab.reporting.page import write_report
 
 Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 

@@ -9,7 +9,7 @@ from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.importing import import_frames
-from eimi_lab.segmentation import segment
+from eimi_lab.dataset.segmentation import segment
 from eimi_lab.virtual.virtual_rig import open_virtual_rig
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
-from eimi_lab.simulation import simulate
+from eimi_lab.virtual.simulation import simulate
 from eimi_lab.virtual.virtual_rig import open_virtual_rig
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.finding import find_edges

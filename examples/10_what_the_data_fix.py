@@ -6,7 +6,7 @@ import numpy as np
 
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
-from eimi_fitting.inference.sensitivity import edge_sensitivity
+from eimi_fitting.inference.planning.sensitivity import edge_sensitivity
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.specimen import load_specimen
 

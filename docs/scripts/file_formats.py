@@ -20,7 +20,7 @@ from typing import Any, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from eimi_fitting.inference.sources import SOURCES, File
+from eimi_fitting.inference.evidence.sources import SOURCES, File
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.materials import TrueMaterials
 from eimi_lab.config.protocol import Protocol

@@ -26,7 +26,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import edge_curves, points_on
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.sensitivity import edge_sensitivity
+from eimi_fitting.inference.planning.sensitivity import edge_sensitivity
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.cards import Material, material_card
 from eimi_fitting.laws.tensile import engineering_stress, fit_tensile

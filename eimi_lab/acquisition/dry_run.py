@@ -21,7 +21,7 @@ from eimi_lab.acquisition.run import acquire
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.progress import silent
+from eimi_lab.process.progress import silent
 
 STAND_IN, BIPOLAR_STAND_IN = "korad", "kepco-bop"  # for a supply that has no wire or no emulator
 FRAME_S = 1 / 30

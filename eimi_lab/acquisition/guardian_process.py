@@ -32,7 +32,7 @@ from eimi_lab.acquisition.guardian import (
     TAKING_OVER,
     Ward,
 )
-from eimi_lab.stderr import never_blocking
+from eimi_lab.process.stderr import never_blocking
 
 TRY_FOR_S = 3600.0  # a cable may be put back; a person who was told will have come by then
 TRY_AGAIN_AFTER_S, TRY_AGAIN_LATER_S = 0.1, 1.0

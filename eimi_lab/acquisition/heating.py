@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from eimi_lab.acquisition.coil import REACHED_WITHIN_S
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import CoilRating
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 FRAME_WITHIN_S = 0.5  # a frame and the current measured beside it
 STORED_WITHIN_S = 0.1  # a frame of a transient, while the coil waits

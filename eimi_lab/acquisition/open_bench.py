@@ -15,7 +15,7 @@ from eimi_lab.acquisition.playback import Cue
 from eimi_lab.config.protocol import SupplyLimits
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.errors import tell
+from eimi_lab.process.errors import tell
 
 
 @dataclass(frozen=True)

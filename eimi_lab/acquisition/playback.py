@@ -11,7 +11,7 @@ from eimi_drivers.cameras.image_series import recording_length
 from eimi_drivers.interfaces import EndOfPlayback, Frame, Identity
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import PLAYER, Playback, Rig
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 HELD_FRAME_S = 1 / 30
 """A picture that is held is handed out no faster than a camera would."""

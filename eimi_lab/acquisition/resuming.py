@@ -16,9 +16,9 @@ from eimi_lab.config.toml import differences, parse
 from eimi_lab.dataset.layout import Header, identity_text
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.recovery import recover
-from eimi_lab.errors import InputError
-from eimi_lab.outputs import refuse_existing
-from eimi_lab.writer_lock import only_writer
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.outputs import refuse_existing
+from eimi_lab.process.writer_lock import only_writer
 
 
 @dataclass(frozen=True)

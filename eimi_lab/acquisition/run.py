@@ -27,8 +27,8 @@ from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.recordings import RELEASE, Moment
 from eimi_lab.dataset.writing import DatasetWriter
-from eimi_lab.errors import InputError, tell
-from eimi_lab.stopping import Stopped
+from eimi_lab.process.errors import InputError, tell
+from eimi_lab.process.stopping import Stopped
 from eimi_lab.vision.intensity import mean_grey
 from eimi_lab.vision.settling_statistic import measure_noise
 

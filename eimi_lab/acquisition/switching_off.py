@@ -12,8 +12,8 @@ from eimi_drivers.interfaces import InstrumentError
 from eimi_drivers.supplies.base import SupplyBase
 from eimi_lab.acquisition.coil import Coil, never
 from eimi_lab.acquisition.guardian import Guardian
-from eimi_lab.errors import tell
-from eimi_lab.stopping import TERMINATION, Stopped, raise_if_asked
+from eimi_lab.process.errors import tell
+from eimi_lab.process.stopping import TERMINATION, Stopped, raise_if_asked
 
 SIGNALS = (signal.SIGINT, *TERMINATION)
 SUSPEND = getattr(signal, "SIGTSTP", None)

@@ -9,7 +9,7 @@ from eimi_drivers.interfaces import Camera, Clock, Frame
 from eimi_lab.acquisition.coil import Coil
 from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S
 from eimi_lab.dataset.recordings import Moment
-from eimi_lab.stopping import Stopped
+from eimi_lab.process.stopping import Stopped
 
 SHORTEST_S = 1e-3  # between a set-point and a frame
 MOST_RELEASE_BYTES = 2 << 30  # in memory until the coil is off

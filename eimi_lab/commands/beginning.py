@@ -20,7 +20,7 @@ def init(
     """Write commented specimen.toml, calibration.toml, protocol.toml and states.csv, to be filled in."""
     from importlib.resources import files
 
-    from eimi_lab.outputs import refuse_existing, whole_file
+    from eimi_lab.process.outputs import refuse_existing, whole_file
 
     shipped = Path(str(files("eimi_lab.protocols"))) / "first"
     texts = {file.name: file.read_text(encoding="utf-8") for file in sorted(shipped.glob("*.toml"))}

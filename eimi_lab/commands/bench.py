@@ -11,7 +11,7 @@ import typer
 
 from eimi_lab.commands.result import Result
 from eimi_lab.commands.shared_options import Force, Output, Specimen
-from eimi_lab.errors import InputError, tell
+from eimi_lab.process.errors import InputError, tell
 
 
 def instruments() -> Result:
@@ -79,10 +79,10 @@ def acquire(
     from eimi_lab.config.rig import load_rig
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.dataset.file_system import network_file_system
-    from eimi_lab.outputs import check_distinct, refuse_existing
     from eimi_lab.page.watched_run import watched
-    from eimi_lab.progress import progress
-    from eimi_lab.writer_lock import only_writer
+    from eimi_lab.process.outputs import check_distinct, refuse_existing
+    from eimi_lab.process.progress import progress
+    from eimi_lab.process.writer_lock import only_writer
 
     if output is not None and not dry_run:
         check_distinct(list(dict.fromkeys(map(Path, (protocol, specimen, rig)))), [output])

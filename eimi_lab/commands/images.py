@@ -13,7 +13,7 @@ from eimi_lab.commands.picture_options import PictureOptions, ask_where
 from eimi_lab.commands.result import Result
 from eimi_lab.commands.shared_options import Force, Output, Specimen, Workers, with_fields
 from eimi_lab.commands.track_options import ImportOptions
-from eimi_lab.errors import InputError, tell
+from eimi_lab.process.errors import InputError, tell
 
 if TYPE_CHECKING:  # OpenCV is slow to load, and most commands do without
     from eimi_lab.config.specimen import SpecimenFile
@@ -58,7 +58,7 @@ def import_(
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.dataset.listing import is_image, is_video
     from eimi_lab.dataset.tracked.points_csv import import_points
-    from eimi_lab.outputs import check_distinct
+    from eimi_lab.process.outputs import check_distinct
 
     _check_source(source, states)
     given = (source, states, Path(specimen), calibration, dark, flat)
@@ -108,8 +108,8 @@ def _import_pictures(
     from eimi_lab.config.calibration import load_calibration, missing_places
     from eimi_lab.dataset.dark_and_flat import read_correction_images
     from eimi_lab.dataset.importing import import_frames
-    from eimi_lab.outputs import refuse_existing
-    from eimi_lab.progress import progress
+    from eimi_lab.process.outputs import refuse_existing
+    from eimi_lab.process.progress import progress
 
     source, states, output = tables.source, tables.states, tables.output
     refuse_existing(output, tables.force)
@@ -192,7 +192,7 @@ def calibrate(
 ) -> Result:
     """Scale, distortion and orientation from images of a board, of the beam itself, or of a ruler."""
     from eimi_lab.config.specimen import load_specimen
-    from eimi_lab.outputs import check_distinct, refuse_existing
+    from eimi_lab.process.outputs import check_distinct, refuse_existing
     from eimi_lab.vision.calibration import calibration_file
 
     output = output or Path("board.pdf" if print_board else "calibration.toml")
@@ -245,7 +245,7 @@ def _board(kind: str, columns: int, rows: int, square_mm: float) -> Board:
 
 
 def _write_board(board: Board, output: Path, force: bool) -> None:
-    from eimi_lab.outputs import whole_file
+    from eimi_lab.process.outputs import whole_file
     from eimi_lab.vision.calibration.board import print_board
 
     with whole_file(output, force) as temporary:
@@ -280,12 +280,12 @@ def segment(
     from eimi_lab.dataset.dark_and_flat import forget_correction, read_correction_images, store_correction
     from eimi_lab.dataset.reading import open_dataset
     from eimi_lab.dataset.restating import restate
-    from eimi_lab.outputs import whole_file, whole_folder
-    from eimi_lab.progress import progress
-    from eimi_lab.segmentation import segment as find
-    from eimi_lab.segmentation import why_none, write_csv, write_explained, write_overlays
+    from eimi_lab.dataset.segmentation import segment as find
+    from eimi_lab.dataset.segmentation import why_none, write_csv, write_explained, write_overlays
+    from eimi_lab.process.outputs import whole_file, whole_folder
+    from eimi_lab.process.progress import progress
+    from eimi_lab.process.workers import executor_for
     from eimi_lab.vision.check import leaves_out
-    from eimi_lab.workers import executor_for
 
     with open_dataset(dataset) as opened:
         total = len(opened.states)

@@ -42,9 +42,9 @@ def fit(
     from eimi_lab.fits.fits_file import write_fits
     from eimi_lab.fits.fitting import check_models, check_section
     from eimi_lab.fits.records import package_versions
-    from eimi_lab.outputs import check_distinct, refuse_existing
-    from eimi_lab.progress import progress
-    from eimi_lab.workers import executor_for
+    from eimi_lab.process.outputs import check_distinct, refuse_existing
+    from eimi_lab.process.progress import progress
+    from eimi_lab.process.workers import executor_for
 
     models = check_models(model)
     check_section(options.section)
@@ -103,8 +103,8 @@ def validate(
     from eimi_lab.fits.validation import write_validation
     from eimi_lab.fits.validation_tables import by_dataset, matrix
     from eimi_lab.fits.validation_tables import by_state as state_tables
-    from eimi_lab.outputs import check_distinct, refuse_existing
-    from eimi_lab.progress import progress
+    from eimi_lab.process.outputs import check_distinct, refuse_existing
+    from eimi_lab.process.progress import progress
 
     chosen = check_section(section)
     check_distinct([*datasets, *fit], [output])
@@ -141,7 +141,7 @@ def tensile(
     from eimi_lab.fits.fitting import check_models
     from eimi_lab.fits.tensile_files import WINDOWS, check_windows, read_tensile
     from eimi_lab.fits.tensile_fits import fit_window
-    from eimi_lab.outputs import check_distinct, refuse_existing
+    from eimi_lab.process.outputs import check_distinct, refuse_existing
 
     models, windows = check_models(model), check_windows(window or list(WINDOWS))
     check_distinct([curve], [output])
@@ -170,11 +170,11 @@ def export(
     force: Force = False,
 ) -> Result:
     """Write a fit as a material card of another finite-element program."""
-    from eimi_lab.errors import tell
     from eimi_lab.fits.export import bulk_modulus_Pa, card, check_solver, choose_fit
     from eimi_lab.fits.fits_file import read_any_fits
     from eimi_lab.fits.fitting import check_models
-    from eimi_lab.outputs import check_distinct, whole_file
+    from eimi_lab.process.errors import tell
+    from eimi_lab.process.outputs import check_distinct, whole_file
 
     solver = check_solver(to)
     check_distinct([fits], [output] if output else [])
@@ -217,12 +217,12 @@ def simulate(
     from eimi_fitting.laws import LAWS
     from eimi_lab.config.protocol import load_protocol
     from eimi_lab.config.specimen import load_specimen
-    from eimi_lab.errors import InputError
     from eimi_lab.fits.export import choose_fit
     from eimi_lab.fits.fits_file import read_any_fits
-    from eimi_lab.outputs import whole_folder
-    from eimi_lab.simulation import parse_parameters, write_simulation
-    from eimi_lab.simulation import simulate as run
+    from eimi_lab.process.errors import InputError
+    from eimi_lab.process.outputs import whole_folder
+    from eimi_lab.virtual.simulation import parse_parameters, write_simulation
+    from eimi_lab.virtual.simulation import simulate as run
 
     if fit is None:
         (law, values), drawn = parse_parameters(model, parameter or []), None

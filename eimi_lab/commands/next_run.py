@@ -37,7 +37,7 @@ def plan(
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.fits import planning
     from eimi_lab.fits.fits_file import read_any_fits
-    from eimi_lab.outputs import check_distinct, refuse_existing, whole_file
+    from eimi_lab.process.outputs import check_distinct, refuse_existing, whole_file
 
     given = dict.fromkeys([fits, *map(Path, (protocol, rig, *specimen))])  # a specimen and a rig may have one name
     check_distinct(list(given), [output])

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def ask_where(missing: tuple[str, ...], source: Path, states: Path, calibration:
     import cv2
 
     from eimi_lab.dataset.listing import list_frames
-    from eimi_lab.outputs import whole_file
+    from eimi_lab.process.outputs import whole_file
     from eimi_lab.vision.ruled_picture import ruled_picture
 
     listing = list_frames(source, states)

@@ -31,7 +31,7 @@ def printing(command: Callable[..., Result]) -> Callable[..., None]:
     own = [inspect.Parameter(name, keyword, default=False, annotation=kind) for name, kind in _OPTIONS.items()]
 
     def run(*, as_json: bool, quiet: bool, **arguments: Any) -> None:
-        from eimi_lab.progress import unseen
+        from eimi_lab.process.progress import unseen
 
         if quiet:
             with unseen():

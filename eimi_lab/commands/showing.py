@@ -49,16 +49,16 @@ def report(
     force: Force = False,
 ) -> Result:
     """Write one self-contained HTML file: the number and what limits it, laws, errors, frames, residuals, methods."""
-    from eimi_lab.outputs import check_distinct, refuse_existing
-    from eimi_lab.progress import progress
-    from eimi_lab.workers import begun, executor_for
+    from eimi_lab.process.outputs import check_distinct, refuse_existing
+    from eimi_lab.process.progress import progress
+    from eimi_lab.process.workers import begun, executor_for
 
     check_distinct([*datasets, *(fit or [])], [output])
     refuse_existing(output, force)
     command = shlex.join(["eimi", *sys.argv[1:]])
     shared = min(workers or _UNASKED, len(datasets)) if fit else 1
-    with begun(executor_for(shared, None), shared, "eimi_lab.report.steps") as executor:
-        from eimi_lab.report.page import write_report  # slow to load, as what the workers load meanwhile
+    with begun(executor_for(shared, None), shared, "eimi_lab.reporting.steps") as executor:
+        from eimi_lab.reporting.page import write_report  # slow to load, as what the workers load meanwhile
 
         write_report(
             output,
@@ -86,7 +86,7 @@ def demo(
 ) -> Result:
     """Run the whole chain on the virtual rig and compare what it identifies with the hidden truth."""
     from eimi_lab.demonstration import demonstrate
-    from eimi_lab.progress import progress
+    from eimi_lab.process.progress import progress
 
     done = demonstrate(output, material, specimen, rig, quick=quick, seed=seed, force=force, progress=progress)
     truth = ", ".join(f"{name} {value:g}" for name, value in done.true_parameters.items())

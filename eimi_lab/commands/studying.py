@@ -41,7 +41,7 @@ def discover(
     from eimi_lab.fits.evidence import load_evidence
     from eimi_lab.fits.fitting import check_section
     from eimi_lab.fits.tensile_files import check_windows, read_curve
-    from eimi_lab.outputs import check_distinct, refuse_existing, whole_file
+    from eimi_lab.process.outputs import check_distinct, refuse_existing, whole_file
 
     library, chosen = library_of(term or ()), check_section(section)
     (percent,) = check_windows([tensile_window], "--tensile-window")
@@ -74,7 +74,7 @@ def study(
     """
     from dataclasses import asdict
 
-    from eimi_lab.progress import progress
+    from eimi_lab.process.progress import progress
     from eimi_lab.study.claims import verdicts
     from eimi_lab.study.extent import QUICK, WHOLE
     from eimi_lab.study.pages import write_pages

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from eimi_lab.commands.picture_options import PictureOptions
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 if TYPE_CHECKING:
     from eimi_lab.config.calibration import Calibration

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from eimi_lab.errors import InputError, tell
+from eimi_lab.process.errors import InputError, tell
 
 
 def dashboard(

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from eimi_fitting.inference.sources import StatedSource
+from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_lab.config.toml import Document, Table, check, locate, parse_table, read_text, to_toml
 from eimi_lab.config.uncertainty import OfCalibration, check_sizes, keys_of, stated_of
 

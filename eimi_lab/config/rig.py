@@ -18,7 +18,7 @@ from eimi_lab.config.protocol import SupplyLimits
 from eimi_lab.config.simulated_optics import Optics
 from eimi_lab.config.toml import Document, Table, check, locate, parse_table, read_text
 from eimi_lab.config.uncertainty import OfRig
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 VIRTUAL = "virtual"
 PLAYER = "opencv"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pydantic import ConfigDict
 
-from eimi_fitting.inference.sources import StatedSource
+from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_lab.config.toml import Document, parse, parse_table
 from eimi_lab.config.uncertainty import OfRig, stated_of
 

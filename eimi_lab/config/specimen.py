@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 import eimi_fitting.beam.specimen as mechanics
-from eimi_fitting.inference.sources import StatedSource
+from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_lab.config.toml import Document, Table, locate, parse, read_text
 from eimi_lab.config.uncertainty import OfSpecimen, check_sizes, stated_of
 

@@ -13,7 +13,7 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError
 
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 
 class Table(BaseModel):

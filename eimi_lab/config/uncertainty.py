@@ -1,7 +1,7 @@
 """[uncertainty] of specimen, calibration and rig: standard uncertainties under the keys of the values.
 
 0 says that a number is exact; a key that is absent, that nobody knows how good it is. The keys are those of
-`eimi_fitting.inference.sources.SOURCES`.
+`eimi_fitting.inference.evidence.sources.SOURCES`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
-from eimi_fitting.inference.sources import SOURCES, File, StatedSource
+from eimi_fitting.inference.evidence.sources import SOURCES, File, StatedSource
 
 LARGEST_SHARE = 0.1  # of a value that has no zero of its own: more is a slip in a digit or a unit
 

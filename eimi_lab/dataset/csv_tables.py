@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eimi_lab.config.toml import read_text
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 
 @dataclass(frozen=True)

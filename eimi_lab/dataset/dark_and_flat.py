@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from eimi_lab.dataset.layout import group, to_stored
 from eimi_lab.dataset.rewriting import rewritten
 from eimi_lab.dataset.stored_edges import drop_edges
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 from eimi_lab.vision.intensity import FieldCorrection, in_channels
 
 GROUP = "correction"

@@ -23,9 +23,9 @@ from eimi_lab.dataset.points import Load
 from eimi_lab.dataset.state_loads import load_of
 from eimi_lab.dataset.tip_force_angles import store_tip_force_angles
 from eimi_lab.dataset.writing import DatasetWriter, StorageFailed
-from eimi_lab.errors import InputError, tell
-from eimi_lab.outputs import whole_file
-from eimi_lab.progress import silent
+from eimi_lab.process.errors import InputError, tell
+from eimi_lab.process.outputs import whole_file
+from eimi_lab.process.progress import silent
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import Flag
 from eimi_lab.vision.edges.region import region_of

@@ -9,7 +9,7 @@ import numpy as np
 
 from eimi_lab.dataset.points import TrackedPoints
 from eimi_lab.dataset.state import State
-from eimi_lab.tables import installed
+from eimi_lab.showing.tables import installed
 from eimi_lab.vision.edges.edge_set import EdgeSet
 
 _MM = {"units": "mm"}

@@ -16,7 +16,7 @@ from eimi_lab.dataset.csv_tables import Row, read_table
 from eimi_lab.dataset.state_loads import FRAME_COLUMNS, LOAD_COLUMNS
 from eimi_lab.dataset.videos import ENDINGS as VIDEOS
 from eimi_lab.dataset.videos import frame_times, read_video
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 from eimi_lab.vision.image_files import ENDINGS as IMAGES
 from eimi_lab.vision.image_files import find_images, read_image
 

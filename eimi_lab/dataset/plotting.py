@@ -11,8 +11,8 @@ from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
 from eimi_lab.dataset.state import State
-from eimi_lab.drawing import Drawing, label, styled
-from eimi_lab.palette import IN_ORDER
+from eimi_lab.showing.drawing import Drawing, label, styled
+from eimi_lab.showing.palette import IN_ORDER
 
 Array = NDArray[np.float64]
 

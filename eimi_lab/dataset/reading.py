@@ -28,13 +28,13 @@ from eimi_lab.dataset.state import State
 from eimi_lab.dataset.stored_edges import read_edges, read_projection
 from eimi_lab.dataset.tip_force_angles import tip_force_angles
 from eimi_lab.dataset.upright import turn
-from eimi_lab.errors import InputError
-from eimi_lab.tables import html_table
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.writer_lock import is_being_written
+from eimi_lab.showing.tables import html_table
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.edge_set import EdgeSet
 from eimi_lab.vision.intensity import FieldCorrection
 from eimi_lab.vision.projection import Projection
-from eimi_lab.writer_lock import is_being_written
 
 MOST_BYTES = 1 << 30
 """Of one table, or of one frame. A few bytes in a file can claim any size."""

@@ -22,10 +22,10 @@ from eimi_lab.dataset.layout import FRAME_COLUMNS, STATE_COLUMNS, append, column
 from eimi_lab.dataset.mending import MendedFile, close_superblock, is_hdf5, mend_chunks, mend_metadata
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.recordings import BELONGS_TO, complete_rows, keep_rows
-from eimi_lab.errors import InputError, OwnFault, tell
-from eimi_lab.outputs import whole_file
+from eimi_lab.process.errors import InputError, OwnFault, tell
+from eimi_lab.process.outputs import whole_file
+from eimi_lab.process.writer_lock import is_being_written
 from eimi_lab.vision.flags import judge
-from eimi_lab.writer_lock import is_being_written
 
 READ_WITHIN_S, BYTES_PER_S = 60.0, 2e6
 MEMORY_BYTES = 4 << 30

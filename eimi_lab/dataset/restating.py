@@ -18,7 +18,7 @@ from eimi_lab.dataset.layout import group, note, now, put_text
 from eimi_lab.dataset.reading import FORMER, Dataset, open_dataset
 from eimi_lab.dataset.rewriting import rewritten
 from eimi_lab.dataset.stored_edges import drop_edges
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 from eimi_lab.vision.edges.region import region_of
 
 _OF_A_FILE_BYTES = 1 << 16

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import h5py
 
-from eimi_lab.errors import InputError
-from eimi_lab.outputs import whole_file
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.outputs import whole_file
 
 HEADERS_BYTES = 1 << 14
 """For what HDF5 writes around the numbers: some kB for each object."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.dataset.csv_tables import Column, Row
 from eimi_lab.dataset.points import Load
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 FRAME_COLUMNS = {
     "frame": Column(

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 # Otherwise what ffmpeg thinks of a damaged video goes to stderr, beside the one line that tells of it. OpenCV reads
 # this when it opens the first video.

@@ -51,10 +51,10 @@ from eimi_lab.dataset.recordings import (
     make_recordings,
     planned,
 )
-from eimi_lab.errors import InputError, tell
-from eimi_lab.outputs import whole_file
+from eimi_lab.process.errors import InputError, tell
+from eimi_lab.process.outputs import whole_file
+from eimi_lab.process.writer_lock import WriterLock
 from eimi_lab.vision.check import Flag
-from eimi_lab.writer_lock import WriterLock
 
 NAN = float("nan")
 HEAD_BYTES = 4096

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.inference.experiment import Comparison, Experiment, compare
-from eimi_fitting.inference.section_bias import expected_bias
-from eimi_fitting.inference.unknowns import Setup, freed_number
+from eimi_fitting.inference.evidence.experiment import Comparison, Experiment, compare
+from eimi_fitting.inference.evidence.unknowns import Setup, freed_number
+from eimi_fitting.inference.planning.section_bias import expected_bias
 from eimi_fitting.laws import LAWS
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.records import FitRecord, TensileRecord

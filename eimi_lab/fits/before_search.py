@@ -1,7 +1,7 @@
 """What is wrong with a dataset where no material could explain it, by name and with the key to change.
 
-Quick tests, each before any search: of the states alone, of one picture, and (`eimi_fitting.inference.named_causes`) of
-the loads.
+Quick tests, each before any search: of the states alone, of one picture, and
+(`eimi_fitting.inference.searching.named_causes`) of the loads.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.inference.experiment import Experiment
-from eimi_fitting.inference.measurements import EdgeObservation
-from eimi_fitting.inference.named_causes import NamedCause
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
+from eimi_fitting.inference.searching.named_causes import NamedCause
 from eimi_lab.dataset.reading import Dataset
 from eimi_lab.dataset.state import State
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 from eimi_lab.vision.beam_frame import BeamFrame
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ class _Remedy:
 _SIGN_OF_FORCE = "change the sign of tip_force_N in states.csv, or its tip_force_angle_deg, and import again"
 _UNIT_OF_FORCE = "tip_force_N in states.csv is in newton (not mN, nor gram): correct it and import again"
 
-# For each of `eimi_fitting.inference.named_causes.CAUSES`.
+# For each of `eimi_fitting.inference.searching.named_causes.CAUSES`.
 _REMEDIES = {
     "a field that is the wrong way round": _Remedy(
         "turn field_angle_deg by 180 degrees",

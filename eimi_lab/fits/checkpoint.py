@@ -17,12 +17,12 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError
 
-from eimi_fitting.inference.search import Generation, Objectives, OtherSearch
-from eimi_lab.errors import InputError
+from eimi_fitting.inference.searching.search import Generation, Objectives, OtherSearch
 from eimi_lab.fits.fits_file import first_fault
 from eimi_lab.fits.records import FitRecord, Record, ReplicateRecord
-from eimi_lab.outputs import refuse_existing
-from eimi_lab.writer_lock import WriterLock
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.outputs import refuse_existing
+from eimi_lab.process.writer_lock import WriterLock
 
 _SHOWN = 4  # fits or datasets, in a message
 Finite = Annotated[float, Field(allow_inf_nan=False)]

@@ -11,11 +11,11 @@ from eimi_fitting.discovery.bending_rows import NoEquilibrium
 from eimi_fitting.discovery.terms_of_a_law import LIBRARY, Alternative, Discovery, discover
 from eimi_fitting.laws import CannotFit
 from eimi_fitting.laws.sum_of_terms import SumOfTerms, Term
-from eimi_lab.errors import InputError
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.fitting import REFUSALS, check_evidence, refused
 from eimi_lab.fits.records import package_versions
 from eimi_lab.fits.tensile_files import FileCurve
+from eimi_lab.process.errors import InputError
 
 _SHOWN = 12  # alternatives in a table
 

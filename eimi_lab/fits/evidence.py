@@ -17,19 +17,19 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Section
 from eimi_fitting.beam.view import View
-from eimi_fitting.inference.experiment import Experiment
-from eimi_fitting.inference.measurements import EdgeObservation, Observation, PointObservation
-from eimi_fitting.inference.sources import StatedSource
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, Observation, PointObservation
+from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_lab.config.rig_uncertainty import stated_by_rig
 from eimi_lab.config.uncertainty import missing_keys
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.state import State
-from eimi_lab.errors import InputError
 from eimi_lab.fits.before_search import check_width
 from eimi_lab.fits.perspective import seen_depth
 from eimi_lab.fits.states_used import FEW_POINTS, FlaggedState, StatesUsed, WidenedState
-from eimi_lab.progress import silent
-from eimi_lab.tables import html_table
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.progress import silent
+from eimi_lab.showing.tables import html_table
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import leaves_out
 from eimi_lab.vision.edges.edge_set import EdgeSet
@@ -105,7 +105,7 @@ def load_evidence(
     with open_dataset(path) as dataset:
         if dataset.kind != "frames" or dataset.edges() is not None:
             return _evidence(dataset, path, section, flagged)
-    from eimi_lab.segmentation import segment  # a slow import that a fit of stored edges does without
+    from eimi_lab.dataset.segmentation import segment  # a slow import that a fit of stored edges does without
 
     segment(path, report)
     with open_dataset(path) as dataset:

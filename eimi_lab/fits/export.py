@@ -10,9 +10,9 @@ import numpy as np
 
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.cards import SOLVERS, Material, NotInSolver, material_card
-from eimi_lab.errors import InputError
 from eimi_lab.fits.law_record import HELD
 from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.process.errors import InputError
 
 AnyFit = FitRecord | TensileRecord
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from eimi_fitting.laws.law import Law
 from eimi_fitting.laws.tensile import engineering_stress
-from eimi_lab.drawing import Drawing, label, styled
-from eimi_lab.palette import PALETTE
+from eimi_lab.showing.drawing import Drawing, label, styled
+from eimi_lab.showing.palette import PALETTE
 
 Array = NDArray[np.float64]
 

@@ -8,16 +8,16 @@ from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass
 from typing import Any
 
-from eimi_fitting.inference.bootstrap import resampled
 from eimi_fitting.inference.identification import Fit, identify
-from eimi_fitting.inference.search import Generation, Objectives, OtherSearch
-from eimi_lab.errors import InputError
+from eimi_fitting.inference.interval.bootstrap import resampled
+from eimi_fitting.inference.searching.search import Generation, Objectives, OtherSearch
 from eimi_lab.fits.checkpoint import Checkpoint
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.fitting import REFUSALS, check_evidence, refused
 from eimi_lab.fits.records import BootstrapRecord, FitRecord, ReplicateRecord
-from eimi_lab.progress import silent
-from eimi_lab.workers import completed
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.progress import silent
+from eimi_lab.process.workers import completed
 
 FEWEST_STATES = 5  # to draw from: of fewer, many replicates would hold one state alone
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from eimi_fitting.inference.budget import BudgetEntry
-from eimi_fitting.inference.choice_of_law import Choice
-from eimi_fitting.inference.quantity import Quantity
+from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_fitting.inference.interval.budget import BudgetEntry
+from eimi_fitting.inference.planning.choice_of_law import Choice
 from eimi_fitting.laws.search_space import BULK_NAME
 from eimi_lab.fits.assumptions import section_remark
 from eimi_lab.fits.evidence import WHOLE_FILES, Evidence

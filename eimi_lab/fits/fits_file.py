@@ -10,12 +10,12 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, ValidationError
 
-from eimi_fitting.inference.choice_of_law import Candidate, Choice, choose
+from eimi_fitting.inference.planning.choice_of_law import Candidate, Choice, choose
 from eimi_lab.config.toml import read_text
-from eimi_lab.errors import InputError
 from eimi_lab.fits.law_record import Record
 from eimi_lab.fits.records import FitRecord, TensileRecord
-from eimi_lab.outputs import whole_file
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.outputs import whole_file
 
 
 def _kind(fit: Any) -> str:

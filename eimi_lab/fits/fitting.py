@@ -6,16 +6,16 @@ from collections.abc import Sequence
 from typing import Any, get_args
 
 from eimi_fitting.beam.specimen import Section
-from eimi_fitting.inference.checks import NotDetermined, NotExplained
+from eimi_fitting.inference.doubts.checks import NotDetermined, NotExplained
 from eimi_fitting.inference.identification import identify
-from eimi_fitting.inference.modulus_range import NothingActs, NothingConverged
-from eimi_fitting.inference.named_causes import NamedCause
+from eimi_fitting.inference.searching.modulus_range import NothingActs, NothingConverged
+from eimi_fitting.inference.searching.named_causes import NamedCause
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import CannotFit
-from eimi_lab.errors import InputError
 from eimi_lab.fits.before_search import check_states, in_words
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.records import FitRecord
+from eimi_lab.process.errors import InputError
 
 
 def check_models(models: Sequence[str]) -> list[str]:

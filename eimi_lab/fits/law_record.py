@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, model_validator
 
-from eimi_fitting.inference.checks import Doubt
-from eimi_fitting.inference.draws import Draws
-from eimi_fitting.inference.quantity import Quantity
+from eimi_fitting.inference.doubts.checks import Doubt
+from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_fitting.inference.interval.draws import Draws
 from eimi_fitting.laws import LAWS
 from eimi_fitting.units import in_words
-from eimi_lab.tables import data_frame, html_table
+from eimi_lab.showing.tables import data_frame, html_table
 
 Array = NDArray[np.float64]
 

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 if TYPE_CHECKING:
-    from eimi_fitting.inference.unknowns import Prior
+    from eimi_fitting.inference.evidence.unknowns import Prior
     from eimi_lab.fits.evidence import Evidence
     from eimi_lab.fits.tensile_files import FileCurve
 
@@ -73,7 +73,7 @@ class FitOptions:
 
     def check(self, evidence: Sequence[Evidence]) -> None:
         """Raises InputError where two datasets hold the same, or one knows nothing of what is to be freed."""
-        from eimi_fitting.inference.sources import SOURCES
+        from eimi_fitting.inference.evidence.sources import SOURCES
 
         known: dict[str, Path] = {}
         for seen in evidence:
@@ -94,7 +94,7 @@ class FitOptions:
     @staticmethod
     def _check_spread(prior: Prior, seen: Evidence) -> None:
         """Raises InputError where the standard deviation of what is freed is not known of this dataset."""
-        from eimi_fitting.inference.sources import SOURCES
+        from eimi_fitting.inference.evidence.sources import SOURCES
 
         if prior.spread is not None:
             return
@@ -142,8 +142,8 @@ class FitOptions:
 
 
 def _prior(words: str) -> Prior:
-    from eimi_fitting.inference.sources import SOURCES
-    from eimi_fitting.inference.unknowns import Prior
+    from eimi_fitting.inference.evidence.sources import SOURCES
+    from eimi_fitting.inference.evidence.unknowns import Prior
 
     units = {key: {"1": "relative", "deg": "degrees"}.get(source.unit, source.unit) for key, source in SOURCES.items()}
     key, equals, number = words.partition("=")

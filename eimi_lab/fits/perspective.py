@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.inference.measurements import EdgeObservation
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
 
 Array = NDArray[np.float64]
 

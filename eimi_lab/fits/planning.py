@@ -1,6 +1,6 @@
 """The run to do next: states, mounting and specimen for a goal, under a rig's limits and with what is stated of it.
 
-The mathematics is in `eimi_fitting.inference.design_of_experiment`.
+The mathematics is in `eimi_fitting.inference.planning.design_of_experiment`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from eimi_drivers.supplies.supply_names import supply_driver
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.specimen import STANDARD_GRAVITY
-from eimi_fitting.inference.design_of_experiment import (
+from eimi_fitting.inference.planning.design_of_experiment import (
     MODULUS,
     Candidates,
     EdgeNoise,
@@ -33,9 +33,9 @@ from eimi_lab.config.rig import Rig
 from eimi_lab.config.rig_uncertainty import stated_by_rig
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import to_toml
-from eimi_lab.errors import InputError
 from eimi_lab.fits.fits_file import AnyFit
 from eimi_lab.fits.records import FitRecord
+from eimi_lab.process.errors import InputError
 from eimi_lab.vision.beam_frame import BeamFrame
 
 Array = NDArray[np.float64]

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.equilibrium import Configuration
-from eimi_fitting.inference.considered import Candidate, changes_by, coarse_model
-from eimi_fitting.inference.measurements import Misfit
-from eimi_fitting.inference.sources import SOURCES, StatedSource
-from eimi_fitting.inference.unknowns import freed_number, shared
+from eimi_fitting.inference.evidence.measurements import Misfit
+from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource
+from eimi_fitting.inference.evidence.unknowns import freed_number, shared
+from eimi_fitting.inference.interval.considered import Candidate, changes_by, coarse_model
 from eimi_fitting.laws import LAWS
 from eimi_lab.fits.assumptions import assumptions_of
 from eimi_lab.fits.evidence import Evidence

@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 from eimi_fitting.beam.beside import FORETOLD_MM, Reach
 from eimi_fitting.beam.outline import outline, points_on
-from eimi_fitting.inference.corrections import Correction, correction, polished, refinements
-from eimi_fitting.inference.experiment import Comparison, Experiment
-from eimi_fitting.inference.measurements import EdgeObservation, Misfit
-from eimi_lab.errors import InputError
+from eimi_fitting.inference.evidence.corrections import Correction, correction, polished, refinements
+from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit
 from eimi_lab.fits.assumptions import assumptions_of
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.predicted_error import error_interval_mm
 from eimi_lab.fits.records import FitRecord, StateError, TensileRecord
 from eimi_lab.fits.validation import FitReference, Validation
+from eimi_lab.process.errors import InputError
 
 Array = NDArray[np.float64]
 

@@ -17,21 +17,21 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
-from eimi_fitting.inference.budget import BudgetEntry, MeasureNext
-from eimi_fitting.inference.checks import Doubt
-from eimi_fitting.inference.estimate import CorrectionEffect, FreedNuisance
-from eimi_fitting.inference.identifiability import Identifiability
+from eimi_fitting.inference.doubts.checks import Doubt
+from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_fitting.inference.evidence.sources import StatedSource
+from eimi_fitting.inference.evidence.tensile_curves import TensileEvidence
 from eimi_fitting.inference.identification import Fit
-from eimi_fitting.inference.polish import Polish
-from eimi_fitting.inference.quantity import Quantity
-from eimi_fitting.inference.search import Discards, Generation, Run
-from eimi_fitting.inference.sources import StatedSource
-from eimi_fitting.inference.tensile_curves import TensileEvidence
+from eimi_fitting.inference.interval.budget import BudgetEntry, MeasureNext
+from eimi_fitting.inference.interval.estimate import CorrectionEffect, FreedNuisance
+from eimi_fitting.inference.interval.identifiability import Identifiability
+from eimi_fitting.inference.searching.polish import Polish
+from eimi_fitting.inference.searching.search import Discards, Generation, Run
 from eimi_lab.fits.evidence import WHOLE_FILES, Evidence
 from eimi_lab.fits.law_record import LawRecord, Record, Stability
 from eimi_lab.fits.states_used import StatesUsed
 from eimi_lab.fits.tensile_files import FileCurve
-from eimi_lab.workers import PACKAGES
+from eimi_lab.process.workers import PACKAGES
 
 Array = NDArray[np.float64]
 

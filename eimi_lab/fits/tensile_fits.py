@@ -6,16 +6,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from eimi_fitting.inference.checks import Doubt
-from eimi_fitting.inference.draws import draw_parameters
-from eimi_fitting.inference.quantity import Quantity
+from eimi_fitting.inference.doubts.checks import Doubt
+from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_fitting.inference.interval.draws import draw_parameters
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.stability import LARGEST_STRETCH_CHECKED
 from eimi_fitting.laws.tensile import CannotFit, TensileFit, fit_tensile
-from eimi_lab.errors import InputError
 from eimi_lab.fits.law_record import Stability
 from eimi_lab.fits.records import TensileRecord, TensileSource, package_versions
 from eimi_lab.fits.tensile_files import TensileTest
+from eimi_lab.process.errors import InputError
 
 _MISFIT = 0.1  # of the stresses, both as root mean square: beyond it a law has another shape than the curve
 

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from eimi_fitting.inference.quantity import Quantity
+from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_lab.fits.law_record import Record
 from eimi_lab.fits.records import FitRecord, StateError, TensileRecord
 from eimi_lab.fits.states_used import StatesUsed
-from eimi_lab.outputs import whole_file
-from eimi_lab.tables import data_frame, html_table
+from eimi_lab.process.outputs import whole_file
+from eimi_lab.showing.tables import data_frame, html_table
 
 
 class FitReference(Record):

@@ -17,11 +17,11 @@ from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.config.toml import check, read_text, to_toml
 from eimi_lab.dataset.importing import import_frames
-from eimi_lab.errors import InputError
-from eimi_lab.outputs import refuse_existing, whole_file
 from eimi_lab.page.data_folder import DataFolder
 from eimi_lab.page.eye import found_in
 from eimi_lab.page.stored_runs import jpeg
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.outputs import refuse_existing, whole_file
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.region import region_of
 from eimi_lab.vision.image_files import ENDINGS, find_images, read_image

@@ -12,8 +12,8 @@ from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.config.toml import parse_table, read_text
-from eimi_lab.errors import InputError
 from eimi_lab.page.data_folder import DataFolder
+from eimi_lab.process.errors import InputError
 
 Choices = dict[str, list[str]]
 

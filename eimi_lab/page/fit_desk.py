@@ -15,11 +15,11 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from eimi_fitting.laws import LAWS
-from eimi_lab.errors import InputError
 from eimi_lab.page import stored_fits
 from eimi_lab.page.data_folder import DataFolder
 from eimi_lab.page.tabs import Tabs
 from eimi_lab.page.worker import Worker
+from eimi_lab.process.errors import InputError
 
 LOOK_EVERY_S = 0.4
 MOST_GENERATIONS = 400

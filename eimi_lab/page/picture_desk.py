@@ -9,11 +9,11 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import BaseRoute, Route
 
-from eimi_lab.errors import InputError
 from eimi_lab.page import by_hand, choices
 from eimi_lab.page.data_folder import DataFolder
 from eimi_lab.page.tabs import Tabs, body_of
 from eimi_lab.page.worker import Worker
+from eimi_lab.process.errors import InputError
 
 
 class PictureDesk:

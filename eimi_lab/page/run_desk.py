@@ -8,12 +8,12 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 
-from eimi_lab.errors import InputError
 from eimi_lab.page import choices
 from eimi_lab.page.bench_run import BenchRun, Order
 from eimi_lab.page.data_folder import DataFolder
 from eimi_lab.page.tabs import Tabs
 from eimi_lab.page.worker import Worker
+from eimi_lab.process.errors import InputError
 
 
 class RunDesk:

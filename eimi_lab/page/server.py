@@ -21,7 +21,6 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from eimi_lab.errors import InputError
 from eimi_lab.page import stored_runs
 from eimi_lab.page.admission import REPORT_POLICY, Admission, new_token
 from eimi_lab.page.data_folder import DataFolder
@@ -30,8 +29,9 @@ from eimi_lab.page.picture_desk import PictureDesk
 from eimi_lab.page.run_desk import RunDesk
 from eimi_lab.page.tabs import Tabs
 from eimi_lab.page.worker import Worker
-from eimi_lab.stopping import TERMINATION, Stopped
-from eimi_lab.threads import one_thread_each
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.stopping import TERMINATION, Stopped
+from eimi_lab.process.threads import one_thread_each
 
 STATIC = Path(str(files("eimi_lab.page"))) / "static"
 LARGEST_MESSAGE_BYTES = 1 << 16

@@ -12,20 +12,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.inference.modulus_range import NothingActs, NothingConverged
-from eimi_fitting.inference.modulus_so_far import ModulusSoFar, modulus_so_far, section_bias_of
+from eimi_fitting.inference.planning.modulus_so_far import ModulusSoFar, modulus_so_far, section_bias_of
+from eimi_fitting.inference.searching.modulus_range import NothingActs, NothingConverged
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import Dataset, open_dataset
-from eimi_lab.errors import InputError
+from eimi_lab.dataset.segmentation import edges_of_state
 from eimi_lab.fits.evidence import experiment_so_far
-from eimi_lab.segmentation import edges_of_state
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.writer_lock import is_being_written
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.edge_set import EdgeSet, tip_angle_deg
 from eimi_lab.vision.edges.overlay import in_colour
 from eimi_lab.vision.flags import Flag
 from eimi_lab.vision.intensity import state_mean
-from eimi_lab.writer_lock import is_being_written
 
 JPEG_QUALITY = 85
 Edges = dict[str, Any]

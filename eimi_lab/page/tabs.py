@@ -19,7 +19,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 MOST_TABS = 16
 FRAME_ACKNOWLEDGED_WITHIN_S = 1.0

@@ -28,8 +28,8 @@ from eimi_lab.acquisition.open_bench import Bench
 from eimi_lab.acquisition.pausing import typed_line
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import Rig
-from eimi_lab.errors import tell
 from eimi_lab.page.frame_memory import FrameMemory
+from eimi_lab.process.errors import tell
 
 SHOWN_EVERY_S = 1 / 40
 RATE_OVER_S = 1.0

@@ -12,8 +12,8 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
-from eimi_lab.errors import InputError
-from eimi_lab.workers import begin_resource_tracker, leave_with_parent
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.workers import begin_resource_tracker, leave_with_parent
 
 T = TypeVar("T")
 

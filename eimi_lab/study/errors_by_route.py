@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.outline import outline, points_on
-from eimi_fitting.inference.corrections import SOLID, Correction, correction, refinements
-from eimi_fitting.inference.experiment import Comparison, Experiment, compare
+from eimi_fitting.inference.evidence.corrections import SOLID, Correction, correction, refinements
+from eimi_fitting.inference.evidence.experiment import Comparison, Experiment, compare
 from eimi_fitting.laws import LAWS
 from eimi_lab.study.routes import Route
 

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from eimi_fitting.laws import LAWS, engineering_stress
-from eimi_lab.drawing import Drawing, label, saved, styled
-from eimi_lab.palette import MEASURED, PALETTE
+from eimi_lab.showing.drawing import Drawing, label, saved, styled
+from eimi_lab.showing.palette import MEASURED, PALETTE
 from eimi_lab.study.errors_by_route import mean_error_um
 from eimi_lab.study.extent import LAWS_STUDIED, SECTIONS
 from eimi_lab.study.hidden_materials import MATERIALS

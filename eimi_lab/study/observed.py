@@ -20,8 +20,8 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Section, Specimen
-from eimi_fitting.inference.experiment import Experiment
-from eimi_fitting.inference.measurements import EdgeObservation
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.study.extent import Extent

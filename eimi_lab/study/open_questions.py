@@ -17,9 +17,9 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Section
-from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.unknowns import Prior
 from eimi_fitting.inference.identification import Fit, identify
-from eimi_fitting.inference.unknowns import Prior
 from eimi_fitting.laws import LAWS
 from eimi_lab.study.extent import TRAINED_ON, Extent
 from eimi_lab.study.hidden_materials import HiddenMaterial

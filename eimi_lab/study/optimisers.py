@@ -18,12 +18,12 @@ from scipy import optimize
 
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
-from eimi_fitting.inference.experiment import Experiment
-from eimi_fitting.inference.measurements import EdgeObservation
-from eimi_fitting.inference.objective import Evaluation, Problem
-from eimi_fitting.inference.polish import polish
-from eimi_fitting.inference.search import search
-from eimi_fitting.inference.unknowns import Unknowns
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
+from eimi_fitting.inference.evidence.objective import Evaluation, Problem
+from eimi_fitting.inference.evidence.unknowns import Unknowns
+from eimi_fitting.inference.searching.polish import polish
+from eimi_fitting.inference.searching.search import search
 from eimi_fitting.laws import LAWS, search_space
 from eimi_lab.study.extent import TRAINED_ON, Extent
 from eimi_lab.study.hidden_materials import MATERIALS

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from eimi_lab.outputs import whole_file
+from eimi_lab.process.outputs import whole_file
 from eimi_lab.study.claims import MEASURE, Verdict, in_words, verdicts
 from eimi_lab.study.figures import every_figure
 from eimi_lab.study.hidden_materials import MATERIALS

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from eimi_lab.errors import InputError
-from eimi_lab.outputs import new_folder, whole_file
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.outputs import new_folder, whole_file
 
 _HEAD = "study"
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.fits.tensile_files import read_tensile
-from eimi_lab.progress import silent
+from eimi_lab.process.progress import silent
 from eimi_lab.study.errors_by_route import errors_of
 from eimi_lab.study.extent import SECTIONS, TRAINED_ON, Extent
 from eimi_lab.study.hidden_materials import MATERIALS

@@ -26,7 +26,7 @@ from eimi_drivers.supplies.transport import InProcessTransport
 from eimi_lab.config.materials import TrueMaterial
 from eimi_lab.config.rig import Rig, Virtual
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 from eimi_lab.virtual.beam import VirtualBeam
 from eimi_lab.virtual.optics import Scene, expose, make_scene
 from eimi_lab.vision.beam_frame import BeamFrame

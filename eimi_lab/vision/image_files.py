@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_drivers.cameras.image_series import natural_key
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 from eimi_lab.vision.image_sizes import MOST_PIXELS, claimed_size, is_stack, may_be_transparent
 from eimi_lab.vision.image_wholeness import is_whole
 from eimi_lab.vision.intensity import camera_grey

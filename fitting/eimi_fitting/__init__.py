@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from eimi_fitting.beam.loads import Loads
     from eimi_fitting.beam.model import BeamModel
     from eimi_fitting.beam.specimen import Magnet, Specimen
-    from eimi_fitting.inference.experiment import Experiment
+    from eimi_fitting.inference.evidence.experiment import Experiment
+    from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation
+    from eimi_fitting.inference.evidence.quantity import Quantity
+    from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
+    from eimi_fitting.inference.evidence.unknowns import Prior
     from eimi_fitting.inference.identification import Fit, identify
-    from eimi_fitting.inference.measurements import EdgeObservation, PointObservation
-    from eimi_fitting.inference.quantity import Quantity
-    from eimi_fitting.inference.tensile_curves import TensileCurve
-    from eimi_fitting.inference.unknowns import Prior
     from eimi_fitting.laws import LAWS
     from eimi_fitting.laws.cards import Material, material_card
     from eimi_fitting.laws.tensile import fit_tensile
@@ -31,17 +31,17 @@ if TYPE_CHECKING:
 _HOMES = {
     "LAWS": "laws",
     "BeamModel": "beam.model",
-    "EdgeObservation": "inference.measurements",
-    "Experiment": "inference.experiment",
+    "EdgeObservation": "inference.evidence.measurements",
+    "Experiment": "inference.evidence.experiment",
     "Fit": "inference.identification",
     "Loads": "beam.loads",
     "Magnet": "beam.specimen",
     "Material": "laws.cards",
-    "PointObservation": "inference.measurements",
-    "Prior": "inference.unknowns",
-    "Quantity": "inference.quantity",
+    "PointObservation": "inference.evidence.measurements",
+    "Prior": "inference.evidence.unknowns",
+    "Quantity": "inference.evidence.quantity",
     "Specimen": "beam.specimen",
-    "TensileCurve": "inference.tensile_curves",
+    "TensileCurve": "inference.evidence.tensile_curves",
     "fit_tensile": "laws.tensile",
     "identify": "inference.identification",
     "material_card": "laws.cards",

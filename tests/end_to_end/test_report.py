@@ -21,14 +21,14 @@ import pytest
 
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import engineering_stress
-from eimi_lab import workers
 from eimi_lab.fits.prediction import simulate_each
-from eimi_lab.report import panels, simulated
-from eimi_lab.report.citation import METHOD, SUITE
-from eimi_lab.report.page import write_report
-from eimi_lab.report.shown import read_shown
-from eimi_lab.report.steps import simulate_on_each
-from eimi_lab.report.stress import MODES, stress_curve
+from eimi_lab.process import workers
+from eimi_lab.reporting import panels, simulated
+from eimi_lab.reporting.citation import METHOD, SUITE
+from eimi_lab.reporting.page import write_report
+from eimi_lab.reporting.shown import read_shown
+from eimi_lab.reporting.steps import simulate_on_each
+from eimi_lab.reporting.stress import MODES, stress_curve
 
 Done = Callable[..., list[str]]
 
@@ -222,7 +222,7 @@ def test_a_panel_of_the_report_is_one_file(
     try:
         page = page_of(done, folder, "train.h5", "unseen.h5", "--fit", "fits.json")
     finally:
-        sys.modules.pop("eimi_lab.report.panels.tip_forces", None)
+        sys.modules.pop("eimi_lab.reporting.panels.tip_forces", None)
     assert page.count("<h3>Forces at the tip</h3>") == 2
     assert "0.0, 0.001, 0.002 N" in page
     before, title, after = re.findall(r"<h3>(.*?)</h3>", page)[:3]

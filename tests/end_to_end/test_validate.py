@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from eimi_fitting.inference.corrections import correction
+from eimi_fitting.inference.evidence.corrections import correction
 from eimi_lab.fits import prediction
 from eimi_lab.notebook import load_evidence, open_dataset, read_any_fits, validate
 

@@ -7,9 +7,9 @@ import numpy as np
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Specimen
-from eimi_fitting.inference.bootstrap import resampled
-from eimi_fitting.inference.experiment import Experiment
-from eimi_fitting.inference.measurements import EdgeObservation, PointObservation
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation
+from eimi_fitting.inference.interval.bootstrap import resampled
 
 STATES = 8
 

@@ -13,8 +13,8 @@ from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.solid_model import SolidModel
 from eimi_fitting.beam.specimen import STANDARD_GRAVITY, Magnet, Specimen
 from eimi_fitting.beam.system import System
-from eimi_fitting.inference.experiment import DISCARDED_MM, Experiment, compare
-from eimi_fitting.inference.measurements import EdgeObservation, edge_curves, points_on
+from eimi_fitting.inference.evidence.experiment import DISCARDED_MM, Experiment, compare
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, edge_curves, points_on
 from eimi_fitting.laws import LAWS
 
 NEO = LAWS["neo-hookean"]

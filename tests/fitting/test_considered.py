@@ -10,14 +10,14 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.choice_of_law import Candidate, choose
-from eimi_fitting.inference.estimate import Estimate
-from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation, edge_curves, points_on
+from eimi_fitting.inference.evidence.objective import Problem
+from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource
+from eimi_fitting.inference.evidence.unknowns import Prior, Unknowns
 from eimi_fitting.inference.identification import Fit, identify, refine
-from eimi_fitting.inference.measurements import EdgeObservation, PointObservation, edge_curves, points_on
-from eimi_fitting.inference.objective import Problem
-from eimi_fitting.inference.sources import SOURCES, StatedSource
-from eimi_fitting.inference.unknowns import Prior, Unknowns
+from eimi_fitting.inference.interval.estimate import Estimate
+from eimi_fitting.inference.planning.choice_of_law import Candidate, choose
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.search_space import search_space
 

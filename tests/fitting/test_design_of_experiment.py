@@ -12,7 +12,8 @@ from benchmarks.coverage import stated
 from benchmarks.plan import Bench, Setting, fitted, half_percent, measured, planned
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.design_of_experiment import (
+from eimi_fitting.inference.evidence.sources import StatedSource
+from eimi_fitting.inference.planning.design_of_experiment import (
     Candidates,
     EdgeNoise,
     KnownLaw,
@@ -21,7 +22,6 @@ from eimi_fitting.inference.design_of_experiment import (
     exchange,
     rivals,
 )
-from eimi_fitting.inference.sources import StatedSource
 from eimi_fitting.laws import LAWS
 
 BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))

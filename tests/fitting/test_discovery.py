@@ -11,7 +11,7 @@ from benchmarks.discover import Hidden
 from eimi_fitting.discovery.rows import Rows
 from eimi_fitting.discovery.supports import supports
 from eimi_fitting.discovery.terms_of_a_law import discover
-from eimi_fitting.inference.tensile_curves import TensileCurve
+from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
 from eimi_fitting.laws import LAWS, CannotFit, engineering_stress
 from eimi_fitting.laws.sum_of_terms import SumOfTerms, Term
 

@@ -12,11 +12,11 @@ from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.correlation import correlation_length
 from eimi_fitting.inference import identification
-from eimi_fitting.inference.corrections import FINER_MESH, correction
-from eimi_fitting.inference.experiment import DISCARDED_MM, Experiment, compare
+from eimi_fitting.inference.evidence.corrections import FINER_MESH, correction
+from eimi_fitting.inference.evidence.experiment import DISCARDED_MM, Experiment, compare
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation, edge_curves, points_on
 from eimi_fitting.inference.identification import identify
-from eimi_fitting.inference.measurements import EdgeObservation, PointObservation, edge_curves, points_on
-from eimi_fitting.inference.modulus_range import NothingConverged
+from eimi_fitting.inference.searching.modulus_range import NothingConverged
 from eimi_fitting.laws import LAWS
 
 SPECIMEN = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))

@@ -14,19 +14,19 @@ from scipy import stats
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.budget import Moves, budget
-from eimi_fitting.inference.checks import doubts
-from eimi_fitting.inference.considered import ConsideredSources, Steps, sources_of
-from eimi_fitting.inference.covariance import Linearisation, LinearStates, point_correlation
-from eimi_fitting.inference.draws import draw_noise, interval_95, quantity
-from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.doubts.checks import doubts
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation, edge_curves, points_on
+from eimi_fitting.inference.evidence.objective import Problem
+from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource, loads_under, specimen_under
+from eimi_fitting.inference.evidence.tensile_curves import TensileCurve, TensileEvidence
+from eimi_fitting.inference.evidence.unknowns import Prior, SharedUnknowns, Unknowns, nuisances
 from eimi_fitting.inference.identification import identify, refine
-from eimi_fitting.inference.measurements import EdgeObservation, PointObservation, edge_curves, points_on
-from eimi_fitting.inference.objective import Problem
-from eimi_fitting.inference.profile_likelihood import Ends
-from eimi_fitting.inference.sources import SOURCES, StatedSource, loads_under, specimen_under
-from eimi_fitting.inference.tensile_curves import TensileCurve, TensileEvidence
-from eimi_fitting.inference.unknowns import Prior, SharedUnknowns, Unknowns, nuisances
+from eimi_fitting.inference.interval.budget import Moves, budget
+from eimi_fitting.inference.interval.considered import ConsideredSources, Steps, sources_of
+from eimi_fitting.inference.interval.covariance import Linearisation, LinearStates, point_correlation
+from eimi_fitting.inference.interval.draws import draw_noise, interval_95, quantity
+from eimi_fitting.inference.interval.profile_likelihood import Ends
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.search_space import search_space
 from eimi_fitting.laws.tensile import engineering_stress

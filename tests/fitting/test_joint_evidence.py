@@ -11,13 +11,13 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.checks import NotExplained
-from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.doubts.checks import NotExplained
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation, edge_curves, points_on
+from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
+from eimi_fitting.inference.evidence.unknowns import Prior
 from eimi_fitting.inference.identification import identify
-from eimi_fitting.inference.measurements import EdgeObservation, PointObservation, edge_curves, points_on
-from eimi_fitting.inference.named_causes import NamedCause
-from eimi_fitting.inference.tensile_curves import TensileCurve
-from eimi_fitting.inference.unknowns import Prior
+from eimi_fitting.inference.searching.named_causes import NamedCause
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import engineering_stress
 

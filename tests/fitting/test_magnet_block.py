@@ -14,7 +14,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.mesh import grid_mesh
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, PressureFace, Specimen
-from eimi_fitting.inference.measurements import EdgeObservation, edge_curves, points_on, signed_distance
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, edge_curves, points_on, signed_distance
 from eimi_fitting.laws import LAWS, NeoHookean
 
 NEO = LAWS["neo-hookean"]

@@ -13,7 +13,7 @@ from eimi_fitting.beam.model import BeamModel, Shapes
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.beam.view import View
-from eimi_fitting.inference.measurements import EdgeObservation
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_fitting.laws import LAWS
 
 FEW, MANY = 80, 240

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eimi_fitting import LAWS, BeamModel, EdgeObservation, Experiment, Loads, Magnet, Specimen
-from eimi_fitting.inference.modulus_so_far import modulus_so_far
+from eimi_fitting.inference.planning.modulus_so_far import modulus_so_far
 
 TRUE_PA = 46e3
 NOISE_MM = 0.01

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.measurements import (
+from eimi_fitting.inference.evidence.measurements import (
     EdgeObservation,
     PointObservation,
     edge_curves,

@@ -14,7 +14,7 @@ from eimi_fitting.beam.outline import edge_curves, outline, points_on
 from eimi_fitting.beam.solid_model import SolidModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.beam.view import View
-from eimi_fitting.inference.measurements import signed_distance
+from eimi_fitting.inference.evidence.measurements import signed_distance
 from eimi_fitting.laws import LAWS
 
 NEO, MODULUS = LAWS["neo-hookean"], np.array([4.6e4])

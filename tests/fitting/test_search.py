@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from eimi_fitting.inference.experiment import DISCARDED_MM
-from eimi_fitting.inference.measurements import Misfit
-from eimi_fitting.inference.polish import polish
-from eimi_fitting.inference.search import Generation, Objectives, OtherSearch, search
+from eimi_fitting.inference.evidence.experiment import DISCARDED_MM
+from eimi_fitting.inference.evidence.measurements import Misfit
+from eimi_fitting.inference.searching.polish import polish
+from eimi_fitting.inference.searching.search import Generation, Objectives, OtherSearch, search
 
 Array = NDArray[np.float64]
 OPTIMUM = np.array([0.3, 0.62, 0.45])

@@ -15,9 +15,9 @@ from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.solid_model import SolidModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation
 from eimi_fitting.inference.identification import identify
-from eimi_fitting.inference.measurements import EdgeObservation, PointObservation
 from eimi_fitting.laws import LAWS
 
 NEO, TRUE_PA = LAWS["neo-hookean"], 46e3

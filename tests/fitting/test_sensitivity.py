@@ -8,8 +8,8 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.measurements import edge_curves, points_on
-from eimi_fitting.inference.sensitivity import edge_sensitivity
+from eimi_fitting.inference.evidence.measurements import edge_curves, points_on
+from eimi_fitting.inference.planning.sensitivity import edge_sensitivity
 from eimi_fitting.laws import LAWS, Law
 
 SPECIMEN = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))

@@ -10,12 +10,12 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.checks import NotExplained, deflection_mm
-from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.doubts.checks import NotExplained, deflection_mm
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import PointObservation
+from eimi_fitting.inference.evidence.unknowns import Prior
 from eimi_fitting.inference.identification import identify
-from eimi_fitting.inference.measurements import PointObservation
-from eimi_fitting.inference.modulus_range import NothingActs
-from eimi_fitting.inference.unknowns import Prior
+from eimi_fitting.inference.searching.modulus_range import NothingActs
 from eimi_fitting.laws import LAWS
 
 YOUNG_PA = 104e9

@@ -10,11 +10,11 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, edge_curves, points_on
+from eimi_fitting.inference.evidence.sources import SOURCES, Source
+from eimi_fitting.inference.evidence.unknowns import Prior, Setup, freed_number, nuisances
 from eimi_fitting.inference.identification import identify
-from eimi_fitting.inference.measurements import EdgeObservation, edge_curves, points_on
-from eimi_fitting.inference.sources import SOURCES, Source
-from eimi_fitting.inference.unknowns import Prior, Setup, freed_number, nuisances
 from eimi_fitting.laws import LAWS
 
 NOISE_MM = 3e-3

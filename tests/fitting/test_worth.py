@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from benchmarks.coverage import Case, outcome, row
-from eimi_fitting.inference.choice_of_law import Candidate, choose
-from eimi_fitting.inference.identifiability import directions, is_open, statement
-from eimi_fitting.inference.profile_likelihood import interval_ends
-from eimi_fitting.inference.quantity import Quantity
+from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_fitting.inference.interval.identifiability import directions, is_open, statement
+from eimi_fitting.inference.interval.profile_likelihood import interval_ends
+from eimi_fitting.inference.planning.choice_of_law import Candidate, choose
 
 
 def valley(bend: float):

@@ -29,8 +29,8 @@ from eimi_lab.config.rig import CoilRating, load_rig
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
-from eimi_lab.errors import InputError
-from eimi_lab.stopping import Stopped
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.stopping import Stopped
 
 
 def test_a_run_stores_every_state_and_ends_with_the_coil_off(setup: Any) -> None:

@@ -14,7 +14,7 @@ from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.reading import open_dataset
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 Run = Callable[..., tuple[int, str]]
 

@@ -19,7 +19,7 @@ from eimi_drivers.interfaces import InstrumentError
 from eimi_lab.acquisition.open_bench import open_bench
 from eimi_lab.acquisition.run import acquire
 from eimi_lab.config.rig import Rig, load_rig
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 ALL = """
 exposure_s = 0.008

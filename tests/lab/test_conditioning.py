@@ -16,7 +16,7 @@ from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import CoilRating
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 THREE_CYCLES = "conditioning = { cycles = 3, current_A = 0.3 }"
 TIP_PX = 84.5

@@ -17,7 +17,7 @@ from eimi_lab.config.protocol import Protocol, SupplyLimits, load_protocol
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import Document, parse
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 SHIPPED = Path(str(package_files("eimi_lab.protocols")))
 

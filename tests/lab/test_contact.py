@@ -16,7 +16,7 @@ from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset import writing
 from eimi_lab.dataset.layout import append
-from eimi_lab.stopping import Stopped
+from eimi_lab.process.stopping import Stopped
 
 STAYS = "nothing switches the output off, it stays as it was set"
 WATCHDOG = "the supply's own watchdog switches every output off 10 s after the last message"

@@ -21,7 +21,7 @@ from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recovery import recover
 from eimi_lab.dataset.stored_edges import write_edges
 from eimi_lab.dataset.writing import DatasetWriter
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 from eimi_lab.vision.check import Flag
 from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 

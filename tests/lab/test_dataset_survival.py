@@ -19,7 +19,7 @@ from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recovery import recover
 from eimi_lab.dataset.writing import DatasetWriter
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 # Files may grow to so many bytes and no more: what a full disk does, without one. HDF5 gets the same kind of error.
 WRITE_UNTIL_FULL = """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from eimi_lab.drawing import Drawing, saved
+from eimi_lab.showing.drawing import Drawing, saved
 
 
 def test_each_file_of_a_figure_is_drawn_once_and_its_places_are_laid_out_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,15 +12,15 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Specimen
-from eimi_fitting.inference.choice_of_law import Candidate, choose
-from eimi_fitting.inference.tensile_curves import TensileCurve
+from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
+from eimi_fitting.inference.planning.choice_of_law import Candidate, choose
 from eimi_fitting.laws import LAWS, SOLVERS
 from eimi_fitting.laws.tensile import engineering_stress
 from eimi_lab.fits.evidence import load_evidence
 from eimi_lab.fits.fit_summary import comparison_table, remarks
 from eimi_lab.fits.fits_file import read_any_fits, write_fits
 from eimi_lab.fits.fitting import fit_evidence
-from eimi_lab.report.page import write_report
+from eimi_lab.reporting.page import write_report
 
 SPECIMEN = """
 [specimen]

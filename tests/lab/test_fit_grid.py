@@ -28,12 +28,12 @@ from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.points import Load, TrackedPoints, write_points
-from eimi_lab.errors import InputError
 from eimi_lab.fits.evidence import load_evidence
 from eimi_lab.fits.fit_grid import fit_grid, grid
 from eimi_lab.fits.fits_file import read_any_fits
 from eimi_lab.fits.records import FitRecord
-from eimi_lab.workers import cluster, completed, executor_for, processes
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.workers import cluster, completed, executor_for, processes
 
 Run = Callable[..., tuple[int, str]]
 
@@ -343,7 +343,7 @@ def test_there_are_no_more_workers_than_processors(monkeypatch: Any) -> None:
 @pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n"])
 def test_a_service_that_is_no_scheduler_is_not_waited_for(answer: bytes, monkeypatch: Any) -> None:
     pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'eimi-lab[cluster]'")
-    monkeypatch.setattr("eimi_lab.workers._ANSWER_S", 1)
+    monkeypatch.setattr("eimi_lab.process.workers._ANSWER_S", 1)
     with socket.create_server(("127.0.0.1", 0)) as service:
 
         def serve() -> None:
@@ -361,7 +361,7 @@ def test_a_service_that_is_no_scheduler_is_not_waited_for(answer: bytes, monkeyp
 
 def test_no_scheduler_is_one_line(beams: Path, tmp_path: Path, run: Run, monkeypatch: Any) -> None:
     pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'eimi-lab[cluster]'")
-    monkeypatch.setattr("eimi_lab.workers._ANSWER_S", 1)
+    monkeypatch.setattr("eimi_lab.process.workers._ANSWER_S", 1)
     arguments = ["--scheduler", "tcp://127.0.0.1:1", "-o", tmp_path / "fits.json"]
     arguments += ["--checkpoint", tmp_path / "log.jsonl"]
     status, said = run("fit", beams / "first.h5", "--model", "neo-hookean", *arguments)

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from eimi_lab.commands.material_laws import fit
 from eimi_lab.commands.shared_options import Output, with_fields
-from eimi_lab.errors import InputError
 from eimi_lab.fits.options import FitOptions
+from eimi_lab.process.errors import InputError
 
 
 @dataclass(frozen=True)

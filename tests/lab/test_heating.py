@@ -12,7 +12,7 @@ from eimi_lab.acquisition.coil import REACHED_WITHIN_S
 from eimi_lab.acquisition.heating import FRAME_WITHIN_S, STORED_WITHIN_S, hottest, refuse_overheating
 from eimi_lab.config.protocol import Currents, Protocol, Ramp, Settle, SupplyLimits
 from eimi_lab.config.rig import CoilRating
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 
 def protocol(currents_A: list[float], timeout_s: float = 30.0) -> Protocol:

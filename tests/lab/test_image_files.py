@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 from eimi_lab.vision.image_files import find_images, read_image
 
 

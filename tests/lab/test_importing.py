@@ -15,7 +15,7 @@ import pytest
 
 from eimi_lab.dataset.csv_tables import read_table
 from eimi_lab.dataset.reading import open_dataset
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 Run = Callable[..., tuple[int, str]]
 

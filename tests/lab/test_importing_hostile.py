@@ -18,13 +18,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.edges import NOMINAL, bend, make_bent_scene
-from eimi_fitting.inference.measurements import EdgeObservation
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.stored_edges import write_edges
-from eimi_lab.errors import InputError
 from eimi_lab.fits.evidence import load_evidence
+from eimi_lab.process.errors import InputError
 from eimi_lab.virtual.optics import expose
 from eimi_lab.vision.flags import judge
 from eimi_lab.vision.image_files import read_image

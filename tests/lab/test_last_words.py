@@ -10,7 +10,7 @@ import pytest
 STOPPED = """
 import os, signal
 from eimi_lab import cli
-from eimi_lab.stopping import Stopped
+from eimi_lab.process.stopping import Stopped
 
 def ctrl_c():
     os.kill(os.getpid(), signal.SIGINT)

@@ -11,7 +11,7 @@ from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import edge_curves, outline, points_on
 from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.beam.view import View
-from eimi_fitting.inference.measurements import EdgeObservation
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_fitting.laws import LAWS
 from eimi_lab.fits.perspective import seen_depth
 

@@ -10,13 +10,13 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.experiment import Experiment
-from eimi_fitting.inference.measurements import PointObservation
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import PointObservation
 from eimi_fitting.laws import LAWS
 from eimi_lab.dataset.state import State
-from eimi_lab.errors import InputError
 from eimi_lab.fits.before_search import check_states
 from eimi_lab.fits.fits_file import read_any_fits
+from eimi_lab.process.errors import InputError
 
 BEAM = """
 [specimen]

@@ -22,10 +22,10 @@ from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.writing import DatasetWriter, StorageFailed
-from eimi_lab.errors import InputError
 from eimi_lab.fits.checkpoint import Checkpoint, Head
-from eimi_lab.outputs import whole_file, whole_folder
-from eimi_lab.writer_lock import WriterLock, lock_file, only_writer
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.outputs import whole_file, whole_folder
+from eimi_lab.process.writer_lock import WriterLock, lock_file, only_writer
 
 # A run that stores a state whenever it is told to, and says so; killed or ended by the test.
 WRITER = """
@@ -137,7 +137,7 @@ def test_two_names_of_a_file_share_a_lock_and_threads_do_not(tmp_path: Path) -> 
 
 def test_a_checkpoint_belongs_to_one_fit(tmp_path: Path) -> None:
     path = tmp_path / "fit.jsonl"
-    hold = "import sys; from eimi_lab.writer_lock import WriterLock; from pathlib import Path\n"
+    hold = "import sys; from eimi_lab.process.writer_lock import WriterLock; from pathlib import Path\n"
     hold += "lock = WriterLock(Path(sys.argv[1])); print('held', flush=True); sys.stdin.readline()"
     head = Head(fits=("yeoh",), datasets=("0",), options={}, versions={})
     with subprocess.Popen(
@@ -197,8 +197,8 @@ def test_a_file_taken_away_goes_on_in_a_new_one(files: Path, fate: str, capsys: 
 
 def subprocess_lock(path: Path) -> None:
     """Take the lock of a file in another process."""
-    take = "import sys; from eimi_lab.writer_lock import WriterLock; from pathlib import Path\n"
-    take += "from eimi_lab.errors import InputError\ntry:\n    WriterLock(Path(sys.argv[1]))\n"
+    take = "import sys; from eimi_lab.process.writer_lock import WriterLock; from pathlib import Path\n"
+    take += "from eimi_lab.process.errors import InputError\ntry:\n    WriterLock(Path(sys.argv[1]))\n"
     take += "except InputError as error:\n    sys.exit(str(error))"
     done = subprocess.run([sys.executable, "-c", take, str(path)], capture_output=True, text=True, check=False)
     if done.returncode:

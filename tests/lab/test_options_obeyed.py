@@ -15,10 +15,10 @@ from eimi_lab.config.rig import load_rig
 from eimi_lab.dataset.layout import note
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.stored_edges import write_edges
-from eimi_lab.errors import InputError
 from eimi_lab.fits.checkpoint import Checkpoint, Head
 from eimi_lab.fits.evidence import load_evidence
 from eimi_lab.fits.options import FitOptions
+from eimi_lab.process.errors import InputError
 
 Run = Callable[..., tuple[int, str]]
 

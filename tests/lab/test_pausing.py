@@ -22,8 +22,8 @@ from eimi_drivers.emulators.serve import emulate, serve_tcp
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import InstrumentDisconnected
 from eimi_lab.dataset.reading import open_dataset
-from eimi_lab.stopping import Stopped
-from eimi_lab.writer_lock import only_writer
+from eimi_lab.process.stopping import Stopped
+from eimi_lab.process.writer_lock import only_writer
 
 PICTURES, NAMES = 24, 3000
 

@@ -10,7 +10,7 @@ import pytest
 
 from eimi_fitting import LAWS, BeamModel, EdgeObservation, Experiment, Loads, Magnet, Specimen, identify
 from eimi_fitting.beam.outline import edge_curves, points_on
-from eimi_fitting.inference.sources import StatedSource
+from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.state import State
 from eimi_lab.dataset.tracked.points_csv import import_points

@@ -14,7 +14,7 @@ import typer
 from eimi_lab import cli
 from eimi_lab.commands.examples import EXAMPLES
 from eimi_lab.dataset.reading import open_dataset
-from eimi_lab.progress import progress, unseen
+from eimi_lab.process.progress import progress, unseen
 
 Eimi = Callable[..., tuple[int, str, str]]
 
@@ -84,7 +84,7 @@ def test_every_command_has_an_example_and_takes_h(eimi: Eimi) -> None:
 def test_an_estimate_is_of_the_steps_alone(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """What comes before the first step, the conditioning of a coil, is no part of a step."""
     now = iter([1000.0, 1010.0, 1020.0, 1030.0])
-    monkeypatch.setattr("eimi_lab.progress.time.monotonic", lambda: next(now))
+    monkeypatch.setattr("eimi_lab.process.progress.time.monotonic", lambda: next(now))
     with progress("acquire", 4) as report:
         for _ in range(4):
             report("done")

@@ -14,7 +14,7 @@ from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 
 def interrupt(setup: Any, after_A: float) -> list[str]:

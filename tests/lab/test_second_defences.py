@@ -33,9 +33,9 @@ from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
-from eimi_lab.errors import InputError
 from eimi_lab.page.watched_run import WatchedSupply
-from eimi_lab.stopping import Stopped
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.stopping import Stopped
 from eimi_lab.vision.settling_statistic import Noise, measure_noise
 
 FRAME_S = 0.1

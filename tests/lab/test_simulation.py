@@ -17,8 +17,8 @@ import pytest
 from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import parse
-from eimi_lab.errors import InputError
-from eimi_lab.simulation import parse_parameters, simulate, write_simulation
+from eimi_lab.process.errors import InputError
+from eimi_lab.virtual.simulation import parse_parameters, simulate, write_simulation
 
 
 def planar(name: str) -> SpecimenFile:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from eimi_lab.stderr import NeverBlocking
+from eimi_lab.process.stderr import NeverBlocking
 
 
 def test_a_full_pipe_takes_everything_at_once_and_the_reader_gets_it_later() -> None:
@@ -64,7 +64,7 @@ def test_the_command_line_ends_with_its_message_where_the_reader_is_late() -> No
 WORKING = """
 import os
 from eimi_lab import cli
-from eimi_lab.progress import progress
+from eimi_lab.process.progress import progress
 
 def app(*arguments, **options):
     with open("dataset", "wb"), progress("work", 1) as report:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from eimi_fitting.laws import engineering_stress
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 from eimi_lab.study.claims import verdicts
 from eimi_lab.study.extent import LAWS_STUDIED, Extent
 from eimi_lab.study.hidden_materials import MATERIALS

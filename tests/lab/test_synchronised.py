@@ -25,9 +25,9 @@ from eimi_lab.dataset.restating import restate
 from eimi_lab.dataset.state_loads import load_of
 from eimi_lab.dataset.stored_edges import write_edges
 from eimi_lab.dataset.writing import DatasetWriter
-from eimi_lab.errors import InputError
 from eimi_lab.fits.checkpoint import Checkpoint, Head
-from eimi_lab.outputs import whole_file, whole_folder, write_whole
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.outputs import whole_file, whole_folder, write_whole
 from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 
 Draw = Callable[..., np.ndarray]

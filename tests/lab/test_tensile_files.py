@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eimi_fitting.laws.cards import SOLVERS
-from eimi_lab.errors import InputError
 from eimi_lab.fits.fits_file import read_any_fits
 from eimi_lab.fits.records import TensileRecord
 from eimi_lab.fits.tensile_files import read_tensile
+from eimi_lab.process.errors import InputError
 
 Run = Callable[..., tuple[int, str]]
 

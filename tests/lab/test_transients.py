@@ -19,8 +19,8 @@ from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recordings import Recording
 from eimi_lab.dataset.recovery import recover
-from eimi_lab.segmentation import segment
-from eimi_lab.stopping import Stopped
+from eimi_lab.dataset.segmentation import segment
+from eimi_lab.process.stopping import Stopped
 
 
 def asked(setup: Any, lines: str) -> None:

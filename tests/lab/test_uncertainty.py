@@ -13,8 +13,8 @@ from eimi_lab.config.rig import load_rig
 from eimi_lab.config.rig_uncertainty import stated_by_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import parse
-from eimi_lab.errors import InputError
-from eimi_lab.simulation import simulate
+from eimi_lab.process.errors import InputError
+from eimi_lab.virtual.simulation import simulate
 
 PROTOCOLS = Path(__file__).parents[2] / "protocols"
 

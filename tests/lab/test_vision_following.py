@@ -203,8 +203,25 @@ def test_a_guess_is_not_handed_to_the_next_state(run, files):
     assert sure == ("blue" if guessed.startswith("red") else "red")
 
 
+NOT_FOLLOWED = (
+    "silicone_curl",
+    "silicone_up",
+    "silicone_clip_up",
+    "cable_blue_tiles",
+    "cable_yellow_wall",
+    "wrapped_1",
+)
+"""Pictures that the search does not follow yet: translucent silicone, and cables whose colour is near the wall's."""
+
+
+def _expected(picture):
+    reason = "the search does not follow this picture without help"
+    marks = pytest.mark.xfail(reason=reason, strict=True) if picture.name in NOT_FOLLOWED else ()
+    return pytest.param(picture, id=picture.name, marks=marks)
+
+
 @pictures_at_hand
-@pytest.mark.parametrize("picture", DEVELOPMENT, ids=lambda picture: picture.name)
+@pytest.mark.parametrize("picture", [_expected(picture) for picture in DEVELOPMENT])
 def test_other_peoples_pictures(picture):
     edges = picture.edges()
     scored = picture.score(edges, picture.calibration)

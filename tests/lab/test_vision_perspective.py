@@ -10,7 +10,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline
 from eimi_fitting.beam.view import View
-from eimi_fitting.inference.measurements import EdgeObservation, signed_distance
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, signed_distance
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.materials import TrueMaterial
 from eimi_lab.virtual.beam import VirtualBeam

@@ -22,7 +22,7 @@ from eimi_drivers.supplies.supply_names import supply_driver
 from eimi_drivers.supplies.transcript import ReplayedTransport
 from eimi_lab.config.rig import load_rig
 from eimi_lab.dataset.reading import open_dataset
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 FOUR_STATES = [0.0, 0.1, 0.2, 0.3]
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from eimi_lab.workers import begun, completed, processes
+from eimi_lab.process.workers import begun, completed, processes
 
 
 def doubled(number: int, marker: Path | None = None) -> int:

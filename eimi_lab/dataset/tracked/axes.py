@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.dataset.tracked.tracks import Tracks
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 from eimi_lab.vision.beam_frame import BeamFrame
 
 Array = NDArray[np.float64]

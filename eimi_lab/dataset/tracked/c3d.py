@@ -12,7 +12,7 @@ import numpy as np
 
 from eimi_lab.dataset.tracked.numbers_table import refused
 from eimi_lab.dataset.tracked.tracks import Tracks
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 _UNITS = {"mm": "mm", "cm": "cm", "m": "m", "in": "in", "millimeters": "mm", "meters": "m"}
 

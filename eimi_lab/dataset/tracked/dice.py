@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from eimi_drivers.cameras.image_series import natural_key
 from eimi_lab.dataset.tracked.numbers_table import numbers, read_cells, refused
 from eimi_lab.dataset.tracked.tracks import Tracks
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 _NEEDED = ("COORDINATE_X", "COORDINATE_Y", "DISPLACEMENT_X", "DISPLACEMENT_Y")
 Columns = dict[str, NDArray[np.float64]]

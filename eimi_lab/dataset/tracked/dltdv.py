@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from eimi_lab.config.toml import read_text
 from eimi_lab.dataset.tracked.numbers_table import numbers, read_cells, refused
 from eimi_lab.dataset.tracked.tracks import Tracks
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 _NAME = re.compile(r"(pt\d+)(?:_cam(\d+))?_([XYZ])")
 _MOST_CELLS = 100_000_000

@@ -20,7 +20,7 @@ from scipy.io.matlab import MatReadError
 
 from eimi_lab.dataset.tracked.numbers_table import refused
 from eimi_lab.dataset.tracked.tracks import Tracks
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 Array = NDArray[np.float64]
 _SAVED = "data_dic_save"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.config.toml import read_text
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 
 _NOTHING = frozenset({"", "nan", "NaN", "NAN", "Inf", "-Inf", "null"})
 

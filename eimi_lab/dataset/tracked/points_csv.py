@@ -11,8 +11,8 @@ from eimi_lab.dataset.csv_tables import Column, Row, read_table
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.points import NAME_BYTES, TrackedPoints, write_points
 from eimi_lab.dataset.state_loads import LOAD_COLUMNS, STATE_COLUMNS, check_directions, numbered_loads
-from eimi_lab.errors import InputError
-from eimi_lab.outputs import whole_file
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.outputs import whole_file
 
 COLUMNS = {
     "state": Column("The state's number, as in states.csv.", "0", "required"),

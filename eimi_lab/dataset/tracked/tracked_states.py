@@ -14,8 +14,8 @@ from eimi_lab.dataset.points import NAME_BYTES, TrackedPoints, write_points
 from eimi_lab.dataset.state_loads import FRAME_COLUMNS, LOAD_COLUMNS, check_directions, load_of
 from eimi_lab.dataset.tracked.axes import PlacedTracks, Placing, place
 from eimi_lab.dataset.tracked.formats import FORMATS
-from eimi_lab.errors import InputError, tell
-from eimi_lab.outputs import whole_file
+from eimi_lab.process.errors import InputError, tell
+from eimi_lab.process.outputs import whole_file
 from eimi_lab.vision.beam_frame import BeamFrame
 
 MOST_POINTS = 300  # of a dense field: its neighbours' errors are not independent, and a fit takes its time for each

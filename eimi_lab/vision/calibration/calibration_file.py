@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import check, parse
-from eimi_lab.errors import InputError
-from eimi_lab.outputs import whole_file
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.outputs import whole_file
 from eimi_lab.vision.calibration.board import Board
 from eimi_lab.vision.calibration.known_width import measure_beam, measure_clamp
 from eimi_lab.vision.calibration.lens import FEWEST_VIEWS, BoardPose, Lens, View, calibrate_lens, place_in_plane

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.config.calibration import Calibration
-from eimi_lab.errors import InputError
+from eimi_lab.process.errors import InputError
 from eimi_lab.vision.edges.edge_set import EdgeSet
 
 

@@ -2,8 +2,8 @@
 
 The residuals about that law are those of the best model of the specimen: the solid, or the finer mesh of a plane
 section. Their derivatives are differences of the planar model on the coarse mesh, as those of stated sources are
-(`inference.considered`). All laws that are compared bend the beam much alike, so that what the derivatives are off by
-counts for as little as they differ.
+(`inference.interval.considered`). All laws that are compared bend the beam much alike, so that what the derivatives
+are off by counts for as little as they differ.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from eimi_fitting.beam.equilibrium import Configuration, Status
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.discovery.rows import Rows, non_negative
 from eimi_fitting.discovery.tensile_rows import stress_columns
-from eimi_fitting.inference.considered import Candidate, changes_by, sources_of
-from eimi_fitting.inference.corrections import polished, refinements
-from eimi_fitting.inference.covariance import point_correlation
-from eimi_fitting.inference.experiment import Experiment
-from eimi_fitting.inference.measurements import Misfit
-from eimi_fitting.inference.objective import Problem
-from eimi_fitting.inference.sources import SOURCES
-from eimi_fitting.inference.unknowns import Unknowns
+from eimi_fitting.inference.evidence.corrections import polished, refinements
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import Misfit
+from eimi_fitting.inference.evidence.objective import Problem
+from eimi_fitting.inference.evidence.sources import SOURCES
+from eimi_fitting.inference.evidence.unknowns import Unknowns
+from eimi_fitting.inference.interval.considered import Candidate, changes_by, sources_of
+from eimi_fitting.inference.interval.covariance import point_correlation
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.search_space import search_space
 from eimi_fitting.laws.sum_of_terms import SumOfTerms, Term
@@ -86,7 +86,7 @@ def _rows_about(
 def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Misfit, Array]:
     """The misfit of the best model, and (K, G, m) mm: one standard deviation of what it leaves uncertain.
 
-    The latter is a share of what it changes (`inference.corrections`).
+    The latter is a share of what it changes (`inference.evidence.corrections`).
     """
     (refinement,) = refinements([experiment])
     plain, better = (_misfit(own, law, about)[0] for own in (polished(experiment), refinement.better(experiment)))

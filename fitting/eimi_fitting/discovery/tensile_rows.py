@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from eimi_fitting.correlation import correlation_length
 from eimi_fitting.discovery.rows import Rows, non_negative
-from eimi_fitting.inference.tensile_curves import TensileCurve
+from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
 from eimi_fitting.laws.sum_of_terms import SumOfTerms, Term
 from eimi_fitting.laws.tensile import CannotFit, engineering_stress
 

@@ -12,9 +12,9 @@ from eimi_fitting.discovery.bending_rows import BENT_STRAIN, bending_rows, scale
 from eimi_fitting.discovery.rows import Rows, non_negative
 from eimi_fitting.discovery.supports import Support, could_be_added, minimal, supports
 from eimi_fitting.discovery.tensile_rows import largest_x, stress_columns, tensile_rows
-from eimi_fitting.inference.experiment import Experiment
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
 from eimi_fitting.inference.identification import identify
-from eimi_fitting.inference.tensile_curves import TensileCurve
 from eimi_fitting.laws.stability import stable_up_to
 from eimi_fitting.laws.sum_of_terms import SumOfTerms, Term
 

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.path import Shapes
-from eimi_fitting.inference._coarse import coarsened, on_coarse_mesh
-from eimi_fitting.inference.checks import (
+from eimi_fitting.inference.doubts.checks import (
     Doubt,
     check_determined,
     check_explained,
@@ -26,9 +25,9 @@ from eimi_fitting.inference.checks import (
     doubts,
     slip_doubts,
 )
-from eimi_fitting.inference.common_error import common_errors
-from eimi_fitting.inference.considered import considered
-from eimi_fitting.inference.corrections import (
+from eimi_fitting.inference.doubts.common_error import common_errors
+from eimi_fitting.inference.evidence._coarse import coarsened, on_coarse_mesh
+from eimi_fitting.inference.evidence.corrections import (
     FINER_MESH,
     SOLID,
     Correction,
@@ -38,17 +37,26 @@ from eimi_fitting.inference.corrections import (
     refinements,
     with_residuals_of,
 )
-from eimi_fitting.inference.covariance import independent_points
-from eimi_fitting.inference.estimate import Effect, Estimate, estimate
-from eimi_fitting.inference.experiment import DISCARDED_MM, Comparison, Experiment
-from eimi_fitting.inference.modulus_range import NothingConverged, narrowed, scanned, within
-from eimi_fitting.inference.named_causes import doubtful_loads
-from eimi_fitting.inference.noise import linearise_noise
-from eimi_fitting.inference.objective import Evaluation, Problem
-from eimi_fitting.inference.polish import ENOUGH, Optimum, Polish, polish
-from eimi_fitting.inference.search import ENOUGH_MM, Discards, Generation, Objectives, Run, SearchResult, search
-from eimi_fitting.inference.tensile_curves import TensileCurve, TensileEvidence
-from eimi_fitting.inference.unknowns import Prior, Unknowns, nuisances
+from eimi_fitting.inference.evidence.experiment import DISCARDED_MM, Comparison, Experiment
+from eimi_fitting.inference.evidence.objective import Evaluation, Problem
+from eimi_fitting.inference.evidence.tensile_curves import TensileCurve, TensileEvidence
+from eimi_fitting.inference.evidence.unknowns import Prior, Unknowns, nuisances
+from eimi_fitting.inference.interval.considered import considered
+from eimi_fitting.inference.interval.covariance import independent_points
+from eimi_fitting.inference.interval.estimate import Effect, Estimate, estimate
+from eimi_fitting.inference.interval.noise import linearise_noise
+from eimi_fitting.inference.searching.modulus_range import NothingConverged, narrowed, scanned, within
+from eimi_fitting.inference.searching.named_causes import doubtful_loads
+from eimi_fitting.inference.searching.polish import ENOUGH, Optimum, Polish, polish
+from eimi_fitting.inference.searching.search import (
+    ENOUGH_MM,
+    Discards,
+    Generation,
+    Objectives,
+    Run,
+    SearchResult,
+    search,
+)
 from eimi_fitting.laws import LAWS, Law
 from eimi_fitting.laws.search_space import search_space
 from eimi_fitting.laws.stability import LARGEST_STRETCH_CHECKED, stable_up_to
@@ -142,8 +150,8 @@ def identify(
     """Identify one law from one or several experiments.
 
     The search runs on the coarse mesh of `BeamModel`'s defaults, with nuisances as stated, over the moduli that a scan
-    finds worth it (`inference.modulus_range`); the errors and the intervals are those of better models than the
-    experiments' own (`inference.corrections`).
+    finds worth it (`inference.searching.modulus_range`); the errors and the intervals are those of better models than
+    the experiments' own (`inference.evidence.corrections`).
 
     Parameters
     ----------
@@ -158,7 +166,7 @@ def identify(
     tensile : sequence of TensileCurve
         Curves that the law has to follow as well.
     seed, population, most_generations, restarts, bipop, replay, progress
-        Of the search, see `inference.search.search`; ``progress`` is called once a generation.
+        Of the search, see `inference.searching.search.search`; ``progress`` is called once a generation.
 
     Returns
     -------

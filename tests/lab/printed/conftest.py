@@ -11,11 +11,11 @@ import pytest
 
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
-from eimi_fitting.inference.budget import BudgetEntry, MeasureNext
-from eimi_fitting.inference.choice_of_law import Choice
-from eimi_fitting.inference.draws import Draws
-from eimi_fitting.inference.estimate import FreedNuisance
-from eimi_fitting.inference.quantity import Quantity
+from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_fitting.inference.interval.budget import BudgetEntry, MeasureNext
+from eimi_fitting.inference.interval.draws import Draws
+from eimi_fitting.inference.interval.estimate import FreedNuisance
+from eimi_fitting.inference.planning.choice_of_law import Choice
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import parse
@@ -27,7 +27,7 @@ from eimi_lab.fits.records import CurveRecord, FitRecord, StateError, TensileRec
 from eimi_lab.fits.tensile_files import read_tensile
 from eimi_lab.fits.tensile_fits import fit_window
 from eimi_lab.fits.validation import FitReference, Validation
-from eimi_lab.report.shown import ShownFit
+from eimi_lab.reporting.shown import ShownFit
 
 FIELD_MT = (0.0, 3.0, 6.0)
 MODULUS = Quantity(50e3, "Pa", (40e3, 65e3), (49e3, 52e3))

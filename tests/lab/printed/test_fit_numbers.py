@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eimi_fitting.inference.checks import Doubt
-from eimi_fitting.inference.choice_of_law import Choice
-from eimi_fitting.inference.quantity import Quantity
+from eimi_fitting.inference.doubts.checks import Doubt
+from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_fitting.inference.planning.choice_of_law import Choice
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import engineering_stress
 from eimi_lab.fits.evidence import Evidence

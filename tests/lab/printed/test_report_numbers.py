@@ -11,26 +11,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eimi_fitting.inference.checks import Doubt
-from eimi_fitting.inference.choice_of_law import Choice
-from eimi_fitting.inference.quantity import Quantity
+from eimi_fitting.inference.doubts.checks import Doubt
+from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_fitting.inference.planning.choice_of_law import Choice
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import engineering_stress
 from eimi_lab.demonstration import Score
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.fits.validation import Validation
-from eimi_lab.report import findings
-from eimi_lab.report.panels.convergence import drawn_convergence, table_of_searches
-from eimi_lab.report.panels.error_against_field import drawn_errors
-from eimi_lab.report.panels.error_boxes import drawn_boxes
-from eimi_lab.report.panels.every_fit import tables as fits_on_specimens
-from eimi_lab.report.panels.laws import table_of_choice, table_of_laws
-from eimi_lab.report.panels.stress_strain import drawn_stress
-from eimi_lab.report.panels.uncertainty_budget import drawn_budget, shares
-from eimi_lab.report.rounded import format_quantity, value_and_interval
-from eimi_lab.report.shown import ShownFit, chosen
-from eimi_lab.report.stress import TensilePoints
+from eimi_lab.reporting import findings
+from eimi_lab.reporting.panels.convergence import drawn_convergence, table_of_searches
+from eimi_lab.reporting.panels.error_against_field import drawn_errors
+from eimi_lab.reporting.panels.error_boxes import drawn_boxes
+from eimi_lab.reporting.panels.every_fit import tables as fits_on_specimens
+from eimi_lab.reporting.panels.laws import table_of_choice, table_of_laws
+from eimi_lab.reporting.panels.stress_strain import drawn_stress
+from eimi_lab.reporting.panels.uncertainty_budget import drawn_budget, shares
+from eimi_lab.reporting.rounded import format_quantity, value_and_interval
+from eimi_lab.reporting.shown import ShownFit, chosen
+from eimi_lab.reporting.stress import TensilePoints
 
 Shown = Callable[..., ShownFit]
 Judged = Callable[..., Validation]

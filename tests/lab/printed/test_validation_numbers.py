@@ -12,7 +12,7 @@ import pytest
 
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
-from eimi_fitting.inference.draws import Draws
+from eimi_fitting.inference.interval.draws import Draws
 from eimi_fitting.laws import LAWS
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.prediction import predict

@@ -1,0 +1,167 @@
+"""Figures and tables as the page has them: numbered in their order, with a caption each, and as files of their own."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from markupsafe import Markup, escape
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_RASTER_DPI = 220  # of pictures that hold photographs: sharp at twice the screen's pixels
+_WHOLE = 14  # rows that a page does not tear apart
+_SHORT = 18  # letters that stay on one line
+_LONG = 24  # letters of a word, such as a path, that a narrow column may break
+_WEBP = {"quality": 82, "method": 2}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of the report. name: of its files; says: what it shows, for those who do not see it.
+
+    photograph: it holds frames, and is embedded as an image of pixels.
+    """
+
+    name: str
+    figure: Figure
+    says: str
+    caption: str | Markup
+    photograph: bool = False
+
+    @cached_property
+    def embedded(self) -> str:
+        """The figure as an address that holds all of it."""
+        from eimi_lab.showing.drawing import saved  # matplotlib is slow to import
+
+        if self.photograph:
+            kind, content = "webp", saved(self.figure, "webp", dpi=_RASTER_DPI, pil_kwargs=_WEBP)
+        else:
+            kind, content = "svg+xml", saved(self.figure, "svg", dpi=_RASTER_DPI)
+        return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A table's cell, or a line in one, with a mark: "best" or "held"."""
+
+    text: str
+    mark: str
+
+
+AnyCell = str | Cell | tuple[str | Cell, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of the report; a cell may have several lines. Notes stand below."""
+
+    name: str
+    caption: str | Markup
+    head: Sequence[str]
+    rows: Sequence[Sequence[AnyCell]]
+    notes: Sequence[str | Markup] = ()
+
+    def texts(self) -> list[list[str]]:
+        """The rows as plain text; what is held by bounds says so."""
+        return [[_text(cell) for cell in row] for row in self.rows]
+
+    def to_csv(self) -> str:
+        """Comma-separated, the head first."""
+        buffer = io.StringIO()
+        csv.writer(buffer, lineterminator="\n").writerows([list(self.head), *self.texts()])
+        return buffer.getvalue()
+
+    def to_latex(self) -> str:
+        """A `tabular` with the rules of the package booktabs."""
+        rows = [" & ".join(_latex(text) for text in row) + r" \\" for row in [list(self.head), *self.texts()]]
+        rules = [rf"\begin{{tabular}}{{{'l' * len(self.head)}}}", r"\toprule", rows[0], r"\midrule", *rows[1:]]
+        return "\n".join([f"% {' '.join(str(self.caption).split())}", *rules, r"\bottomrule", r"\end{tabular}", ""])
+
+
+@dataclass
+class Elements:
+    """The figures and tables of one page, in the order in which they came into it."""
+
+    pictures: list[Picture] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
+
+    def figure(self, picture: Picture) -> Markup:
+        """A picture as HTML; it is the next figure of the page."""
+        self.pictures.append(picture)
+        number = len(self.pictures)
+        return Markup(
+            '<figure id="figure-{number}"><img src="{source}" alt="{says}">'
+            "<figcaption><b>Figure {number}.</b> {caption}</figcaption></figure>"
+        ).format(number=number, source=picture.embedded, says=picture.says, caption=picture.caption)
+
+    def table(self, table: Table) -> Markup:
+        """A table as HTML; it is the next one of the page."""
+        self.tables.append(table)
+        head = Markup("").join(Markup('<th scope="col">{}</th>').format(name) for name in table.head)
+        rows = Markup("").join(
+            Markup("<tr>{}</tr>").format(Markup("").join(_cell(cell) for cell in row)) for row in table.rows
+        )
+        kind = "table whole" if len(table.rows) <= _WHOLE else "table"
+        notes = Markup("").join(Markup('<p class="note">{}</p>').format(note) for note in table.notes)
+        return Markup(
+            '<div class="{kind}" id="table-{number}"><table><caption><b>Table {number}.</b> {caption}</caption>'
+            "<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>{notes}"
+        ).format(kind=kind, number=len(self.tables), caption=table.caption, head=head, rows=rows, notes=notes)
+
+    def files(self) -> dict[str, bytes]:
+        """Each figure as SVG and PDF, each table as CSV and LaTeX, by the names of their files."""
+        from eimi_lab.showing.drawing import saved
+
+        found: dict[str, bytes] = {}
+        for number, picture in enumerate(self.pictures, 1):
+            for kind in ("svg", "pdf"):
+                content = saved(picture.figure, kind, dpi=_RASTER_DPI)
+                found[f"figure_{number:02d}_{picture.name}.{kind}"] = content
+        for number, table in enumerate(self.tables, 1):
+            name = f"table_{number:02d}_{table.name}"
+            found |= {f"{name}.csv": table.to_csv().encode(), f"{name}.tex": table.to_latex().encode()}
+        return found
+
+
+def _lines(cell: AnyCell) -> list[Cell]:
+    own = cell if isinstance(cell, tuple) else (cell,)
+    return [line if isinstance(line, Cell) else Cell(line, "") for line in own]
+
+
+def _cell(cell: AnyCell) -> Markup:
+    lines = _lines(cell)
+    shown = Markup("<br>").join(
+        Markup('{} <span class="held">not measured</span>').format(line.text)
+        if line.mark == "held"
+        else escape(line.text)
+        for line in lines
+    )
+    longest = max((len(word) for line in lines for word in line.text.split()), default=0)
+    narrow = all(len(line.text) <= _SHORT for line in lines)
+    marks = {"best": any(line.mark == "best" for line in lines), "long": longest > _LONG, "short": narrow}
+    classes = " ".join(name for name, has in marks.items() if has)
+    return Markup('<td class="{}">{}</td>').format(classes, shown) if classes else Markup("<td>{}</td>").format(shown)
+
+
+def _text(cell: AnyCell) -> str:
+    return "; ".join(line.text + (" (not measured)" if line.mark == "held" else "") for line in _lines(cell))
+
+
+# What LaTeX reads as a command, and the signs that it has in mathematics alone.
+_LATEX = {
+    **{sign: f"\\{sign}" for sign in "&%$#_{}"},
+    **{"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"},
+    **{"µ": r"\textmu{}", "≥": r"$\geq$", "×": r"$\times$", "±": r"$\pm$", "−": "$-$", "³": "$^3$", "…": r"\ldots{}"},
+    **{"<": r"\textless{}", ">": r"\textgreater{}", "Δ": r"$\Delta$", "λ": r"$\lambda$", "°": r"$^\circ$"},
+}
+
+
+def _latex(text: str) -> str:
+    return "".join(_LATEX.get(sign, sign) for sign in text)

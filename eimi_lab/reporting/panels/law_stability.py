@@ -1,0 +1,31 @@
+"""How far each law is stable, against how far the data reached."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.reporting.contents import ReportContents
+from eimi_lab.reporting.elements import Table
+from eimi_lab.reporting.panel import ReportPanel
+
+_HEAD = ("law", "stretch reached", "stable up to", "stable over the data")
+
+
+def _row(label: str, fit: FitRecord | TensileRecord) -> tuple[str, ...]:
+    limit, checked = fit.stability.stable_up_to_stretch, fit.stability.checked_up_to_stretch
+    told = f"≥ {checked:g}" if limit is None else "nowhere" if limit <= 1 else f"{limit:.2f}"
+    return label, f"{fit.max_stretch:.3f}", told, "yes" if limit is None or limit >= fit.max_stretch else "no"
+
+
+def _values(report: ReportContents) -> dict[str, Any] | None:
+    if not report.every:
+        return None
+    note = "By Drucker's criterion, checked as far as ≥ says; a finite-element program may fail beyond."
+    rows = [_row(shown.label, shown.fit) for shown in report.every]
+    return {"stability": Table("stability", "How far each law is stable.", _HEAD, rows, [note])}
+
+
+PANEL = ReportPanel(
+    place=20, after_datasets=True, title="Stability", template="{{ stability | table }}", values=_values, of_fits=True
+)

@@ -1,0 +1,144 @@
+"""Parameters, misfit and range of every fit, and the comparison of the laws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from eimi_fitting.inference.planning.choice_of_law import Choice
+from eimi_lab.fits.fit_summary import budget_lines, remarks, too_few_in_words
+from eimi_lab.fits.law_record import LawRecord
+from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.validation_tables import micrometres
+from eimi_lab.reporting.contents import ReportContents
+from eimi_lab.reporting.elements import Cell, Table
+from eimi_lab.reporting.panel import ReportPanel
+from eimi_lab.reporting.rounded import format_quantity
+from eimi_lab.reporting.shown import ShownFit
+
+_HEAD = (
+    "law",
+    "fitted to",
+    "initial shear modulus [95 %]",
+    "parameters [95 %]",
+    "error ± deviation",
+    "stretch reached",
+)
+_NOTE = (
+    "Stretch reached: the largest in the data; beyond it a law is an extrapolation. Not measured: the bounds of the "
+    "search set the value and its interval, or a tensile curve does not tell it from zero."
+)
+_INTERVALS = (
+    "Intervals of bending fits hold the scatter of the measured edges or points about the simulated ones, what the "
+    "mesh leaves, and all that specimen, calibration and rig state as uncertain. What nobody states is taken as exact, "
+    "and so is the assumption about the section."
+)
+
+
+def table_of_laws(every: Sequence[ShownFit], bending: bool) -> Table:
+    """A row a fit."""
+    rows = [
+        (s.fit.model, s.origin, _modulus(s.fit), _parameters(s.fit), _misfit(s.fit), f"{s.fit.max_stretch:.3f}")
+        for s in every
+    ]
+    notes = [_NOTE, _INTERVALS] if bending else [_NOTE]
+    return Table("laws", "What each fit found.", _HEAD, rows, notes)
+
+
+def table_of_choice(choices: Sequence[Choice]) -> Table:
+    """What speaks for each law."""
+    head = ("law", "unknowns", "AICc", "BIC", "Akaike weight", "error on states left out, µm")
+    rows = [
+        (
+            c.model,
+            str(c.unknowns),
+            "too few data" if c.aicc is None else f"{c.aicc:.1f}",
+            f"{c.bic:.1f}",
+            "-" if c.weight is None else f"{c.weight:.3f}",
+            micrometres(c.held_out_error_mm),
+        )
+        for c in choices
+    ]
+    caption = (
+        "The laws compared. AICc and BIC above the best law's: what its further parameters are worth to these data."
+    )
+    return Table("comparison", caption, head, rows, too_few_in_words(choices))
+
+
+def _modulus(fit: FitRecord | TensileRecord) -> str | Cell:
+    return _marked(format_quantity(fit.initial_shear_modulus), "initial_shear_modulus" in fit.held_by_bounds())
+
+
+def _parameters(fit: LawRecord) -> tuple[str | Cell, ...]:
+    held = fit.held_by_bounds()
+    return tuple(_marked(f"{name} = {format_quantity(q)}", name in held) for name, q in fit.parameters.items())
+
+
+def _misfit(fit: FitRecord | TensileRecord) -> str:
+    if isinstance(fit, TensileRecord):
+        return f"RMSE {1e-3 * fit.rmse_Pa:.3g} kPa"
+    return f"{micrometres(fit.mean_error_mm)} ± {micrometres(fit.mean_deviation_mm)} µm"
+
+
+def _marked(text: str, held: bool) -> str | Cell:
+    return Cell(text, "held") if held else text
+
+
+def _remarks(report: ReportContents) -> list[tuple[str, list[str]]]:
+    """What is to be said of each fit beside its doubts, of which several fits may have the same."""
+    found = []
+    for shown in report.every:
+        fit = shown.fit
+        if isinstance(fit, TensileRecord):
+            lines = fit.not_fixed_in_words()
+        else:
+            states = [d.in_words() for d in fit.datasets if d.states.left_out or d.states.flagged]
+            at_bound = fit.identifiability.at_bound
+            bound = [f"On a bound of the search: {', '.join(at_bound)}."] if at_bound else []
+            elsewhere = set(budget_lines(fit))  # the budget has a figure of its own
+            own = [words for words in remarks(fit) if words not in elsewhere and not words.startswith("doubt: ")]
+            lines = [*states, *own, *bound]
+        if lines:
+            found.append((shown.label, lines))
+    return found
+
+
+def _doubts(every: Sequence[ShownFit]) -> list[tuple[str, str]]:
+    """Each doubt once, and of which fits it is."""
+    found: dict[str, list[str]] = {}
+    for shown in every:
+        for words in shown.fit.doubts_in_words():
+            found.setdefault(words, []).append(shown.label)
+    whole = len(every)
+    return [(words, "every fit" if len(of) == whole > 1 else "; ".join(of)) for words, of in found.items()]
+
+
+def _values(report: ReportContents) -> dict[str, Any] | None:
+    if not report.every:
+        return None
+    comparisons = dict.fromkeys(shown.comparison for shown in report.bending if shown.comparison)
+    return {
+        "laws": table_of_laws(report.every, bool(report.bending)),
+        "remarks": _remarks(report),
+        "doubts": _doubts(report.every),
+        "comparisons": [table_of_choice(choices) for choices in comparisons],
+    }
+
+
+PANEL = ReportPanel(
+    place=10,
+    title="Laws",
+    template="""
+{{ laws | table }}
+<ul>
+{% for label, lines in remarks %}
+<li><b>{{ label }}</b>: {% for words in lines %}{{ words }}{% if not loop.last %}<br>{% endif %}{% endfor %}</li>
+{% endfor %}
+{% for words, of in doubts %}<li><b>Doubt</b> of {{ of }}: {{ words }}</li>
+{% endfor %}
+</ul>
+{% for choices in comparisons %}{{ choices | table }}{% endfor %}
+""",
+    values=_values,
+    of_fits=True,
+)

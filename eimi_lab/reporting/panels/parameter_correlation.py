@@ -1,0 +1,73 @@
+"""How the errors of a fit's unknowns hang together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.reporting.contents import ReportContents
+from eimi_lab.reporting.elements import Picture
+from eimi_lab.reporting.panel import ReportPanel
+from eimi_lab.reporting.shown import ShownFit
+from eimi_lab.showing.drawing import Drawing
+from eimi_lab.showing.palette import OF_TWO_SIGNS
+
+_MOST = 6  # matrices
+
+
+def drawn_correlations(every: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
+    """A matrix for each fit, with its numbers."""
+    columns = min(2, len(every))
+    rows = -(-len(every) // columns)
+    most = max(len(fit.identifiability.names) for _, fit in every)
+    drawing = Drawing((0.9 + 0.34 * most) * rows + 0.2)
+    grid = drawing.subplots(rows, columns, squeeze=False).ravel()
+    for axes, (shown, fit) in zip(grid, every, strict=False):
+        names = [name.replace("_", " ") for name in fit.identifiability.names]
+        matrix = np.round(fit.identifiability.correlation, 2)
+        axes.imshow(matrix, cmap=OF_TWO_SIGNS, vmin=-1, vmax=1)
+        for (i, j), value in np.ndenumerate(matrix):
+            axes.text(
+                j,
+                i,
+                f"{value + 0.0:.2f}",
+                ha="center",
+                va="center",
+                fontsize=7,
+                color="white" if abs(value) > 0.7 else "black",
+            )
+        axes.set_xticks(range(len(names)), [str(i + 1) for i in range(len(names))])
+        axes.set_yticks(range(len(names)), [f"{name}  {i + 1}" for i, name in enumerate(names)])
+        axes.set_xlim(-0.5, most - 0.5)  # cells of one size in every matrix
+        axes.set_ylim(most - 0.5, -0.5)
+        axes.xaxis.tick_top()
+        axes.set_title(shown.label, loc="left", pad=18)  # above the numbers
+        axes.grid(visible=False)
+        axes.spines[:].set_visible(False)
+        axes.tick_params(length=0)
+    for unused in grid[len(every) :]:
+        unused.axis("off")
+    return drawing
+
+
+def _values(report: ReportContents) -> dict[str, Any] | None:
+    every = [
+        (s, s.fit) for s in report.bending if isinstance(s.fit, FitRecord) and len(s.fit.identifiability.names) > 1
+    ]
+    if not every:
+        return None
+    caption = (
+        "Correlation of the errors of all unknowns of a fit: near ±1 the data fix a combination, not each of the two."
+    )
+    if len(every) > _MOST:
+        caption += f" The first {_MOST} of {len(every)} fits."
+    drawn = drawn_correlations(every[:_MOST])
+    return {"picture": Picture("correlation", drawn, "correlation of the unknowns", caption)}
+
+
+PANEL = ReportPanel(
+    place=17, title="What hangs together", template="{{ picture | figure }}", values=_values, of_fits=True
+)

@@ -1,0 +1,115 @@
+"""What the best fit leaves along the edges of a dataset's frames."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from numpy.typing import NDArray
+
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
+from eimi_lab.reporting.contents import DatasetContents
+from eimi_lab.reporting.elements import Picture
+from eimi_lab.reporting.panel import DatasetPanel
+from eimi_lab.reporting.simulated import SimulatedOutlines
+from eimi_lab.showing.drawing import Drawing, label
+from eimi_lab.showing.palette import IN_ORDER
+
+Array = NDArray[np.float64]
+
+_AT_THE_MAGNET = (
+    "A narrow spike at the magnet's face, of a few µm and growing with the load, may be the corner and not the "
+    "material: the soft beam bends up to a rigid block, its edge turns there within less than a pixel, and blur and "
+    "mesh each round that off in their own way."
+)
+
+
+def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: float) -> Array:
+    """(m,) where on the beam at rest the points of a simulated edge (n, 2) are that lie nearest to measured (m, 2).
+
+    rigid_mm: the magnet's part at the tip, which keeps its length; the rest is taken as stretched evenly.
+    """
+    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(edge_mm, axis=0), axis=1))])
+    bent = lengths[((points_mm[:, None] - edge_mm) ** 2).sum(axis=-1).argmin(axis=1)]
+    soft_mm, from_tip = length_mm - rigid_mm, lengths[-1] - bent
+    stretched = bent * soft_mm / max(lengths[-1] - rigid_mm, 1e-9)
+    return np.asarray(np.where(from_tip < rigid_mm, length_mm - from_tip, stretched))
+
+
+def drawn_along_beam(contents: DatasetContents, simulated: SimulatedOutlines) -> Drawing:
+    """Measured minus simulated along both edges, a line a state in the colour of its field."""
+    observed = simulated.evidence.experiment.observed
+    if not isinstance(observed, EdgeObservation):
+        raise ValueError("tracked points have no edges")
+    fields = np.array([state.field_mT for state in simulated.evidence.states])
+    by_field = np.ptp(fields) > 0
+    values = fields if by_field else np.array([float(s.index) for s in simulated.evidence.states])
+    length_mm, rigid_mm = contents.dataset.specimen.specimen.length_mm, rigid_tip_mm(contents)
+    scale = ScalarMappable(
+        Normalize(values.min(), max(values.max(), values.min() + 1e-9)), matplotlib.colormaps[IN_ORDER]
+    )
+    drawing = Drawing(4.2)
+    grid = drawing.subplots(2, 1, sharex=True, sharey=True)
+    for side, (axes, name) in enumerate(zip(grid, ("left edge", "right edge"), strict=True)):
+        _shade_magnet(axes, contents)
+        for k, value in enumerate(values):
+            row = simulated.residuals_mm[k, side]
+            seen = np.isfinite(row)
+            at = along_beam_mm(simulated.edges_mm[k, side], observed.points_mm[k, side, seen], length_mm, rigid_mm)
+            axes.plot(at, 1e3 * row[seen], color=scale.to_rgba(value), linewidth=0.9)
+        axes.axhline(0, color="0.2", linewidth=0.6)
+        axes.set_title(name, loc="left")
+        label(axes, "from the clamp along the beam at rest, mm", "measured − simulated, µm")
+        axes.label_outer()
+    drawing.colorbar(scale, ax=grid, label="field, mT" if by_field else "state", pad=0.01, aspect=30)
+    return drawing
+
+
+def rigid_tip_mm(contents: DatasetContents) -> float:
+    """How much of the beam's length the magnet, and what is beyond it, takes."""
+    magnet = contents.dataset.specimen.magnet
+    return magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0
+
+
+def _shade_magnet(axes: Axes, contents: DatasetContents) -> None:
+    file = contents.dataset.specimen
+    if file.magnet is None:
+        return
+    end = file.specimen.length_mm - file.magnet.tip_offset_mm
+    axes.axvspan(end - file.magnet.length_mm, end, color="0.9", zorder=0)
+    axes.annotate(
+        "magnet",
+        (end - 0.5 * file.magnet.length_mm, 0.98),
+        xycoords=("data", "axes fraction"),
+        ha="center",
+        va="top",
+        fontsize=7.5,
+        color="0.3",
+    )
+
+
+def _values(contents: DatasetContents) -> dict[str, Any] | None:
+    best = contents.best
+    if contents.dataset.kind != "frames" or best is None:
+        return None
+    caption = f"What {best.shown.label} leaves along both edges; what is left should look like noise."
+    if contents.dataset.specimen.magnet is not None:
+        caption += " " + _AT_THE_MAGNET
+    return {
+        "best": best,
+        "picture": Picture(
+            "residual_along_beam", drawn_along_beam(contents, best), "residuals along the edges", caption
+        ),
+    }
+
+
+PANEL = DatasetPanel(
+    place=40,
+    title="What {{ best.shown.label }} leaves",
+    template="{{ picture | figure }}",
+    values=_values,
+)

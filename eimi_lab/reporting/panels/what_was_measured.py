@@ -1,0 +1,137 @@
+"""What was measured, with what, when and by whom: the facts of a dataset."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from eimi_lab.config.toml import parse_table
+from eimi_lab.reporting.contents import DatasetContents
+from eimi_lab.reporting.panel import DatasetPanel
+
+Facts = list[tuple[str, str]]
+
+
+def facts(contents: DatasetContents) -> Facts:
+    """Names and values, in the order in which a reader asks for them; what is not known is left out."""
+    dataset = contents.dataset
+    start = dataset.start_time()
+    found = [*_of_specimen(contents), ("taken", f"{start.day} {start:%B %Y, %H:%M %Z}")]
+    found += _of_rig(contents) + _of_protocol(contents) + _of_picture(contents)
+    found.append(
+        (
+            "gravity",
+            f"{_angle(dataset.gravity_angle_deg)}" if dataset.gravity else "taken out: the weight does not bend it",
+        )
+    )
+    found.append(
+        ("states", contents.evidence.used.in_words() + ("" if dataset.finished else "; the run is not finished"))
+    )
+    note = dataset.text("user_note")
+    found += [("operator's note", note)] if note else []
+    found += [("corrected", words) for words in dataset.corrections()]
+    if dataset.truth() is not None:
+        found.append(("origin", "simulated on the virtual rig"))
+    if contents.validations and not any(v.seen for v in contents.validations):
+        found.append(("unseen", "no fit was made from this dataset: every error here is a prediction's"))
+    return [*found, ("content", f"sha256 {contents.evidence.sha256}")]
+
+
+def _of_specimen(contents: DatasetContents) -> Facts:
+    file = contents.dataset.specimen
+    beam, magnet = file.specimen, file.magnet
+    uncertain = _uncertain(file.uncertainty)
+    sizes = " × ".join(f"{getattr(beam, key):g}{uncertain(key)}" for key in ("length_mm", "width_mm", "depth_mm"))
+    section = " and ".join(dict.fromkeys(v.section for v in contents.validations))
+    found = [
+        ("specimen", f"{beam.name}, {beam.material}"),
+        (
+            "length × width × depth",
+            f"{sizes} mm, taken as {section or contents.evidence.experiment.model.specimen.section}",
+        ),
+        ("density", f"{beam.density_kg_m3:g}{uncertain('density_kg_m3')} kg/m³"),
+    ]
+    if magnet is None:
+        return [*found, ("magnet", "none")]
+    keys = ("length_mm", "width_mm", "depth_mm")
+    sizes = " × ".join(f"{getattr(magnet, key):g}{uncertain(f'magnet_{key}')}" for key in keys)
+    words = f"{sizes} mm, {magnet.remanence_T:g}{uncertain('remanence_T')} T, {magnet.density_kg_m3:g} kg/m³"
+    return [*found, ("magnet", words)]
+
+
+def _of_rig(contents: DatasetContents) -> Facts:
+    text = contents.dataset.text("rig")
+    if text is None:
+        return [("rig", "imported: not measured by this suite")]
+    name = parse_table(text, "rig").get("name", "")
+    return [("rig", str(name)), *(("instrument", line) for line in contents.dataset.instruments())]
+
+
+def _of_protocol(contents: DatasetContents) -> Facts:
+    text = contents.dataset.text("protocol")
+    if text is None:
+        return []
+    table = parse_table(text, "protocol")
+    frames = table.get("frames_per_state")
+    currents = [s.current_A for s in contents.dataset.states if s.current_A is not None]
+    words = (
+        f"{table.get('name', '')}: {len(currents)} states from {min(currents):g} to {max(currents):g} A"
+        if currents
+        else str(table.get("name", ""))
+    )
+    return [("protocol", f"{words}, {frames} frames each" if frames else words)]
+
+
+def _of_picture(contents: DatasetContents) -> Facts:
+    calibration = contents.dataset.calibration
+    fields = [s.field_mT for s in contents.dataset.states]
+    span = f"fields from {min(fields):.4g} to {max(fields):.4g} mT" if fields else ""
+    if calibration is None:
+        return [("loads", span)] if any(fields) else []
+    uncertain = _uncertain(calibration.uncertainty)
+    scale = f"{calibration.pixels_per_mm:g}{uncertain('pixels_per_mm')} pixels/mm"
+    scale += f", a pixel is {1e3 / calibration.pixels_per_mm:.4g} µm"
+    lens = (
+        "telecentric"
+        if calibration.telecentric
+        else f"{calibration.stand_off_mm:g} mm away"
+        if calibration.stand_off_mm
+        else "stand-off not stated"
+    )
+    day = f", calibrated on {calibration.calibrated_on}" if calibration.calibrated_on else ""
+    coil = f"{calibration.coil_constant_mT_per_A:g}{uncertain('coil_constant_mT_per_A')} mT/A; {span}"
+    return [("scale", f"{scale}{day}"), ("lens", lens), ("coil constant", coil)]
+
+
+def _uncertain(stated: Mapping[str, Any] | None) -> Callable[[str], str]:
+    """What stands behind a value: ` ± 0.02`, nothing where it is exact, a question mark where nobody said."""
+
+    def words(key: str) -> str:
+        value = (stated or {}).get(key)
+        return " (± not stated)" if value is None else f" ± {value:g}" if value else ""
+
+    return words
+
+
+def _angle(degrees: float) -> str:
+    turned = math.remainder(degrees, 360.0)
+    along = "along the beam at rest, which hangs" if abs(turned) < 0.5 else f"at {turned:.4g}° to the beam at rest"
+    return along
+
+
+def _values(contents: DatasetContents) -> dict[str, Any]:
+    return {"facts": facts(contents)}
+
+
+PANEL = DatasetPanel(
+    place=0,
+    title="",
+    template="""
+<dl class="facts">
+{% for name, words in facts %}<dt>{{ name }}</dt><dd>{{ words }}</dd>
+{% endfor %}
+</dl>
+""",
+    values=_values,
+)

@@ -1,0 +1,43 @@
+"""Numbers for people: a value with the digits that its interval leaves it, in a unit of its size."""
+
+from __future__ import annotations
+
+import math
+
+from eimi_fitting.inference.evidence.quantity import Quantity
+
+NO_BREAK = "\N{NO-BREAK SPACE}"
+
+
+def format_quantity(quantity: Quantity) -> str:
+    """A value with its interval, moduli in kPa, large ones in MPa or GPa: ``46.39 kPa [46.31, 46.48]``."""
+    scale, unit = _unit(quantity)
+    low, high = (scale * bound + 0.0 for bound in quantity.interval_95)  # no negative zeros
+    return f"{scale * quantity.value + 0.0:.4g}{unit and ' '}{unit} [{low:.4g}, {high:.4g}]"
+
+
+def value_and_interval(quantity: Quantity) -> tuple[str, str]:
+    """``46.38 kPa`` and ``46.26 to 46.50 kPa, ±0.26 %``: to two digits of half the interval's width.
+
+    Examples
+    --------
+    >>> [text.replace(NO_BREAK, "_") for text in value_and_interval(Quantity(46375.0, "Pa", (46256.0, 46497.0)))]
+    ['46.38_kPa', '46.26 to 46.50_kPa, ±0.26_%']
+    """
+    scale, unit = _unit(quantity)
+    low, high = (scale * bound for bound in quantity.interval_95)
+    value, half = scale * quantity.value, 0.5 * (high - low)
+    places = min(max(1 - math.floor(math.log10(half)), 0), 6) if half > 0 else 4
+    ends = f"{low:.{places}f} to {high:.{places}f}{NO_BREAK}{unit}".strip()
+    below, above = (100 * (end / value - 1) for end in (low, high))
+    share = f"±{0.5 * (above - below):.2g}{NO_BREAK}%"
+    if abs(above + below) > 0.1 * (above - below):
+        share = f"{below:+.2g}{NO_BREAK}% to {above:+.2g}{NO_BREAK}%"
+    return f"{value:.{places}f}{NO_BREAK}{unit}".strip(), f"{ends}, {share}".replace("-", "−")
+
+
+def _unit(quantity: Quantity) -> tuple[float, str]:
+    if quantity.unit != "Pa":
+        return 1.0, ""
+    size = max(map(abs, quantity.interval_95))
+    return (1e-9, "GPa") if size >= 1e9 else (1e-6, "MPa") if size >= 1e7 else (1e-3, "kPa")

@@ -1,0 +1,250 @@
+"""Simulating a specimen of a known law through a protocol: what `eimi simulate` writes."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.equilibrium import Status
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.mesh import Indices
+from eimi_fitting.beam.model import BeamModel, Shapes
+from eimi_fitting.beam.outline import outline, points_on
+from eimi_fitting.laws import LAWS, Law
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.outputs import write_whole
+
+Array = NDArray[np.float64]
+
+_ALONG = 26  # elements of the flexible part
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """One specimen through K states. field_mT: (K,); shapes as the forward model gives them.
+
+    tips: (K, 3, 2), the ends of the 95 % intervals of the tip's x and y in mm and its angle in degrees, where the law
+    is a fit with draws.
+    """
+
+    model: BeamModel | SolidBeside
+    shapes: Shapes
+    field_mT: Array
+    tips: Array | None = None
+
+    @property
+    def edges_mm(self) -> Array:
+        """(K, 2, n, 2): left and right edge, clamp to tip."""
+        return points_on(outline(self.model, self.shapes)[0], 4)
+
+
+def parse_parameters(model: str, texts: Sequence[str]) -> tuple[Law, Array]:
+    """A law and its parameters from texts such as ``mu_Pa=46390``. Raises InputError."""
+    if model not in LAWS:
+        raise InputError(f"--model {model}: should be one of {', '.join(LAWS)}")
+    law = LAWS[model]
+    keys = [f"{n}_Pa" if u == "Pa" else n for n, u in zip(law.parameter_names, law.units, strict=True)]
+    given: dict[str, float] = {}
+    for text in texts:
+        key, _, value = text.partition("=")
+        try:
+            given[key.strip()] = float(value)
+            finite = np.isfinite(given[key.strip()])
+        except ValueError:
+            finite = False
+        if not finite:
+            raise InputError(f"--parameter {text}: should be KEY=NUMBER, KEY one of {', '.join(keys)}")
+    if set(given) != set(keys) or len(texts) != len(keys):
+        raise InputError(f"--parameter: {model} takes {', '.join(keys)}, each once; got {', '.join(texts) or 'none'}")
+    return law, np.array([given[key] for key in keys])
+
+
+def simulate(
+    specimen: SpecimenFile,
+    law: Law,
+    parameters: Array,
+    field_mT: Array,
+    gravity_angle_deg: float,
+    field_angle_deg: float = 90.0,
+    bulk_modulus_kPa: float | None = None,
+    drawn: Array | None = None,
+) -> Simulation:
+    """Take a specimen through the fields (K,), angles in the beam frame; incompressible without a bulk modulus.
+
+    drawn: (D, n), parameters of a fit's draws, of which the intervals of the tip are made.
+
+    Raises InputError for a bulk modulus in plane stress, for angles or fields that are not finite, for a law that is
+    not stiff at rest, and naming the first state without an equilibrium.
+    """
+    if bulk_modulus_kPa is not None and specimen.specimen.section == "plane-stress":
+        raise InputError(
+            f"--bulk-modulus-kPa {bulk_modulus_kPa:g}: plane stress is incompressible here; "
+            f"specimen {specimen.specimen.name} would have to be solid or plane-strain"
+        )
+    if bulk_modulus_kPa is not None and not 0 < bulk_modulus_kPa < np.inf:
+        raise InputError(
+            f"--bulk-modulus-kPa {bulk_modulus_kPa:g}: should be greater than 0, or left out where incompressible"
+        )
+    for option, values in (("gravity-angle", gravity_angle_deg), ("field-angle", field_angle_deg)):
+        if not np.isfinite(values):
+            raise InputError(f"--{option} {values:g}: should be a finite number of degrees")
+    if not np.isfinite(field_mT).all():
+        raise InputError(
+            "--coil-constant: gives fields that are not finite; it should be a number of mT for each ampere"
+        )
+    modulus = float(law.initial_shear_modulus(parameters))
+    if not modulus > 0:
+        raise InputError(f"--parameter: give {law.name} an initial shear modulus of {modulus:g} Pa; should be above 0")
+    beam = specimen.mechanics()
+    planar = BeamModel(beam, along=_ALONG)
+    model = SolidBeside(beam, _ALONG, 2 * planar.across) if beam.section == "solid" else planar
+    bulk = None if bulk_modulus_kPa is None else np.array([1e3 * bulk_modulus_kPa])
+    loads = Loads.along(field_mT, field_angle_deg, gravity_angle_deg)
+    shapes = model.solve(law, parameters[None], loads, bulk_modulus_Pa=bulk)
+    failed = np.flatnonzero(shapes.status[0] != Status.CONVERGED)
+    if len(failed):
+        k = int(failed[0])
+        what = Status(int(shapes.status[0, k])).name.lower().replace("_", " ")
+        raise InputError(
+            f"specimen {specimen.specimen.name}: {law.name} at {field_mT[k]:g} mT: {what}; it should be a stiffer "
+            "law or a weaker field (parameters in Pa, --coil-constant in mT/A)"
+        )
+    tips = None
+    if drawn is not None and len(drawn):
+        every = np.full(len(drawn) + 1, bulk[0]) if bulk is not None and model is planar else None
+        among = planar.solve(law, np.concatenate([parameters[None], drawn]), loads, bulk_modulus_Pa=every)
+        tips = _tips(planar, among, _tip(model, shapes)[0])
+    return Simulation(model, shapes, field_mT, tips)
+
+
+def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
+    """(P, K, 3): x, y and angle of the tip."""
+    point = np.zeros((1, 2 if isinstance(model, BeamModel) else 3))
+    point[0, 0] = model.specimen.length_mm
+    place = model.positions(shapes, point)[:, :, 0, :2]
+    return np.concatenate([place, model.tip_angle_deg(shapes)[..., None]], axis=-1)
+
+
+def _tips(planar: BeamModel, shapes: Shapes, tip: Array) -> Array:
+    """(K, 3, 2): 95 % of x, y and angle of the tip over those candidates that have an equilibrium.
+
+    Of a solid the scatter is that of its planar model. shapes: the first candidate's, whose tip is (K, 3), and draws'.
+    """
+    values = _tip(planar, shapes)
+    values += tip - values[0]
+    found = shapes.status[1:] == Status.CONVERGED
+    return np.array([np.quantile(values[1:][found[:, k], k], [0.025, 0.975], axis=0).T for k in range(len(tip))])
+
+
+def write_simulation(folder: Path, simulation: Simulation) -> None:
+    """`tip.csv`, `state_00_left.csv` and `_right.csv`, `state_00.vtu` for ParaView, `shapes.png`.
+
+    Raises OSError that names the file.
+    """
+    model, shapes = simulation.model, simulation.shapes
+    columns = np.column_stack([simulation.field_mT, _tip(model, shapes)[0], shapes.max_stretch[0]])
+    names = "field_mT,x_mm,y_mm,angle_deg,max_stretch"
+    if simulation.tips is not None:
+        columns = np.column_stack([columns, simulation.tips.reshape(len(columns), 6)])
+        names += ",x_low_mm,x_high_mm,y_low_mm,y_high_mm,angle_low_deg,angle_high_deg"
+    write_whole(folder / "tip.csv", _csv(columns, names))
+    for k, sides in enumerate(simulation.edges_mm):
+        for side, points in zip(("left", "right"), sides, strict=True):
+            write_whole(folder / f"state_{k:02d}_{side}.csv", _csv(points, "x_mm,y_mm"))
+        _write_vtu(folder / f"state_{k:02d}.vtu", simulation, k)
+    write_whole(folder / "shapes.png", _drawn(simulation))
+
+
+def _csv(columns: Array, header: str) -> bytes:
+    text = io.BytesIO()
+    np.savetxt(text, columns, "%.6f", ",", header=header, comments="")
+    return text.getvalue()
+
+
+# VTK's biquadratic quadrilateral and its triquadratic hexahedron want corners, then sides, then the middles of faces
+# and the middle; ours are numbered across first, or in depth first.
+_QUADRILATERAL = [0, 6, 8, 2, 3, 7, 5, 1, 4]
+_HEXAHEDRON = [0, 18, 24, 6, 2, 20, 26, 8]
+_HEXAHEDRON += [9, 21, 15, 3, 11, 23, 17, 5, 1, 19, 25, 7]
+_HEXAHEDRON += [4, 22, 10, 16, 12, 14, 13]
+
+
+def _write_vtu(path: Path, simulation: Simulation, k: int) -> None:
+    import meshio
+
+    model, displacement = simulation.model, simulation.shapes.displacement[0, k]
+    stretch = model.element_stretch(simulation.shapes)[0, k]
+    nodes, elements = model.mesh.nodes, model.mesh.elements
+    if isinstance(model, BeamModel):
+        flat = np.zeros((len(displacement), 1))
+        nodes, displacement = np.hstack([nodes, flat]), np.hstack([displacement, flat])
+        cells = ("quad9", elements[:, _QUADRILATERAL])
+    else:
+        nodes, displacement, elements = _both_halves(nodes, displacement, elements)
+        stretch = np.tile(stretch, 2)
+        cells = ("hexahedron27", elements[:, _HEXAHEDRON])
+    mesh = meshio.Mesh(
+        nodes, [cells], point_data={"displacement_mm": displacement}, cell_data={"largest_stretch": [stretch]}
+    )
+    try:
+        mesh.write(path)  # takes no open file
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def _both_halves(nodes: Array, displacement: Array, elements: Indices) -> tuple[Array, Array, Indices]:
+    """The half that is computed and its mirror image, joined in mid-depth."""
+    mirror, away = np.array([1.0, 1.0, -1.0]), nodes[:, 2] > 0
+    image = np.arange(len(nodes))
+    image[away] = len(nodes) + np.arange(away.sum())
+    turned = image[elements].reshape(-1, 9, 3)[:, :, ::-1].reshape(-1, 27)
+    return (
+        np.concatenate([nodes, nodes[away] * mirror]),
+        np.concatenate([displacement, displacement[away] * mirror]),
+        np.concatenate([elements, turned]),
+    )
+
+
+def _seen_from_the_side(model: BeamModel | SolidBeside) -> tuple[Indices, Indices]:
+    """The elements to draw (m,), of a solid those at mid-depth, and the nodes around each of them (m, 8)."""
+    around = np.array([0, 3, 6, 7, 8, 5, 2, 1])
+    elements = model.mesh.elements
+    if isinstance(model, BeamModel):
+        return np.arange(len(elements)), elements[:, around]
+    amid = np.flatnonzero(model.mesh.nodes[elements[:, 0], 2] == 0)
+    return amid, elements[amid][:, 3 * around]
+
+
+def _drawn(simulation: Simulation) -> bytes:
+    from matplotlib.collections import PolyCollection
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6, 6), layout="constrained")
+    axes = figure.add_subplot()
+    model, shapes = simulation.model, simulation.shapes
+    shown, outlines = _seen_from_the_side(model)
+    stretch = model.element_stretch(shapes)[0][:, shown]
+    for k in np.unique(np.linspace(0, len(simulation.field_mT) - 1, 6).round().astype(int)):
+        place = (model.mesh.nodes + shapes.displacement[0, k])[:, :2]
+        # The beam hangs: x of the beam frame points down.
+        patches = PolyCollection(list(np.stack([place[outlines, 1], -place[outlines, 0]], axis=-1)), cmap="viridis")
+        patches.set_array(stretch[k])
+        patches.set_clim(1.0, float(stretch.max()))
+        axes.add_collection(patches)
+        left, right = simulation.edges_mm[k]
+        around = np.concatenate([left, right[::-1]])
+        axes.plot(around[:, 1], -around[:, 0], color="#333333", linewidth=0.6)
+    figure.colorbar(patches, ax=axes, label="largest stretch in the element", shrink=0.6)
+    axes.set_aspect("equal")
+    axes.set_xlabel("y across, mm")
+    axes.set_ylabel("−x along, mm")
+    image = io.BytesIO()
+    figure.savefig(image, dpi=110)
+    return image.getvalue()

@@ -1,0 +1,5 @@
+"""Whether the residuals contradict the model.
+
+checks         compare the residuals with the noise and with the deflection
+common_error   an error that all states share: clamp, roll or scale
+"""

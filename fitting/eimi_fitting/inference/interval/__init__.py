@@ -1,0 +1,13 @@
+"""How uncertain the best parameters are.
+
+covariance           the linearised evidence and the covariance of its optimum
+noise                estimate the noise beside the stated sources
+considered           the effect of stated uncertainties on the estimate
+budget               the share of each source in the interval
+draws                joint draws of all uncertain quantities
+estimate             values with intervals
+profile_likelihood   interval ends where the objective is not quadratic
+identifiability      the combinations of parameters that the data determine
+bootstrap            resampled states
+cross_validation     errors of states that were left out
+"""

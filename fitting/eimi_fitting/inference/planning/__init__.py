@@ -1,0 +1,8 @@
+"""Which measurements and which law to choose next.
+
+design_of_experiment   the states that narrow an interval most
+choice_of_law          compare laws by AICc and BIC
+modulus_so_far         the modulus during a run
+section_bias           the error of the modulus in a planar section
+sensitivity            derivatives of the edges
+"""
