@@ -144,11 +144,11 @@ def test_flagged_states_and_a_section_are_asked_for_in_fit_and_in_validate(
 def test_simulate_obeys_its_angles_and_has_the_coil_constant_of_its_help(reached: Any, tmp_path: Path) -> None:
     command = ("simulate", "dragon_skin_10", "--specimen", "type1", "--model", "neo-hookean")
     command += ("--parameter", "mu_Pa=46e3", "-o", tmp_path / "out")
-    given, _ = reached("simulation.simulate", *command)
+    given, _ = reached("virtual.simulation.simulate", *command)
     assert given[3] == pytest.approx(4.7 * np.linspace(0, 1.5, 16))
     assert given[4:7] == (0.0, 90.0, None)
     more = ("--coil-constant", "2", "--gravity-angle", "30", "--field-angle", "60", "--bulk-modulus-kPa", "900")
-    given, _ = reached("simulation.simulate", *command, *more)
+    given, _ = reached("virtual.simulation.simulate", *command, *more)
     assert given[3] == pytest.approx(2.0 * np.linspace(0, 1.5, 16))
     assert given[4:7] == (30.0, 60.0, 900.0)
 
