@@ -99,7 +99,8 @@ def validate(
     from eimi_lab.fits.fit_summary import section_remarks
     from eimi_lab.fits.fits_file import read_any_fits
     from eimi_lab.fits.fitting import check_section
-    from eimi_lab.fits.prediction import predict_each
+    from eimi_lab.fits.prediction import predict
+    from eimi_lab.fits.simulated_fit import FittedLaw
     from eimi_lab.fits.validation import write_validation
     from eimi_lab.fits.validation_tables import by_dataset, matrix
     from eimi_lab.fits.validation_tables import by_state as state_tables
@@ -109,12 +110,12 @@ def validate(
     chosen = check_section(section)
     check_distinct([*datasets, *fit], [output])
     refuse_existing(output, force)
-    fits = [(path, index, found) for path in fit for index, found in enumerate(read_any_fits(path))]
+    fits = [FittedLaw(path, index, found) for path in fit for index, found in enumerate(read_any_fits(path))]
     evidence = [load_evidence(path, section=chosen, flagged=include_flagged) for path in datasets]
     validations = []
     with progress("validate", len(evidence)) as report:
         for seen in evidence:
-            validations += [found.validation for found in predict_each(seen, fits)]
+            validations += [prediction.validation for prediction in predict([(law, seen) for law in fits])]
             report(f"{seen.path}, {len(fits)} fits")
     content = write_validation(output, validations, force)
     tables = by_dataset(validations) + (state_tables(validations) if by_state else [])

@@ -57,7 +57,7 @@ def report(
     refuse_existing(output, force)
     command = shlex.join(["eimi", *sys.argv[1:]])
     shared = min(workers or _UNASKED, len(datasets)) if fit else 1
-    with begun(executor_for(shared, None), shared, "eimi_lab.reporting.steps") as executor:
+    with begun(executor_for(shared, None), shared, "eimi_lab.fits.prediction") as executor:
         from eimi_lab.reporting.page import write_report  # slow to load, as what the workers load meanwhile
 
         write_report(

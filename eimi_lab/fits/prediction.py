@@ -1,222 +1,159 @@
-"""A fit simulated on a dataset, seen or not, and how far off it is.
+"""The service that predicts: fits and datasets in, errors with their intervals out.
 
-On a dataset that it has seen, a fit keeps the nuisances that it freed (magnetic moment, roll and so on); on any other
-they are as stated.
+`eimi validate`, the report and a notebook ask it. It works in this process or shares the work among workers, in steps:
+each dataset with the fits that can be simulated together; each fit that has to be simulated alone; and the interval of
+each error.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from eimi_fitting.beam.beside import FORETOLD_MM, Reach
-from eimi_fitting.beam.outline import outline, points_on
-from eimi_fitting.inference.evidence.corrections import Correction, correction, polished, refinements
-from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
-from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit
-from eimi_lab.fits.assumptions import assumptions_of
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.predicted_error import error_interval_mm
-from eimi_lab.fits.records import FitRecord, StateError, TensileRecord
-from eimi_lab.fits.validation import FitReference, Validation
+from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.simulated_fit import FittedLaw, Law, Prediction, simulate_alone, simulate_each
+from eimi_lab.fits.validation import Validation
 from eimi_lab.process.errors import InputError
-
-Array = NDArray[np.float64]
-
-_SAME_STRETCH = 1e-3  # two simulations of one beam may differ by this much
-# Of a fit's own error, or a micrometre: what depth adds to its edges is known this well. Of a fit that is hundreds of
-# micrometres off one or two states then tell, and no digit that counts is theirs.
-_OF_ERROR = 0.01
-
-FitOfFile = tuple[Path, int, FitRecord | TensileRecord]
-"""A fit with its file and its place there."""
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """A fit simulated on a dataset of K states, and what that is worth.
-
-    correction: by the better model, None without an equilibrium; edges_mm: (K, 2, n, 2) simulated left and right edges
-    as the camera has them, by that model where it has one; residuals_mm: (K, 2, m) signed distances of the measured
-    edge points or components of tracked points, NaN where nothing was observed; error_mm, deviation_mm: (K,).
-    They mean nothing where the validation's status is not "ok".
-    """
-
-    validation: Validation
-    correction: Correction | None
-    edges_mm: Array
-    residuals_mm: Array
-    error_mm: Array
-    deviation_mm: Array
-
-    def without_correction(self) -> Prediction:
-        """The same without the solid's shapes, which are large, and nothing that is shown."""
-        return replace(self, correction=None)
-
-    def with_interval(self, interval_mm: tuple[float, float | None] | None) -> Prediction:
-        """The same with the interval of the mean error, which takes long to find and nothing else needs."""
-        return replace(self, validation=self.validation.model_copy(update={"mean_error_interval_mm": interval_mm}))
+from eimi_lab.process.progress import silent
+from eimi_lab.process.workers import completed
 
 
 def validate(evidence: Evidence, fit: FitRecord | TensileRecord, path: Path, index: int) -> Validation:
-    """The error of the fit ``index`` of the file ``path`` on a dataset. Raises InputError as `simulate` does."""
-    return predict(evidence, fit, path, index).validation
+    """Return the error of the fit ``index`` of the file ``path`` on a dataset, with its interval.
 
-
-def predict(evidence: Evidence, fit: FitRecord | TensileRecord, path: Path, index: int) -> Prediction:
-    """Simulate the fit ``index`` of the file ``path`` on a dataset, with the interval of its error.
-
-    Raises InputError as `simulate` does.
-    """
-    return _with_interval(evidence, fit, simulate(evidence, fit, path, index))
-
-
-def predict_each(evidence: Evidence, fits: Sequence[FitOfFile]) -> Iterator[Prediction]:
-    """`predict` of several fits. Raises InputError as `simulate` does."""
-    for (path, index, fit), found in zip(fits, simulate_each(evidence, fits), strict=True):
-        yield _with_interval(evidence, fit, found or simulate(evidence, fit, path, index, "followed"))
-
-
-def _with_interval(evidence: Evidence, fit: FitRecord | TensileRecord, found: Prediction) -> Prediction:
-    is_solved = found.validation.status == "ok"
-    return found.with_interval(error_interval_mm(fit, evidence, found.residuals_mm)) if is_solved else found
-
-
-def simulate_each(evidence: Evidence, fits: Sequence[FitOfFile]) -> Iterator[Prediction | None]:
-    """`simulate` of several fits, at the cost of fewer: None for those that have to be simulated by themselves.
-
-    What depth adds is much the same for fits that bend the beam alike: each begins with what was found before. Where
-    it is large a solid has to be followed through all states, which takes long and tells nothing of the other fits.
-    Raises InputError as `simulate` does.
-    """
-    near: list[Correction] = []
-    every = _planar_comparisons(evidence, [fit for _, _, fit in fits])
-    for (path, index, fit), plain in zip(fits, every, strict=True):
-        found = _simulated(evidence, fit, path, index, near, plain, "at once")
-        near += [found.correction.without_shapes()] if found and found.correction else []
-        yield found
-
-
-def simulate(
-    evidence: Evidence, fit: FitRecord | TensileRecord, path: Path, index: int, reach: Reach = "any"
-) -> Prediction:
-    """Simulate the fit ``index`` of the file ``path`` on a dataset and measure its error, without an interval.
-
-    reach: "followed" for one that `simulate_each` did not reach.
     Raises InputError when the fit was made from this very dataset under another section assumption.
     """
-    (plain,) = _planar_comparisons(evidence, [fit])
-    found = _simulated(evidence, fit, path, index, (), plain, reach)
-    assert found
-    return found
+    (prediction,) = predict([(FittedLaw(path, index, fit), evidence)])
+    return prediction.validation
 
 
-def _planar_comparisons(evidence: Evidence, fits: Sequence[FitRecord | TensileRecord]) -> list[Comparison]:
-    """How far each fit is from a dataset on the planar model on which its correction begins.
+def predict(fits: Sequence[tuple[Law, Evidence]]) -> Sequence[Prediction[Law]]:
+    """Return the predictions of fits on one dataset, with intervals. Raises InputError as `validate` does."""
+    *_, (_, predictions) = predict_on_each([fits])
+    return predictions
 
-    Those of one law that assume nothing else of the dataset are one batch.
+
+def predict_on_each(
+    datasets: Sequence[Sequence[tuple[Law, Evidence]]],
+    told: Callable[[str], None] = silent,
+    executor: Callable[[], AbstractContextManager[Executor]] | None = None,
+    meanwhile: Callable[[], None] | None = None,
+) -> Iterator[tuple[int, list[Prediction[Law]]]]:
+    """Yield each dataset's place and predictions twice: once all its fits are simulated, and at last with intervals.
+
+    Parameters
+    ----------
+    datasets
+        For each dataset every fit, with the evidence as which that fit takes the dataset.
+    told
+        Is called for each fit that is simulated and for each interval.
+    executor
+        Whose workers share the steps; None for this process alone.
+    meanwhile
+        See `completed`.
+
+    Raises
+    ------
+    InputError
+        As `validate` does.
     """
-    experiment = polished(evidence.experiment)
-    own = [assumptions_of(fit, evidence, 1) for fit in fits]
-    batches: dict[object, list[int]] = {}
-    for i, fit in enumerate(fits):
-        is_alone = own[i].bulk_modulus_Pa is not None or own[i].setup is not None
-        batches.setdefault(i if is_alone else fit.model, []).append(i)
-    found: dict[int, Comparison] = {}
-    for batch in batches.values():
-        values = np.array([fits[i].values() for i in batch])
-        every = own[batch[0]].compared(fits[batch[0]].model, values, experiment)
-        found |= {i: every.take(np.array([row])) for row, i in enumerate(batch)}
-    return [found[i] for i in range(len(fits))]
+
+    def next_steps(step: _Step, outcome: Any) -> list[_Step]:
+        """Return what is left to do for the fits that a step simulated, or could not: the long steps first."""
+        if step.kind == "interval":
+            return []
+        alone, intervals = list[_Step](), list[_Step]()
+        for fit, prediction in enumerate(outcome) if step.kind == "together" else [(step.fit, outcome)]:
+            if prediction is None:
+                fitted_law, evidence = datasets[step.dataset][fit]
+                alone.append(_Step("alone", step.dataset, fit, partial(simulate_alone, evidence, fitted_law)))
+            else:
+                intervals.append(_Step("interval", step.dataset, fit, partial(_with_interval, prediction)))
+        return alone + intervals
+
+    first = [
+        _Step("together", place, 0, partial(_simulate_together, fits, silent if executor else told))
+        for place, fits in enumerate(datasets)
+    ]
+    if executor:  # what takes longest first, lest it be waited for in the end
+        first.sort(key=lambda step: -_size(datasets[step.dataset]))
+    predictions: dict[int, list[Prediction[Law] | None]] = {}
+    steps = completed(_called, lambda step: {"call": step.call}, first, executor, (InputError,), meanwhile, next_steps)
+    for step, result in steps:
+        outcome = result()
+        if step.kind == "together":
+            predictions[step.dataset] = outcome
+        else:
+            predictions[step.dataset][step.fit] = outcome
+        if step.kind != "together" or executor:
+            _tell(step, outcome, told)
+        simulated = [prediction for prediction in predictions[step.dataset] if prediction]
+        if step.kind != "interval" and len(simulated) == len(datasets[step.dataset]):
+            yield step.dataset, simulated
+    for place in sorted(predictions):
+        yield place, [prediction for prediction in predictions[place] if prediction]
 
 
-def _simulated(
-    evidence: Evidence,
-    fit: FitRecord | TensileRecord,
-    path: Path,
-    index: int,
-    near: Sequence[Correction],
-    plain: Comparison,
-    reach: Reach,
-) -> Prediction | None:
-    """See `simulate`. near: the corrections of other fits on the same dataset; plain: of `_planar_comparisons`;
-    reach: how a solid is sought; None where it has to be followed and may not.
-    """
-    section = evidence.experiment.model.specimen.section
-    used = {reference.sha256: reference for reference in fit.datasets} if isinstance(fit, FitRecord) else {}
-    seen = used.get(evidence.sha256)
-    if seen is not None and seen.section != section:
-        raise InputError(
-            f"{path}: fits.{index} took {evidence.path} as {seen.section}, not {section}; give --section {seen.section}"
-        )
-    experiment, own = polished(evidence.experiment), assumptions_of(fit, evidence, 1)
+class _Step(NamedTuple):
+    """All fits on a dataset together, one fit alone, or the interval of its error; dataset, fit: their places."""
 
-    def against(experiments: Sequence[Experiment]) -> Comparison:
-        return own.compared(fit.model, np.array([fit.values()]), experiments[0])
-
-    (due,) = refinements([experiment])
-    foretold_mm = max(FORETOLD_MM, _OF_ERROR * float(plain.error_mm[0].mean()))
-    # Where the planar model has no equilibrium there is none to report, whatever a better one says.
-    bent = not plain.unconverged[0]
-    found = correction(due, [experiment], plain, against, near, foretold_mm, reach) if bent else None
-    if section == "solid" and bent and found is None and reach == "at once":
-        return None
-    observed, residuals = experiment.observed, plain.misfits[0].residuals
-    misfit = observed.of_residuals(residuals + found.changes[0] if found else residuals)
-    model, shapes = (found.models[0], found.better.shapes[0]) if found else (experiment.model, plain.shapes[0])
-    view = observed.view if isinstance(observed, EdgeObservation) else None
-    solved = bent and (section != "solid" or found is not None)
-    return Prediction(
-        validation=_validation(
-            evidence, fit, FitReference.of(fit, path, index), seen is not None, plain, misfit, solved
-        ),
-        correction=found,
-        edges_mm=own.as_measured(points_on(outline(model, shapes, view)[0], 6)),
-        residuals_mm=np.where(misfit.weights > 0, misfit.residuals[0], np.nan),
-        error_mm=misfit.error_mm[0],
-        deviation_mm=misfit.deviation_mm[0],
-    )
+    kind: Literal["together", "alone", "interval"]
+    dataset: int
+    fit: int
+    call: Callable[[], Any]
 
 
-def _validation(
-    evidence: Evidence,
-    fit: FitRecord | TensileRecord,
-    reference: FitReference,
-    seen: bool,
-    plain: Comparison,
-    misfit: Misfit,
-    solved: bool,
-) -> Validation:
-    """plain: of the fit on the planar mesh; misfit: with what a better model changes in it."""
-    common: dict[str, Any] = {
-        "dataset": str(evidence.path),
-        "sha256": evidence.sha256,
-        "section": evidence.experiment.model.specimen.section,
-        "model": fit.model,
-        "fit": reference,
-        "initial_shear_modulus": fit.initial_shear_modulus,
-        "seen": seen,
-        "states": evidence.used,
+def _called(call: Callable[[], Any]) -> Any:
+    return call()
+
+
+def _simulate_together(
+    fits: Sequence[tuple[Law, Evidence]], told: Callable[[str], None]
+) -> list[Prediction[Law] | None]:
+    """Simulate what can be simulated together: the fits that take the dataset under one section assumption."""
+    sections = [evidence.experiment.model.specimen.section for _, evidence in fits]
+    of_section = {
+        section: simulate_each(evidence, [law for (law, _), own in zip(fits, sections, strict=True) if own == section])
+        for section, (_, evidence) in zip(sections, fits, strict=True)
     }
-    if not solved:
-        nothing: dict[str, Any] = dict.fromkeys(
-            ("mean_error_mm", "mean_error_interval_mm", "mean_deviation_mm", "max_stretch", "stable")
-        )
-        return Validation(**common, **nothing, status="no equilibrium", within_fitted_stretch=None, by_state=())
-    stretch = float(plain.max_stretch[0])
-    return Validation(
-        **common,
-        status="ok",
-        mean_error_mm=float(misfit.error_mm[0].mean()),
-        mean_error_interval_mm=None,
-        mean_deviation_mm=float(misfit.deviation_mm[0].mean()),
-        max_stretch=stretch,
-        stable=not plain.unstable[0],
-        within_fitted_stretch=stretch <= fit.max_stretch + _SAME_STRETCH,
-        by_state=StateError.of(evidence, misfit.error_mm[0], misfit.deviation_mm[0]),
-    )
+    predictions = []
+    for section in sections:
+        prediction = next(of_section[section])
+        predictions.append(prediction)
+        if prediction:
+            told(prediction.in_words())
+    return predictions
+
+
+def _with_interval(prediction: Prediction[Law]) -> Prediction[Law]:
+    """Return the prediction with the 95 % interval of its mean error, if the beam has an equilibrium."""
+    if not prediction.has_equilibrium:
+        return prediction
+    fit, evidence = prediction.fitted_law.fit, prediction.evidence
+    interval_mm = error_interval_mm(fit, evidence, prediction.residuals_mm)
+    validation = prediction.validation.model_copy(update={"mean_error_interval_mm": interval_mm})
+    return replace(prediction, validation=validation)
+
+
+def _tell(step: _Step, outcome: Any, told: Callable[[str], None]) -> None:
+    if step.kind == "interval":
+        told(f"{outcome.in_words()}, its interval")
+        return
+    for prediction in outcome if step.kind == "together" else [outcome]:
+        if prediction:
+            told(prediction.in_words())
+
+
+def _size(fits: Sequence[tuple[Law, Evidence]]) -> float:
+    """Estimate how long a dataset takes beside others: states, and elements across a wider beam."""
+    for _, evidence in fits:
+        specimen = evidence.experiment.model.specimen
+        return len(evidence.states) * specimen.width_mm / specimen.length_mm
+    return 0.0

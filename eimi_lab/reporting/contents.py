@@ -10,30 +10,44 @@ from pathlib import Path
 from eimi_lab.dataset.reading import Dataset
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.simulated_fit import Prediction
 from eimi_lab.fits.validation import Validation
 from eimi_lab.reporting.shown import ShownFit
-from eimi_lab.reporting.simulated import SimulatedOutlines
 
 
 @dataclass(frozen=True)
 class DatasetContents:
-    """One open dataset, the fits simulated for it (those that have an equilibrium), and the validations of all fits.
+    """One open dataset, and the predictions of all fits for it.
 
     name: of its file, with as many folders as tell it from the others. leading: the fit that stands for it.
     """
 
     dataset: Dataset
     evidence: Evidence
-    simulated: tuple[SimulatedOutlines, ...]
-    validations: tuple[Validation, ...]
+    predictions: Sequence[Prediction[ShownFit]]
     name: str
     leading: ShownFit | None = None
 
     @property
-    def best(self) -> SimulatedOutlines | None:
+    def simulated(self) -> list[Prediction[ShownFit]]:
+        """The predictions of the fits with which the beam has an equilibrium."""
+        return [prediction for prediction in self.predictions if prediction.has_equilibrium]
+
+    @property
+    def validations(self) -> list[Validation]:
+        """The errors of all fits."""
+        return [prediction.validation for prediction in self.predictions]
+
+    def simulated_by(self, shown: ShownFit | None) -> Prediction[ShownFit] | None:
+        """The prediction of a fit, if the beam has an equilibrium with it."""
+        return next((prediction for prediction in self.simulated if prediction.fitted_law == shown), None)
+
+    @property
+    def best(self) -> Prediction[ShownFit] | None:
         """The leading fit, or else the one with the smallest mean error; None without any."""
-        own = (simulated for simulated in self.simulated if simulated.shown is self.leading)
-        return next(own, min(self.simulated, key=lambda s: float(s.error_mm.mean()), default=None))
+        return self.simulated_by(self.leading) or min(
+            self.simulated, key=lambda prediction: float(prediction.error_mm.mean()), default=None
+        )
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,14 @@ from jinja2 import Environment, select_autoescape
 from markupsafe import Markup
 
 from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.fits.prediction import predict_on_each
 from eimi_lab.process.outputs import whole_file, whole_folder, write_whole
 from eimi_lab.process.progress import silent
 from eimi_lab.reporting.contents import DatasetContents, ReportContents, short_names
 from eimi_lab.reporting.drawn_panels import AnyPanel, DrawnPanels, Values
 from eimi_lab.reporting.elements import Elements
+from eimi_lab.reporting.sections import evidence_for_fits
 from eimi_lab.reporting.shown import leading, read_shown
-from eimi_lab.reporting.steps import simulate_on_each
 
 Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 
@@ -55,15 +56,19 @@ def write_report(
         def of_fits() -> None:
             drawn.fits(contents())
 
-        for place, found in simulate_on_each(datasets, every, flagged, told, executor, of_fits):
+        evidence, fits_on = [], []
+        for path in datasets:
+            own, fits_on_it = evidence_for_fits(path, every, flagged)
+            evidence.append(own)
+            fits_on.append(fits_on_it)
+            told(f"{path.name} read")
+        for place, predictions in predict_on_each(fits_on, told, executor, of_fits):
             if place in shown:
-                shown[place] = replace(shown[place], validations=found.validations)  # with their intervals
+                shown[place] = replace(shown[place], predictions=predictions)  # with their intervals
                 continue
             dataset = stack.enter_context(open_dataset(datasets[place]))
-            stands_for = leading(every, found.evidence.sha256)
-            shown[place] = DatasetContents(
-                dataset, found.evidence, found.outlines, found.validations, names[place], stands_for
-            )
+            own = evidence[place]
+            shown[place] = DatasetContents(dataset, own, predictions, names[place], leading(every, own.sha256))
             drawn.dataset(shown[place])
             told(f"{names[place]}, its figures")
             of_fits()

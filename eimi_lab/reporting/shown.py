@@ -13,19 +13,17 @@ import numpy as np
 from eimi_fitting.inference.planning.choice_of_law import Choice
 from eimi_lab.fits.fits_file import read_fits_file
 from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.simulated_fit import FittedLaw
 from eimi_lab.showing.palette import LINES, MARKERS, PALETTE
 
 
-@dataclass(frozen=True)
-class ShownFit:
+@dataclass(frozen=True, eq=False)
+class ShownFit(FittedLaw):
     """One fit of a file; origin says what the law was fitted to.
 
     comparison: of the laws of its file. A law has its colour and marker, and an origin its line, throughout a report.
     """
 
-    path: Path
-    index: int
-    fit: FitRecord | TensileRecord
     comparison: tuple[Choice, ...]
     origin: str
     colour: str = PALETTE[0]

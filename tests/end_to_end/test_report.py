@@ -21,13 +21,15 @@ import pytest
 
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import engineering_stress
-from eimi_lab.fits.prediction import simulate_each
+from eimi_lab.fits import prediction
+from eimi_lab.fits.prediction import predict_on_each
+from eimi_lab.fits.simulated_fit import simulate_each
 from eimi_lab.process import workers
-from eimi_lab.reporting import panels, simulated
+from eimi_lab.reporting import panels
 from eimi_lab.reporting.citation import METHOD, SUITE
 from eimi_lab.reporting.page import write_report
-from eimi_lab.reporting.shown import read_shown
-from eimi_lab.reporting.steps import simulate_on_each
+from eimi_lab.reporting.sections import evidence_for_fits
+from eimi_lab.reporting.shown import ShownFit, read_shown
 from eimi_lab.reporting.stress import MODES, stress_curve
 
 Done = Callable[..., list[str]]
@@ -36,6 +38,10 @@ Done = Callable[..., list[str]]
 def page_of(done: Done, folder: Path, *arguments: str) -> str:
     done("report", *arguments, "-o", "report.html", "--force", folder=folder)
     return (folder / "report.html").read_text(encoding="utf-8")
+
+
+def fits_on(paths: list[Path], every: tuple[ShownFit, ...]) -> list[Any]:
+    return [evidence_for_fits(path, every, flagged=False)[1] for path in paths]
 
 
 def test_a_report_lays_tensile_fits_beside_those_of_bending(done: Done, folder: Path) -> None:
@@ -65,27 +71,28 @@ def test_workers_share_the_simulations_of_a_report_and_change_no_digit(folder: P
     paths = [folder / "train.h5", folder / "unseen.h5"]
     every = read_shown([folder / "fits.json", folder / "tensile.json"])
     here, there = list[str](), list[str]()
-    alone = dict(simulate_on_each(paths, every, False, here.append))
+    alone = dict(predict_on_each(fits_on(paths, every), here.append))
     waited = list[str]()
     shared = dict(
-        simulate_on_each(paths, every, False, there.append, partial(Copying, 2), lambda: waited.append("once"))
+        predict_on_each(fits_on(paths, every), there.append, partial(Copying, 2), lambda: waited.append("once"))
     )
     assert waited == ["once"]
-    assert len(here) == len(there) == 2 * (1 + 2 * len(every))
+    assert len(here) == len(there) == 2 * 2 * len(every)
     assert set(alone) == set(shared) == {0, 1}
     for place, own in alone.items():
         other = shared[place]
-        assert other.evidence.path == own.evidence.path
-        assert all(o.shown is s for o, s in zip(other.outlines, every, strict=True))
-        assert [v.model_dump() for v in other.validations] == [v.model_dump() for v in own.validations]
-        assert [o.edges_mm.tolist() for o in other.outlines] == [o.edges_mm.tolist() for o in own.outlines]
+        assert all(o.has_equilibrium for o in own)
+        assert [o.evidence.path for o in other] == [o.evidence.path for o in own] == [paths[place]] * len(every)
+        assert all(o.fitted_law == s and o.fitted_law.label == s.label for o, s in zip(other, every, strict=True))
+        assert [o.validation.model_dump() for o in other] == [o.validation.model_dump() for o in own]
+        assert [o.edges_mm.tolist() for o in other] == [o.edges_mm.tolist() for o in own]
 
 
 def test_a_dataset_is_shown_before_the_intervals_of_its_errors_are_known(folder: Path) -> None:
     every = read_shown([folder / "fits.json", folder / "tensile.json"])
     intervals = [
-        (place, [v.mean_error_interval_mm is not None for v in on.validations], len(on.outlines))
-        for place, on in simulate_on_each([folder / "train.h5", folder / "unseen.h5"], every, False)
+        (place, [p.validation.mean_error_interval_mm is not None for p in on], sum(p.has_equilibrium for p in on))
+        for place, on in predict_on_each(fits_on([folder / "train.h5", folder / "unseen.h5"], every))
     ]
     count = len(every)
     first, last = [False] * count, [True] * count
@@ -98,17 +105,17 @@ def test_a_fit_that_tells_nothing_of_the_others_is_simulated_by_itself(
 ) -> None:
     every = read_shown([folder / "fits.json", folder / "tensile.json"])
     paths, told = [folder / "train.h5", folder / "unseen.h5"], list[str]()
-    expected = dict(simulate_on_each(paths, every, False))
+    expected = dict(predict_on_each(fits_on(paths, every)))
 
     def but_the_second(evidence: Any, fits: Any) -> Iterator[Any]:
         for i, found in enumerate(simulate_each(evidence, fits)):
             yield None if i == 1 else found
 
-    monkeypatch.setattr(simulated, "simulate_each", but_the_second)
-    for place, on in simulate_on_each(paths, every, False, told.append, executor):
-        assert [o.edges_mm.tolist() for o in on.outlines] == [o.edges_mm.tolist() for o in expected[place].outlines]
-    assert [v.model_dump() for v in on.validations] == [v.model_dump() for v in expected[1].validations]
-    assert len(told) == 2 * (1 + 2 * len(every))
+    monkeypatch.setattr(prediction, "simulate_each", but_the_second)
+    for place, on in predict_on_each(fits_on(paths, every), told.append, executor):
+        assert [o.edges_mm.tolist() for o in on] == [o.edges_mm.tolist() for o in expected[place]]
+    assert [o.validation.model_dump() for o in on] == [o.validation.model_dump() for o in expected[1]]
+    assert len(told) == 2 * 2 * len(every)
 
 
 def test_a_page_is_the_same_by_workers_and_without(folder: Path) -> None:

@@ -107,7 +107,7 @@ def _values(contents: DatasetContents) -> dict[str, Any] | None:
         return None
     flags = flags_of(contents)
     shown, total = len(shown_states(contents)), len(contents.dataset.states)
-    edges = f"simulated by {contents.best.shown.label}" if contents.best else "as measured"
+    edges = f"simulated by {contents.best.fitted_law.label}" if contents.best else "as measured"
     words = (
         f"The first frame of {'each state' if shown == total else f'{shown} of {total} states'}, with the edges {edges}"
     )

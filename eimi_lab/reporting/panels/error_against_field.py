@@ -10,18 +10,18 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from eimi_lab.fits.simulated_fit import Prediction
 from eimi_lab.reporting.contents import DatasetContents
 from eimi_lab.reporting.elements import Picture
 from eimi_lab.reporting.panel import DatasetPanel
 from eimi_lab.reporting.shown import ShownFit
-from eimi_lab.reporting.simulated import SimulatedOutlines
 from eimi_lab.showing.drawing import Drawing, label, plain_logarithm
 
 _LOG_FROM = 20  # largest over smallest mean error beyond which errors are drawn on a logarithmic axis
 _APART = 0.5  # of the least distance between two states: how far the fits of one state are moved apart in all
 
 
-def drawn_errors(every: Sequence[SimulatedOutlines]) -> Drawing:
+def drawn_errors(every: Sequence[Prediction[ShownFit]]) -> Drawing:
     """All fits in one panel, against the field or, where that does not change, the state; bars are one deviation."""
     states = every[0].evidence.states
     fields = np.array([state.field_mT for state in states])
@@ -41,9 +41,9 @@ def drawn_errors(every: Sequence[SimulatedOutlines]) -> Drawing:
             x + apart * (place / max(len(every) - 1, 1) - 0.5) * (len(every) > 1),
             error,
             yerr=[below, deviation],
-            color=s.shown.colour,
-            marker=s.shown.marker,
-            linestyle=s.shown.line,
+            color=s.fitted_law.colour,
+            marker=s.fitted_law.marker,
+            linestyle=s.fitted_law.line,
             linewidth=1.1,
             elinewidth=0.8,
             capsize=1.5,
@@ -56,7 +56,7 @@ def drawn_errors(every: Sequence[SimulatedOutlines]) -> Drawing:
     else:
         axes.set_ylim(bottom=0)
     label(axes, "field, mT" if by_field else "state", "error, µm")
-    legend_of_fits(drawing, [s.shown for s in every])
+    legend_of_fits(drawing, [s.fitted_law for s in every])
     return drawing
 
 

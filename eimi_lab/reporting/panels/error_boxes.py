@@ -26,7 +26,7 @@ def drawn_boxes(report: ReportContents) -> Drawing:
     medians, drawn = [], {}
     for axes, contents in zip(grid, report.datasets, strict=False):
         for place, s in enumerate(report.every):
-            own = next((found for found in contents.simulated if found.shown is s), None)
+            own = contents.simulated_by(s)
             if own is None:
                 continue
             drawn[s.label] = s

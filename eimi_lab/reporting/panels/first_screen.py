@@ -9,12 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from eimi_fitting.inference.evidence.measurements import PointObservation
+from eimi_lab.fits.simulated_fit import Prediction
 from eimi_lab.reporting.contents import DatasetContents, ReportContents
 from eimi_lab.reporting.elements import Picture
 from eimi_lab.reporting.findings import findings
 from eimi_lab.reporting.frames import Crop, crop_of, frame_of, load_words, measured_mm, some_states
 from eimi_lab.reporting.panel import ReportPanel
-from eimi_lab.reporting.simulated import SimulatedOutlines
+from eimi_lab.reporting.shown import ShownFit
 from eimi_lab.showing.drawing import Drawing, label
 from eimi_lab.showing.palette import MEASURED, PALETTE
 
@@ -25,7 +26,7 @@ _CLOSE = 0.62  # width over height of the close view
 _LAST = 6  # of the edges is seen in it
 
 
-def edges_over_frames(contents: DatasetContents, simulated: SimulatedOutlines | None) -> Drawing:
+def edges_over_frames(contents: DatasetContents, simulated: Prediction[ShownFit] | None) -> Drawing:
     """Frames of the smallest and the largest load and a close view of its tip; dots are measured, lines simulated."""
     crop = crop_of(contents)
     states = some_states(contents, 2)
@@ -40,7 +41,7 @@ def edges_over_frames(contents: DatasetContents, simulated: SimulatedOutlines | 
             _look_at_tip(axes, contents, k, crop)
     handles = [Line2D([], [], marker="o", linestyle="", color=_DOTS, label="measured")]
     if simulated:
-        handles.append(Line2D([], [], color=_SIMULATED, label=f"simulated, {simulated.shown.fit.model}"))
+        handles.append(Line2D([], [], color=_SIMULATED, label=f"simulated, {simulated.fitted_law.fit.model}"))
     drawing.legend(handles=handles, loc="outside lower center", ncols=2)
     return drawing
 
@@ -48,7 +49,7 @@ def edges_over_frames(contents: DatasetContents, simulated: SimulatedOutlines | 
 def _draw(
     axes: Axes,
     contents: DatasetContents,
-    simulated: SimulatedOutlines | None,
+    simulated: Prediction[ShownFit] | None,
     k: int,
     crop: Crop,
     points: int | None,
@@ -77,7 +78,7 @@ def _look_at_tip(axes: Axes, contents: DatasetContents, k: int, crop: Crop) -> N
     axes.set_ylim(middle[1] + half / _CLOSE, middle[1] - half / _CLOSE)
 
 
-def points_over_outlines(contents: DatasetContents, simulated: SimulatedOutlines | None) -> Drawing:
+def points_over_outlines(contents: DatasetContents, simulated: Prediction[ShownFit] | None) -> Drawing:
     """Tracked points of the smallest, a middle and the largest load, with the simulated beams."""
     observed = contents.evidence.experiment.observed
     if not isinstance(observed, PointObservation):
@@ -93,7 +94,7 @@ def points_over_outlines(contents: DatasetContents, simulated: SimulatedOutlines
         places = contents.dataset.upright(observed.moved_mm[k, seen])
         axes.plot(*places.T, marker, color=MEASURED, markersize=3.5, label=f"tracked, {words}")
     if simulated:
-        axes.plot([], [], color=_SIMULATED, label=f"simulated, {simulated.shown.fit.model}")
+        axes.plot([], [], color=_SIMULATED, label=f"simulated, {simulated.fitted_law.fit.model}")
     axes.set_aspect("equal")
     label(axes, "to the right, mm", "up, mm")
     drawing.legend(loc="outside lower center", ncols=2)
@@ -105,7 +106,7 @@ def picture_of(report: ReportContents) -> Picture | None:
     found = findings(report)
     wanted = found[0].shown if found else None
     for contents in report.datasets:
-        simulated = next((s for s in contents.simulated if s.shown is wanted), None)
+        simulated = contents.simulated_by(wanted)
         if simulated or wanted is None or contents is report.datasets[-1]:
             frames = contents.dataset.kind == "frames"
             drawn = (edges_over_frames if frames else points_over_outlines)(contents, simulated)

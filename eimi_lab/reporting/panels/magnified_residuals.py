@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
+from eimi_lab.fits.simulated_fit import Prediction
 from eimi_lab.reporting.contents import DatasetContents
 from eimi_lab.reporting.elements import Picture
 from eimi_lab.reporting.frames import load_words, some_states
 from eimi_lab.reporting.panel import DatasetPanel
-from eimi_lab.reporting.simulated import SimulatedOutlines
+from eimi_lab.reporting.shown import ShownFit
 from eimi_lab.showing.drawing import Drawing, label
 from eimi_lab.showing.palette import MEASURED, PALETTE
 
@@ -25,7 +26,7 @@ _LONGEST = 0.9  # of the beam's width: how long the arrow of the largest residua
 _TYPICAL = 0.95  # quantile that stands for the largest
 
 
-def residual_vectors(simulated: SimulatedOutlines, k: int) -> tuple[Array, Array]:
+def residual_vectors(simulated: Prediction[ShownFit], k: int) -> tuple[Array, Array]:
     """(n, 2) where the measured points or markers of state k were seen, and (n, 2) measured minus simulated, in mm."""
     observed, residuals = simulated.evidence.experiment.observed, simulated.residuals_mm[k]
     if not isinstance(observed, EdgeObservation):
@@ -43,7 +44,7 @@ def residual_vectors(simulated: SimulatedOutlines, k: int) -> tuple[Array, Array
     return np.concatenate(places), np.concatenate(vectors)
 
 
-def drawn_residuals(contents: DatasetContents, simulated: SimulatedOutlines) -> tuple[Drawing, float]:
+def drawn_residuals(contents: DatasetContents, simulated: Prediction[ShownFit]) -> tuple[Drawing, float]:
     """The simulated outline with arrows from it to what was measured, magnified; and how many times."""
     chosen = some_states(contents, _STATES)
     found = [residual_vectors(simulated, k) for k in chosen]
@@ -87,8 +88,8 @@ def _values(contents: DatasetContents) -> dict[str, Any] | None:
         return None
     drawn, magnified = drawn_residuals(contents, best)
     caption = (
-        f"The beam as {best.shown.label} has it (grey, outlined), and what that leaves: arrows to what was measured, "
-        f"magnified {magnified:g} times. Above: the load, and the error of that state."
+        f"The beam as {best.fitted_law.label} has it (grey, outlined), and what that leaves: arrows to what was "
+        f"measured, magnified {magnified:g} times. Above: the load, and the error of that state."
     )
     return {"best": best, "picture": Picture("residual_arrows", drawn, "residuals as arrows on the beam", caption)}
 

@@ -12,10 +12,11 @@ from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
+from eimi_lab.fits.simulated_fit import Prediction
 from eimi_lab.reporting.contents import DatasetContents
 from eimi_lab.reporting.elements import Picture
 from eimi_lab.reporting.panel import DatasetPanel
-from eimi_lab.reporting.simulated import SimulatedOutlines
+from eimi_lab.reporting.shown import ShownFit
 from eimi_lab.showing.drawing import Drawing, label
 from eimi_lab.showing.palette import IN_ORDER
 
@@ -40,7 +41,7 @@ def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: 
     return np.asarray(np.where(from_tip < rigid_mm, length_mm - from_tip, stretched))
 
 
-def drawn_along_beam(contents: DatasetContents, simulated: SimulatedOutlines) -> Drawing:
+def drawn_along_beam(contents: DatasetContents, simulated: Prediction[ShownFit]) -> Drawing:
     """Measured minus simulated along both edges, a line a state in the colour of its field."""
     observed = simulated.evidence.experiment.observed
     if not isinstance(observed, EdgeObservation):
@@ -96,7 +97,7 @@ def _values(contents: DatasetContents) -> dict[str, Any] | None:
     best = contents.best
     if contents.dataset.kind != "frames" or best is None:
         return None
-    caption = f"What {best.shown.label} leaves along both edges; what is left should look like noise."
+    caption = f"What {best.fitted_law.label} leaves along both edges; what is left should look like noise."
     if contents.dataset.specimen.magnet is not None:
         caption += " " + _AT_THE_MAGNET
     return {
@@ -109,7 +110,7 @@ def _values(contents: DatasetContents) -> dict[str, Any] | None:
 
 PANEL = DatasetPanel(
     place=40,
-    title="What {{ best.shown.label }} leaves",
+    title="What {{ best.fitted_law.label }} leaves",
     template="{{ picture | figure }}",
     values=_values,
 )

@@ -56,7 +56,7 @@ def test_a_tensile_fit_s_misfit_is_in_kilopascal_in_the_report(tensile: TensileR
 def simulated(fit: FitRecord, evidence: Evidence, shown: Shown) -> Any:
     """As the panels get it."""
     return SimpleNamespace(
-        shown=shown(fit), evidence=evidence, error_mm=np.array([0.01, 0.02, 0.03]), deviation_mm=np.full(3, 0.004)
+        fitted_law=shown(fit), evidence=evidence, error_mm=np.array([0.01, 0.02, 0.03]), deviation_mm=np.full(3, 0.004)
     )
 
 
@@ -68,15 +68,15 @@ def test_the_report_s_figures_show_what_the_fit_says(fit: FitRecord, simulated: 
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("field, mT", "error, µm")
     contents = SimpleNamespace(
         name="beam.h5",
-        simulated=(simulated,),
+        simulated_by={simulated.fitted_law: simulated}.get,
         dataset=SimpleNamespace(specimen=SimpleNamespace(specimen=SimpleNamespace(name="one"))),
     )
-    (axes,) = drawn_boxes(SimpleNamespace(datasets=[contents], every=[simulated.shown])).axes  # type: ignore[arg-type]
+    (axes,) = drawn_boxes(SimpleNamespace(datasets=[contents], every=[simulated.fitted_law])).axes  # type: ignore[arg-type]
     median = next(line for line in axes.lines if line.get_color() == "black")
     assert median.get_ydata().tolist() == pytest.approx([20.0, 20.0])
-    (axes,) = drawn_convergence([simulated.shown]).axes
+    (axes,) = drawn_convergence([simulated.fitted_law]).axes
     assert axes.lines[0].get_ydata()[-1] == pytest.approx(1e3 * fit.history[-1].best_mm)
-    (search,) = table_of_searches([simulated.shown]).texts()
+    (search,) = table_of_searches([simulated.fitted_law]).texts()
     assert search[4].endswith(f"to {1e3 * fit.polish.mean_error_after_mm:.2f} µm")
     assert search[5] == f"{1e3 * fit.mean_error_mm:.2f} µm"
 

@@ -12,11 +12,14 @@ import pytest
 
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
+from eimi_fitting.inference.evidence.corrections import Correction, correction
 from eimi_fitting.inference.interval.draws import Draws
 from eimi_fitting.laws import LAWS
+from eimi_lab.fits import simulated_fit
 from eimi_lab.fits.evidence import Evidence
-from eimi_lab.fits.prediction import predict
+from eimi_lab.fits.prediction import predict, validate
 from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.simulated_fit import FittedLaw
 from eimi_lab.fits.validation import FitReference, Validation
 from eimi_lab.fits.validation_tables import by_dataset, by_state, matrix
 
@@ -46,12 +49,22 @@ def test_tables_of_validations_are_in_micrometres_and_kilopascal(
     assert "mean error 20 µm" in validation(fit)._repr_html_()
 
 
-def test_what_is_drawn_of_a_fit_is_the_better_model_s(fitted: FitRecord, evidence: Evidence) -> None:
+def test_what_is_drawn_of_a_fit_is_the_better_model_s(
+    fitted: FitRecord, evidence: Evidence, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The outline of the finer mesh, where there is one, and not of the one that the search had."""
-    found = predict(evidence, fitted, Path("fits.json"), 0)
-    assert found.correction is not None
-    finer = found.correction.models[0]
-    expected = points_on(outline(finer, found.correction.better.shapes[0])[0], 6)
+    corrections = list[Correction | None]()
+
+    def kept(*arguments: Any) -> Correction | None:
+        corrections.append(correction(*arguments))
+        return corrections[-1]
+
+    monkeypatch.setattr(simulated_fit, "correction", kept)
+    (found,) = predict([(FittedLaw(Path("fits.json"), 0, fitted), evidence)])
+    (better,) = corrections
+    assert better is not None
+    finer = better.models[0]
+    expected = points_on(outline(finer, better.better.shapes[0])[0], 6)
     assert found.edges_mm == pytest.approx(expected)
     coarse = outline(evidence.experiment.model, BeamModel.solve(*_at_rest(evidence)))
     assert found.edges_mm.shape[2] > points_on(coarse[0], 6).shape[2]
@@ -66,6 +79,6 @@ def test_an_error_has_no_upper_end_where_a_draw_finds_no_equilibrium(fitted: Fit
     sound = tuple((x,) for x in np.linspace(49e3, 51e3, 15).tolist())
     for draws, has_end in ((sound, True), ((*sound, (-5e3,)), False)):
         own = fitted.model_copy(update={"draws": Draws(1, ("mu",), draws)})
-        interval = predict(evidence, own, Path("fits.json"), 0).validation.mean_error_interval_mm
+        interval = validate(evidence, own, Path("fits.json"), 0).mean_error_interval_mm
         assert interval is not None
         assert (interval[1] is not None) == has_end

@@ -1,0 +1,205 @@
+"""A fit simulated on a dataset, which the fit was made from or not, and its error there.
+
+On a dataset that it was made from, a fit keeps the nuisances that it freed (magnetic moment, roll and so on); on any
+other dataset they are as stated. `prediction` adds the interval of the error and shares the work among processes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.beside import FORETOLD_MM, Reach
+from eimi_fitting.beam.outline import outline, points_on
+from eimi_fitting.inference.evidence.corrections import Correction, correction, polished, refinements
+from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit
+from eimi_lab.fits.assumptions import assumptions_of
+from eimi_lab.fits.evidence import Evidence
+from eimi_lab.fits.records import FitRecord, StateError, TensileRecord
+from eimi_lab.fits.validation import FitReference, Validation
+from eimi_lab.process.errors import InputError
+
+Array = NDArray[np.float64]
+
+_SAME_STRETCH = 1e-3  # two simulations of one beam may differ by this much
+# Of a fit's own error, or a micrometre: what depth adds to its edges is known this well. Of a fit that is hundreds of
+# micrometres off one or two states then tell, and no digit that counts is theirs.
+_OF_ERROR = 0.01
+
+
+@dataclass(frozen=True)
+class FittedLaw:
+    """A fit with its file and its place there. Two with the same file and place are equal."""
+
+    path: Path
+    index: int
+    fit: FitRecord | TensileRecord = field(compare=False)
+
+    @property
+    def label(self) -> str:
+        """What progress calls it: `fits.json, fits.0`."""
+        return f"{self.path}, fits.{self.index}"
+
+
+Law = TypeVar("Law", bound=FittedLaw)
+
+
+@dataclass(frozen=True)
+class Prediction(Generic[Law]):
+    """A fit simulated on a dataset of K states, and what that is worth.
+
+    edges_mm: (K, 2, n, 2) simulated left and right edges as the camera has them, by the better model where there is
+    one; residuals_mm: (K, 2, m) signed distances of the measured edge points or components of tracked points, NaN
+    where nothing was observed; error_mm, deviation_mm: (K,). They mean nothing where the validation's status is not
+    "ok".
+    """
+
+    fitted_law: Law
+    evidence: Evidence
+    validation: Validation
+    edges_mm: Array
+    residuals_mm: Array
+    error_mm: Array
+    deviation_mm: Array
+
+    @property
+    def has_equilibrium(self) -> bool:
+        """Whether the beam has an equilibrium in all states."""
+        return self.validation.status == "ok"
+
+    def in_words(self) -> str:
+        """Name the dataset and the fit."""
+        return f"{self.evidence.path.name}, {self.fitted_law.label}"
+
+
+def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Prediction[Law] | None]:
+    """Simulate several fits together, which costs less; None for a fit that `simulate_alone` has to simulate.
+
+    What depth adds is much the same for fits that bend the beam alike: each begins with what was found before. Where
+    it is large a solid has to be followed through all states, which takes long and tells nothing of the other fits.
+    Raises InputError for a fit that was made from this very dataset under another section assumption.
+    """
+    near: list[Correction] = []
+    for fitted_law, plain in zip(laws, _planar_comparisons(evidence, [own.fit for own in laws]), strict=True):
+        prediction, depth = _simulated(evidence, fitted_law, near, plain, "at once")
+        near += [depth.without_shapes()] if depth else []
+        yield prediction
+
+
+def simulate_alone(evidence: Evidence, fitted_law: Law) -> Prediction[Law]:
+    """Simulate a fit for which `simulate_each` yielded None. Raises InputError as that does."""
+    (plain,) = _planar_comparisons(evidence, [fitted_law.fit])
+    prediction, _ = _simulated(evidence, fitted_law, (), plain, "followed")
+    assert prediction
+    return prediction
+
+
+def _planar_comparisons(evidence: Evidence, fits: Sequence[FitRecord | TensileRecord]) -> list[Comparison]:
+    """How far each fit is from a dataset on the planar model on which its correction begins.
+
+    Those of one law that assume nothing else of the dataset are one batch.
+    """
+    experiment = polished(evidence.experiment)
+    own = [assumptions_of(fit, evidence, 1) for fit in fits]
+    batches: dict[object, list[int]] = {}
+    for i, fit in enumerate(fits):
+        is_alone = own[i].bulk_modulus_Pa is not None or own[i].setup is not None
+        batches.setdefault(i if is_alone else fit.model, []).append(i)
+    found: dict[int, Comparison] = {}
+    for batch in batches.values():
+        values = np.array([fits[i].values() for i in batch])
+        every = own[batch[0]].compared(fits[batch[0]].model, values, experiment)
+        found |= {i: every.take(np.array([row])) for row, i in enumerate(batch)}
+    return [found[i] for i in range(len(fits))]
+
+
+def _simulated(
+    evidence: Evidence, fitted_law: Law, near: Sequence[Correction], plain: Comparison, reach: Reach
+) -> tuple[Prediction[Law] | None, Correction | None]:
+    """Return the prediction, and the correction by the better model.
+
+    near: the corrections of other fits on the same dataset; plain: of `_planar_comparisons`; reach: how a solid is
+    sought; no prediction where it has to be followed and may not.
+    """
+    fit, path, index = fitted_law.fit, fitted_law.path, fitted_law.index
+    section = evidence.experiment.model.specimen.section
+    used = {reference.sha256: reference for reference in fit.datasets} if isinstance(fit, FitRecord) else {}
+    seen = used.get(evidence.sha256)
+    if seen is not None and seen.section != section:
+        raise InputError(
+            f"{path}: fits.{index} took {evidence.path} as {seen.section}, not {section}; give --section {seen.section}"
+        )
+    experiment, own = polished(evidence.experiment), assumptions_of(fit, evidence, 1)
+
+    def against(experiments: Sequence[Experiment]) -> Comparison:
+        return own.compared(fit.model, np.array([fit.values()]), experiments[0])
+
+    (due,) = refinements([experiment])
+    foretold_mm = max(FORETOLD_MM, _OF_ERROR * float(plain.error_mm[0].mean()))
+    # Where the planar model has no equilibrium there is none to report, whatever a better one says.
+    bent = not plain.unconverged[0]
+    found = correction(due, [experiment], plain, against, near, foretold_mm, reach) if bent else None
+    if section == "solid" and bent and found is None and reach == "at once":
+        return None, None
+    observed, residuals = experiment.observed, plain.misfits[0].residuals
+    misfit = observed.of_residuals(residuals + found.changes[0] if found else residuals)
+    model, shapes = (found.models[0], found.better.shapes[0]) if found else (experiment.model, plain.shapes[0])
+    view = observed.view if isinstance(observed, EdgeObservation) else None
+    solved = bent and (section != "solid" or found is not None)
+    prediction = Prediction(
+        fitted_law,
+        evidence,
+        validation=_validation(
+            evidence, fit, FitReference.of(fit, path, index), seen is not None, plain, misfit, solved
+        ),
+        edges_mm=own.as_measured(points_on(outline(model, shapes, view)[0], 6)),
+        residuals_mm=np.where(misfit.weights > 0, misfit.residuals[0], np.nan),
+        error_mm=misfit.error_mm[0],
+        deviation_mm=misfit.deviation_mm[0],
+    )
+    return prediction, found
+
+
+def _validation(
+    evidence: Evidence,
+    fit: FitRecord | TensileRecord,
+    reference: FitReference,
+    seen: bool,
+    plain: Comparison,
+    misfit: Misfit,
+    solved: bool,
+) -> Validation:
+    """plain: of the fit on the planar mesh; misfit: with what a better model changes in it."""
+    common: dict[str, Any] = {
+        "dataset": str(evidence.path),
+        "sha256": evidence.sha256,
+        "section": evidence.experiment.model.specimen.section,
+        "model": fit.model,
+        "fit": reference,
+        "initial_shear_modulus": fit.initial_shear_modulus,
+        "seen": seen,
+        "states": evidence.used,
+    }
+    if not solved:
+        nothing: dict[str, Any] = dict.fromkeys(
+            ("mean_error_mm", "mean_error_interval_mm", "mean_deviation_mm", "max_stretch", "stable")
+        )
+        return Validation(**common, **nothing, status="no equilibrium", within_fitted_stretch=None, by_state=())
+    stretch = float(plain.max_stretch[0])
+    return Validation(
+        **common,
+        status="ok",
+        mean_error_mm=float(misfit.error_mm[0].mean()),
+        mean_error_interval_mm=None,
+        mean_deviation_mm=float(misfit.deviation_mm[0].mean()),
+        max_stretch=stretch,
+        stable=not plain.unstable[0],
+        within_fitted_stretch=stretch <= fit.max_stretch + _SAME_STRETCH,
+        by_state=StateError.of(evidence, misfit.error_mm[0], misfit.deviation_mm[0]),
+    )
