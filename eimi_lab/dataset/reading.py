@@ -20,10 +20,11 @@ from eimi_lab.config.toml import differences, parse
 from eimi_lab.dataset.dark_and_flat import correction_by, stored_correction
 from eimi_lab.dataset.labelled import labelled_edges, labelled_points
 from eimi_lab.dataset.layout import FORMAT, FORMAT_ATTRIBUTE, Kind, flags_from_text, get_text
-from eimi_lab.dataset.mending import MendedFile, close_superblock
 from eimi_lab.dataset.points import TrackedPoints, read_points
-from eimi_lab.dataset.probing import why_unreadable
 from eimi_lab.dataset.recordings import BELONGS_TO, CONDITIONING, RELEASE, TRANSIENTS, Recording, read_recording
+from eimi_lab.dataset.repair.mended_file import MendedFile
+from eimi_lab.dataset.repair.probing import why_unreadable
+from eimi_lab.dataset.repair.superblock import close_superblock
 from eimi_lab.dataset.state import State
 from eimi_lab.dataset.stored_edges import read_edges, read_projection
 from eimi_lab.dataset.tip_force_angles import tip_force_angles

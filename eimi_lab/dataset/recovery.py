@@ -19,9 +19,12 @@ import h5py
 import numpy as np
 
 from eimi_lab.dataset.layout import FRAME_COLUMNS, STATE_COLUMNS, append, columns, flags_from_text, flags_to_text
-from eimi_lab.dataset.mending import MendedFile, close_superblock, is_hdf5, mend_chunks, mend_metadata
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.recordings import BELONGS_TO, complete_rows, keep_rows
+from eimi_lab.dataset.repair.chunks import mend_chunks
+from eimi_lab.dataset.repair.mended_file import MendedFile
+from eimi_lab.dataset.repair.metadata import mend_metadata
+from eimi_lab.dataset.repair.superblock import close_superblock, is_hdf5
 from eimi_lab.process.errors import InputError, OwnFault, tell
 from eimi_lab.process.outputs import whole_file
 from eimi_lab.process.writer_lock import is_being_written

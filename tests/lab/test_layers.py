@@ -35,6 +35,7 @@ ORDER = (
     ("eimi_lab.vision",),
     ("eimi_lab.vision.edges", "eimi_lab.vision.following"),
     ("eimi_lab.vision.calibration",),
+    ("eimi_lab.dataset.repair",),
     ("eimi_lab.dataset",),
     ("eimi_lab.virtual",),
     ("eimi_lab.acquisition",),

@@ -13,10 +13,10 @@ import pytest
 from eimi_drivers.interfaces import Frame
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
-from eimi_lab.dataset.checksums import fletcher32, flipped_bit, flipped_bit_of_chunk, lookup3
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recovery import recover
+from eimi_lab.dataset.repair.checksums import fletcher32, flipped_bit, flipped_bit_of_chunk, lookup3
 from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.process.errors import InputError
 

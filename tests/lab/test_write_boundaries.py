@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from eimi_lab.dataset import reading
-from eimi_lab.dataset.probing import read_all_but_frames
 from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.dataset.repair.probing import read_all_but_frames
 
 COMPILER = shutil.which("cc")
 SHAPE = (24, 32)
