@@ -37,7 +37,7 @@ PICTURES, NAMES = 16, 4000  # a recording is played as fast as it is asked for, 
 SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGKILL)
 DRIVERS = ("scpi", "korad")  # the quick one first, for short campaigns
 WATCH_EVERY_S = 0.002
-GIVE_UP_AFTER_S = 60.0
+GIVE_UP_AFTER_S = 600.0
 BEFORE_ANY = "stopped before a file was begun"
 
 FILES = {

@@ -23,7 +23,7 @@ SHIPPED = "dragon_skin_10"
 FULL_A = 1.5
 STATES = 8
 NAMES = 6000
-WAIT_AT_MOST_S = 120.0
+WAIT_AT_MOST_S = 600.0
 
 
 class Supply:
@@ -73,7 +73,7 @@ class Supply:
         """End the process."""
         assert self._process.stdin is not None
         self._process.stdin.close()
-        self._process.wait(10)
+        self._process.wait(WAIT_AT_MOST_S)
 
 
 @dataclass
@@ -167,7 +167,7 @@ camera = {{ driver = "opencv", source = "recording" }}
             status = self.process.wait(20)
         wait_until(lambda: not alive(self.guardian), "the guardian never ended")
         if not self.unread:
-            self._reader.join(10)
+            self._reader.join(WAIT_AT_MOST_S)
         else:
             os.close(self._pipe)
         return status

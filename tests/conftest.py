@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 # Before numpy is loaded: more threads do not help matrices this small, and tests run beside one another.
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
@@ -21,6 +22,14 @@ for _number, _handler in ((signal.SIGINT, signal.default_int_handler), (signal.S
 
 # What a test starts inherits it, and whatever that starts, beside the name of the test that pytest itself puts there.
 os.environ["EIMI_TESTS_OF"] = str(os.getpid())
+
+# Every run draws the same examples, and none has a deadline, nor a limit on how long drawing takes: what a test says of
+# the code must not depend on chance or on the machine's load. `--hypothesis-profile=search` draws new examples.
+settings.register_profile(
+    "steady", deadline=None, derandomize=True, print_blob=True, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.register_profile("search", settings.get_profile("steady"), derandomize=False)
+settings.load_profile("steady")
 
 # Measurements that are not ours to ship lie beside the checkout.
 MEASURED = Path(__file__).parents[2] / "shared" / "data"

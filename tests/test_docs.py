@@ -20,6 +20,8 @@ from typing import Any
 
 import pytest
 
+from tests.patience import PATIENCE_S
+
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 ROOMS = ("drivers", "eimi_lab", "examples", "fitting")
@@ -78,7 +80,7 @@ def follow(page: Path, folder: Path, shortened: bool) -> None:
                 env=environment,
                 capture_output=True,
                 text=True,
-                timeout=600,
+                timeout=PATIENCE_S,
                 check=False,
             )
             told = f"{page.name}:\n{script}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
@@ -162,7 +164,7 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     for package in ("material", "mkdocstrings"):
         pytest.importorskip(package, reason="needs pip install '.[docs]'")
     command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "-d", str(tmp_path / "site")]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=300)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "site" / "file_formats" / "index.html").is_file()
 

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.patience import PATIENCE_S
+
 PROJECT = Path(__file__).parents[1]
 SIGNALS = [signal.SIGINT, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
 
@@ -23,14 +25,14 @@ def test_a_suite_that_begins_with_signals_ignored_heeds_them_and_passes_that_on(
     """One test that sends itself Ctrl-C, and what a program sees that a test starts."""
     chosen = ("tests/lab/test_contact.py::test_a_second_ctrl_c_leaves_out_the_ramp", f"{__file__}::{_HEEDED}")
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-n0", "-p", "no:cacheprovider", *chosen]
-    done = subprocess.run(command, cwd=PROJECT, preexec_fn=ignore, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(command, cwd=PROJECT, preexec_fn=ignore, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stdout
 
 
 def test_a_program_that_a_test_starts_is_ended_by_signals() -> None:
     code = "import signal, sys; sys.exit(any(signal.getsignal(n) is signal.SIG_IGN for n in map(int, sys.argv[1:])))"
     numbers = [str(int(number)) for number in SIGNALS]
-    assert subprocess.run([sys.executable, "-c", code, *numbers], timeout=60).returncode == 0
+    assert subprocess.run([sys.executable, "-c", code, *numbers], timeout=PATIENCE_S).returncode == 0
     assert not any(signal.getsignal(number) is signal.SIG_IGN for number in SIGNALS)
 
 

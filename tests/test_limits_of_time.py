@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.spoilt_bench import alive, wait_until
+from tests.patience import PATIENCE_S
 
 PROJECT = Path(__file__).parents[1]
 HANGING = """
@@ -47,7 +48,9 @@ def test_a_test_that_hangs_is_ended_with_all_that_it_started(tmp_path: Path) -> 
     options = ("-q", "-n0", "-p", "no:cacheprovider", "-p", "conftest", "-c", PROJECT / "pyproject.toml")
     command = [sys.executable, "-m", "pytest", *options, tmp_path]
     path = os.pathsep.join([str(PROJECT / "tests"), os.environ.get("PYTHONPATH", "")])
-    done = subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        command, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=PATIENCE_S
+    )
     assert done.returncode == 1, done.stdout
     assert "Timeout" in done.stdout
     programs = [int(number) for number in re.findall(r"^begun (\d+)$", done.stdout, re.M)]

@@ -21,7 +21,7 @@ from dataclasses import asdict, dataclass
 
 from eimi_drivers.interfaces import InstrumentError
 
-READY_WITHIN_S = 30.0
+READY_WITHIN_S = 120.0
 STILL_FOR_S = 5.0
 """A run that has not beaten for so long is taken for one that stands still."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
@@ -70,7 +71,11 @@ def open_bench(
                     open_supply(ward.driver, ward.address, Limits(ward.current_A, ward.voltage_V), wall, transcript)
                 )
             )
-            eye = TimedCamera(f"camera {rig.camera.source}", lambda: open_rig_camera(rig, specimen, wall, cue))
+            eye = TimedCamera(
+                f"camera {rig.camera.source}",
+                lambda: open_rig_camera(rig, specimen, wall, cue),
+                time.process_time if rig.virtual else time.monotonic,
+            )
             opened.callback(_close_or_tell, eye)
         except InstrumentDisconnected as error:
             raise InstrumentDisconnected(f"{error}; {_attached()}") from error

@@ -23,13 +23,29 @@ from eimi_lab.process.errors import InputError
 
 LOOK_EVERY_S = 0.4
 MOST_GENERATIONS = 400
+LONGEST_LINE_BYTES = 1 << 24
 FITS, LOG, REPORT = ".fits.json", ".fits.log", ".report.html"
 
 
 @dataclass
 class Fitting:
-    """A fit under way, or ended. phase: fitting, reporting, done, failed. generations: (number, best mm, mean mm)."""
+    """A fit under way, or ended.
 
+    Parameters
+    ----------
+    number : int
+        Counts the fits of this page, so that a tab can tell two fits of one dataset apart.
+    dataset, model : str
+        The dataset's name in the folder, and the law.
+    phase : str
+        "fitting", "reporting", "done" or "failed".
+    generations : list of (int, float, float)
+        Number of the generation, its best and its mean error in mm.
+    last_words : str
+        The last line that the command wrote to standard error.
+    """
+
+    number: int
     dataset: str
     model: str
     phase: str = "fitting"
@@ -44,6 +60,7 @@ class FitDesk:
         self._folder, self._worker, self._steered, self._changed = folder, worker, tabs.steered, tabs.changed
         self._process: asyncio.subprocess.Process | None = None
         self._task: asyncio.Task[None] | None = None
+        self._number = 0
         self.fitting: Fitting | None = None
 
     def routes(self) -> list[BaseRoute]:
@@ -82,7 +99,8 @@ class FitDesk:
         fits = dataset.with_suffix(FITS)
         if fits.exists() and asked.get("replace") is not True:
             raise InputError(f"{self._folder.name_of(fits)}: exists already; it is replaced where that is asked for")
-        self.fitting = Fitting(self._folder.name_of(dataset), model)
+        self._number += 1
+        self.fitting = Fitting(self._number, self._folder.name_of(dataset), model)
         self._task = asyncio.create_task(self._fit(dataset, self.fitting))
         return {}
 
@@ -96,21 +114,32 @@ class FitDesk:
                 self._process.terminate()
 
     async def _fit(self, dataset: Path, fitting: Fitting) -> None:
-        fits, log, report = (dataset.with_suffix(ending) for ending in (FITS, LOG, REPORT))
-        log.unlink(missing_ok=True)
-        following = asyncio.create_task(self._follow(log, fitting))
-        fit = (f"--model={fitting.model}", f"--output={fits}", f"--checkpoint={log}", "--force", "--", str(dataset))
-        done = await self._eimi(fitting, "fit", *fit)
-        following.cancel()
-        if done:
-            fitting.phase = "reporting"
+        """Fit, then write the report. However this ends, the tabs are told that it ended."""
+        log = dataset.with_suffix(LOG)
+        done = False
+        try:
+            log.unlink(missing_ok=True)
+            done = await self._fit_and_report(dataset, log, fitting)
+            log.unlink(missing_ok=True)
+        except OSError as error:
+            fitting.last_words = " ".join(str(error).split())
+        finally:
+            fitting.phase = "done" if done else "failed"
             self._changed()
-            done = await self._eimi(
-                fitting, "report", f"--fit={fits}", f"--output={report}", "--force", "--", str(dataset)
-            )
-        log.unlink(missing_ok=True)
-        fitting.phase = "done" if done else "failed"
+
+    async def _fit_and_report(self, dataset: Path, log: Path, fitting: Fitting) -> bool:
+        """Run both commands. Return whether both ended well."""
+        fits, report = dataset.with_suffix(FITS), dataset.with_suffix(REPORT)
+        fit = (f"--model={fitting.model}", f"--output={fits}", f"--checkpoint={log}", "--force", "--", str(dataset))
+        following = asyncio.create_task(self._follow(log, fitting))
+        try:
+            if not await self._eimi(fitting, "fit", *fit):
+                return False
+        finally:
+            following.cancel()
+        fitting.phase = "reporting"
         self._changed()
+        return await self._eimi(fitting, "report", f"--fit={fits}", f"--output={report}", "--force", "--", str(dataset))
 
     async def _eimi(self, fitting: Fitting, *arguments: str) -> bool:
         """Run a command; whether it ended well."""
@@ -120,6 +149,7 @@ class FitDesk:
             stdout=asyncio.subprocess.DEVNULL,
             stderr=asyncio.subprocess.PIPE,
             start_new_session=True,
+            limit=LONGEST_LINE_BYTES,
         )
         assert self._process.stderr is not None
         async for line in self._process.stderr:

@@ -188,7 +188,7 @@ def _begin_work() -> None:
     leave_with_parent()
     keep_what_is_freed()
     if hasattr(os, "nice"):
-        os.nice(5)
+        os.nice(1)
 
 
 @contextmanager

@@ -19,8 +19,7 @@ from eimi_drivers.interfaces import (
     InstrumentTimeout,
     SetPointRefused,
 )
-
-PATIENCE_S = 20.0
+from tests.patience import PATIENCE_S
 
 
 @pytest.fixture(scope="module")
@@ -136,4 +135,4 @@ def test_attached_cameras_are_listed(two_cameras):
 
 def test_drivers_are_imported_without_pypylon():
     code = "import sys; import eimi_drivers.cameras; sys.exit('pypylon' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+    assert subprocess.run([sys.executable, "-c", code], timeout=PATIENCE_S).returncode == 0

@@ -165,7 +165,7 @@ def run(driver: str, replies: int) -> Counter[str]:
         milliamperes=st.integers(300, 999),
         locked=st.booleans(),
     )
-    @settings(max_examples=max(replies // 20, 20), deadline=None, database=None)
+    @settings(max_examples=max(replies // 20, 20), database=None)
     def batch(spoils: list[Spoil], milliamperes: int, locked: bool) -> None:
         fuzz(driver, spoils, milliamperes, locked, figures)
 

@@ -17,6 +17,7 @@ from eimi_drivers.emulators.hislip import serve_hislip
 from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentTimeout, Limits, PowerSupply, SwitchOffFailed
 from eimi_drivers.supplies import open_supply
 from eimi_drivers.supplies.transport import VisaTransport
+from tests.patience import PATIENCE_S
 
 LIMITS = Limits(current_A=1.0, voltage_V=12.0)
 
@@ -74,7 +75,7 @@ def test_a_wall_clock_that_is_set_back_makes_no_wait_longer(monkeypatch: pytest.
         asking.start()
         WallClock().sleep(0.1)
         monkeypatch.setattr(time, "time", lambda: wall() - 3600)
-        asking.join(30)
+        asking.join(PATIENCE_S)
         assert len(caught) == 1
         link.close()
 

@@ -24,8 +24,7 @@ from eimi_drivers.interfaces import (
     SetPointNotTaken,
     SetPointRefused,
 )
-
-PATIENCE_S = 20.0
+from tests.patience import PATIENCE_S
 
 
 def pictures(count: int, dtype: type = np.uint8) -> list[np.ndarray]:

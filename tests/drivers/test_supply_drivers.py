@@ -94,7 +94,6 @@ def test_an_output_that_does_not_switch_on_is_reported(staged_bench):
 
 
 @given(current_A=st.floats(0.0, 0.7))
-@settings(deadline=None)
 @pytest.mark.parametrize("driver", sorted(DIALECTS))
 def test_a_set_point_never_passes_the_limit_and_is_within_a_step(driver, current_A):
     coil = CoilSupply(SimulatedClock())
@@ -132,7 +131,7 @@ ANSWERS = st.one_of(
 
 
 @given(answers=st.lists(ANSWERS, min_size=1, max_size=4))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @pytest.mark.parametrize("driver", sorted(DIALECTS))
 def test_whatever_an_instrument_answers_the_errors_are_the_known_ones(driver, answers):
     clock = SimulatedClock()

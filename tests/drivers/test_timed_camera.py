@@ -13,6 +13,7 @@ from eimi_drivers.cameras import timed
 from eimi_drivers.cameras.settings import NO_SETTINGS
 from eimi_drivers.cameras.timed import TimedCamera, calls_under_way
 from eimi_drivers.interfaces import Camera, Frame, Identity, InstrumentDisconnected, InstrumentTimeout
+from tests.patience import PATIENCE_S
 
 
 class StubbornCamera:
@@ -115,6 +116,30 @@ def test_the_caller_is_asked_meanwhile_and_may_leave() -> None:
     assert [what for what, _ in inner.calls] == ["grab", "close"]
 
 
+def test_a_simulated_camera_is_not_late_for_what_the_host_did_not_compute() -> None:
+    """The host's clock runs past every deadline while the camera computes; its own clock stands still."""
+    inner = StubbornCamera("grab")
+    camera = TimedCamera("virtual", lambda: inner, seconds=lambda: 0.0)
+    waits: list[bool] = []
+
+    def wait() -> None:
+        waits.append(True)
+        if len(waits) == 6:  # 0.6 s of the host's, where 0.2 s are allowed
+            inner.release.set()
+
+    camera.meanwhile = wait
+    assert camera.grab(0.0).number == 7
+    camera.close()
+
+
+def test_a_simulated_camera_that_computes_too_long_is_an_error() -> None:
+    inner, now = StubbornCamera("grab"), iter(range(1000))
+    camera = TimedCamera("virtual", lambda: inner, seconds=lambda: float(next(now)))
+    with pytest.raises(InstrumentTimeout, match="did not come back from grab"):
+        camera.grab(3.0)
+    inner.release.set()
+
+
 def test_a_program_ends_with_a_call_that_never_does() -> None:
     script = """
 import threading
@@ -126,5 +151,7 @@ try:
 except InstrumentTimeout as error:
     print(error)
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=PATIENCE_S, check=True
+    )
     assert "did not come back" in done.stdout

@@ -19,6 +19,7 @@ from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.stored_edges import write_edges
 from eimi_lab.fits.fits_file import read_any_fits
 from eimi_lab.vision.flags import judge
+from tests.patience import PATIENCE_S
 
 README = Path(__file__).parents[2] / "README.md"
 PAPER = Path(__file__).parents[2] / "docs" / "why" / "paper.md"
@@ -43,7 +44,7 @@ def demonstration(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """The folder of a quick demonstration and what it printed."""
     folder = tmp_path_factory.mktemp("demonstration")
     command = [sys.executable, "-m", "eimi_lab", "demo", "--quick", "-o", "demo"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stderr
     return folder / "demo", done.stdout
 
@@ -121,7 +122,9 @@ def test_the_five_lines_of_the_readme(demonstration, tmp_path):
     assert len([line for line in lines.splitlines() if line]) == 5
     # A notebook shows the last line's value; a script has to ask for it.
     script = lines + "print(fit._repr_html_())\nprint(frame)\n"
-    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE_S
+    )
     assert done.returncode == 0, done.stderr
     assert "<td>initial shear modulus</td>" in done.stdout
     assert "These data fix" in done.stdout

@@ -14,6 +14,7 @@ import pytest
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.virtual.virtual_rig import open_virtual_rig
+from tests.patience import PATIENCE_S
 
 FRAMES, RATE_HZ = 6, 30.0  # of each state; compressed, with noise
 RED, WALL = np.array([50.0, 45.0, 205.0]), np.array([185.0, 200.0, 210.0])  # blue, green, red
@@ -53,7 +54,7 @@ def test_a_filmed_beam_goes_to_its_modulus(tmp_path: Path) -> None:
         "fit run.h5 --model neo-hookean -o fits.json",
     ):
         command = [sys.executable, "-m", "eimi_lab", *line.split()]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
         assert done.returncode == 0, done.stderr
     assert "4 of 4 states used" in done.stdout
     (fit,) = json.loads((tmp_path / "fits.json").read_text())["fits"]

@@ -57,7 +57,7 @@ def differences(function, nodal: np.ndarray) -> np.ndarray:
 
 @every_law
 @every_section
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @random_deformations
 def test_forces_are_the_derivative_of_the_energy(name, section, seed):
     _, ops, batch = one_element(name, section)
@@ -69,7 +69,7 @@ def test_forces_are_the_derivative_of_the_energy(name, section, seed):
 
 @every_law
 @every_section
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @random_deformations
 def test_tangent_is_the_derivative_of_the_forces_and_symmetric(name, section, seed):
     _, ops, batch = one_element(name, section)
@@ -81,7 +81,7 @@ def test_tangent_is_the_derivative_of_the_forces_and_symmetric(name, section, se
     assert pytest.approx(K.T, abs=1e-12 * np.abs(K).max()) == K
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @random_deformations
 def test_volume_coupling_is_the_derivative_of_the_volume_residual(seed):
     _, ops, batch = one_element("neo-hookean", "plane-strain")
@@ -96,7 +96,7 @@ def test_volume_coupling_is_the_derivative_of_the_volume_residual(seed):
 
 @every_law
 @every_section
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @random_deformations
 def test_predicted_stress_is_the_stress_to_first_order(name, section, seed):
     _, ops, batch = one_element(name, section)
@@ -122,7 +122,7 @@ def forces_at(mesh: Mesh, batch: Batch, places: np.ndarray, pressure: np.ndarray
 
 @every_law
 @every_section
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(angle=st.floats(-np.pi, np.pi), seed=st.integers(0, 10**6))
 def test_objective_forces_turn_with_the_deformed_body(name, section, angle, seed):
     mesh, _, batch = one_element(name, section)
@@ -134,7 +134,7 @@ def test_objective_forces_turn_with_the_deformed_body(name, section, angle, seed
 
 @every_law
 @every_section
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(angle=st.floats(-np.pi, np.pi), seed=st.integers(0, 10**6))
 def test_isotropic_the_material_knows_no_direction(name, section, angle, seed):
     # The body at rest is turned, not the deformed one: the same places need the same forces.
@@ -149,7 +149,7 @@ def test_isotropic_the_material_knows_no_direction(name, section, angle, seed):
 
 @every_law
 @every_section
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @random_deformations
 def test_a_mirrored_deformation_has_mirrored_forces_and_no_force_or_moment_is_left_over(name, section, seed):
     mesh, ops, batch = one_element(name, section)

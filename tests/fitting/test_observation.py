@@ -35,7 +35,7 @@ def arc(radius: float, segments: int = 12, angle: float = 1.2) -> np.ndarray:
     return np.stack([points[0:-1:2], points[1::2], points[2::2]], axis=1)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(offset=st.floats(-2.0, 2.0), along=st.floats(0.05, 1.15))
 def test_distance_to_a_circle_is_the_difference_of_radii(offset, along):
     radius = 20.0

@@ -55,7 +55,7 @@ def differences(function, nodal: np.ndarray) -> np.ndarray:
 
 @every_law
 @pytest.mark.parametrize("size", [0.05, 1e-3, 1e-6, 0.0])  # down to equal stretches
-@settings(max_examples=2, deadline=None)
+@settings(max_examples=2)
 @given(seed=st.integers(0, 10**6))
 def test_forces_tangent_and_predicted_stress_are_derivatives_of_the_energy(name, size, seed):
     ops, batch = one_brick(name)

@@ -25,13 +25,14 @@ from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.points import Load, TrackedPoints, write_points
 from eimi_lab.dataset.reading import open_dataset
+from tests.patience import PATIENCE_S
 
 Run = Callable[..., tuple[int, str]]
 
 
 def eimi(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "eimi_lab", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
 
 
 ACQUIRE = ("acquire", "protocol.toml", "--specimen", "specimen.toml", "--rig")
@@ -136,7 +137,7 @@ def test_an_emulated_supply_is_served_until_ctrl_c(files: Path) -> None:
         assert not supply.output_on()
         supply.close()
         server.send_signal(signal.SIGINT)
-        assert server.wait(20) == 130
+        assert server.wait(PATIENCE_S) == 130
 
 
 def test_ctrl_c_while_the_package_is_imported_ends_in_one_line(tmp_path: Path) -> None:

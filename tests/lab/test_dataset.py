@@ -24,6 +24,7 @@ from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.process.errors import InputError
 from eimi_lab.vision.check import Flag
 from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
+from tests.patience import PATIENCE_S
 
 NOT_SETTLED = Flag("NOT_SETTLED", 1.7, 1.2, "Wait longer: 30 s were not enough.")
 
@@ -246,7 +247,7 @@ with DatasetWriter(folder / "crashed.h5", header, Frame(image(0), 0, 0.0)) as wr
 
 @pytest.mark.parametrize("states", [1, 5])
 def test_a_killed_writer_loses_no_acknowledged_state(files: Path, states: int) -> None:
-    subprocess.run([sys.executable, "-c", WRITE_AND_DIE, str(files), str(states)], check=False, timeout=60)
+    subprocess.run([sys.executable, "-c", WRITE_AND_DIE, str(files), str(states)], check=False, timeout=PATIENCE_S)
     crashed = files / "crashed.h5"
     with pytest.raises(OSError, match=r"."):
         h5py.File(crashed, "r")
@@ -277,7 +278,9 @@ with open_dataset({str(files / "run.h5")!r}) as dataset:
     with DatasetWriter(files / "run.h5", header(files), Frame(frame(0), 0, 0.0)) as writer:
         for k in range(2):
             writer.append_state([Frame(frame(k), k, 0.0)], current_A=k / 10, field_mT=0.0)
-            out = subprocess.run([sys.executable, "-c", reader], capture_output=True, text=True, timeout=60, check=True)
+            out = subprocess.run(
+                [sys.executable, "-c", reader], capture_output=True, text=True, timeout=PATIENCE_S, check=True
+            )
             assert out.stdout.split("\n")[0] == f"{k + 1} False (1, 96, 128)"
 
 

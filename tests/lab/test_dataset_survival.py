@@ -20,6 +20,7 @@ from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recovery import recover
 from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.process.errors import InputError
+from tests.patience import PATIENCE_S
 
 # Files may grow to so many bytes and no more: what a full disk does, without one. HDF5 gets the same kind of error.
 WRITE_UNTIL_FULL = """
@@ -54,7 +55,7 @@ except StorageFailed as error:
 def write_until_full(folder: Path, size: int, states: int = 8, settling: int = 0) -> tuple[int, str]:
     """Acknowledged states and what was said. settling: frames kept of how the beam came to rest in each."""
     command = [sys.executable, "-c", WRITE_UNTIL_FULL, str(folder), *map(str, (size, states, settling))]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 0, done.stderr
     return len(done.stdout.split()), done.stderr
 
@@ -126,7 +127,7 @@ with open_dataset({str(files / "run.h5")!r}) as dataset:
             assert looking.stdout.readline() == "1\n"
             for k in range(1, 4):
                 writer.append_state([first], current_A=k / 10, field_mT=0.0)
-            out, _ = looking.communicate("\n", timeout=60)
+            out, _ = looking.communicate("\n", timeout=PATIENCE_S)
             assert out == "(1, 96, 128)\n"
             assert looking.returncode == 0
     with open_dataset(files / "run.h5") as dataset:

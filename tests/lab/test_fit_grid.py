@@ -34,6 +34,7 @@ from eimi_lab.fits.fits_file import read_any_fits
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.workers import cluster, completed, executor_for, processes
+from tests.patience import PATIENCE_S
 
 Run = Callable[..., tuple[int, str]]
 
@@ -178,8 +179,8 @@ def dask() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
     try:
         from distributed import Client
 
-        with Client(address, timeout=60) as client:
-            client.wait_for_workers(2, timeout=60)
+        with Client(address, timeout=PATIENCE_S) as client:
+            client.wait_for_workers(2, timeout=PATIENCE_S)
         yield address, started[1:]
     finally:
         for process in started:
@@ -202,7 +203,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_same(
 
     found = fit_grid(tasks, {}, executor=partial(cluster, address), report=kill_one)
     assert len(reported) == len(tasks) == 6
-    assert workers[0].wait(10) == -signal.SIGKILL
+    assert workers[0].wait(PATIENCE_S) == -signal.SIGKILL
     assert plain(found) == plain(fit_grid(tasks, {}, executor=partial(processes, 2)))
 
 
@@ -232,7 +233,7 @@ def test_a_fit_that_is_stopped_says_so_in_one_line_and_takes_its_workers_along(
     while process.poll() is None and generations(tmp_path / "log.jsonl") < 1:
         time.sleep(0.002)
     os.killpg(process.pid, number)
-    said = process.communicate(timeout=60)[1]  # to the end: as long as any of its processes is there
+    said = process.communicate(timeout=PATIENCE_S)[1]  # to the end: as long as any of its processes is there
     assert (process.returncode, said.decode()) == (128 + number, f"eimi: stopped by {number.name}\n")
     assert not (tmp_path / "fits.json").exists()
 
@@ -258,7 +259,7 @@ def test_a_fit_killed_again_and_again_ends_as_if_it_had_not_been(beams: Path, tm
     fit = ["fit", beams / "first.h5", "--model", "neo-hookean", "--seed", 1, "--seed", 2, "--restarts", 1, "--bipop"]
     fit += ["--workers", workers, "--resume"]
     whole = eimi(*fit, "-o", "whole.json", "--checkpoint", "whole.jsonl", cwd=tmp_path)
-    assert whole.wait(300) == 0, whole.stderr
+    assert whole.wait(PATIENCE_S) == 0, whole.stderr
     log = tmp_path / "log.jsonl"
     kills = 0
     for target in (1, 8, 20, 30):
@@ -266,13 +267,13 @@ def test_a_fit_killed_again_and_again_ends_as_if_it_had_not_been(beams: Path, tm
         while process.poll() is None and generations(log) < target:
             time.sleep(0.002)
         process.send_signal(signal.SIGKILL)
-        kills += process.wait(60) == -signal.SIGKILL
+        kills += process.wait(PATIENCE_S) == -signal.SIGKILL
         if kills == 2:  # the third is to find a line that was cut short
             log.write_bytes(log.read_bytes()[:-40])
     assert kills >= 3
     assert not (tmp_path / "fits.json").exists()
     last = eimi(*fit, "-o", "fits.json", "--checkpoint", "log.jsonl", cwd=tmp_path)
-    assert last.wait(300) == 0, last.stderr
+    assert last.wait(PATIENCE_S) == 0, last.stderr
     assert read(tmp_path / "fits.json") == read(tmp_path / "whole.json")
     # The same generations were told the same: order of lines aside, one log holds what the other holds.
     logged = [
@@ -283,7 +284,7 @@ def test_a_fit_killed_again_and_again_ends_as_if_it_had_not_been(beams: Path, tm
     # What is finished is not done again.
     (tmp_path / "fits.json").unlink()
     size = log.stat().st_size
-    assert eimi(*fit, "-o", "fits.json", "--checkpoint", "log.jsonl", cwd=tmp_path).wait(60) == 0
+    assert eimi(*fit, "-o", "fits.json", "--checkpoint", "log.jsonl", cwd=tmp_path).wait(PATIENCE_S) == 0
     assert log.stat().st_size == size
     assert read(tmp_path / "fits.json") == read(tmp_path / "whole.json")
 

@@ -19,8 +19,7 @@ from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import InstrumentError, Limits
 from eimi_drivers.supplies.supply_names import open_supply
 from eimi_lab.acquisition.guardian import Guardian, Ward, guarding
-
-PATIENCE_S = 20.0
+from tests.patience import PATIENCE_S
 
 
 class Bench:
@@ -222,4 +221,4 @@ def test_a_run_killed_before_its_guardian_is_ready_leaves_no_word() -> None:
         guardian.stdout.close()  # long before it has imported what it needs
         guardian.stdin.close()
         assert guardian.stderr.read() == b""
-        assert guardian.wait(30) == 0
+        assert guardian.wait(PATIENCE_S) == 0

@@ -16,6 +16,7 @@ import pytest
 from eimi_lab.dataset.csv_tables import read_table
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.process.errors import InputError
+from tests.patience import PATIENCE_S
 
 Run = Callable[..., tuple[int, str]]
 
@@ -384,7 +385,7 @@ def test_through_the_installed_module(pictures: Path) -> None:
         cwd=pictures,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=PATIENCE_S,
         check=False,
     )
     assert done.returncode == 2

@@ -29,6 +29,7 @@ from eimi_lab.virtual.optics import expose
 from eimi_lab.vision.flags import judge
 from eimi_lab.vision.image_files import read_image
 from eimi_lab.vision.image_sizes import claimed_size
+from tests.patience import PATIENCE_S
 
 Run = Callable[..., tuple[int, str]]
 Draw = Callable[..., np.ndarray]
@@ -229,7 +230,7 @@ def within(room: int, *arguments: str | Path) -> subprocess.CompletedProcess[str
         [sys.executable, "-m", "eimi_lab", *map(str, arguments)],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=PATIENCE_S,
         check=False,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (room, room)),
     )

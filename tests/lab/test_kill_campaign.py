@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.patience import PATIENCE_S
+
 SEED = 18  # its first run is killed by SIGKILL with the output on
 ROOT = Path(__file__).parents[2]
 
@@ -28,6 +30,6 @@ def test_killed_runs_leave_the_coil_off_and_their_states_stored(runs: int, seed:
         "--resumed",
         "1",
     ]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=40 * runs + 60, check=False)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert f"runs with a fault: 0 of {runs}" in done.stdout

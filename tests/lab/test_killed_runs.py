@@ -21,6 +21,7 @@ from eimi_drivers.clock import WallClock
 from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_lab.dataset.reading import open_dataset
+from tests.patience import PATIENCE_S
 
 FOUR_STATES = [0.0, 0.1, 0.2, 0.3]
 PICTURES, NAMES = 24, 3000
@@ -68,7 +69,7 @@ camera = {{ driver = "opencv", source = "{bench / "recording"}" }}
         said.append(line.rstrip())
         if line.startswith(f"acquire {after}/"):
             act(process)
-    return RunEnd(process.wait(60), said)
+    return RunEnd(process.wait(PATIENCE_S), said)
 
 
 def assert_off(coil: CoilSupply) -> None:
@@ -159,6 +160,6 @@ def test_a_kill_loses_no_acknowledged_state(bench: Path, after: int) -> None:
     assert len(found) >= ended.acknowledged >= after
     assert found == FOUR_STATES[: len(found)]
     command = [sys.executable, "-m", "eimi_lab", "recover", "run.h5", "-o", "whole.h5"]
-    done = subprocess.run(command, cwd=bench, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(command, cwd=bench, capture_output=True, text=True, timeout=PATIENCE_S, check=True)
     assert done.stdout == f"whole.h5: {len(found)} states\n"
     assert states(bench / "whole.h5") == found

@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from tests.patience import PATIENCE_S
+
 STOPPED = """
 import os, signal
 from eimi_lab import cli
@@ -38,7 +40,7 @@ cli.main()
 @pytest.mark.parametrize("place", ["tell", "_told"])
 def test_what_the_first_left_behind_is_told_all_the_same(place: str) -> None:
     command = [sys.executable, "-c", STOPPED.format(place=place)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert (done.returncode, done.stderr) == (130, "eimi: stopped by SIGINT: the coil is off\n")
 
 
@@ -61,5 +63,7 @@ cli.main()
 
 
 def test_one_that_python_drops_comes_again() -> None:
-    done = subprocess.run([sys.executable, "-c", DROPPED], capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-c", DROPPED], capture_output=True, text=True, check=False, timeout=PATIENCE_S
+    )
     assert (done.returncode, done.stderr) == (130, "eimi: stopped by SIGINT\n")

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.patience import PATIENCE_S
+
 ROOT = Path(__file__).parents[2]
 QUICK = ("SIGSTOP pty korad", "guardian stopped")
 LONG = (
@@ -29,6 +31,6 @@ LONG = (
 def test_a_run_at_full_current_ends_with_the_coil_off(fault: str) -> None:
     # How soon the coil is off is the script's to tell, not a test's: a busy machine is no defect.
     command = [sys.executable, "-m", "benchmarks.off_campaign", "--trials", "1", "--patience", "10", "--fault", fault]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200, check=False)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "trials with a fault: 0 of 1" in done.stdout

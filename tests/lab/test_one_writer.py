@@ -26,6 +26,7 @@ from eimi_lab.fits.checkpoint import Checkpoint, Head
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import whole_file, whole_folder
 from eimi_lab.process.writer_lock import WriterLock, lock_file, only_writer
+from tests.patience import PATIENCE_S
 
 # A run that stores a state whenever it is told to, and says so; killed or ended by the test.
 WRITER = """
@@ -62,7 +63,7 @@ def writing(path: Path, states: int) -> Iterator[subprocess.Popen[str]]:
         yield process
         assert process.stdin is not None
         process.stdin.close()
-        process.wait(30)
+        process.wait(PATIENCE_S)
 
 
 def store(process: subprocess.Popen[str]) -> int:
@@ -107,7 +108,7 @@ def test_a_killed_run_leaves_no_lock(files: Path, run: Callable[..., tuple[int, 
     path = files / "run.h5"
     with writing(path, 2) as process:
         process.kill()
-        process.wait(30)
+        process.wait(PATIENCE_S)
         assert lock_file(path).exists()
         assert run("recover", path, "-o", path, "--force")[0] == 0
     assert_whole(path, 2)

@@ -24,6 +24,7 @@ from eimi_drivers.interfaces import InstrumentDisconnected
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.process.stopping import Stopped
 from eimi_lab.process.writer_lock import only_writer
+from tests.patience import PATIENCE_S
 
 PICTURES, NAMES = 24, 3000
 
@@ -123,7 +124,7 @@ def test_a_rerun_on_a_file_in_use_proposes_neither(setup: Any) -> None:
             cwd=setup.path.parent,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=PATIENCE_S,
         )
     assert done.returncode == 2
     assert "run.h5: is being written to by process" in done.stderr
@@ -177,7 +178,7 @@ camera = {{ driver = "opencv", source = "{bench / "recording"}" }}
                 WallClock().sleep(6.0 if not off else 0.0)  # longer than the guardian has patience with a run
                 off.append(not coil.state.output and coil.state.set_current_A == 0.0)
                 os.write(keys, b"\n")
-        assert process.wait(60) == 0, said
+        assert process.wait(PATIENCE_S) == 0, said
     os.close(keys)
     assert off == [True]
     assert "eimi: p and Enter pause the run, with the coil off; Ctrl-C ends it" in said[:2]

@@ -16,6 +16,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.patience import PATIENCE_S
+
 Run = Callable[..., tuple[int, str]]
 
 pytestmark = pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="more workers than processors are not begun")
@@ -100,7 +102,7 @@ def test_a_signal_to_all_of_them_ends_all_workers_with_one_line(
     assert process.stderr is not None
     assert process.stderr.readline().startswith("segment 1/160: ")
     os.killpg(process.pid, number)
-    said = process.communicate(timeout=60)[1].splitlines()  # to the end: as long as any of its processes is there
+    said = process.communicate(timeout=PATIENCE_S)[1].splitlines()  # to the end of the last of its processes
     assert process.returncode == 128 + number
     assert said[-1] == f"eimi: stopped by {number.name}"
     assert all(line.startswith("segment ") for line in said[:-1])

@@ -19,6 +19,7 @@ from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import parse
 from eimi_lab.process.errors import InputError
 from eimi_lab.virtual.simulation import parse_parameters, simulate, write_simulation
+from tests.patience import PATIENCE_S
 
 
 def planar(name: str) -> SpecimenFile:
@@ -98,7 +99,9 @@ magnetisation_kA_per_m = [{magnetisation}, 0.0]
 def eimi_simulate(folder: Path, *further: str, **process: Any) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "eimi_lab", "simulate", "protocol.toml", "--specimen", "specimen.toml"]
     command += ["--model", "neo-hookean", "--parameter", "mu_Pa=50000", "-o", "out", "--force", *further]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False, **process)
+    return subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE_S, check=False, **process
+    )
 
 
 def test_a_law_that_is_not_stiff_at_rest_is_told_with_its_modulus() -> None:

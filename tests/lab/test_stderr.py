@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from eimi_lab.process.stderr import NeverBlocking
+from tests.patience import PATIENCE_S
 
 
 def test_a_full_pipe_takes_everything_at_once_and_the_reader_gets_it_later() -> None:
@@ -55,7 +56,7 @@ def test_a_reader_that_left_is_no_error() -> None:
 
 def test_the_command_line_ends_with_its_message_where_the_reader_is_late() -> None:
     command = [sys.executable, "-m", "eimi_lab", "acquire", "nothing.toml", "--specimen", "type1", "--rig", "virtual"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "nothing.toml" in done.stderr
@@ -86,7 +87,7 @@ def test_a_program_begun_without_standard_streams_does_its_work(tmp_path: Path, 
         stdout=subprocess.PIPE,
         preexec_fn=lambda: [os.close(descriptor) for descriptor in closed],
         check=False,
-        timeout=60,
+        timeout=PATIENCE_S,
     )
     assert done.returncode == 0
     assert done.stdout == (b"" if 1 in closed else b"the result\n")

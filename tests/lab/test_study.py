@@ -21,6 +21,7 @@ from eimi_lab.study.pages import write_pages
 from eimi_lab.study.routes import published_curves
 from eimi_lab.study.stored_parts import StoredParts
 from eimi_lab.study.whole_study import StudyInputs, find, steps
+from tests.patience import PATIENCE_S
 
 SHORT = Extent(
     materials=("ecoflex_00_50",),
@@ -140,6 +141,6 @@ def test_tensile_data_without_a_curve_of_a_material_is_named(tmp_path):
 def test_the_quick_study_from_the_command_line(tmp_path):
     environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     command = [sys.executable, "-m", "eimi_lab", "study", "--quick", "--json", "-o", str(tmp_path / "study")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=600, env=environment, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, env=environment, check=True)
     assert {claim["agrees"] for claim in json.loads(done.stdout)["claims"]} <= {True, False}
     assert (tmp_path / "study" / "study.md").stat().st_size > 5000

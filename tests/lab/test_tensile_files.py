@@ -96,7 +96,7 @@ def test_what_is_wrong_in_a_file_is_one_line(run: Run, tmp_path: Path, text: str
     assert not (tmp_path / "fits.json").exists()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.text(alphabet="strain,_percentkPM;\n0123456789.-eE", max_size=80))
 def test_any_text_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
     path = tmp_path_factory.getbasetemp() / "any.csv"

@@ -175,7 +175,7 @@ SHORT = SpecimenFile.model_validate(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.sampled_from([0, 10, 90, 200, 255])),
     st.integers(1, 16),

@@ -23,6 +23,7 @@ from eimi_drivers.supplies.transcript import ReplayedTransport
 from eimi_lab.config.rig import load_rig
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.process.errors import InputError
+from tests.patience import PATIENCE_S
 
 FOUR_STATES = [0.0, 0.1, 0.2, 0.3]
 
@@ -66,7 +67,7 @@ camera = {{ {camera} }}
 def acquire(folder: Path, *more: str) -> RunEnd:
     command = [sys.executable, "-m", "eimi_lab", "acquire", "protocol.toml", "--specimen", "specimen.toml"]
     command += ["--rig", "rig.toml", "-o", "run.h5", *more]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=240, check=False)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     return RunEnd(done.returncode, done.stderr.splitlines())
 
 

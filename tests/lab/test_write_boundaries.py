@@ -19,6 +19,7 @@ import pytest
 from eimi_lab.dataset import reading
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.repair.probing import read_all_but_frames
+from tests.patience import PATIENCE_S
 
 COMPILER = shutil.which("cc")
 SHAPE = (24, 32)
@@ -68,10 +69,12 @@ def test_at_every_write_boundary_each_acknowledged_state_can_be_read(
     # The probe of a file that was never closed, without its process: there are thousands of files.
     monkeypatch.setattr(reading, "why_unreadable", lambda path: read_all_but_frames(path) or "")
     library, source = files / "traced_writes.so", Path(__file__).with_name("traced_writes.c")
-    subprocess.run([str(COMPILER), "-shared", "-fPIC", "-O1", "-o", library, source, "-ldl"], check=True, timeout=60)
+    subprocess.run(
+        [str(COMPILER), "-shared", "-fPIC", "-O1", "-o", library, source, "-ldl"], check=True, timeout=PATIENCE_S
+    )
     traced = {"LD_PRELOAD": str(library), "TRACED": str(files / "run.h5"), "TRACE": str(files / "trace")}
     command = [sys.executable, "-c", WRITE, str(files), str(states), str(frames)]
-    subprocess.run(command, env=os.environ | traced, check=True, timeout=120)
+    subprocess.run(command, env=os.environ | traced, check=True, timeout=PATIENCE_S)
 
     built, rebuilt = bytearray(), files / "rebuilt.h5"
     acknowledged = boundaries = 0

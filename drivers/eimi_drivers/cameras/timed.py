@@ -38,8 +38,27 @@ class TimedCamera:
     raise; the call itself goes on then, and the next one waits for it.
     """
 
-    def __init__(self, name: str, open_it: Callable[[], SetCamera]) -> None:
-        """Open it. Raises what `open_it` raises, and InstrumentTimeout."""
+    def __init__(
+        self, name: str, open_it: Callable[[], SetCamera], seconds: Callable[[], float] = time.monotonic
+    ) -> None:
+        """Open the camera.
+
+        Parameters
+        ----------
+        name : str
+            The camera's name in errors.
+        open_it : callable
+            Opens the camera.
+        seconds : callable
+            The clock, in s, that measures the deadlines. A device's time is the host's. A simulated camera's time is
+            what it computes, `time.process_time`: a busy host is not its fault.
+
+        Raises
+        ------
+        InstrumentTimeout
+            If it is not open within `OPEN_WITHIN_S`; and whatever `open_it` raises.
+        """
+        self._seconds = seconds
         self.meanwhile: Callable[[], None] = _nothing
         self._name = name
         self._lost = ""
@@ -90,12 +109,12 @@ class TimedCamera:
                 answers.put((None, error))
 
         self._calls.put(answer)
-        until = time.monotonic() + seconds
+        until = self._seconds() + seconds
         while True:
             try:
                 found, error = answers.get(timeout=LOOK_EVERY_S)
             except queue.Empty:
-                if time.monotonic() >= until:
+                if self._seconds() >= until:
                     self._lost = f"{self._name}: its driver did not come back from {what} within {seconds:g} s"
                     raise InstrumentTimeout(self._lost) from None
                 self.meanwhile()

@@ -14,7 +14,7 @@ from eimi_drivers.emulators.serve import serve_tcp
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentError, InstrumentTimeout, ReplyNotUnderstood
 
-ANSWER_WITHIN_S = 1.0
+ANSWER_WITHIN_S = 30.0  # a process that emulates a coil may get little of a busy machine
 ADDRESS = re.compile(r"TCPIP::(?P<host>[^:]+)::(?P<port>\d+)::SOCKET")
 """Where an emulated coil is found, as `eimi emulate` tells it."""
 

@@ -1,21 +1,28 @@
 // Fits of the dataset that is open: begun, followed, and what came of them.
 import { address, ask, byId, el, number, tell } from "./dom.js";
-import { on, steer } from "./live.js";
+import { on, state, steer } from "./live.js";
 import { plot } from "./plot.js";
 
-let file = "", known = [], phase = "";
+let file = "", stored = null, asked = 0, shown = ""; // stored: null until the server has answered; shown: fit and phase
 
 export async function showFits(dataset) {
-  file = dataset;
+  const request = ++asked;
+  if (file !== dataset) {
+    file = dataset;
+    stored = null;
+    shown = stageOf(state.fit);
+    showProgress();
+  }
   const { fits, report } = await ask("/api/fit", { file });
-  if (file !== dataset) return;
-  known = fits;
+  if (request !== asked) return;
+  stored = fits;
   byId("fit-start").textContent = fits.length ? "Fit again, in place of this" : "Fit";
   byId("fit-report").hidden = !report;
   if (report) byId("fit-report").href = address("/report", { file: report });
   byId("fit-result").replaceChildren(...fits.flatMap(result));
   if (fits.length) converge(fits[0].generations);
   else byId("fit-plot").replaceChildren();
+  showProgress();
 }
 
 function result(fit) {
@@ -34,26 +41,33 @@ function converge(generations) {
     { x: "generation", y: "log10 of the best error, µm", small: true });
 }
 
-on("state", ({ fit, control }) => {
+const stageOf = (fit) => fit && fit.dataset === file ? `${fit.number} ${fit.phase}` : "";
+
+function showProgress() {
+  const { fit = null, control } = state;
   const mine = fit !== null && fit.dataset === file;
   const going = fit !== null && (fit.phase === "fitting" || fit.phase === "reporting");
-  byId("fit-start").disabled = control !== "you" || going;
+  byId("fit-start").disabled = control !== "you" || going || stored === null;
   byId("fit-end").hidden = !going || !mine;
   byId("fit-end").disabled = control !== "you";
+  byId("fit-words").className = mine && fit.phase === "failed" ? "bad" : "";
   if (!mine) { byId("fit-words").textContent = going ? `${fit.dataset} is being fitted` : ""; return; }
   const last = fit.generations[fit.generations.length - 1];
   const words = { fitting: last ? `${fit.model}: generation ${last[0]}, error ${number(1e3 * last[1])} µm` : `${fit.model}: ${fit.last_words || "begins …"}`,
     reporting: "the report is written …", done: `${fit.model}: done`, failed: `no fit: ${fit.last_words}` };
   byId("fit-words").textContent = words[fit.phase];
-  byId("fit-words").className = fit.phase === "failed" ? "bad" : "";
   if (going && fit.generations.length) converge(fit.generations);
-  if (fit.phase !== phase && fit.phase !== "fitting") showFits(file).catch((error) => tell(error.message, true));
-  phase = fit.phase;
+}
+
+on("state", ({ fit }) => {
+  showProgress();
+  if (stageOf(fit) === shown) return;
+  shown = stageOf(fit);
+  if (shown && fit.phase !== "fitting") showFits(file).catch((error) => tell(error.message, true));
 });
 
 byId("fit").addEventListener("submit", (event) => {
   event.preventDefault();
-  phase = "";
-  steer("/api/fit/start", { dataset: file, model: byId("law").value, replace: known.length > 0 }).catch((error) => tell(error.message, true));
+  steer("/api/fit/start", { dataset: file, model: byId("law").value, replace: stored.length > 0 }).catch((error) => tell(error.message, true));
 });
 byId("fit-end").addEventListener("click", () => steer("/api/fit/end").catch((error) => tell(error.message, true)));

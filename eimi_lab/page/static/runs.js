@@ -37,12 +37,11 @@ export async function openRun(file) {
   if (mine !== openings) return;
   open = { file, about, edges: [], state: 0, number: mine };
   tell("");
+  const fits = showFits(file); // before the form is seen: from here on it speaks of this dataset
   byId("nothing-open").hidden = true;
   byId("open-run").hidden = false;
   showFacts();
-  await showFolder();
-  await showState(0);
-  await showFits(file);
+  await Promise.all([showFolder(), showState(0), fits]);
   findEdges(open);
   watch(open);
 }

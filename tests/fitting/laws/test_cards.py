@@ -20,6 +20,7 @@ from scipy import optimize
 from eimi_fitting.laws import LAWS, Law
 from eimi_fitting.laws.cards import SOLVERS, Material, NotInSolver, material_card
 from eimi_fitting.laws.tensile import engineering_stress
+from tests.patience import PATIENCE_S
 
 PARAMETERS = {  # Pa; of the size of a soft silicone, every constant there
     "neo-hookean": [46e3],
@@ -80,7 +81,7 @@ def calculix_reactions(folder: Path, chosen: Material) -> np.ndarray:
     (folder / "cube.inp").write_text(deck)
     command = ["ccx", "cube"]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, env=environment)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE_S, env=environment)
     assert done.returncode == 0, done.stdout[-2000:]
     totals = re.findall(r"total force.*?\n\s*\n?\s*([-+0-9.E]+)\s", (folder / "cube.dat").read_text())
     return np.array([float(x) for x in totals])
@@ -183,7 +184,7 @@ def test_sofa_constants_and_refusals() -> None:
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(mu=st.floats(1e2, 1e7), ratio=st.floats(2, 1e5))
 def test_every_card_says_what_it_is_and_keeps_nine_digits(solver: str, mu: float, ratio: float) -> None:
     chosen = Material(LAWS["neo-hookean"], np.array([mu]), ratio * mu, "S", ("from a -- b", "line\nbreak"))

@@ -22,7 +22,7 @@ def random_parameters(row, seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("section", SECTIONS)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(stretch=st.floats(0.6, 2.0), J=st.floats(0.8, 1.25), seed=st.integers(0, 10**6))
 def test_derivatives_match_central_differences(row, section, stretch, J, seed):
     law, parameters = row.law, random_parameters(row, seed)
@@ -62,7 +62,7 @@ def test_small_simple_shear_has_the_initial_shear_modulus(row):
     assert 2 * e.value / gamma**2 == pytest.approx(law.initial_shear_modulus(parameters), rel=1e-5)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     stretch=st.floats(0.5, 3.0),
     J=st.floats(0.8, 1.25),
@@ -96,7 +96,7 @@ def test_ogden_is_smooth_through_equal_stretches(excess):
     assert e.value == pytest.approx(direct, rel=1e-7, abs=1e-15)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(log_stretch=st.floats(-0.6, 0.6), seed=st.integers(0, 10**6))
 def test_principal_form_agrees_with_the_planar_one(row, log_stretch, seed):
     law, parameters = row.law, random_parameters(row, seed)
@@ -106,7 +106,7 @@ def test_principal_form_agrees_with_the_planar_one(row, log_stretch, seed):
     assert energy == pytest.approx(planar.value, rel=1e-9, abs=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(logs=st.tuples(st.floats(-0.6, 0.6), st.floats(-0.6, 0.6)), seed=st.integers(0, 10**6))
 def test_principal_derivatives_match_central_differences_and_no_stretch_is_special(row, logs, seed):
     law, parameters = row.law, random_parameters(row, seed)

@@ -33,7 +33,7 @@ def grid_limit(law: Law, parameters: np.ndarray, most: float) -> tuple[float, fl
     return float(np.exp(largest[max(first - 1, 0), 0])), float(np.exp(largest[first, 0]))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(data=st.data())
 def test_the_limit_is_the_one_of_a_dense_grid(row, data):
     law, parameters = row.law, np.array(data.draw(row.candidates))
@@ -60,7 +60,7 @@ def smallest_stiffness_near(law: Law, parameters: np.ndarray, limit: float) -> f
     return float((values[..., 0] / np.abs(values).max(axis=-1)).min())
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(ratio=st.floats(0.02, 0.98))
 def test_mooney_rivlin_with_negative_c01_ends_where_equibiaxial_stress_falls(ratio):
     # C10 (q^3 + 2) = -C01 (2 q^4 + q), q the squared stretch.
@@ -69,7 +69,7 @@ def test_mooney_rivlin_with_negative_c01_ends_where_equibiaxial_stress_falls(rat
     assert (q**3 + 2) / (2 * q**4 + q) == pytest.approx(ratio, rel=1e-9)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(ratio=st.floats(0.02, 0.98))
 def test_mooney_rivlin_with_negative_c10_ends_where_equal_stretches_part(ratio):
     # A square sheet under equal forces ceases to stay square where C10 + C01 / stretch^4 = 0.

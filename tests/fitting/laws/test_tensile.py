@@ -21,7 +21,7 @@ EXAMPLES = {
 }
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(stretch=st.floats(0.3, 6.0), c=st.tuples(*[st.floats(-1e5, 1e5)] * 3))
 def test_engineering_stress_has_its_closed_forms(stretch: float, c: tuple[float, float, float]) -> None:
     def stress(model: str, *parameters: float) -> float:

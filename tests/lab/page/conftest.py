@@ -25,6 +25,7 @@ from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.importing import import_frames
 from eimi_lab.page.server import Page, guarded
+from tests.patience import PATIENCE_S
 
 TOKEN = "t" * 43
 
@@ -56,7 +57,7 @@ class Served:
     def ask(self, path: str, method: str = "GET", body: bytes | None = None, **headers: str) -> Answer:
         named = {name.replace("_", "-"): value for name, value in headers.items()}
         sent = {"Host": self.host, "Cookie": f"eimi_{self.port}={TOKEN}"} | named
-        connection = HTTPConnection("127.0.0.1", self.port, timeout=60)
+        connection = HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE_S)
         try:
             connection.putrequest(method, path, skip_host=True)
             for name, value in sent.items():
@@ -120,7 +121,7 @@ def chromium() -> Iterator[Any]:
 def tab(chromium: Any) -> Iterator[Callable[[str], Any]]:
     """Opens an address in a new tab of one browser; a script that fails, or breaks the policy, fails the test."""
     context = chromium.new_context(viewport={"width": 1280, "height": 720})
-    context.set_default_timeout(60_000)
+    context.set_default_timeout(1000 * PATIENCE_S)
     faults: list[str] = []
 
     def open_tab(address: str) -> Any:
@@ -186,6 +187,6 @@ def dashboard() -> Iterator[Callable[[Path], tuple[subprocess.Popen[str], str]]]
     yield begin
     for process in begun:
         process.terminate()
-        process.wait(30)
+        process.wait(PATIENCE_S)
         assert process.stdout is not None
         process.stdout.close()

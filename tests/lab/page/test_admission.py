@@ -14,6 +14,8 @@ from urllib.request import HTTPCookieProcessor, build_opener
 
 import pytest
 
+from tests.patience import PATIENCE_S
+
 
 def test_the_token_becomes_a_cookie_that_scripts_cannot_read(served: Any) -> None:
     answer = served.ask(f"/?token={'t' * 43}", Cookie="")
@@ -137,11 +139,11 @@ def test_the_command_prints_the_address_and_ends_by_a_signal(data_folder: Path, 
         assert process.stdout is not None
         address = process.stdout.readline().strip()
         try:
-            page = build_opener(HTTPCookieProcessor()).open(address, timeout=20).read()
+            page = build_opener(HTTPCookieProcessor()).open(address, timeout=PATIENCE_S).read()
         finally:
             for number in asked:
                 process.send_signal(number)
-            said = process.communicate(timeout=30)[1]
+            said = process.communicate(timeout=PATIENCE_S)[1]
     assert b"<title>eimi" in page
     # A further signal may find the interpreter leaving already, with the system's own handlers back in place.
     assert process.returncode in (128 + asked[0], -asked[0])

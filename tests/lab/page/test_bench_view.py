@@ -14,9 +14,10 @@ from typing import Any
 import pytest
 
 from eimi_lab.dataset.reading import open_dataset
+from tests.patience import PATIENCE_S
 
 
-def wait_until(true: Callable[[], bool], seconds: float = 60.0) -> None:
+def wait_until(true: Callable[[], bool], seconds: float = PATIENCE_S) -> None:
     until = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < until
@@ -139,7 +140,7 @@ def test_the_socket_is_for_the_page_alone(served: Any, headers: dict[str, str], 
         "Sec-WebSocket-Version": "13",
         "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==",
     }
-    connection = HTTPConnection("127.0.0.1", served.port, timeout=20)
+    connection = HTTPConnection("127.0.0.1", served.port, timeout=PATIENCE_S)
     connection.putrequest("GET", "/live", skip_host=True)
     for name, value in (sent | headers).items():
         if value:

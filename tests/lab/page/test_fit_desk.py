@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 from websockets.sync.client import connect
 
+from tests.patience import PATIENCE_S
+
 
 @contextmanager
 def in_control(served: Any) -> Iterator[tuple[Any, str]]:
@@ -22,11 +24,11 @@ def in_control(served: Any) -> Iterator[tuple[Any, str]]:
         origin=f"http://{served.host}",
         additional_headers={"Cookie": f"eimi_{served.port}={'t' * 43}"},
     ) as tab:
-        told = json.loads(tab.recv(timeout=20))
+        told = json.loads(tab.recv(timeout=PATIENCE_S))
         if told["control"] != "you":
             tab.send(json.dumps({"take": True}))
             while told["control"] != "you":
-                told = json.loads(tab.recv(timeout=20))
+                told = json.loads(tab.recv(timeout=PATIENCE_S))
         yield tab, told["tab"]
 
 
@@ -56,9 +58,9 @@ def test_what_a_fit_cannot_explain_is_told_in_the_tab(served: Any) -> None:
         asked = json.dumps({"dataset": "unfit/run.h5", "model": "neo-hookean"}).encode()
         assert served.ask("/api/fit/start", "POST", asked, Origin=f"http://{served.host}", X_Tab=name).status == 200
         told: dict[str, Any] = {"phase": ""}
-        until = time.monotonic() + 100
+        until = time.monotonic() + PATIENCE_S
         while told["phase"] != "failed" and time.monotonic() < until:
-            told = json.loads(tab.recv(timeout=100)).get("fit") or told
+            told = json.loads(tab.recv(timeout=PATIENCE_S)).get("fit") or told
     assert told["phase"] == "failed"
     assert "run.h5" in told["last_words"]
     assert not (own / "run.fits.json").exists()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ YOUNG_PA, FORCES_N = 150e3, (1e-4, 2e-4, 3e-4)
 def rod(served: Any, run: Callable[..., tuple[int, str]]) -> Path:
     """The dataset rods/rod.h5: a cantilever's tip under three small forces, by the formula of slender beams."""
     folder: Path = served.folder / "rods"
+    shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     sag_mm = [force * 60.0**3 / (3 * 1e-6 * YOUNG_PA * 5.0**4 / 12) for force in FORCES_N]
     rows = [f"{k},tip,60,0,60,{sag:.5f},0.005" for k, sag in enumerate(sag_mm)]
@@ -53,11 +55,38 @@ def test_a_run_is_opened_and_gone_through_by_keyboard(served: Any, tab: Any) -> 
     assert page.get_by_role("button", name="next").is_disabled()
 
 
+def open_rod(page: Any) -> None:
+    page.get_by_role("button", name="rods/").click()
+    page.get_by_role("button", name="rod.h5").click()
+
+
+def test_a_fit_is_of_the_dataset_that_is_seen_while_the_rest_of_it_still_loads(
+    served: Any, tab: Any, rod: Path
+) -> None:
+    """The list of files is held back; the dataset that was open before must not be fitted, nor none."""
+    page = tab(f"{served.address}#runs")
+    page.get_by_text("in control").first.wait_for()
+    page.get_by_role("button", name="run.h5").click()
+    page.get_by_text("2 of 2").wait_for()
+    page.get_by_role("button", name="rods/").click()
+    page.get_by_role("button", name="rod.h5").wait_for()
+    held: list[Any] = []
+    page.route("**/api/folder*", lambda route: held.append(route))
+    page.route("**/api/fit/start", lambda route: route.fulfill(json={}))
+    page.get_by_role("button", name="rod.h5").click()
+    page.get_by_text("rods/rod.h5: rod").wait_for()
+    with page.expect_request("**/api/fit/start") as asked:
+        page.get_by_role("button", name="Fit", exact=True).click()
+    assert held, "the list of files was not held back"
+    assert asked.value.post_data_json["dataset"] == "rods/rod.h5"
+    for route in held:
+        route.continue_()
+
+
 def test_a_run_is_fitted_and_its_report_opened(served: Any, tab: Any, rod: Path) -> None:
     page = tab(f"{served.address}#runs")
     page.get_by_text("in control").first.wait_for()
-    page.get_by_role("button", name="rods/").click()
-    page.get_by_role("button", name="rod.h5").click()
+    open_rod(page)
     page.locator("#law").select_option("neo-hookean")
     page.get_by_role("button", name="Fit", exact=True).click()
     page.get_by_text("neo-hookean: done").wait_for()
@@ -69,3 +98,7 @@ def test_a_run_is_fitted_and_its_report_opened(served: Any, tab: Any, rod: Path)
     report = served.ask(page.locator("#fit-report").get_attribute("href"))
     assert report.status == 200
     assert b"rod" in report.body
+    late = tab(f"{served.address}#runs")  # it hears of the fit before it has a dataset
+    late.get_by_text("looking on").first.wait_for()
+    open_rod(late)
+    late.get_by_text("neo-hookean: done").wait_for()

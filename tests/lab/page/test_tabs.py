@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 from websockets.sync.client import ClientConnection, connect
 
+from tests.patience import PATIENCE_S
+
 
 class Said(logging.Handler):
     def __init__(self) -> None:
@@ -37,7 +39,7 @@ def opened(served: Any) -> ClientConnection:
 def without_tabs(served: Any) -> None:
     """Waits until the last one's end has reached the server."""
     with opened(served) as socket:
-        while '"tabs": 1' not in socket.recv(timeout=20):
+        while '"tabs": 1' not in socket.recv(timeout=PATIENCE_S):
             pass
 
 
