@@ -91,10 +91,12 @@ def _status() -> int:
     except Stopped as stopped:
         return _told(stopped)
     except Exception as error:
-        from eimi_drivers.interfaces import InstrumentError, SwitchOffFailed
+        from eimi_drivers.interfaces import InstrumentError, SwitchOffFailed, UnusableDriver
 
         if isinstance(error, SwitchOffFailed):
             return _tell(f"THE COIL MAY STILL BE ON, switch it off by hand: {error}", 1)
+        if isinstance(error, UnusableDriver):
+            return _tell(str(error), 2)
         if isinstance(error, InstrumentError | OSError | OwnFault):
             return _tell(str(error), 1)
         if hasattr(error, "format_message"):  # an unknown option, a missing argument: whichever click typer brings

@@ -57,7 +57,7 @@ def discover() -> Discovery:
             *(_no_permission(found.address) for found in ports if _forbidden(found.address)),
             *((NO_SUPPLY,) if not (ports or resources) else ()),
             *(() if cameras else (NO_CAMERA if VIDEO_DEVICES.is_dir() else UNLISTED_CAMERAS,)),
-            *_announced_drivers(),
+            *_drivers_from_elsewhere(),
         ),
     )
 
@@ -78,10 +78,11 @@ def _no_permission(port: str) -> str:
     return f"{port}: this user may not open it; on Linux, join the group that owns it (dialout or uucp), then log in"
 
 
-def _announced_drivers() -> tuple[str, ...]:
+def _drivers_from_elsewhere() -> tuple[str, ...]:
     return tuple(
-        f"{kind} drivers of other packages: {', '.join(names)}"
-        for kind, names in (("supply", SUPPLIES.announced()), ("camera", CAMERAS.announced()))
+        f"{kind} drivers {origin}: {', '.join(names)}"
+        for kind, drivers in (("supply", SUPPLIES), ("camera", CAMERAS))
+        for origin, names in (("of other packages", drivers.announced()), ("of this program", drivers.added()))
         if names
     )
 

@@ -1,47 +1,113 @@
-"""Drivers by name: those of this package, and those that other installed packages announce."""
+"""Drivers by name: those of this package, those that other installed packages announce, those added by a program."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, MutableMapping
+from difflib import get_close_matches
 from importlib.metadata import entry_points
 from typing import Generic, TypeVar, cast
 
-from eimi_drivers.interfaces import InstrumentError
+from eimi_drivers.interfaces import UnknownDriver, UnusableDriver
 
 Driver = TypeVar("Driver")
 
 
-class Drivers(Mapping[str, Driver], Generic[Driver]):
-    """The drivers of one kind, "supply" or "camera".
+def did_you_mean(name: str, names: Iterable[str]) -> str:
+    """Return "; did you mean 'korad'?" with the name that is nearest to `name`, or nothing if none is near."""
+    nearest = get_close_matches(name, list(names), n=1)
+    return f"; did you mean {nearest[0]!r}?" if nearest else ""
 
-    own: those of this package. group: the group of entry points (`importlib.metadata`) in which another
-    package announces its own; one is imported when it is asked for. A name of this package cannot be taken
-    over.
+
+class Drivers(MutableMapping[str, Driver], Generic[Driver]):
+    """The drivers of one kind, by name. A program adds its own by ``SUPPLIES["mine"] = driver``.
+
+    A driver that the program added comes before one that an installed package announces under the same name. A name
+    of this package cannot be given to another driver.
+
+    Parameters
+    ----------
+    kind : str
+        "supply" or "camera", for messages.
+    group : str
+        The group of entry points (`importlib.metadata`) in which another package announces its drivers. Such a driver
+        is imported when it is asked for.
+    own : Mapping
+        The drivers of this package.
+    reserved : Collection of str
+        Further names that nobody may give to a driver.
     """
 
-    def __init__(self, kind: str, group: str, own: Mapping[str, Driver]) -> None:
+    def __init__(self, kind: str, group: str, own: Mapping[str, Driver], reserved: Collection[str] = ()) -> None:
         self._kind = kind
         self._group = group
         self._own = dict(own)
+        self._added: dict[str, Driver] = {}
+        self._reserved = frozenset(reserved) | self._own.keys()
 
     def __getitem__(self, name: str) -> Driver:
-        """The driver of that name. Raises KeyError, or InstrumentError when it cannot be imported."""
+        """Return the driver of that name.
+
+        Raises
+        ------
+        UnknownDriver
+            There is no such driver; the message suggests the nearest name. It is a KeyError as well.
+        UnusableDriver
+            The driver is announced by a package, but cannot be imported.
+        """
         if name in self._own:
             return self._own[name]
+        if name in self._added:
+            return self._added[name]
         try:
             announced = entry_points(group=self._group)[name]
         except KeyError:
-            raise KeyError(name) from None
+            raise self._unknown(name) from None
         try:
             return cast(Driver, announced.load())
         except (ImportError, AttributeError) as error:
-            raise InstrumentError(
+            raise UnusableDriver(
                 f"the {self._kind} driver {name!r} is announced as {announced.value} but cannot be imported: {error}"
             ) from error
 
+    def __setitem__(self, name: str, driver: Driver) -> None:
+        """Add a driver for as long as this process lasts.
+
+        Raises
+        ------
+        ValueError
+            The name is one of this package's.
+        TypeError
+            The name is no text, or the driver cannot be called.
+        """
+        if not isinstance(name, str) or not name:
+            raise TypeError(f"the name of a {self._kind} driver should be a text such as 'mine', not {name!r}")
+        if name in self._reserved:
+            raise ValueError(f"the {self._kind} driver {name!r} belongs to eimi; give your driver another name")
+        if not callable(driver):
+            raise TypeError(f"the {self._kind} driver {name!r} should be a class or a function, not {driver!r}")
+        self._added[name] = driver
+
+    def __delitem__(self, name: str) -> None:
+        """Remove a driver that this process added.
+
+        Raises
+        ------
+        ValueError
+            The driver belongs to this package, or another package announces it.
+        UnknownDriver
+            There is no such driver.
+        """
+        if name in self._added:
+            del self._added[name]
+        elif name in self:
+            raise ValueError(f"the {self._kind} driver {name!r} was not added here and cannot be removed")
+        else:
+            raise self._unknown(name)
+
     def __iter__(self) -> Iterator[str]:
         yield from self._own
-        yield from self.announced()
+        yield from self.added()
+        yield from (name for name in self.announced() if name not in self._added)
 
     def __len__(self) -> int:
         return len(list(iter(self)))
@@ -49,15 +115,16 @@ class Drivers(Mapping[str, Driver], Generic[Driver]):
     def __contains__(self, name: object) -> bool:
         return name in list(iter(self))
 
-    def announced(self) -> tuple[str, ...]:
-        """The names that other packages announce."""
-        return tuple(sorted(entry_points(group=self._group).names - set(self._own)))
+    def added(self) -> tuple[str, ...]:
+        """Return the names that this process added, sorted."""
+        return tuple(sorted(self._added))
 
-    def find(self, name: str) -> Driver:
-        """The driver of that name. Raises InstrumentError naming those that exist."""
-        try:
-            return self[name]
-        except KeyError:
-            raise InstrumentError(
-                f"there is no {self._kind} driver {name!r}; those that exist: {', '.join(sorted(self))}"
-            ) from None
+    def announced(self) -> tuple[str, ...]:
+        """Return the names that other packages announce, sorted."""
+        return tuple(sorted(entry_points(group=self._group).names - self._reserved))
+
+    def _unknown(self, name: str) -> UnknownDriver:
+        return UnknownDriver(
+            f"there is no {self._kind} driver {name!r}; those that exist: {', '.join(sorted(self))}"
+            f"{did_you_mean(str(name), self)}"
+        )

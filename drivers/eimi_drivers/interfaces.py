@@ -1,10 +1,17 @@
 """What a power supply and a camera are to the suite, and the errors that they raise.
 
-A driver is any class with these methods; nothing has to be inherited.
+This is all that the suite uses of an instrument. A supply is any object with the members of `PowerSupply`, a camera
+any object with those of `Camera`; nothing has to be inherited. A driver is the class of such an object, or a function
+that returns one; `SupplyDriver` and `CameraDriver` say how it is called. The members are required. Each docstring then
+names the optional members, and what the suite assumes where one is absent.
+
+`open_supply` and `open_camera` check driver and instrument, and name in one line what is missing. The functions
+`check_supply` and `check_camera` of `eimi_drivers.testing` check how they behave.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -45,6 +52,18 @@ class ProtectionTripped(InstrumentError):
 
 class SwitchOffFailed(InstrumentError):
     """At least one stage of switching off failed; the message lists every stage and its outcome."""
+
+
+class UnusableDriver(InstrumentError):
+    """A driver cannot be imported, or does not have what this module asks for; no instrument is at fault."""
+
+
+class UnknownDriver(UnusableDriver, KeyError):
+    """There is no driver of that name."""
+
+    def __str__(self) -> str:
+        """Return the message as it is; a KeyError shows its representation."""
+        return str(self.args[0])
 
 
 @dataclass(frozen=True)
@@ -91,9 +110,16 @@ class Frame:
 
 @runtime_checkable
 class PowerSupply(Protocol):
-    """A current source for a coil."""
+    """A current source for a coil.
+
+    Every call ends within 5 s: with an answer, or with InstrumentTimeout. Every error is an InstrumentError.
+
+    Optional members: `meanwhile`, see `Interruptible`; a supply without it is never interrupted within a call.
+    `without_contact`, see `SupplyDriver`; the one of the instrument is stored with the dataset.
+    """
 
     limits: Limits
+    """Those that the supply was opened with; no set-point outside of them is sent."""
 
     def identify(self) -> Identity:
         """Ask the instrument who it is."""
@@ -120,12 +146,51 @@ class PowerSupply(Protocol):
         """Program zero, switch off, verify; each is tried even when another fails. Raises SwitchOffFailed."""
 
     def close(self) -> None:
-        """Release the port. Does not switch off: safe_off does."""
+        """Release the port. Does not switch off: safe_off does. Closing twice is allowed."""
+
+
+@runtime_checkable
+class Interruptible(Protocol):
+    """An instrument that can be interrupted within a call.
+
+    It calls `meanwhile` between its exchanges with the instrument, when none is under way, and lets through what
+    `meanwhile` raises. The suite puts a function there while a run lasts. The attribute exists from the beginning, with
+    a function that does nothing.
+    """
+
+    meanwhile: Callable[[], None]
+
+
+class SupplyDriver(Protocol):
+    """A class or a function that opens a supply. Opening sends nothing: an output that is on stays on.
+
+    Optional members:
+
+    connect(address) -> Transport
+        Opens the line to the instrument; the driver is then called with the line in place of the address, and every
+        exchange can be recorded (`eimi acquire --transcript`). Absent: the driver is called with the address.
+    bipolar: bool
+        Whether negative currents can be set. Absent: False.
+    without_contact: str
+        What becomes of the output when the cable is pulled or the computer dies, in words. Absent: not known.
+    channels: tuple[int, int]
+        The first and the last channel that an address may name after `#`. Absent: (1, 1).
+    """
+
+    def __call__(self, link: Any, limits: Limits, clock: Clock, /) -> PowerSupply:
+        """Open the supply at `link`: what `connect` returned, or the address, a text."""
 
 
 @runtime_checkable
 class Camera(Protocol):
-    """A camera, or whatever plays one."""
+    """A camera, or whatever plays one.
+
+    `eimi_drivers.cameras.timed` calls it from one thread and gives every call a deadline. Every error is an
+    InstrumentError.
+
+    Optional member: `settings`, the `CameraSettings` that the camera read back when it was opened. Absent: nothing can
+    be set, and opening such a camera with a setting is refused.
+    """
 
     def identify(self) -> Identity:
         """Ask the camera who it is."""
@@ -137,7 +202,14 @@ class Camera(Protocol):
         """The next frame. Raises InstrumentTimeout, InstrumentDisconnected."""
 
     def close(self) -> None:
-        """Release the device."""
+        """Release the device. Closing twice is allowed."""
+
+
+class CameraDriver(Protocol):
+    """A class or a function that opens a camera and sets it up."""
+
+    def __call__(self, source: str | int, settings: Any, /) -> Camera:
+        """Open the camera at `source`, a device's number or a path as the rig file has it, and set `CameraSettings`."""
 
 
 class Clock(Protocol):

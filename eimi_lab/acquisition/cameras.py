@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from eimi_drivers.cameras.camera_names import SetCamera, open_camera
-from eimi_drivers.interfaces import Clock
+from eimi_drivers.cameras.camera_names import open_camera
+from eimi_drivers.interfaces import Camera, Clock
 from eimi_lab.acquisition.playback import Cue, PlayedCamera
 from eimi_lab.config.rig import NO_PLAYBACK, Rig
 from eimi_lab.config.specimen import SpecimenFile
 
 
-def open_rig_camera(rig: Rig, specimen: SpecimenFile, clock: Clock, cue: Cue) -> SetCamera:
+def open_rig_camera(rig: Rig, specimen: SpecimenFile, clock: Clock, cue: Cue) -> Camera:
     """Open it and set it up. cue: tells a recording which state the run is at.
 
     Raises InstrumentError, and InputError for a specimen that the virtual beam cannot be.
@@ -21,7 +21,7 @@ def open_rig_camera(rig: Rig, specimen: SpecimenFile, clock: Clock, cue: Cue) ->
 
         return virtual_camera(rig, specimen, RemoteCoil(str(chosen.source)), clock)
 
-    def open_it() -> SetCamera:
+    def open_it() -> Camera:
         return open_camera(chosen.driver, chosen.source, chosen.settings)
 
     return open_it() if chosen.playback == NO_PLAYBACK else PlayedCamera(open_it, chosen.playback, cue)

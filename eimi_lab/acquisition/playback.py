@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from eimi_drivers.cameras.camera_names import SetCamera
 from eimi_drivers.cameras.image_series import recording_length
-from eimi_drivers.interfaces import EndOfPlayback, Frame, Identity
+from eimi_drivers.cameras.settings import settings_of
+from eimi_drivers.interfaces import Camera, EndOfPlayback, Frame, Identity
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import PLAYER, Playback, Rig
 from eimi_lab.process.errors import InputError
@@ -30,11 +30,11 @@ class Cue:
 class PlayedCamera:
     """A camera whose recording is played as `rule` says. Frames are numbered anew."""
 
-    def __init__(self, open_it: Callable[[], SetCamera], rule: Playback, cue: Cue) -> None:
+    def __init__(self, open_it: Callable[[], Camera], rule: Playback, cue: Cue) -> None:
         """open_it: opens the recording at its beginning. Raises what it raises."""
         self._open_it, self._rule, self._cue = open_it, rule, cue
         self._camera = open_it()
-        self.settings = self._camera.settings
+        self.settings = settings_of(self._camera)
         self._number = self._pictures = 0
         self._held: Frame | None = None
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from eimi_drivers.cameras.timed import TimedCamera
 from eimi_drivers.interfaces import InstrumentError
-from eimi_drivers.supplies.supply_names import supply_driver
+from eimi_drivers.supplies.supply_names import is_bipolar
 from eimi_lab.acquisition.coil import Coil, never, without_contact
 from eimi_lab.acquisition.conditioning import condition
 from eimi_lab.acquisition.heating import refuse_overheating
@@ -44,7 +44,7 @@ def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
             f"is of {specimen.specimen.material!r}"
         )
     limit = rig.supply.limits.current_A
-    one_way = rig.simulated or not supply_driver(rig.supply.driver).bipolar
+    one_way = rig.simulated or not is_bipolar(rig.supply.driver)
     for key, current_A in protocol.extremes_A:
         if abs(current_A) > limit:
             raise InputError(

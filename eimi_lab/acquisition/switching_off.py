@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-from eimi_drivers.interfaces import InstrumentError
-from eimi_drivers.supplies.base import SupplyBase
+from eimi_drivers.interfaces import InstrumentError, Interruptible
 from eimi_lab.acquisition.coil import Coil, never
 from eimi_lab.acquisition.guardian import Guardian
 from eimi_lab.process.errors import tell
@@ -112,13 +111,13 @@ def _in_haste(coil: Coil, guardian: Guardian | None, noted: list[int]) -> Iterat
 
     supply = getattr(coil.supply, "watched", coil.supply)
     coil.meanwhile = switch_off
-    if isinstance(supply, SupplyBase):
+    if isinstance(supply, Interruptible):
         supply.meanwhile = leave
     try:
         yield
     finally:
         coil.meanwhile = never
-        if isinstance(supply, SupplyBase):
+        if isinstance(supply, Interruptible):
             supply.meanwhile = never
 
 

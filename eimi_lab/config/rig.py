@@ -11,6 +11,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from eimi_drivers.cameras.camera_names import CAMERAS
 from eimi_drivers.cameras.settings import CameraSettings
 from eimi_drivers.emulators.coil_line import ADDRESS
+from eimi_drivers.installed import did_you_mean
 from eimi_drivers.supplies.supply_names import SUPPLIES
 from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.config.materials import TrueMaterials, load_materials
@@ -27,7 +28,7 @@ PLAYER = "opencv"
 
 def _one_of(driver: str, known: list[str]) -> str:
     if driver not in known:
-        raise ValueError(f"is not a driver; there are {', '.join(known)}")
+        raise ValueError(f"is not a driver; there are {', '.join(known)}{did_you_mean(driver, known)}")
     return driver
 
 

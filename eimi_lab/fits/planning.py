@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_drivers.supplies.supply_names import supply_driver
+from eimi_drivers.supplies.supply_names import is_bipolar
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.specimen import STANDARD_GRAVITY
 from eimi_fitting.inference.planning.design_of_experiment import (
@@ -150,7 +150,7 @@ def plan(goal: Goal, every: Sequence[Mounting], rig: Rig, protocol: Protocol, st
 
 def _currents(rig: Rig, protocol: Protocol) -> Array:
     limit = protocol.limits.stricter(rig.supply.limits).current_A
-    bipolar = not rig.simulated and supply_driver(rig.supply.driver).bipolar
+    bipolar = not rig.simulated and is_bipolar(rig.supply.driver)
     return np.round(np.linspace(-limit if bipolar else 0.0, limit, _GRID), 3)
 
 

@@ -2,36 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol
-
 from eimi_drivers.cameras.basler import BaslerCamera
 from eimi_drivers.cameras.opencv import OpenCVCamera
-from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings
+from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings, settings_of
+from eimi_drivers.contract import check_camera, check_camera_driver
 from eimi_drivers.installed import Drivers
-from eimi_drivers.interfaces import Camera
+from eimi_drivers.interfaces import Camera, CameraDriver, InstrumentError
 
-
-class SetCamera(Camera, Protocol):
-    """A camera whose settings were set when it was opened; `settings` are those that it reads back."""
-
-    settings: CameraSettings
-
-
-CAMERAS: Drivers[Callable[[str | int, CameraSettings], SetCamera]] = Drivers(
-    "camera", "eimi_drivers.cameras", {OpenCVCamera.name: OpenCVCamera, BaslerCamera.name: BaslerCamera}
+CAMERAS: Drivers[CameraDriver] = Drivers(
+    "camera",
+    "eimi_drivers.cameras",
+    {OpenCVCamera.name: OpenCVCamera, BaslerCamera.name: BaslerCamera},
+    reserved=("virtual",),
 )
-"""Every camera driver by its name, those of other installed packages included."""
+"""Every camera driver by name: those of this package, those of other installed packages, and those that are added."""
 
 
-def open_camera(driver: str, source: str | int, settings: CameraSettings = NO_SETTINGS) -> SetCamera:
+def open_camera(driver: str, source: str | int, settings: CameraSettings = NO_SETTINGS) -> Camera:
     """Open a camera.
 
-    driver: a name in `CAMERAS`. source: as the driver takes it; for "opencv" a device index, a video file, a
-    folder of images or a numbered pattern, for "basler" a serial number.
-    settings: set before the first frame and read back.
+    Parameters
+    ----------
+    driver : str
+        A name in `CAMERAS`.
+    source : str or int
+        As the driver takes it; for "opencv" a device index, a video file, a folder of images or a numbered pattern,
+        for "basler" a serial number.
+    settings : CameraSettings
+        Set before the first frame and read back.
 
-    Raises InstrumentError for an unknown driver or a setting that the camera does not have,
-    InstrumentDisconnected when the source cannot be opened, SetPointNotTaken for a setting that did not take.
+    Returns
+    -------
+    Camera
+        The open camera, which has every member of `Camera`.
+
+    Raises
+    ------
+    UnusableDriver
+        The driver is unknown, or lacks a member.
+    InstrumentError
+        The camera does not have one of the settings.
+    InstrumentDisconnected
+        The source cannot be opened.
+    SetPointNotTaken
+        A setting did not take.
     """
-    return CAMERAS.find(driver)(source, settings)
+    chosen = CAMERAS[driver]
+    check_camera_driver(driver, chosen)
+    camera = chosen(source, settings)
+    check_camera(driver, chosen, camera)
+    try:
+        settings.verify(f"{driver} camera {source}", settings_of(camera))
+    except InstrumentError:
+        camera.close()
+        raise
+    return camera

@@ -6,7 +6,7 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from eimi_drivers.interfaces import SetPointNotTaken
+from eimi_drivers.interfaces import SetPointNotTaken, UnusableDriver
 
 WITHIN = 0.02
 """Cameras round exposure, gain and gamma to steps of their own; further off than this part is not taken."""
@@ -45,6 +45,17 @@ class CameraSettings:
 
 NO_SETTINGS = CameraSettings()
 """Everything stays as it is."""
+
+
+def settings_of(camera: object) -> CameraSettings:
+    """Return the settings that a camera read back when it was opened; none if it keeps no `settings`.
+
+    Raises UnusableDriver if its `settings` are something else.
+    """
+    settings = getattr(camera, "settings", NO_SETTINGS)
+    if not isinstance(settings, CameraSettings):
+        raise UnusableDriver(f"the settings of a camera should be CameraSettings, not {settings!r}")
+    return settings
 
 
 def _same(asked: Any, found: Any) -> bool:

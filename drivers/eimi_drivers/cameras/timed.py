@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from eimi_drivers.cameras.camera_names import SetCamera
-from eimi_drivers.interfaces import Frame, Identity, InstrumentTimeout
+from eimi_drivers.cameras.settings import settings_of
+from eimi_drivers.interfaces import Camera, Frame, Identity, InstrumentTimeout
 
 OPEN_WITHIN_S = 60.0  # a network camera is looked for
 ANSWER_WITHIN_S = 5.0
@@ -39,7 +39,7 @@ class TimedCamera:
     """
 
     def __init__(
-        self, name: str, open_it: Callable[[], SetCamera], seconds: Callable[[], float] = time.monotonic
+        self, name: str, open_it: Callable[[], Camera], seconds: Callable[[], float] = time.monotonic
     ) -> None:
         """Open the camera.
 
@@ -71,7 +71,7 @@ class TimedCamera:
         except BaseException:
             self._calls.put(None)
             raise
-        self.settings = self._camera.settings
+        self.settings = settings_of(self._camera)
 
     def identify(self) -> Identity:
         """See `Camera.identify`."""

@@ -23,6 +23,7 @@ from eimi_drivers.emulators.scpi_families import (
     SiglentSpdDialect,
 )
 from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.installed import did_you_mean
 from eimi_drivers.interfaces import InstrumentError, Limits, PowerSupply
 from eimi_drivers.supplies.supply_names import supply_driver
 from eimi_drivers.supplies.transport import InProcessTransport, Responder, split_address
@@ -50,8 +51,11 @@ def emulate(dialect: str, supply: CoilSupply, address: str = "") -> Responder:
     Raises InstrumentError for a name that is not in `DIALECTS`.
     """
     if dialect not in DIALECTS:
-        raise InstrumentError(f"there is no emulated supply {dialect!r}; those that exist: {', '.join(DIALECTS)}")
-    first, last = supply_driver(dialect).channels
+        raise InstrumentError(
+            f"there is no emulated supply {dialect!r}; those that exist: {', '.join(DIALECTS)}"
+            f"{did_you_mean(dialect, DIALECTS)}"
+        )
+    first, last = getattr(supply_driver(dialect), "channels", (1, 1))
     channel = split_address(address)[1]
     if channel is None or first == last:
         return DIALECTS[dialect](supply)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 from eimi_drivers.clock import WallClock
+from eimi_drivers.contract import check_supply, check_supply_driver
 from eimi_drivers.installed import Drivers
-from eimi_drivers.interfaces import Clock, InstrumentError, Limits, PowerSupply
+from eimi_drivers.interfaces import Clock, Limits, PowerSupply, SupplyDriver, UnusableDriver
 from eimi_drivers.supplies.base import SupplyBase
 from eimi_drivers.supplies.genesys import GenesysSupply
 from eimi_drivers.supplies.kepco import KepcoBopSupply
@@ -22,15 +25,30 @@ _OWN: tuple[type[SupplyBase], ...] = (
     KepcoBopSupply,
 )
 
-SUPPLIES: Drivers[type[SupplyBase]] = Drivers(
-    "supply", "eimi_drivers.supplies", {driver.name: driver for driver in _OWN}
+SUPPLIES: Drivers[SupplyDriver] = Drivers(
+    "supply", "eimi_drivers.supplies", {driver.name: driver for driver in _OWN}, reserved=("virtual",)
 )
-"""Every supply driver by its name, those of other installed packages included."""
+"""Every supply driver by name: those of this package, those of other installed packages, and those that are added."""
 
 
-def supply_driver(driver: str) -> type[SupplyBase]:
-    """The driver class of that name. Raises InstrumentError naming those that exist."""
-    return SUPPLIES.find(driver)
+def supply_driver(driver: str) -> SupplyDriver:
+    """Return the driver of that name, checked as far as it can be without an instrument.
+
+    Raises
+    ------
+    UnknownDriver
+        There is no driver of that name.
+    UnusableDriver
+        It cannot be imported, or lacks a member of `PowerSupply`.
+    """
+    chosen = SUPPLIES[driver]
+    check_supply_driver(driver, chosen)
+    return chosen
+
+
+def is_bipolar(driver: str) -> bool:
+    """Return whether the supplies of that driver can reverse their current. Raises as `supply_driver` does."""
+    return bool(getattr(supply_driver(driver), "bipolar", False))
 
 
 def open_supply(
@@ -38,21 +56,47 @@ def open_supply(
 ) -> PowerSupply:
     """Open the supply at an address. Nothing is sent: a supply that is on stays on.
 
-    driver: a name in `SUPPLIES`. address: a serial port or a VISA resource, as the driver takes it; `#2` at
-    its end names the channel.
-    limits: the largest current (A) and voltage (V) that it may ever be asked for.
-    clock: the wall clock unless given. transcript: a new file for every exchange, see `transcript`.
+    Parameters
+    ----------
+    driver : str
+        A name in `SUPPLIES`.
+    address : str
+        A serial port or a VISA resource, as the driver takes it; `#2` at its end names the channel.
+    limits : Limits
+        The largest current (A) and voltage (V) that the supply may ever be asked for.
+    clock : Clock, optional
+        The wall clock unless given.
+    transcript : Path, optional
+        A new file for every exchange, see `transcript`.
 
-    Raises InstrumentError for an unknown driver or channel, InstrumentDisconnected when the address cannot be
-    opened.
+    Returns
+    -------
+    PowerSupply
+        The open supply, which has every member of `PowerSupply`.
+
+    Raises
+    ------
+    UnusableDriver
+        The driver is unknown, lacks a member, or has no `connect` where a transcript is asked for.
+    InstrumentError
+        The address names a channel that there is not.
+    InstrumentDisconnected
+        The address cannot be opened.
     """
     chosen = supply_driver(driver)
-    link = chosen.connect(address)
     time = clock or WallClock()
-    try:
-        if transcript is not None:
-            link = RecordingTransport(link, transcript, time)
-        return chosen(link, limits, time)
-    except (InstrumentError, OSError):
-        link.close()
-        raise
+    connect = getattr(chosen, "connect", None)
+    if connect is None and transcript is not None:
+        raise UnusableDriver(f"the supply driver {driver!r} has no connect(address), so no transcript can be written")
+    with ExitStack() as opened:
+        link: Any = address
+        if connect is not None:
+            link = connect(address)
+            if transcript is not None:
+                opened.callback(link.close)
+                link = RecordingTransport(link, transcript, time)
+            opened.callback(link.close)
+        supply = chosen(link, limits, time)
+        check_supply(driver, chosen, supply)
+        opened.pop_all()
+    return supply
