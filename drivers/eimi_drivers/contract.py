@@ -38,10 +38,12 @@ def check_camera(name: str, driver: object, camera: Camera) -> None:
 
 
 def _check_opened(kind: str, name: str, driver: object, instrument: PowerSupply | Camera, protocol: type) -> None:
-    faults = {member: fault for member, fault in _faults(instrument, protocol)}
-    if faults and "close" not in faults:
-        instrument.close()
-    _raise(kind, name, driver, list(faults.values()))
+    faults = dict(_faults(instrument, protocol))
+    try:
+        if faults and "close" not in faults:
+            instrument.close()
+    finally:  # what close() of half an instrument raises says less
+        _raise(kind, name, driver, list(faults.values()))
 
 
 def _raise(kind: str, name: str, driver: object, faults: list[str]) -> None:

@@ -37,12 +37,16 @@ ARM, BEAT, DISARM, TAKE_OVER, ALLOW = b"on", b".", b"off", b"take over", b"allow
 
 @dataclass(frozen=True)
 class Ward:
-    """The supply to switch off: driver, address and limits, as the rig has them."""
+    """The supply to switch off: driver, address and limits, as the rig has them.
+
+    packed: the driver itself, if this program added it; see `added_driver.pack`.
+    """
 
     driver: str
     address: str
     current_A: float
     voltage_V: float
+    packed: str = ""
 
 
 class Guardian:

@@ -19,6 +19,7 @@ from pathlib import Path
 from eimi_drivers.interfaces import Limits, PowerSupply, SwitchOffFailed
 from eimi_drivers.supplies.supply_names import open_supply
 from eimi_drivers.supplies.transport import share_ports
+from eimi_lab.acquisition.added_driver import unpack
 from eimi_lab.acquisition.guardian import (
     ALLOW,
     ARM,
@@ -159,4 +160,6 @@ def _tell(words: str) -> None:
 
 if __name__ == "__main__":
     with never_blocking():
-        stand_guard(Ward(**json.loads(sys.argv[1])))
+        ward = Ward(**json.loads(sys.argv[1]))
+        unpack(ward.driver, ward.packed)
+        stand_guard(ward)

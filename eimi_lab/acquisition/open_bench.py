@@ -59,10 +59,12 @@ def open_bench(
     from eimi_drivers.clock import WallClock
     from eimi_drivers.interfaces import InstrumentDisconnected, Limits
     from eimi_drivers.supplies.supply_names import open_supply
+    from eimi_lab.acquisition.added_driver import pack
     from eimi_lab.acquisition.cameras import open_rig_camera
 
     wall, cue = WallClock(), Cue()
-    ward = Ward(rig.supply.driver, rig.supply.address, stricter.current_A, stricter.voltage_V)
+    driver = rig.supply.driver
+    ward = Ward(driver, rig.supply.address, stricter.current_A, stricter.voltage_V, pack(driver))
     with ExitStack() as opened:
         guardian = opened.enter_context(guarding(ward))
         try:

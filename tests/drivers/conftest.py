@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from functools import partial
 
 import pytest
 
-from eimi_drivers.clock import SimulatedClock, WallClock
-from eimi_drivers.emulators import DIALECTS, CoilSupply, emulate, serve_pty, serve_tcp
-from eimi_drivers.emulators.faults import FaultyInstrument
-from eimi_drivers.interfaces import Clock, Limits, PowerSupply
-from eimi_drivers.supplies import SUPPLIES, open_supply
-from eimi_drivers.supplies.transport import InProcessTransport
+from eimi_drivers.emulators import DIALECTS, emulate, serve_pty, serve_tcp
+from eimi_drivers.supplies import SUPPLIES
+from eimi_drivers.supplies.transport import Responder
+from eimi_drivers.testing import SupplyBench, check_supply, supply_bench
+from eimi_drivers.testing.claims import Check
 
-LIMITS = Limits(current_A=1.0, voltage_V=12.0)
 IN_PROCESS = tuple(f"{driver} in process" for driver in DIALECTS)
 QUICK_LINKS = ("korad on a pty", "genesys on a pty", "scpi over tcp")
 SERIAL_DRIVERS = ("korad", "genesys")
@@ -28,86 +26,88 @@ def links(quick: tuple[str, ...]) -> list[object]:
     return [*IN_PROCESS, *quick, *slow]
 
 
-@dataclass
-class Bench:
-    supply: PowerSupply
-    coil: CoilSupply
-    line: FaultyInstrument
-    clock: Clock
-    driver: str
-    address: str
-    sent: list[bytes]
-
-    def energise(self, current_A: float = 0.7) -> None:
-        self.supply.set_voltage(12.0)
-        self.supply.set_current(current_A)
-        self.supply.set_output(True)
-        self.clock.sleep(0.2)  # 20 time constants of the coil
-
-    def energised(self) -> bool:
-        """Whether current flows, whatever the driver says; off is a current of zero on some supplies."""
-        return self.coil.state.output and self.coil.state.set_current_A != 0.0
-
-
-@contextmanager
-def open_bench(link: str) -> Iterator[Bench]:
+def served(link: str) -> Callable[[Responder], AbstractContextManager[str]] | None:
+    """Serve as a link says, and give the address as its driver takes it; None for one in this process."""
     driver, _, where = link.partition(" ")
-    clock: Clock = SimulatedClock() if where == "in process" else WallClock()
-    coil = CoilSupply(clock, resistance_ohm=4.0, time_constant_s=0.01)
-    line = FaultyInstrument(emulate(driver, coil), clock)
-    with ExitStack() as stack:
-        sent: list[bytes] = []
-        if where == "in process":
-            address = "in-process"
-            transport = InProcessTransport(line, clock, address)
-            sent = transport.sent
-            supply: PowerSupply = SUPPLIES[driver](transport, LIMITS, clock)
-        else:
-            address = stack.enter_context(serve_tcp(line) if where == "over tcp" else serve_pty(line))
+
+    @contextmanager
+    def serve(line: Responder) -> Iterator[str]:
+        with (serve_tcp if where == "over tcp" else serve_pty)(line) as address:
             if where == "on a pty" and driver not in SERIAL_DRIVERS:
                 address = f"ASRL{address}::INSTR"
             if where == "over tcp" and driver in SERIAL_DRIVERS:
                 address = f"socket://127.0.0.1:{address.split('::')[2]}"
-            supply = open_supply(driver, address, LIMITS)
-        stack.callback(supply.close)
-        yield Bench(supply, coil, line, clock, driver, address, sent)
+            yield address
+
+    return None if where == "in process" else serve
 
 
-@pytest.fixture(params=links(QUICK_LINKS[-1:]))
-def waiting_bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
-    """As `bench`, for what takes seconds of waiting on a real port."""
-    with open_bench(request.param) as opened:
-        yield opened
+def open_bench(link: str) -> AbstractContextManager[SupplyBench]:
+    driver = link.partition(" ")[0]
+    return supply_bench(SUPPLIES[driver], partial(emulate, driver), served(link))
+
+
+@pytest.fixture
+def conforms() -> Callable[[str, Check[SupplyBench]], None]:
+    """Runs one check of the conformance suite on the driver and the transport of a link."""
+
+    def run(link: str, check: Check[SupplyBench]) -> None:
+        driver = link.partition(" ")[0]
+        # A loaded machine may be slow: that an answer comes in time is checked in simulated seconds.
+        patience_s = 5.0 if link in IN_PROCESS else 60.0
+        emulator = partial(emulate, driver)
+        check_supply(SUPPLIES[driver], emulator, serve=served(link), answer_within_s=patience_s, checks=[check])
+
+    return run
 
 
 @pytest.fixture(params=links(QUICK_LINKS))
-def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+def link(request: pytest.FixtureRequest) -> str:
+    """Each driver over each transport, in words."""
+    return str(request.param)
+
+
+@pytest.fixture(params=links(QUICK_LINKS[-1:]))
+def waiting_link(request: pytest.FixtureRequest) -> str:
+    """As `link`, for what takes seconds of waiting on a real port."""
+    return str(request.param)
+
+
+@pytest.fixture
+def waiting_bench(waiting_link: str) -> Iterator[SupplyBench]:
+    """As `bench`, for what takes seconds of waiting on a real port."""
+    with open_bench(waiting_link) as opened:
+        yield opened
+
+
+@pytest.fixture
+def bench(link: str) -> Iterator[SupplyBench]:
     """A driver over each transport."""
-    with open_bench(request.param) as opened:
+    with open_bench(link) as opened:
         yield opened
 
 
 @pytest.fixture(params=IN_PROCESS)
-def quick_bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+def quick_bench(request: pytest.FixtureRequest) -> Iterator[SupplyBench]:
     """Each driver on an emulator in the same process, in simulated time."""
     with open_bench(request.param) as opened:
         yield opened
 
 
 @pytest.fixture
-def bench_of() -> Iterator[Callable[[str], Bench]]:
+def bench_of() -> Iterator[Callable[[str], SupplyBench]]:
     """Opens the bench of one driver and transport by its name."""
     with ExitStack() as stack:
         yield lambda link: stack.enter_context(open_bench(link))
 
 
 @pytest.fixture
-def korad() -> Iterator[Bench]:
+def korad() -> Iterator[SupplyBench]:
     with open_bench("korad in process") as opened:
         yield opened
 
 
 @pytest.fixture
-def scpi() -> Iterator[Bench]:
+def scpi() -> Iterator[SupplyBench]:
     with open_bench("scpi in process") as opened:
         yield opened

@@ -6,6 +6,7 @@ import re
 import sys
 import tomllib
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -13,7 +14,7 @@ from eimi_drivers import discovery
 from eimi_drivers.cameras import CAMERAS, open_camera
 from eimi_drivers.clock import WallClock
 from eimi_drivers.emulators import CoilSupply, serve_pty
-from eimi_drivers.interfaces import InstrumentError, Limits, PowerSupply, ReplyNotUnderstood
+from eimi_drivers.interfaces import InstrumentError, Limits, PowerSupply, ReplyNotUnderstood, UnusableDriver
 from eimi_drivers.supplies import SUPPLIES, open_supply
 
 PAGE = Path(__file__).parents[2] / "docs" / "howto" / "add_a_supply.md"
@@ -96,12 +97,29 @@ def test_the_driver_in_the_readme_works(shown_driver):
     assert not coil.state.output
 
 
-def test_nonsense_is_not_understood_by_the_driver_in_the_readme(shown_driver):
-    class Nonsense:
-        def receive(self, data: bytes) -> bytes:
-            return b"\n"
+def test_the_lines_that_check_a_driver_do_so(shown_driver, monkeypatch):
+    emulated = ModuleType("aim_tti_emulated")
+    emulated.AimTtiDialect = AimTtiDialect
+    monkeypatch.setitem(sys.modules, "aim_tti_emulated", emulated)
+    (lines,) = [block for block in blocks("python") if "check_supply" in block]
+    exec(lines, {})
+    emulated.AimTtiDialect = Nonsense
+    with pytest.raises(AssertionError, match="the supply driver AimTtiSupply: says_who_it_is: ReplyNotUnderstood"):
+        exec(lines, {})
 
-    with serve_pty(Nonsense()) as port:
+
+class Nonsense:
+    """Whatever is asked, the answer is an empty line."""
+
+    def __init__(self, supply: CoilSupply) -> None:
+        pass
+
+    def receive(self, data: bytes) -> bytes:
+        return b"\n"
+
+
+def test_nonsense_is_not_understood_by_the_driver_in_the_readme(shown_driver):
+    with serve_pty(Nonsense(CoilSupply(WallClock()))) as port:
         supply = open_supply(shown_driver, port, Limits(current_A=3.0, voltage_V=12.0))
         for act in (supply.identify, supply.measure, supply.output_on):
             with pytest.raises(ReplyNotUnderstood):
@@ -133,9 +151,18 @@ def test_a_name_of_this_package_cannot_be_taken_over(monkeypatch, tmp_path):
 
 
 def test_cameras_are_announced_the_same_way(monkeypatch, tmp_path):
-    (tmp_path / "pinhole.py").write_text("def open_pinhole(source, settings):\n    return ('pinhole', source)\n")
+    (tmp_path / "pinhole.py").write_text(
+        "from types import SimpleNamespace\n\n"
+        "def open_pinhole(source, settings):\n"
+        "    return SimpleNamespace(identify=lambda: source, flush=None, grab=lambda timeout_s: None, close=dict)\n"
+    )
     install(tmp_path, "eimi_drivers.cameras", {"pinhole": "pinhole:open_pinhole"})
     monkeypatch.syspath_prepend(str(tmp_path))
     assert "pinhole" in CAMERAS
-    assert open_camera("pinhole", "box 3") == ("pinhole", "box 3")
+    with pytest.raises(UnusableDriver, match=r"\(pinhole.open_pinhole\) .*: flush is None, but should be flush\(\)"):
+        open_camera("pinhole", "box 3")
+    path = tmp_path / "pinhole.py"
+    path.write_text(path.read_text().replace("flush=None", "flush=dict"))
+    sys.modules.pop("pinhole")
+    assert open_camera("pinhole", "box 3").identify() == "box 3"
     sys.modules.pop("pinhole")

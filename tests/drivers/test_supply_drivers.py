@@ -53,7 +53,7 @@ def staged_bench(request, bench_of):
 @pytest.mark.parametrize("stage", ["zero", "verify"])
 def test_every_stage_of_switching_off_is_tried_when_another_fails(staged_bench, stage):
     staged_bench.energise()
-    staged_bench.line.inject(Fault.SILENCE, lambda message: message.startswith(STAGES[staged_bench.driver][stage]))
+    staged_bench.line.inject(Fault.SILENCE, lambda message: message.startswith(STAGES[staged_bench.supply.name][stage]))
     with pytest.raises(SwitchOffFailed) as caught:
         staged_bench.supply.safe_off()
     outcomes = str(caught.value)
@@ -65,7 +65,7 @@ def test_every_stage_of_switching_off_is_tried_when_another_fails(staged_bench, 
 
 def test_an_off_command_that_is_lost_is_found_by_verifying(staged_bench):
     staged_bench.energise()
-    staged_bench.line.inject(Fault.SILENCE, lambda message: message.startswith(STAGES[staged_bench.driver]["off"]))
+    staged_bench.line.inject(Fault.SILENCE, lambda message: message.startswith(STAGES[staged_bench.supply.name]["off"]))
     with pytest.raises(SwitchOffFailed, match=r"zero: done; off: .*; verify: failed .*says that it is on"):
         staged_bench.supply.safe_off()
     assert staged_bench.coil.state.set_current_A == 0.0
@@ -89,7 +89,7 @@ def test_an_output_that_does_not_switch_on_is_reported(staged_bench):
     staged_bench.line.inject(Fault.SILENCE, lambda message: message.strip() in on)
     with pytest.raises((SetPointNotTaken, InstrumentTimeout)) as caught:
         staged_bench.supply.set_output(True)
-    if staged_bench.driver != "genesys":  # which would have answered OK
+    if staged_bench.supply.name != "genesys":  # which would have answered OK
         assert "switched on but the instrument says that it is off" in str(caught.value)
 
 

@@ -87,9 +87,9 @@ def test_a_driver_of_another_package_is_run_dry_without_its_messages(
     (information / "METADATA").write_text("Metadata-Version: 2.1\nName: some-lab\nVersion: 1.0\n")
     (information / "entry_points.txt").write_text("[eimi_drivers.supplies]\nours = some_lab_supply:Ours\n")
     (tmp_path / "some_lab_supply.py").write_text(f"""
-from eimi_drivers.supplies.base import SupplyBase
+from eimi_drivers.supplies.korad import KoradSupply
 
-class Ours(SupplyBase):
+class Ours(KoradSupply):
     name = "ours"
     bipolar = {bipolar}
 """)

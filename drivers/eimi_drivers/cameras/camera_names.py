@@ -47,12 +47,16 @@ def open_camera(driver: str, source: str | int, settings: CameraSettings = NO_SE
     SetPointNotTaken
         A setting did not take.
     """
-    chosen = CAMERAS[driver]
-    check_camera_driver(driver, chosen)
-    camera = chosen(source, settings)
-    check_camera(driver, chosen, camera)
+    return open_with(CAMERAS[driver], driver, source, settings)
+
+
+def open_with(driver: CameraDriver, name: str, source: str | int, settings: CameraSettings = NO_SETTINGS) -> Camera:
+    """Open a camera with a driver that needs no entry in `CAMERAS`. See `open_camera`; `name` is for messages."""
+    check_camera_driver(name, driver)
+    camera = driver(source, settings)
+    check_camera(name, driver, camera)
     try:
-        settings.verify(f"{driver} camera {source}", settings_of(camera))
+        settings.verify(f"{name} camera {source}", settings_of(camera))
     except InstrumentError:
         camera.close()
         raise

@@ -208,12 +208,12 @@ class OpenCVCamera:
             self._changed.wait_for(lambda: self._newest or self._failure or self._closing, timeout_s)
             frame, self._newest = self._newest, None
             self._changed.notify_all()
+            if self._closing:
+                raise InstrumentDisconnected(f"{self.source}: the camera was closed")
             if frame is not None:
                 return frame
             if self._failure is not None:
                 raise type(self._failure)(str(self._failure)) from self._failure
-            if self._closing:
-                raise InstrumentDisconnected(f"{self.source}: the camera was closed")
             raise InstrumentTimeout(f"{self.source}: no frame within {timeout_s:g} s")
 
     def close(self) -> None:

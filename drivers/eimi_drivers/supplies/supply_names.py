@@ -83,20 +83,26 @@ def open_supply(
     InstrumentDisconnected
         The address cannot be opened.
     """
-    chosen = supply_driver(driver)
-    time = clock or WallClock()
-    connect = getattr(chosen, "connect", None)
+    return open_with(supply_driver(driver), driver, address, limits, clock or WallClock(), transcript)
+
+
+def open_with(
+    driver: SupplyDriver, name: str, address: str, limits: Limits, clock: Clock, transcript: Path | None = None
+) -> PowerSupply:
+    """Open a supply with a driver that needs no entry in `SUPPLIES`. See `open_supply`; `name` is for messages."""
+    check_supply_driver(name, driver)
+    connect = getattr(driver, "connect", None)
     if connect is None and transcript is not None:
-        raise UnusableDriver(f"the supply driver {driver!r} has no connect(address), so no transcript can be written")
+        raise UnusableDriver(f"the supply driver {name!r} has no connect(address), so no transcript can be written")
     with ExitStack() as opened:
         link: Any = address
         if connect is not None:
             link = connect(address)
             if transcript is not None:
                 opened.callback(link.close)
-                link = RecordingTransport(link, transcript, time)
+                link = RecordingTransport(link, transcript, clock)
             opened.callback(link.close)
-        supply = chosen(link, limits, time)
-        check_supply(driver, chosen, supply)
+        supply = driver(link, limits, clock)
+        check_supply(name, driver, supply)
         opened.pop_all()
     return supply

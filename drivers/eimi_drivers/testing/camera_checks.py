@@ -1,0 +1,223 @@
+"""What every camera driver does: each check is a function whose name is the claim."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from eimi_drivers.cameras.camera_names import open_with
+from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings, settings_of
+from eimi_drivers.cameras.timed import TimedCamera
+from eimi_drivers.interfaces import (
+    Camera,
+    CameraDriver,
+    Frame,
+    Identity,
+    InstrumentDisconnected,
+    InstrumentError,
+    InstrumentTimeout,
+)
+from eimi_drivers.testing.claims import claim, must_raise, run_checks, within
+
+FRAME_WITHIN_S = 10.0
+SHORT_S = 0.2
+ENDS_WITHIN_S = 30.0
+"""A call that has not ended by then is taken for one that never does."""
+
+FRAMES = 3
+
+
+@dataclass
+class CameraBench:
+    """A camera or its stand-in, and what can be done to it. See `check_camera`."""
+
+    open: Callable[..., Camera]
+    camera: Camera
+    settings: CameraSettings
+    absent: str | int | None
+    freeze: Callable[[], object] | None
+    unplug: Callable[[], object] | None
+
+
+def says_who_it_is(bench: CameraBench) -> None:
+    """`identify` names driver, camera and address."""
+    identity = bench.camera.identify()
+    claim(isinstance(identity, Identity), f"identify() should return an Identity, not {identity!r}")
+    claim(bool(identity.driver and identity.text), f"identify() leaves driver or text empty: {identity}")
+
+
+def gives_frames_in_order(bench: CameraBench) -> None:
+    """Frames are grey or colour images of one shape; numbers grow, and time stamps do not go back."""
+    frames = _grab(bench.camera)
+    for frame in frames:
+        _is_a_frame(frame)
+    claim(len({frame.image.shape for frame in frames}) == 1, "the frames have different shapes")
+    numbers = [frame.number for frame in frames]
+    claim(all(a < b for a, b in pairwise(numbers)), f"frame numbers should grow, but are {numbers}")
+    stamps_s = [frame.timestamp_s for frame in frames]
+    claim(all(a <= b for a, b in pairwise(stamps_s)), f"time stamps should not go back, but are {stamps_s} s")
+
+
+def keeps_frames_apart(bench: CameraBench) -> None:
+    """A frame that was handed out is not overwritten by the next one."""
+    first = bench.camera.grab(FRAME_WITHIN_S).image
+    before = first.copy()
+    _grab(bench.camera, FRAMES - 1)
+    claim(np.array_equal(first, before), "a frame changed when the next was grabbed; its image should be a copy")
+
+
+def goes_on_after_a_flush(bench: CameraBench) -> None:
+    """`flush` throws old frames away, and later ones come."""
+    before = bench.camera.grab(FRAME_WITHIN_S).number
+    bench.camera.flush()
+    after = bench.camera.grab(FRAME_WITHIN_S).number
+    claim(after > before, f"after flush() came frame {after}, which is not after frame {before}")
+
+
+def reads_its_settings_back(bench: CameraBench) -> None:
+    """The `settings` of the camera are those that were asked for."""
+    bench.settings.verify("the camera", settings_of(bench.camera))
+    if bench.settings.region is not None:
+        width, height = bench.settings.region[2:]
+        shape = bench.camera.grab(FRAME_WITHIN_S).image.shape
+        claim(shape[:2] == (height, width), f"a region of {width} x {height} pixels gives images of shape {shape}")
+
+
+def refuses_a_setting_that_cannot_be(bench: CameraBench) -> None:
+    """A region without a pixel is an InstrumentError, and the camera can be opened after it."""
+    bench.camera.close()
+    impossible = CameraSettings(region=(0, 0, 0, 0))
+    must_raise((InstrumentError,), f"opening with {impossible}", lambda: bench.open(settings=impossible))
+    bench.camera = bench.open()
+    bench.camera.grab(FRAME_WITHIN_S)
+
+
+def works_in_a_thread_of_its_own(bench: CameraBench) -> None:
+    """The suite opens and calls a camera in another thread than the main one."""
+    bench.camera.close()
+    camera = TimedCamera("the camera", bench.open)
+    try:
+        camera.flush()
+        _is_a_frame(camera.grab(FRAME_WITHIN_S))
+    finally:
+        camera.close()
+
+
+def is_closed_when_it_is_closed(bench: CameraBench) -> None:
+    """Closing twice is allowed; a closed camera gives an InstrumentError and can be opened again."""
+    bench.camera.close()
+    bench.camera.close()
+    must_raise((InstrumentError,), "grab() of a closed camera", lambda: _in_time(bench.camera))
+    bench.camera = bench.open()
+    bench.camera.grab(FRAME_WITHIN_S)
+
+
+def says_that_no_camera_is_there(bench: CameraBench) -> None:
+    """Opening a source at which no camera is raises InstrumentDisconnected."""
+    if bench.absent is not None:
+        must_raise(
+            (InstrumentDisconnected,), f"opening {bench.absent!r}", lambda: bench.open(source=bench.absent).close()
+        )
+
+
+def gives_up_on_a_camera_that_hangs(bench: CameraBench) -> None:
+    """Without a frame, `grab` is an InstrumentTimeout."""
+    if bench.freeze is not None:
+        bench.freeze()
+        must_raise((InstrumentTimeout,), "grab() of a camera that hangs", lambda: _in_time(bench.camera))
+
+
+def says_that_it_was_unplugged(bench: CameraBench) -> None:
+    """`grab` of a camera that is gone is InstrumentDisconnected."""
+    if bench.unplug is not None:
+        bench.unplug()
+        must_raise((InstrumentDisconnected,), "grab() of an unplugged camera", lambda: _in_time(bench.camera))
+
+
+CAMERA_CHECKS: tuple[Callable[[CameraBench], None], ...] = (
+    says_who_it_is,
+    gives_frames_in_order,
+    keeps_frames_apart,
+    goes_on_after_a_flush,
+    reads_its_settings_back,
+    refuses_a_setting_that_cannot_be,
+    works_in_a_thread_of_its_own,
+    is_closed_when_it_is_closed,
+    says_that_no_camera_is_there,
+    gives_up_on_a_camera_that_hangs,
+    says_that_it_was_unplugged,
+)
+"""Every check of `check_camera`."""
+
+
+def check_camera(
+    open: CameraDriver,
+    source: str | int,
+    *,
+    settings: CameraSettings = NO_SETTINGS,
+    absent: str | int | None = None,
+    freeze: Callable[[], object] | None = None,
+    unplug: Callable[[], object] | None = None,
+    checks: Iterable[Callable[[CameraBench], None]] = CAMERA_CHECKS,
+) -> None:
+    """Check a camera driver on a camera, or on what stands in for one.
+
+    Parameters
+    ----------
+    open : CameraDriver
+        The driver: a class or a function that is called as `CameraDriver` says.
+    source : str or int
+        Where a camera is that gives at least three frames each time it is opened.
+    settings : CameraSettings, optional
+        Settings that the camera takes and reads back.
+    absent : str or int, optional
+        A source at which there is no camera.
+    freeze, unplug : callable, optional
+        Make the open camera give no more frames, or be gone. The checks that need what is not given do nothing.
+    checks : iterable of functions, optional
+        Some of `CAMERA_CHECKS`; all of them unless given. The camera is opened anew for each.
+
+    Raises
+    ------
+    AssertionError
+        Names every check that fails, and what should have been.
+    """
+    name = str(getattr(open, "name", getattr(open, "__name__", "camera")))
+
+    @contextmanager
+    def bench() -> Iterator[CameraBench]:
+        def open_it(source: str | int = source, settings: CameraSettings = settings) -> Camera:
+            return open_with(open, name, source, settings)
+
+        opened = CameraBench(open_it, open_it(), settings, absent, freeze, unplug)
+        try:
+            yield opened
+        finally:
+            opened.camera.close()
+
+    run_checks(f"the camera driver {getattr(open, '__name__', open)}", checks, bench)
+
+
+def _grab(camera: Camera, count: int = FRAMES) -> list[Frame]:
+    return [camera.grab(FRAME_WITHIN_S) for _ in range(count)]
+
+
+def _in_time(camera: Camera) -> Frame:
+    return within(ENDS_WITHIN_S, f"grab({SHORT_S:g})", lambda: camera.grab(SHORT_S))
+
+
+def _is_a_frame(frame: Frame) -> None:
+    claim(isinstance(frame, Frame), f"grab() should return a Frame, not {frame!r}")
+    image = frame.image
+    claim(isinstance(image, np.ndarray), f"the image of a frame should be an array, not {type(image).__name__}")
+    claim(
+        image.dtype in (np.uint8, np.uint16) and (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)),
+        f"an image should be (height, width) or (height, width, 3) of uint8 or uint16, not "
+        f"{image.shape} of {image.dtype}",
+    )
+    claim(math.isfinite(frame.timestamp_s), f"a time stamp should be a number of seconds, not {frame.timestamp_s}")

@@ -1,0 +1,79 @@
+"""What a check claims of a driver, and the words where the claim does not hold."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager
+from typing import TypeVar
+
+Value = TypeVar("Value")
+Bench = TypeVar("Bench")
+Check = Callable[[Bench], None]
+
+LONGEST = 60
+"""So many characters of an answer are shown."""
+
+
+def claim(holds: bool, otherwise: str) -> None:
+    """Raise AssertionError with the words `otherwise` unless something holds; also where Python runs with -O."""
+    if not holds:
+        raise AssertionError(otherwise)
+
+
+def must_raise(errors: tuple[type[Exception], ...], doing: str, act: Callable[[], object]) -> Exception:
+    """Return the error that `act` raises, which must be one of `errors`. Raises AssertionError."""
+    wanted = " or ".join(error.__name__ for error in errors)
+    try:
+        answer = act()
+    except errors as error:
+        return error
+    except AssertionError:  # of `within`
+        raise
+    except Exception as error:
+        raise AssertionError(f"{doing} should raise {wanted}, but raised {type(error).__name__}: {error}") from error
+    raise AssertionError(f"{doing} should raise {wanted}, but returned {_shortened(repr(answer))}")
+
+
+def within(seconds: float, doing: str, act: Callable[[], Value]) -> Value:
+    """Return what `act` returns, or raise what it raises. Raises AssertionError if it does not end in time, s."""
+    ends: queue.SimpleQueue[tuple[list[Value], BaseException | None]] = queue.SimpleQueue()
+
+    def run() -> None:
+        try:
+            ends.put(([act()], None))
+        except BaseException as error:  # it is raised again in the thread that waits
+            ends.put(([], error))
+
+    threading.Thread(target=run, name=doing, daemon=True).start()
+    try:
+        answers, error = ends.get(timeout=seconds)
+    except queue.Empty:
+        raise AssertionError(f"{doing} should end within {seconds:g} s, but did not") from None
+    if error is not None:
+        raise error
+    return answers[0]
+
+
+def run_checks(
+    subject: str, checks: Iterable[Check[Bench]], open_bench: Callable[[], AbstractContextManager[Bench]]
+) -> None:
+    """Run every check on a bench of its own. Raises one AssertionError that lists those that fail."""
+    failures: list[str] = []
+    cause: Exception | None = None
+    for check in checks:
+        try:
+            with open_bench() as bench:
+                check(bench)
+        except Exception as error:  # whatever a driver raises is what the suite looks for
+            words = str(error) if isinstance(error, AssertionError) else f"{type(error).__name__}: {error}"
+            failures.append(f"{check.__name__}: {' '.join(words.split())}")
+            cause = cause or error
+    if failures:
+        raise AssertionError(f"{subject}: {'; '.join(failures)}") from cause
+
+
+def _shortened(text: str) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= LONGEST else f"{line[:LONGEST]}..."

@@ -1,0 +1,96 @@
+"""A supply driver on an emulated instrument that feeds a coil."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass
+
+from eimi_drivers.clock import SimulatedClock, WallClock
+from eimi_drivers.contract import check_supply, check_supply_driver
+from eimi_drivers.emulators.faults import FaultyInstrument
+from eimi_drivers.emulators.serve import serve_pty
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import Clock, Limits, PowerSupply, SupplyDriver
+from eimi_drivers.supplies.supply_names import open_with
+from eimi_drivers.supplies.transport import InProcessTransport, Responder
+
+LIMITS = Limits(current_A=1.0, voltage_V=12.0)
+RESISTANCE_OHM = 4.0
+TIME_CONSTANT_S = 0.01
+SETTLED_AFTER_S = 20 * TIME_CONSTANT_S
+PATIENCE_S = 60.0
+"""The longest that a call may take by the wall clock where the time that counts is simulated."""
+
+
+@dataclass
+class SupplyBench:
+    """A driver, the emulated instrument that it talks to, and the coil.
+
+    supply: what the driver opened, with `LIMITS`. coil: the instrument and its coil, without any language. line: the
+    instrument with its language, which can be made to fail. sent: every message so far where the driver speaks over a
+    Transport in this process, else empty. open_again: opens the instrument once more.
+    """
+
+    supply: PowerSupply
+    coil: CoilSupply
+    line: FaultyInstrument
+    clock: Clock
+    bipolar: bool
+    address: str
+    sent: list[bytes]
+    open_again: Callable[[], PowerSupply]
+    answer_within_s: float
+
+    def energise(self, current_A: float = 0.7) -> None:
+        """Set voltage and current, switch on, and wait until the coil's current has settled."""
+        self.supply.set_voltage(LIMITS.voltage_V)
+        self.supply.set_current(current_A)
+        self.supply.set_output(True)
+        self.clock.sleep(SETTLED_AFTER_S)
+
+    def energised(self) -> bool:
+        """Return whether current flows, whatever the driver says; off is a current of zero on some supplies."""
+        return self.coil.state.output and self.coil.state.set_current_A != 0.0
+
+
+@contextmanager
+def supply_bench(
+    open: SupplyDriver,
+    emulator: Callable[[CoilSupply], Responder],
+    serve: Callable[[Responder], AbstractContextManager[str]] | None = None,
+    answer_within_s: float = 5.0,
+) -> Iterator[SupplyBench]:
+    """Open a driver on an emulated instrument. See `check_supply` for the parameters."""
+    with ExitStack() as stack:
+        sent: list[bytes] = []
+        name = str(getattr(open, "name", getattr(open, "__name__", "supply")))
+        if serve is None and hasattr(open, "connect"):
+            clock: Clock = SimulatedClock()
+            coil, line = _instrument(clock, emulator)
+            address = "in-process"
+
+            def open_it() -> PowerSupply:
+                check_supply_driver(name, open)
+                link = InProcessTransport(line, clock, address)
+                link.sent = sent
+                supply = open(link, LIMITS, clock)
+                check_supply(name, open, supply)
+                return supply
+        else:
+            clock = WallClock()
+            coil, line = _instrument(clock, emulator)
+            address = stack.enter_context((serve or serve_pty)(line))
+
+            def open_it() -> PowerSupply:
+                return open_with(open, name, address, LIMITS, clock)
+
+        supply = open_it()
+        stack.callback(supply.close)
+        bipolar = bool(getattr(open, "bipolar", False))
+        yield SupplyBench(supply, coil, line, clock, bipolar, address, sent, open_it, answer_within_s)
+
+
+def _instrument(clock: Clock, emulator: Callable[[CoilSupply], Responder]) -> tuple[CoilSupply, FaultyInstrument]:
+    coil = CoilSupply(clock, resistance_ohm=RESISTANCE_OHM, time_constant_s=TIME_CONSTANT_S)
+    return coil, FaultyInstrument(emulator(coil), clock)

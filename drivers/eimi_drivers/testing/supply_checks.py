@@ -1,0 +1,326 @@
+"""What every supply driver does: each check is a function whose name is the claim."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, suppress
+from functools import partial
+
+from eimi_drivers.clock import SimulatedClock
+from eimi_drivers.emulators.faults import Fault
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import (
+    Identity,
+    InstrumentDisconnected,
+    InstrumentError,
+    InstrumentTimeout,
+    ProtectionTripped,
+    Reading,
+    ReplyNotUnderstood,
+    SetPointRefused,
+    SupplyDriver,
+    SwitchOffFailed,
+)
+from eimi_drivers.supplies.transport import Responder
+from eimi_drivers.testing.claims import claim, must_raise, run_checks, within
+from eimi_drivers.testing.supply_bench import (
+    LIMITS,
+    PATIENCE_S,
+    RESISTANCE_OHM,
+    SETTLED_AFTER_S,
+    SupplyBench,
+    supply_bench,
+)
+
+CURRENT_WITHIN_A, VOLTAGE_WITHIN_V = 0.01, 0.05
+LATE_S = 1.3
+"""An answer so late comes after the time that the drivers of this package wait for one."""
+
+
+def says_who_it_is(bench: SupplyBench) -> None:
+    """`identify` names driver, instrument and address."""
+    identity = bench.supply.identify()
+    claim(isinstance(identity, Identity), f"identify() should return an Identity, not {identity!r}")
+    claim(bool(identity.driver and identity.text), f"identify() leaves driver or text empty: {identity}")
+    claim(
+        identity.address == bench.address, f"identify() gives the address {identity.address!r}, not {bench.address!r}"
+    )
+
+
+def drives_the_coil_and_switches_it_off(bench: SupplyBench) -> None:
+    """Set-points reach the coil, `measure` reads them, and `safe_off` ends them."""
+    bench.energise(0.7)
+    claim(bench.supply.output_on() is True, "output_on() should be True after set_output(True)")
+    _flows(bench, 0.7)
+    bench.supply.check()
+    bench.supply.set_current(0.2)
+    bench.clock.sleep(SETTLED_AFTER_S)
+    _flows(bench, 0.2)
+    bench.supply.set_output(False)
+    claim(not bench.energised(), "the instrument's output is on after set_output(False)")
+    claim(bench.supply.output_on() is False, "output_on() should be False after set_output(False)")
+    bench.supply.check()
+
+
+def refuses_set_points_outside_its_limits(bench: SupplyBench) -> None:
+    """A set-point beyond the limits, or one that is no number, is SetPointRefused, and nothing is sent."""
+    claim(bench.supply.limits == LIMITS, f"limits should be {LIMITS} as it was opened with, not {bench.supply.limits}")
+    before = bench.coil.state
+    for share in (-1.0001, 1.0001, math.nan, math.inf, -math.inf):
+        for setter, limit in (("set_current", LIMITS.current_A), ("set_voltage", LIMITS.voltage_V)):
+            set_it = partial(getattr(bench.supply, setter), share * limit)
+            must_raise((SetPointRefused,), f"{setter}({share * limit:g})", set_it)
+    claim(bench.coil.state == before, "a refused set-point changed the instrument")
+    claim(bench.sent == [], f"a refused set-point was sent: {bench.sent}")
+
+
+def reverses_its_current_only_if_it_is_bipolar(bench: SupplyBench) -> None:
+    """Negative currents are for drivers whose `bipolar` is true."""
+    if not bench.bipolar:
+        must_raise((SetPointRefused,), "set_current(-0.001)", lambda: bench.supply.set_current(-0.001))
+        claim(bench.sent == [], f"a refused set-point was sent: {bench.sent}")
+        return
+    bench.energise(-0.7)
+    claim(bench.supply.output_on() is True, "output_on() should be True at -0.7 A")
+    _flows(bench, -0.7)
+
+
+def reads_its_set_points_back(bench: SupplyBench) -> None:
+    """A set-point that the instrument does not take is an InstrumentError."""
+    bench.coil.max_current_A = 0.5
+    must_raise((InstrumentError,), "set_current(0.7) of 0.5 A at most", lambda: bench.supply.set_current(0.7))
+    bench.coil.max_voltage_V = 5.0
+    must_raise((InstrumentError,), "set_voltage(12) of 5 V at most", lambda: bench.supply.set_voltage(12.0))
+
+
+def notices_a_locked_front_panel(bench: SupplyBench) -> None:
+    """An instrument that obeys nothing is reported at the first set-point, and by `safe_off`."""
+    bench.energise(0.7)
+    bench.coil.locked = True
+    must_raise((InstrumentError,), "set_current(0.2) of a locked supply", lambda: bench.supply.set_current(0.2))
+    must_raise((SwitchOffFailed,), "safe_off() of a locked supply", bench.supply.safe_off)
+    must_raise((InstrumentError,), "set_output(False) of a locked supply", lambda: bench.supply.set_output(False))
+
+
+def reports_a_protection_trip(bench: SupplyBench) -> None:
+    """`check` raises ProtectionTripped once a protection has switched the output off."""
+    bench.energise()
+    bench.coil.trip()
+    must_raise((ProtectionTripped,), "check() after a trip", bench.supply.check)
+
+
+def is_off_after_safe_off_from_every_state(bench: SupplyBench) -> None:
+    """`safe_off` programs zero and switches off, whatever the state before, and may be called twice."""
+
+    def set_points() -> None:
+        bench.supply.set_voltage(LIMITS.voltage_V)
+        bench.supply.set_current(0.7)
+
+    def tripped() -> None:
+        bench.energise()
+        bench.coil.trip()
+
+    states: dict[str, Callable[[], object]] = {
+        "as it was opened": lambda: None,
+        "with set-points and the output off": set_points,
+        "on at 0.7 A": bench.energise,
+        "on at 0 A": lambda: bench.energise(0.0),
+        "off already": bench.supply.safe_off,
+    }
+    if bench.bipolar:
+        states["on at -0.7 A"] = lambda: bench.energise(-0.7)
+    states["after a trip"] = tripped
+    for state, bring_about in states.items():
+        bring_about()
+        bench.supply.safe_off()
+        claim(not bench.energised(), f"the output is on after safe_off() from the state: {state}")
+        claim(
+            bench.coil.state.set_current_A == 0.0,
+            f"safe_off() from the state: {state}: left a set-point of {bench.coil.state.set_current_A:g} A",
+        )
+        claim(bench.supply.output_on() is False, f"output_on() should be False after safe_off() from: {state}")
+        if bring_about is not tripped:  # an instrument may remember a trip
+            bench.supply.check()
+    bench.clock.sleep(SETTLED_AFTER_S)
+    claim(abs(bench.coil.coil_current_A()) < 1e-4, "current flows after safe_off()")
+
+
+def tries_every_stage_of_switching_off(bench: SupplyBench) -> None:
+    """A message that is lost does not keep `safe_off` from sending the others."""
+    bench.energise()
+    lost: list[bytes] = []
+
+    def is_the_first(message: bytes) -> bool:
+        lost.append(message)
+        return len(lost) == 1
+
+    bench.line.inject(Fault.SILENCE, is_the_first)
+    with suppress(SwitchOffFailed):  # it may say that a stage failed
+        bench.supply.safe_off()
+    claim(not bench.energised(), f"safe_off() left the output on after {lost[:1]} was lost")
+
+
+def gives_up_on_a_silent_line(bench: SupplyBench) -> None:
+    """A question without an answer is an InstrumentTimeout in time, and the next answer is understood."""
+    bench.line.inject(Fault.SILENCE)
+    must_raise(
+        (InstrumentTimeout,), "output_on() on a silent line", lambda: _in_time(bench, "output_on()", "output_on")
+    )
+    must_raise((InstrumentTimeout,), "measure() on a silent line", lambda: _in_time(bench, "measure()", "measure"))
+    bench.line.inject(None)
+    claim(bench.supply.output_on() is False, "output_on() should be False once the line answers again")
+
+
+def understands_no_garbage(bench: SupplyBench) -> None:
+    """An unreadable answer is ReplyNotUnderstood, and is not taken for the answer to the next question."""
+    bench.line.inject(Fault.GARBAGE)
+    must_raise((ReplyNotUnderstood,), "identify() that is answered by garbage", bench.supply.identify)
+    bench.line.inject(None)
+    claim(bench.supply.output_on() is False, "output_on() should be False after an unreadable answer to identify()")
+
+
+def understands_no_half_answers(bench: SupplyBench) -> None:
+    """Half an answer is InstrumentTimeout or ReplyNotUnderstood, and the next answer is understood."""
+    bench.energise()
+    bench.line.inject(Fault.PARTIAL)
+    must_raise(
+        (InstrumentTimeout, ReplyNotUnderstood), "measure() that is answered by half an answer", bench.supply.measure
+    )
+    bench.line.inject(None)
+    _reads(bench, 0.7)
+
+
+def waits_for_a_slow_answer(bench: SupplyBench) -> None:
+    """An answer that comes after 0.3 s is waited for."""
+    bench.energise()
+    bench.line.inject(Fault.SLOW)
+    _reads(bench, 0.7)
+
+
+def takes_no_late_answer_for_the_next(bench: SupplyBench) -> None:
+    """After an InstrumentTimeout, an answer that comes late is not taken for that to the next question."""
+    bench.energise()
+    bench.line.late_s = LATE_S
+    bench.line.inject(Fault.SLOW)
+    with suppress(InstrumentTimeout):  # a driver may wait longer
+        bench.supply.measure()
+    bench.line.inject(None)
+    claim(bench.supply.output_on() is True, "output_on() should be True after measure() was answered late")
+    _reads(bench, 0.7)
+
+
+def reports_a_cut_line(bench: SupplyBench) -> None:
+    """A line that is gone is InstrumentDisconnected or InstrumentTimeout; `safe_off` raises SwitchOffFailed."""
+    bench.energise()
+    bench.line.inject(Fault.DISCONNECT)
+    # To PyVISA a socket that the other side closed is one on which nothing comes.
+    must_raise(
+        (InstrumentDisconnected, InstrumentTimeout),
+        "measure() on a line that was cut",
+        lambda: _in_time(bench, "measure()", "measure"),
+    )
+    must_raise((SwitchOffFailed,), "safe_off() on a line that was cut", bench.supply.safe_off)
+
+
+def leaves_the_output_alone_when_it_is_opened_or_closed(bench: SupplyBench) -> None:
+    """Neither opening nor closing changes the instrument; closing twice is allowed."""
+    bench.energise()
+    before = bench.coil.state
+    bench.supply.close()
+    bench.supply.close()
+    claim(bench.coil.state == before, "close() changed the instrument; only safe_off() switches off")
+    again = bench.open_again()
+    try:
+        claim(bench.coil.state == before, "opening changed the instrument; a supply that is on should stay on")
+        claim(again.output_on() is True, "output_on() should be True of a supply that was on when it was opened")
+    finally:
+        again.close()
+
+
+SUPPLY_CHECKS: tuple[Callable[[SupplyBench], None], ...] = (
+    says_who_it_is,
+    drives_the_coil_and_switches_it_off,
+    refuses_set_points_outside_its_limits,
+    reverses_its_current_only_if_it_is_bipolar,
+    reads_its_set_points_back,
+    notices_a_locked_front_panel,
+    reports_a_protection_trip,
+    is_off_after_safe_off_from_every_state,
+    tries_every_stage_of_switching_off,
+    gives_up_on_a_silent_line,
+    understands_no_garbage,
+    understands_no_half_answers,
+    waits_for_a_slow_answer,
+    takes_no_late_answer_for_the_next,
+    reports_a_cut_line,
+    leaves_the_output_alone_when_it_is_opened_or_closed,
+)
+"""Every check of `check_supply`."""
+
+
+def check_supply(
+    open: SupplyDriver,
+    emulator: Callable[[CoilSupply], Responder],
+    *,
+    serve: Callable[[Responder], AbstractContextManager[str]] | None = None,
+    answer_within_s: float = 5.0,
+    checks: Iterable[Callable[[SupplyBench], None]] = SUPPLY_CHECKS,
+) -> None:
+    """Check a supply driver against an emulated instrument.
+
+    Parameters
+    ----------
+    open : SupplyDriver
+        The driver: a class or a function that is called as `SupplyDriver` says.
+    emulator : callable
+        Puts the instrument's language on a `CoilSupply`: returns an object whose `receive(data: bytes) -> bytes`
+        answers a message. ``lambda coil: emulate("scpi", coil)`` is one of this package.
+    serve : callable, optional
+        Serves the emulated instrument and gives the address that the driver opens: `serve_pty`, `serve_tcp`, or a
+        context manager of your own. Without it a driver that has `connect` is checked in this process, in simulated
+        seconds; one without is served on a pseudo-terminal.
+    answer_within_s : float
+        The longest, in s, that a question may take on a line that is silent. After 5 s the suite takes a run for one
+        that stands still, and switches off.
+    checks : iterable of functions, optional
+        Some of `SUPPLY_CHECKS`; all of them unless given. Each has a bench of its own.
+
+    Raises
+    ------
+    AssertionError
+        Names every check that fails, and what should have been.
+    """
+    subject = f"the supply driver {getattr(open, '__name__', open)}"
+    run_checks(subject, checks, lambda: supply_bench(open, emulator, serve, answer_within_s))
+
+
+def _in_time(bench: SupplyBench, doing: str, question: str) -> object:
+    simulated = isinstance(bench.clock, SimulatedClock)
+    began_s = bench.clock.now()
+    try:
+        return within(PATIENCE_S if simulated else bench.answer_within_s, doing, getattr(bench.supply, question))
+    finally:
+        if simulated:
+            took_s = bench.clock.now() - began_s
+            claim(
+                took_s <= bench.answer_within_s, f"{doing} took {took_s:g} s, longer than {bench.answer_within_s:g} s"
+            )
+
+
+def _flows(bench: SupplyBench, current_A: float) -> None:
+    true_A = bench.coil.coil_current_A()
+    claim(
+        abs(true_A - current_A) <= CURRENT_WITHIN_A, f"{true_A:g} A flow in the coil at a set-point of {current_A:g} A"
+    )
+    _reads(bench, current_A)
+
+
+def _reads(bench: SupplyBench, current_A: float) -> None:
+    reading = bench.supply.measure()
+    claim(isinstance(reading, Reading), f"measure() should return a Reading, not {reading!r}")
+    claim(
+        abs(reading.current_A - current_A) <= CURRENT_WITHIN_A
+        and abs(reading.voltage_V - current_A * RESISTANCE_OHM) <= VOLTAGE_WITHIN_V,
+        f"measure() gives {reading} where {current_A:g} A and {current_A * RESISTANCE_OHM:g} V are in the coil",
+    )
