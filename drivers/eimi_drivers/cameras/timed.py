@@ -38,9 +38,7 @@ class TimedCamera:
     raise; the call itself goes on then, and the next one waits for it.
     """
 
-    def __init__(
-        self, name: str, open_it: Callable[[], Camera], seconds: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, name: str, open_it: Callable[[], Camera], seconds: Callable[[], float] = time.monotonic) -> None:
         """Open the camera.
 
         Parameters
