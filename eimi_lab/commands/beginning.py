@@ -20,7 +20,7 @@ def init(
     """Write commented specimen.toml, calibration.toml, protocol.toml and states.csv, to be filled in."""
     from importlib.resources import files
 
-    from eimi_lab.process.outputs import refuse_existing, whole_file
+    from eimi_lab.process.outputs import refuse_existing, write_file
 
     shipped = Path(str(files("eimi_lab.protocols"))) / "first"
     texts = {file.name: file.read_text(encoding="utf-8") for file in sorted(shipped.glob("*.toml"))}
@@ -29,8 +29,7 @@ def init(
     for name in texts:
         refuse_existing(folder / name, force)
     for name, text in texts.items():
-        with whole_file(folder / name, force) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_file(folder / name, text, force)
     written = [folder / name for name in texts]
     return Result(written, {"files": written})
 

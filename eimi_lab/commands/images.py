@@ -282,7 +282,7 @@ def segment(
     from eimi_lab.dataset.restating import restate
     from eimi_lab.dataset.segmentation import segment as find
     from eimi_lab.dataset.segmentation import why_none, write_csv, write_explained, write_overlays
-    from eimi_lab.process.outputs import whole_file, whole_folder
+    from eimi_lab.process.outputs import whole_folder, write_file
     from eimi_lab.process.progress import progress
     from eimi_lab.process.workers import executor_for
     from eimi_lab.vision.check import leaves_out
@@ -318,8 +318,7 @@ def segment(
     if without:
         words, picture = why_none(dataset, without[0])
         shown = dataset.with_name(f"{dataset.stem}_where.png")
-        with whole_file(shown, force=True) as temporary:
-            temporary.write_bytes(picture)
+        write_file(shown, picture, force=True)
         tell(f"state {without[0]}: no beam was found; {words} {shown} shows where it was looked for")
     flagged = sum(bool(edge_set.flags) for edge_set in edge_sets)
     unusable = sum(leaves_out(edge_set.flags) for edge_set in edge_sets)

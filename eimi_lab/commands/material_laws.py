@@ -175,7 +175,7 @@ def export(
     from eimi_lab.fits.fits_file import read_any_fits
     from eimi_lab.fits.fitting import check_models
     from eimi_lab.process.errors import tell
-    from eimi_lab.process.outputs import check_distinct, whole_file
+    from eimi_lab.process.outputs import check_distinct, write_file
 
     solver = check_solver(to)
     check_distinct([fits], [output] if output else [])
@@ -186,8 +186,7 @@ def export(
         tell(f"{fits}: {law}: {words}")
     if output is None:
         return Result([text.removesuffix("\n")], {"card": text})
-    with whole_file(output, force) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_file(output, text, force)
     return Result([output], {"card": text, "file": output})
 
 

@@ -37,7 +37,7 @@ def plan(
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.fits import planning
     from eimi_lab.fits.fits_file import read_any_fits
-    from eimi_lab.process.outputs import check_distinct, refuse_existing, whole_file
+    from eimi_lab.process.outputs import check_distinct, refuse_existing, write_file
 
     given = dict.fromkeys([fits, *map(Path, (protocol, rig, *specimen))])  # a specimen and a rig may have one name
     check_distinct(list(given), [output])
@@ -46,6 +46,5 @@ def plan(
     aim = planning.Goal.of(fits, read_any_fits(fits), model, goal)
     choice = planning.mountings(beams, bench, gravity_angle or [], tip_weight or [])
     runs = planning.plan(aim, choice, bench, base, states or len(base.currents_A))
-    with whole_file(output, force) as temporary:
-        temporary.write_text(planning.protocol_text(aim, runs[0], base), encoding="utf-8")
+    write_file(output, planning.protocol_text(aim, runs[0], base), force)
     return Result([*planning.table(aim, runs), output], planning.content(aim, runs))

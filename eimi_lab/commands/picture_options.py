@@ -68,13 +68,12 @@ def ask_where(missing: tuple[str, ...], source: Path, states: Path, calibration:
     import cv2
 
     from eimi_lab.dataset.listing import list_frames
-    from eimi_lab.process.outputs import whole_file
+    from eimi_lab.process.outputs import write_file
     from eimi_lab.vision.ruled_picture import ruled_picture
 
     listing = list_frames(source, states)
     picture = output.with_name(f"{output.stem}_where.png")
-    with whole_file(picture, force=True) as temporary:
-        temporary.write_bytes(cv2.imencode(".png", ruled_picture(next(listing.images())))[1].tobytes())
+    write_file(picture, cv2.imencode(".png", ruled_picture(next(listing.images())))[1].tobytes(), force=True)
     options = " and ".join({"clamp_midpoint_px": "--clamp X,Y", "axis_angle_deg": "--axis DEG"}[key] for key in missing)
     return InputError(
         f"{calibration}: {' and '.join(missing)} is missing; {picture} is {listing.frames[0].path.name} with its "

@@ -37,11 +37,11 @@ def discover(
     """Which terms a law is made of, by the error of what was left out; or that the data do not tell."""
     import json
 
-    from eimi_lab.fits.discovering import Asked, content, library_of, lines
+    from eimi_lab.fits.discovering import content, discovered, library_of, lines
     from eimi_lab.fits.evidence import load_evidence
     from eimi_lab.fits.fitting import check_section
     from eimi_lab.fits.tensile_files import check_windows, read_curve
-    from eimi_lab.process.outputs import check_distinct, refuse_existing, whole_file
+    from eimi_lab.process.outputs import check_distinct, refuse_existing, write_file
 
     library, chosen = library_of(term or ()), check_section(section)
     (percent,) = check_windows([tensile_window], "--tensile-window")
@@ -49,11 +49,10 @@ def discover(
     refuse_existing(output, force)
     curves = tuple(read_curve(path, percent, 1.0) for path in tensile or ())
     evidence = tuple(load_evidence(path, section=chosen, flagged=include_flagged) for path in datasets)
-    asked = Asked(evidence, curves, library, most_terms, lot, seed)
-    found = asked.found()
-    told = content(asked, found)
-    with whole_file(output, force) as temporary:
-        temporary.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    numbers = {"most_terms": most_terms, "lot": lot, "seed": seed}
+    found = discovered(evidence, curves, library=library, **numbers)
+    told = content(found, evidence, curves, **numbers)
+    write_file(output, json.dumps(told, indent=1) + "\n", force)
     return Result(lines(found, output), told)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import groupby, islice, pairwise
 from pathlib import Path
@@ -42,12 +41,6 @@ MOST_DIAGONALS = 2.0  # of the picture that a beam can be long, however it is co
 Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 
 
-@dataclass(frozen=True)
-class _StateOfFrames:
-    load: Load
-    frames: list[ListedFrame]
-
-
 def import_frames(
     source: Path,
     states: Path,
@@ -69,15 +62,12 @@ def import_frames(
     with whole_file(path, force) as temporary:
         listing = list_frames(source, states)
         loads = [(load_of(frame.row, calibration), frame) for frame in listing.frames]
-        by_state = [
-            _StateOfFrames(load, [frame for _, frame in group])
-            for load, group in groupby(loads, key=lambda pair: pair[0])
-        ]
+        by_state = [(load, [frame for _, frame in group]) for load, group in groupby(loads, key=lambda pair: pair[0])]
         coloured = any(map(is_coloured, listing.images()))
         first = in_channels(next(listing.images()), coloured)
         _check_prompts(listing.frames[0].path, specimen, calibration, first.shape[1], first.shape[0])
         # A mean of 8 bits is stored as 16: so are the images that correct it.
-        stored = _mean_of_one if average else np.asarray
+        stored = (lambda image: _mean([image])) if average else np.asarray
         correcting = {name: stored(in_channels(image, coloured)) for name, image in (correction or {}).items()}
         check_like(correcting, stored(first))
         header = Header(specimen=specimen, calibration=calibration, taken=_oldest(listing))
@@ -91,7 +81,7 @@ def import_frames(
                 _append_states(writer, by_state, images, first, average, report)
         except StorageFailed as error:  # of the temporary file, and no run to go on with
             raise OSError(f"{path}: cannot be written: {error.reason}") from error
-        store_tip_force_angles(temporary, [state.load.tip_force_angle_deg for state in by_state])
+        store_tip_force_angles(temporary, [load.tip_force_angle_deg for load, _ in by_state])
         if correcting:
             store_correction(temporary, correcting)
     _tell_left_out(listing, states)
@@ -100,25 +90,26 @@ def import_frames(
 
 def _append_states(
     writer: DatasetWriter,
-    by_state: list[_StateOfFrames],
+    by_state: list[tuple[Load, list[ListedFrame]]],
     images: Iterator[NDArray[Any]],
     first: NDArray[Any],
     average: bool,
     report: Callable[[str], None],
 ) -> None:
     number, last = 0, None
-    for state in by_state:
-        load, names = state.load, [frame.path for frame in state.frames]
+    (_, (first_frame, *_)), *_ = by_state
+    for load, frames in by_state:
+        names = [frame.path for frame in frames]
         taken = list(islice(images, len(names)))
         for image, name in zip(taken, names, strict=True):
             if image.shape != first.shape or image.dtype != first.dtype:
                 raise InputError(
-                    f"{name}: is {described(image)}; {by_state[0].frames[0].path.name} is {described(first)}; pictures "
+                    f"{name}: is {described(image)}; {first_frame.path.name} is {described(first)}; pictures "
                     f"of one dataset have one size and depth: {_mended(image, first)}"
                 )
         flags = _flags(names, taken, last)
         last = taken[-1]
-        kept, times = taken, [frame.time_s for frame in state.frames]
+        kept, times = taken, [frame.time_s for frame in frames]
         if average:
             kept, times = [_mean(taken)], [float(np.mean(times))]
         writer.append_state(
@@ -170,10 +161,6 @@ def _mean(images: list[NDArray[Any]]) -> NDArray[np.uint16]:
     """The mean of images as 16 bits; of 8 bits it is 257 times as much, so that the full scales agree."""
     scale = 257.0 if images[0].dtype == np.uint8 else 1.0
     return np.rint(scale * np.mean(images, axis=0, dtype=np.float64)).astype(np.uint16)
-
-
-def _mean_of_one(image: NDArray[Any]) -> NDArray[np.uint16]:
-    return _mean([image])
 
 
 def _check_prompts(image: Path, specimen: SpecimenFile, calibration: Calibration, width: int, height: int) -> None:

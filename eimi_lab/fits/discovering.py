@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,38 +19,20 @@ from eimi_lab.process.errors import InputError
 _SHOWN = 12  # alternatives in a table
 
 
-@dataclass(frozen=True)
-class Asked:
-    """What of: evidence, curves, library, most_terms, lot (as a share) and seed, as `discover` takes them."""
-
-    evidence: tuple[Evidence, ...]
-    curves: tuple[FileCurve, ...]
-    library: tuple[Term, ...]
-    most_terms: int
-    lot: float
-    seed: int
-
-    def found(self) -> Discovery:
-        """Raises InputError."""
-        check_evidence(self.evidence)
-        try:
-            return discover(
-                [own.experiment for own in self.evidence],
-                self.curves,
-                library=self.library,
-                most_terms=self.most_terms,
-                lot=self.lot,
-                seed=self.seed,
-            )
-        except CannotFit as error:
-            raise InputError(f"{', '.join(own.path for own in self.curves)}: {error}") from error
-        except REFUSALS as error:
-            raise refused(error, self.evidence) from error
-        except NoEquilibrium as error:
-            names = ", ".join(str(own.path) for own in self.evidence)
-            raise InputError(f"{names}: the beam finds no equilibrium with the law of the curves") from error
-        except ValueError as error:
-            raise InputError(f"--term: {error}") from error
+def discovered(evidence: Sequence[Evidence], curves: Sequence[FileCurve], **options: Any) -> Discovery:
+    """Do what `discover` does, with its options. Raises InputError."""
+    check_evidence(evidence)
+    try:
+        return discover([own.experiment for own in evidence], curves, **options)
+    except CannotFit as error:
+        raise InputError(f"{', '.join(own.path for own in curves)}: {error}") from error
+    except REFUSALS as error:
+        raise refused(error, evidence) from error
+    except NoEquilibrium as error:
+        names = ", ".join(str(own.path) for own in evidence)
+        raise InputError(f"{names}: the beam finds no equilibrium with the law of the curves") from error
+    except ValueError as error:
+        raise InputError(f"--term: {error}") from error
 
 
 def library_of(names: Sequence[str]) -> tuple[Term, ...]:
@@ -62,8 +43,10 @@ def library_of(names: Sequence[str]) -> tuple[Term, ...]:
         raise InputError(f"--term {error}") from error
 
 
-def content(asked: Asked, found: Discovery) -> dict[str, Any]:
-    """discovery.json."""
+def content(
+    found: Discovery, evidence: Sequence[Evidence], curves: Sequence[FileCurve], **numbers: float
+) -> dict[str, Any]:
+    """discovery.json. numbers: the options of `discovered` that are numbers."""
     return {
         "statement": found.statement,
         "identified": found.identified,
@@ -77,15 +60,13 @@ def content(asked: Asked, found: Discovery) -> dict[str, Any]:
         "sets_fitted": found.sets,
         "datasets": [
             {"path": str(own.path), "sha256": own.sha256, "noise_mm": noise, "taken_as_exact": own.taken_as_exact}
-            for own, noise in zip(asked.evidence, found.noise_mm, strict=True)
+            for own, noise in zip(evidence, found.noise_mm, strict=True)
         ],
         "tensile": [
             {"path": own.path, "sha256": own.sha256, "window_percent": own.window_percent, "noise_Pa": noise}
-            for own, noise in zip(asked.curves, found.noise_Pa, strict=True)
+            for own, noise in zip(curves, found.noise_Pa, strict=True)
         ],
-        "most_terms": asked.most_terms,
-        "lot": asked.lot,
-        "seed": asked.seed,
+        **numbers,
         "versions": package_versions(),
     }
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from eimi_fitting.laws.law import Law
 from eimi_fitting.laws.tensile import engineering_stress
-from eimi_lab.showing.drawing import Drawing, label, styled
+from eimi_lab.showing.drawing import Drawing, by_field, label, styled
 from eimi_lab.showing.palette import PALETTE
 
 Array = NDArray[np.float64]
@@ -42,14 +42,12 @@ def drawn_errors(
     states: Sequence[int], field_mT: Sequence[float], error_mm: Sequence[float], deviation_mm: Sequence[float]
 ) -> Drawing:
     """Errors with bars of one deviation, against the field or, where that does not change, the state's number."""
-    by_field = len(field_mT) > 0 and np.ptp(field_mT) > 0
+    x, words = by_field(field_mT, states)
     drawing = Drawing(3.0, 4.8)
     axes = drawing.subplots()
     error, deviation = 1e3 * np.array(error_mm), 1e3 * np.array(deviation_mm)
     below = np.minimum(deviation, error)
-    axes.errorbar(
-        field_mT if by_field else states, error, yerr=[below, deviation], color=PALETTE[0], marker="o", capsize=2
-    )
+    axes.errorbar(x, error, yerr=[below, deviation], color=PALETTE[0], marker="o", capsize=2)
     axes.set_ylim(bottom=0)
-    label(axes, "field, mT" if by_field else "state", "error, µm")
+    label(axes, words, "error, µm")
     return drawing

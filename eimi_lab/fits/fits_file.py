@@ -15,7 +15,7 @@ from eimi_lab.config.toml import read_text
 from eimi_lab.fits.law_record import Record
 from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.process.errors import InputError
-from eimi_lab.process.outputs import whole_file
+from eimi_lab.process.outputs import write_file
 
 
 def _kind(fit: Any) -> str:
@@ -75,8 +75,7 @@ def _candidate(fit: FitRecord, points: float, error_mm: float, stated_squares: f
 def write_fits(path: Path, fits: Sequence[FitRecord | TensileRecord], force: bool = False) -> FitsFile:
     """Write fits.json and return what it holds. Raises InputError when the file exists without ``force``."""
     content = FitsFile(fits=tuple(fits), comparison=_comparison(fits))
-    with whole_file(path, force) as temporary:
-        temporary.write_text(content.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    write_file(path, content.model_dump_json(indent=1) + "\n", force)
     return content
 
 

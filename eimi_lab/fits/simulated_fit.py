@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.beside import FORETOLD_MM, Reach
-from eimi_fitting.beam.outline import outline, points_on
-from eimi_fitting.inference.evidence.corrections import Correction, correction, polished, refinements
+from eimi_fitting.beam.outline import points_on
+from eimi_fitting.inference.evidence.corrections import Correction, by_better_model, polished
 from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
-from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit
+from eimi_fitting.inference.evidence.measurements import Misfit
 from eimi_lab.fits.assumptions import assumptions_of
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.records import FitRecord, StateError, TensileRecord
@@ -56,8 +56,7 @@ class Prediction(Generic[Law]):
 
     edges_mm: (K, 2, n, 2) simulated left and right edges as the camera has them, by the better model where there is
     one; residuals_mm: (K, 2, m) signed distances of the measured edge points or components of tracked points, NaN
-    where nothing was observed; error_mm, deviation_mm: (K,). They mean nothing where the validation's status is not
-    "ok".
+    where nothing was observed; error_mm, deviation_mm: (K,). They are empty where the validation's status is not "ok".
     """
 
     fitted_law: Law
@@ -140,25 +139,20 @@ def _simulated(
     def against(experiments: Sequence[Experiment]) -> Comparison:
         return own.compared(fit.model, np.array([fit.values()]), experiments[0])
 
-    (due,) = refinements([experiment])
     foretold_mm = max(FORETOLD_MM, _OF_ERROR * float(plain.error_mm[0].mean()))
-    # Where the planar model has no equilibrium there is none to report, whatever a better one says.
-    bent = not plain.unconverged[0]
-    found = correction(due, [experiment], plain, against, near, foretold_mm, reach) if bent else None
-    if section == "solid" and bent and found is None and reach == "at once":
+    better = by_better_model(experiment, plain, against, near, foretold_mm, reach)
+    if better is None and reach == "at once" and not plain.unconverged[0]:
         return None, None
-    observed, residuals = experiment.observed, plain.misfits[0].residuals
-    misfit = observed.of_residuals(residuals + found.changes[0] if found else residuals)
-    model, shapes = (found.models[0], found.better.shapes[0]) if found else (experiment.model, plain.shapes[0])
-    view = observed.view if isinstance(observed, EdgeObservation) else None
-    solved = bent and (section != "solid" or found is not None)
+    misfit, curves, found = better or (None, None, None)
+    validation = _validation(evidence, fitted_law, seen is not None, plain, misfit)
+    if misfit is None or curves is None:
+        nothing = np.zeros(0)
+        return Prediction(fitted_law, evidence, validation, nothing, nothing, nothing, nothing), None
     prediction = Prediction(
         fitted_law,
         evidence,
-        validation=_validation(
-            evidence, fit, FitReference.of(fit, path, index), seen is not None, plain, misfit, solved
-        ),
-        edges_mm=own.as_measured(points_on(outline(model, shapes, view)[0], 6)),
+        validation,
+        edges_mm=own.as_measured(points_on(curves, 6)),
         residuals_mm=np.where(misfit.weights > 0, misfit.residuals[0], np.nan),
         error_mm=misfit.error_mm[0],
         deviation_mm=misfit.deviation_mm[0],
@@ -167,26 +161,21 @@ def _simulated(
 
 
 def _validation(
-    evidence: Evidence,
-    fit: FitRecord | TensileRecord,
-    reference: FitReference,
-    seen: bool,
-    plain: Comparison,
-    misfit: Misfit,
-    solved: bool,
+    evidence: Evidence, fitted_law: FittedLaw, seen: bool, plain: Comparison, misfit: Misfit | None
 ) -> Validation:
-    """plain: of the fit on the planar mesh; misfit: with what a better model changes in it."""
+    """plain: of the fit on the planar mesh; misfit: by the better model, None without an equilibrium."""
+    fit = fitted_law.fit
     common: dict[str, Any] = {
         "dataset": str(evidence.path),
         "sha256": evidence.sha256,
         "section": evidence.experiment.model.specimen.section,
         "model": fit.model,
-        "fit": reference,
+        "fit": FitReference.of(fit, fitted_law.path, fitted_law.index),
         "initial_shear_modulus": fit.initial_shear_modulus,
         "seen": seen,
         "states": evidence.used,
     }
-    if not solved:
+    if misfit is None:
         nothing: dict[str, Any] = dict.fromkeys(
             ("mean_error_mm", "mean_error_interval_mm", "mean_deviation_mm", "max_stretch", "stable")
         )

@@ -16,7 +16,7 @@ from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_lab.fits.law_record import Record
 from eimi_lab.fits.records import FitRecord, StateError, TensileRecord
 from eimi_lab.fits.states_used import StatesUsed
-from eimi_lab.process.outputs import whole_file
+from eimi_lab.process.outputs import write_file
 from eimi_lab.showing.tables import data_frame, html_table
 
 
@@ -105,6 +105,5 @@ class ValidationFile(Record):
 def write_validation(path: Path, validations: Sequence[Validation], force: bool = False) -> ValidationFile:
     """Write validation.json and return what it holds. Raises InputError when it exists and not ``force``."""
     content = ValidationFile(validations=tuple(validations))
-    with whole_file(path, force) as temporary:
-        temporary.write_text(content.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    write_file(path, content.model_dump_json(indent=1) + "\n", force)
     return content

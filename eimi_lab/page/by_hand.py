@@ -21,7 +21,8 @@ from eimi_lab.page.data_folder import DataFolder
 from eimi_lab.page.eye import found_in
 from eimi_lab.page.stored_runs import jpeg
 from eimi_lab.process.errors import InputError
-from eimi_lab.process.outputs import refuse_existing, whole_file
+from eimi_lab.process.outputs import refuse_existing, write_file
+from eimi_lab.showing.tables import csv_text
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.region import region_of
 from eimi_lab.vision.image_files import ENDINGS, find_images, read_image
@@ -131,13 +132,10 @@ def saved(path: Path, calibration: dict[str, Any], currents: dict[str, Any], rep
     rows = [(name, _current(name, currents[name])) for name in names if str(currents.get(name, "")).strip()]
     if not rows:
         raise InputError(f"{path.name}: no picture has a current; fill in that of one at least")
-    table = io.StringIO()
-    csv.writer(table, lineterminator="\n").writerows([("frame", "current_A"), *rows])
     for name in (CALIBRATION, STATES):
         refuse_existing(path / name, replace)
-    for name, text in ((CALIBRATION, to_toml(stated)), (STATES, table.getvalue())):
-        with whole_file(path / name, replace) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+    for name, text in ((CALIBRATION, to_toml(stated)), (STATES, csv_text([("frame", "current_A"), *rows]))):
+        write_file(path / name, text, replace)
     return {"written": [CALIBRATION, STATES], "states": len(rows)}
 
 

@@ -77,6 +77,12 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
+def write_file(path: Path, content: str | bytes, force: bool) -> None:
+    """Write a file that is there whole or not at all; text as UTF-8. Raises InputError as `whole_file` does."""
+    with whole_file(path, force) as temporary:
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
 def new_folder(folder: Path, force: bool) -> None:
     """Make a folder to fill. Raises InputError when it holds something already (and not `force`)."""
     if folder.is_dir() and any(not entry.name.startswith(".") for entry in folder.iterdir()) and not force:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import base64
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup, escape
+
+from eimi_lab.showing.tables import csv_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -74,9 +74,7 @@ class Table:
 
     def to_csv(self) -> str:
         """Comma-separated, the head first."""
-        buffer = io.StringIO()
-        csv.writer(buffer, lineterminator="\n").writerows([list(self.head), *self.texts()])
-        return buffer.getvalue()
+        return csv_text([self.head, *self.texts()])
 
     def to_latex(self) -> str:
         """A `tabular` with the rules of the package booktabs."""

@@ -16,7 +16,7 @@ from markupsafe import Markup
 
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.fits.prediction import predict_on_each
-from eimi_lab.process.outputs import whole_file, whole_folder, write_whole
+from eimi_lab.process.outputs import whole_folder, write_file, write_whole
 from eimi_lab.process.progress import silent
 from eimi_lab.reporting.contents import DatasetContents, ReportContents, short_names
 from eimi_lab.reporting.drawn_panels import AnyPanel, DrawnPanels, Values
@@ -79,8 +79,7 @@ def write_report(
         if folder is not None:
             for name, content in elements.files().items():
                 write_whole(folder / name, content)
-    with whole_file(output, force) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+    write_file(output, page, force)
 
 
 def render(report: ReportContents, drawn: DrawnPanels) -> tuple[str, Elements]:

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from numpy.typing import NDArray
+
+from eimi_lab.showing.palette import IN_ORDER
 
 WIDTH_IN = 7.1  # an A4 page between margins of 15 mm: type is as large in print as it says
 STYLE: Any = {
@@ -61,6 +68,20 @@ def label(axes: Axes, x: str, y: str) -> None:
     """Names on the axes."""
     axes.set_xlabel(x)
     axes.set_ylabel(y)
+
+
+def by_field(field_mT: Sequence[float], numbers: Sequence[int]) -> tuple[NDArray[np.float64], str]:
+    """Return what states are drawn against, and its name: their field or, where that does not change, their number."""
+    fields = np.array(field_mT, dtype=np.float64)
+    return (
+        (fields, "field, mT") if len(fields) and np.ptp(fields) > 0 else (np.array(numbers, dtype=np.float64), "state")
+    )
+
+
+def colours_in_order(values: NDArray[np.float64]) -> ScalarMappable:
+    """Return the colours of an ordered quantity between its least and its largest value."""
+    ends = (values.min(), values.max()) if len(values) else (0.0, 1.0)
+    return ScalarMappable(Normalize(ends[0], max(ends[1], ends[0] + 1e-9)), matplotlib.colormaps[IN_ORDER])
 
 
 def plain_logarithm(axes: Axes) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import csv
+import io
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib import import_module
 from typing import Any
@@ -17,6 +19,13 @@ def html_table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]],
         f"<table><caption>{escape(caption)}</caption><thead><tr>{titles}</tr></thead>"
         f"<tbody>{cells}</tbody></table>{below}"
     )
+
+
+def csv_text(rows: Iterable[Sequence[str]]) -> str:
+    """Return rows as comma-separated lines."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def data_frame(rows: Sequence[Mapping[str, Any]], index: str) -> Any:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from eimi_lab.process.outputs import whole_file
+from eimi_lab.process.outputs import write_file
+from eimi_lab.showing.tables import csv_text
 from eimi_lab.study.claims import MEASURE, Verdict, in_words, verdicts
 from eimi_lab.study.figures import every_figure
 from eimi_lab.study.hidden_materials import MATERIALS
@@ -34,11 +35,11 @@ def write_pages(output: Path, findings: Findings) -> list[str]:
     claims, tables = claims_table(verdicts(findings)), every_table(findings)
     figures = every_figure(findings)
     for table in (claims, *tables):
-        _write(output / f"{table.name}.csv", table.csv().encode())
+        write_file(output / f"{table.name}.csv", csv_text([table.head, *table.rows]), force=True)
     for name, picture in figures.items():
-        _write(output / name, picture)
+        write_file(output / name, picture, force=True)
     answers = in_words(findings)
-    _write(output / "study.md", _page(findings, claims, tables, figures, answers).encode())
+    write_file(output / "study.md", _page(findings, claims, tables, figures, answers), force=True)
     agreeing = [
         f"{'yes' if v.agrees else 'no '}  {v.section}, {v.material}: {v.claim} {v.evidence}" for v in verdicts(findings)
     ]
@@ -69,8 +70,3 @@ def _page(
         *(f"## {table.title}\n\n{table.markdown()}" for table in tables),
     ]
     return "\n\n".join(parts) + "\n"
-
-
-def _write(path: Path, content: bytes) -> None:
-    with whole_file(path, force=True) as temporary:
-        temporary.write_bytes(content)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from eimi_lab.process.errors import InputError
-from eimi_lab.process.outputs import new_folder, whole_file
+from eimi_lab.process.outputs import new_folder, write_file
 
 _HEAD = "study"
 
@@ -59,5 +59,4 @@ class StoredParts:
             raise InputError(f"{file}: is no JSON ({error}); remove it, and it will be found again") from error
 
     def _write(self, name: str, content: Any) -> None:
-        with whole_file(self._file(name), force=True) as temporary:
-            temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_file(self._file(name), json.dumps(content, indent=1) + "\n", force=True)

@@ -13,8 +13,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from eimi_fitting.inference.evidence import corrections
 from eimi_fitting.inference.evidence.corrections import correction
-from eimi_lab.fits import simulated_fit
 from eimi_lab.notebook import load_evidence, open_dataset, read_any_fits, validate
 
 Eimi = Callable[..., tuple[int, str, str]]
@@ -164,7 +164,7 @@ def test_no_better_model_is_asked_where_the_planar_one_has_no_equilibrium(
         asked.append(1.0)
         return correction(*given)
 
-    monkeypatch.setattr(simulated_fit, "correction", counted)
+    monkeypatch.setattr(corrections, "correction", counted)
     lost = first.model_copy(update={"parameters": {"mu": replace(first.parameters["mu"], value=-60e3)}})
     assert validate(evidence, lost, Path("lost.json"), 0).status == "no equilibrium"
     assert not asked

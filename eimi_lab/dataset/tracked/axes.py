@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,10 +53,10 @@ class PlacedTracks:
 def place(tracks: Tracks, said: Placing, origin: str) -> PlacedTracks:
     """Tracks in the beam frame. Raises InputError that names what has to be said besides; `origin` is the file."""
     flat = _in_plane(tracks, said, origin)
-    mm = _Millimetres(tracks, said, origin)
-    places = mm.places(flat)
+    unit_mm, to_mm = _to_beam_frame(tracks, said, origin)
+    places = to_mm(flat)
     if tracks.rest is not None:
-        rest = mm.places(tracks.rest)
+        rest = to_mm(tracks.rest)
     elif said.rest is None:
         raise InputError(
             f"{origin}: tells no place at rest; give --rest FRAME, the frame in which the beam hangs straight "
@@ -65,7 +66,7 @@ def place(tracks: Tracks, said: Placing, origin: str) -> PlacedTracks:
         raise InputError(f"--rest {said.rest}: {origin} has the frames {tracks.frames[0]} to {tracks.frames[-1]}")
     else:
         rest = places[int(np.flatnonzero(tracks.frames == said.rest)[0])]
-    return PlacedTracks(tracks, places, rest, _sigma_mm(tracks, said, mm.of_one, origin))
+    return PlacedTracks(tracks, places, rest, _sigma_mm(tracks, said, unit_mm, origin))
 
 
 def _in_plane(tracks: Tracks, said: Placing, origin: str) -> Array:
@@ -80,25 +81,10 @@ def _in_plane(tracks: Tracks, said: Placing, origin: str) -> Array:
     return tracks.places[..., axes]
 
 
-class _Millimetres:
-    """The map to the beam frame; of_one: how many millimetres one of the file's unit is."""
-
-    def __init__(self, tracks: Tracks, said: Placing, origin: str) -> None:
-        self._frame: BeamFrame | None = None
-        if said.calibration is not None:
-            self._by_calibration(tracks, said, said.calibration, origin)
-            return
-        self.of_one = _unit_mm(tracks, said, origin)
-        if said.clamp is None or said.axis_deg is None:
-            raise InputError(
-                f"{origin}: give --clamp X,Y and --axis DEG, where the beam leaves its clamp and in which direction, "
-                "from +x toward +y, in the unit and axes of the file"
-                + (", or --calibration of the pictures" if tracks.image_axes else "")
-            )
-        self._clamp, axis = np.array(said.clamp), math.radians(said.axis_deg)
-        self._axes = np.array([[math.cos(axis), math.sin(axis)], [-math.sin(axis), math.cos(axis)]])
-
-    def _by_calibration(self, tracks: Tracks, said: Placing, calibration: Calibration, origin: str) -> None:
+def _to_beam_frame(tracks: Tracks, said: Placing, origin: str) -> tuple[float, Callable[[Array], Array]]:
+    """Return how many millimetres one of the file's unit is, and what takes places (..., 2) to the beam frame."""
+    calibration = said.calibration
+    if calibration is not None:
         if not tracks.image_axes or said.unit not in (None, PIXEL):
             raise InputError(
                 f"{origin}: its places are not the pixels that a calibration is of; give --unit, --clamp and --axis in "
@@ -106,12 +92,18 @@ class _Millimetres:
             )
         if said.pixels_per_mm is not None:
             raise InputError("--pixels-per-mm: the calibration tells it; give one of them")
-        self.of_one, self._frame = 1.0 / calibration.pixels_per_mm, BeamFrame(calibration)
-
-    def places(self, points: Array) -> Array:
-        if self._frame is not None:
-            return self._frame.to_mm(points.reshape(-1, 2)).reshape(points.shape)
-        return np.asarray((points - self._clamp) @ self._axes.T * self.of_one)
+        frame = BeamFrame(calibration)
+        return 1.0 / calibration.pixels_per_mm, lambda points: frame.to_mm(points.reshape(-1, 2)).reshape(points.shape)
+    unit_mm = _unit_mm(tracks, said, origin)
+    if said.clamp is None or said.axis_deg is None:
+        raise InputError(
+            f"{origin}: give --clamp X,Y and --axis DEG, where the beam leaves its clamp and in which direction, "
+            "from +x toward +y, in the unit and axes of the file"
+            + (", or --calibration of the pictures" if tracks.image_axes else "")
+        )
+    clamp, axis = np.array(said.clamp), math.radians(said.axis_deg)
+    axes = np.array([[math.cos(axis), math.sin(axis)], [-math.sin(axis), math.cos(axis)]])
+    return unit_mm, lambda points: np.asarray((points - clamp) @ axes.T * unit_mm)
 
 
 def _unit_mm(tracks: Tracks, said: Placing, origin: str) -> float:

@@ -15,7 +15,7 @@ from eimi_lab.reporting.contents import DatasetContents
 from eimi_lab.reporting.elements import Picture
 from eimi_lab.reporting.panel import DatasetPanel
 from eimi_lab.reporting.shown import ShownFit
-from eimi_lab.showing.drawing import Drawing, label, plain_logarithm
+from eimi_lab.showing.drawing import Drawing, by_field, label, plain_logarithm
 
 _LOG_FROM = 20  # largest over smallest mean error beyond which errors are drawn on a logarithmic axis
 _APART = 0.5  # of the least distance between two states: how far the fits of one state are moved apart in all
@@ -24,9 +24,7 @@ _APART = 0.5  # of the least distance between two states: how far the fits of on
 def drawn_errors(every: Sequence[Prediction[ShownFit]]) -> Drawing:
     """All fits in one panel, against the field or, where that does not change, the state; bars are one deviation."""
     states = every[0].evidence.states
-    fields = np.array([state.field_mT for state in states])
-    by_field = np.ptp(fields) > 0
-    x = fields if by_field else np.array([float(state.index) for state in states])
+    x, words = by_field([state.field_mT for state in states], [state.index for state in states])
     gaps = np.diff(np.unique(x))
     apart = _APART * float(gaps.min()) if len(gaps) else 1.0
     means = [float(s.error_mm.mean()) for s in every]
@@ -48,14 +46,14 @@ def drawn_errors(every: Sequence[Prediction[ShownFit]]) -> Drawing:
             elinewidth=0.8,
             capsize=1.5,
         )
-    if not by_field:
+    if words == "state":
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     if logarithmic:
         axes.set_yscale("log")
         plain_logarithm(axes)
     else:
         axes.set_ylim(bottom=0)
-    label(axes, "field, mT" if by_field else "state", "error, µm")
+    label(axes, words, "error, µm")
     legend_of_fits(drawing, [s.fitted_law for s in every])
     return drawing
 

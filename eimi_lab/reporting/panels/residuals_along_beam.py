@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
@@ -17,8 +14,7 @@ from eimi_lab.reporting.contents import DatasetContents
 from eimi_lab.reporting.elements import Picture
 from eimi_lab.reporting.panel import DatasetPanel
 from eimi_lab.reporting.shown import ShownFit
-from eimi_lab.showing.drawing import Drawing, label
-from eimi_lab.showing.palette import IN_ORDER
+from eimi_lab.showing.drawing import Drawing, by_field, colours_in_order, label
 
 Array = NDArray[np.float64]
 
@@ -46,13 +42,10 @@ def drawn_along_beam(contents: DatasetContents, simulated: Prediction[ShownFit])
     observed = simulated.evidence.experiment.observed
     if not isinstance(observed, EdgeObservation):
         raise ValueError("tracked points have no edges")
-    fields = np.array([state.field_mT for state in simulated.evidence.states])
-    by_field = np.ptp(fields) > 0
-    values = fields if by_field else np.array([float(s.index) for s in simulated.evidence.states])
+    states = simulated.evidence.states
+    values, words = by_field([state.field_mT for state in states], [state.index for state in states])
     length_mm, rigid_mm = contents.dataset.specimen.specimen.length_mm, rigid_tip_mm(contents)
-    scale = ScalarMappable(
-        Normalize(values.min(), max(values.max(), values.min() + 1e-9)), matplotlib.colormaps[IN_ORDER]
-    )
+    scale = colours_in_order(values)
     drawing = Drawing(4.2)
     grid = drawing.subplots(2, 1, sharex=True, sharey=True)
     for side, (axes, name) in enumerate(zip(grid, ("left edge", "right edge"), strict=True)):
@@ -66,7 +59,7 @@ def drawn_along_beam(contents: DatasetContents, simulated: Prediction[ShownFit])
         axes.set_title(name, loc="left")
         label(axes, "from the clamp along the beam at rest, mm", "measured − simulated, µm")
         axes.label_outer()
-    drawing.colorbar(scale, ax=grid, label="field, mT" if by_field else "state", pad=0.01, aspect=30)
+    drawing.colorbar(scale, ax=grid, label=words, pad=0.01, aspect=30)
     return drawing
 
 

@@ -18,7 +18,7 @@ from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import check, parse
 from eimi_lab.process.errors import InputError
-from eimi_lab.process.outputs import whole_file
+from eimi_lab.process.outputs import write_file
 from eimi_lab.vision.calibration.board import Board
 from eimi_lab.vision.calibration.known_width import measure_beam, measure_clamp
 from eimi_lab.vision.calibration.lens import FEWEST_VIEWS, BoardPose, Lens, View, calibrate_lens, place_in_plane
@@ -258,8 +258,7 @@ def write_calibration(calibration: Calibration, path: Path, force: bool) -> None
         lines += [f"{name} = {value:.3g}" for name, value in uncertain.items()]
     text = "\n".join(lines) + "\n"
     parse(Calibration, text, path)
-    with whole_file(path, force) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_file(path, text, force)
 
 
 def _listed(numbers: Sequence[float]) -> str:

@@ -12,10 +12,10 @@ import pytest
 
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
+from eimi_fitting.inference.evidence import corrections
 from eimi_fitting.inference.evidence.corrections import Correction, correction
 from eimi_fitting.inference.interval.draws import Draws
 from eimi_fitting.laws import LAWS
-from eimi_lab.fits import simulated_fit
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.prediction import predict, validate
 from eimi_lab.fits.records import FitRecord
@@ -53,15 +53,15 @@ def test_what_is_drawn_of_a_fit_is_the_better_model_s(
     fitted: FitRecord, evidence: Evidence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The outline of the finer mesh, where there is one, and not of the one that the search had."""
-    corrections = list[Correction | None]()
+    made = list[Correction | None]()
 
     def kept(*arguments: Any) -> Correction | None:
-        corrections.append(correction(*arguments))
-        return corrections[-1]
+        made.append(correction(*arguments))
+        return made[-1]
 
-    monkeypatch.setattr(simulated_fit, "correction", kept)
+    monkeypatch.setattr(corrections, "correction", kept)
     (found,) = predict([(FittedLaw(Path("fits.json"), 0, fitted), evidence)])
-    (better,) = corrections
+    (better,) = made
     assert better is not None
     finer = better.models[0]
     expected = points_on(outline(finer, better.better.shapes[0])[0], 6)

@@ -30,9 +30,10 @@ from numpy.typing import NDArray
 
 from eimi_fitting.beam.beside import FORETOLD_MM, DepthEffect, Reach, SolidBeside, SolidShapes
 from eimi_fitting.beam.model import BeamModel
-from eimi_fitting.beam.outline import Model
+from eimi_fitting.beam.outline import Model, outline
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit
 
 Array = NDArray[np.float64]
 
@@ -171,3 +172,33 @@ def correction(
     )
     effects = tuple(s.effect if isinstance(s, SolidShapes) else None for s in better.shapes)
     return Correction(refinement, changes, better, tuple(e.solved for e in every), effects)
+
+
+def by_better_model(
+    experiment: Experiment,
+    here: Comparison,
+    compare: Callable[[Sequence[Experiment]], Comparison],
+    near: Sequence[Correction] = (),
+    foretold_mm: float = FORETOLD_MM,
+    reach: Reach = "any",
+) -> tuple[Misfit, Array, Correction | None] | None:
+    """Simulate a candidate by the better model that is due to an experiment; for the arguments see `correction`.
+
+    Returns
+    -------
+    tuple or None
+        The misfit with what the better model changes, the outline (K, 2, n, 2) in mm, and the correction. Where the
+        finer mesh finds no equilibrium, misfit and outline are those of the coarse mesh and there is no correction.
+        None where the planar model or the solid finds no equilibrium.
+    """
+    if here.unconverged[0]:
+        return None
+    (due,) = refinements([experiment])
+    better = correction(due, [experiment], here, compare, near, foretold_mm, reach)
+    if better is None and due is SOLID:
+        return None
+    observed, residuals = experiment.observed, here.misfits[0].residuals
+    view = observed.view if isinstance(observed, EdgeObservation) else None
+    model, shapes = (better.models[0], better.better.shapes[0]) if better else (experiment.model, here.shapes[0])
+    misfit = observed.of_residuals(residuals + better.changes[0] if better else residuals)
+    return misfit, outline(model, shapes, view)[0], better
