@@ -61,7 +61,7 @@ def wait_until_settled(
         frame = camera.grab(GRAB_TIMEOUT_S)
         at, image = clock.now(), mean_grey(frame.image)
         if past:
-            if noise.seen and np.array_equal(past[-1][1], image):
+            if noise.exceeds_rounding and np.array_equal(past[-1][1], image):
                 continue
             ratio = noise.difference_ratio(past[-1][1], image)
             quiet = quiet + 1 if ratio <= rule.noise_ratio else 0

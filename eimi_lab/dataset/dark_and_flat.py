@@ -42,11 +42,11 @@ def correction_by(images: Images) -> FieldCorrection | None:
 
 def check_like(images: Images, frame: NDArray[Any]) -> None:
     """Raise InputError where an image differs from a frame in size or depth, or a dark frame was taken with light."""
-    from eimi_lab.vision.image_files import described  # see above
+    from eimi_lab.vision.image_files import describe_image  # see above
 
     for name, image in images.items():
         if (image.shape, image.dtype) != (frame.shape, frame.dtype):
-            raise InputError(f"--{name}: is {described(image)}; the frames are {described(frame)}")
+            raise InputError(f"--{name}: is {describe_image(image)}; the frames are {describe_image(frame)}")
     if "dark" in images:
         dark, lit = float(np.median(images["dark"])), float(np.percentile(frame, 99))
         if dark > BRIGHTEST_DARK * lit:

@@ -30,7 +30,7 @@ from eimi_lab.vision.check import Flag
 from eimi_lab.vision.edges.region import region_of
 from eimi_lab.vision.flags import judge
 from eimi_lab.vision.frame_checks import state_flags
-from eimi_lab.vision.image_files import described
+from eimi_lab.vision.image_files import describe_image
 from eimi_lab.vision.intensity import in_channels, is_coloured
 
 LOSSLESS = frozenset({".png", ".tif", ".tiff", ".bmp", ".pgm"})
@@ -104,7 +104,7 @@ def _append_states(
         for image, name in zip(taken, names, strict=True):
             if image.shape != first.shape or image.dtype != first.dtype:
                 raise InputError(
-                    f"{name}: is {described(image)}; {first_frame.path.name} is {described(first)}; pictures "
+                    f"{name}: is {describe_image(image)}; {first_frame.path.name} is {describe_image(first)}; pictures "
                     f"of one dataset have one size and depth: {_mended(image, first)}"
                 )
         flags = _flags(names, taken, last)

@@ -1,10 +1,21 @@
-"""From camera frames to the beam's two edges in millimetres.
+"""From camera frames to the two edges of the beam in millimetres.
 
-`edges` finds them, `following` where there is no back-light, and `calibration` measures the map between pixels and
-millimetres. They stand on what is here: `image_files` reads pictures, `image_sizes` asks how large one says that it is
-and `image_wholeness` whether it is all there, `intensity` makes one image of a state's frames, `projection` one grey
-value of colours, `beam_frame` holds that map. `flags` is the table of all that may be wrong with a state,
-`frame_checks` asks a state's frames for lost and repeated ones, and `settling_statistic` whether the beam was at rest.
-docs/why/edges.md holds the measured figures; `benchmarks/edges.py` prints them and `benchmarks/flag_pictures.py`
+edges                find the edges in one image
+following            follow the beam from its clamp in a photograph without a back-light
+calibration          measure the scale, the clamp, the axis and the direction of gravity
+image_files          list the images of a folder, and read them
+image_sizes          read the size of an image from its header, before it is decoded
+image_wholeness      check that an image file is complete
+intensity            combine colours and frames into one image, and correct it by a dark frame and a flat field
+projection           choose the colour projection in which the beam differs most from its surroundings
+beam_frame           map pixels to millimetres in the beam frame, and back
+check                one quality check of a state, and the flag that it raises
+flags                the table of all quality checks
+followed_checks      the rows of that table for followed beams
+frame_checks         check the frames of one state for losses, repetitions and motion
+settling_statistic   compare two frames with the noise of the camera
+ruled_picture        draw a grid of pixel coordinates over a frame
+
+docs/why/edges.md holds the measured errors. `benchmarks/edges.py` prints them, and `benchmarks/flag_pictures.py`
 renders a picture for every flag.
 """

@@ -1,4 +1,4 @@
-"""The map between image pixels and the beam frame in millimetres."""
+"""The map between image pixels and millimetres in the beam frame."""
 
 from __future__ import annotations
 
@@ -12,28 +12,69 @@ from eimi_lab.config.calibration import Calibration
 
 Array = NDArray[np.float64]
 
-# Undistorting iterates; OpenCV's default of five rounds leaves hundredths of a pixel on a strong lens.
-_ROUNDS, _ENOUGH = 50, 1e-10
+# OpenCV undistorts by iteration. With its default of five iterations a strong lens leaves errors of hundredths of a px.
+_ITERATIONS, _TOLERANCE = 50, 1e-10
 
 
 def undistorted(points_px: Array, matrix: Array, distortion: Array) -> Array:
-    """(n, 2) px as a lens without distortion would have them; matrix and distortion are OpenCV's."""
-    import cv2  # slow to load, and a fit of stored edges does without
+    """Return where a lens without distortion would image the points.
 
-    until = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, _ROUNDS, _ENOUGH)
-    ideal = cv2.undistortPoints(points_px.reshape(-1, 1, 2), matrix, distortion, None, None, matrix, until)
+    Parameters
+    ----------
+    points_px : ndarray, shape (n, 2)
+        Points in the camera's image, px.
+    matrix : ndarray, shape (3, 3)
+        Camera matrix in OpenCV's convention, px.
+    distortion : ndarray, shape (4,), (5,), (8,), (12,) or (14,)
+        Distortion coefficients in OpenCV's convention.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        Points in the undistorted image, px.
+    """
+    import cv2  # slow to import, and not needed for a fit of stored edges
+
+    stop_criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, _ITERATIONS, _TOLERANCE)
+    ideal = cv2.undistortPoints(points_px.reshape(-1, 1, 2), matrix, distortion, None, None, matrix, stop_criteria)
     return np.asarray(ideal, dtype=np.float64).reshape(-1, 2)
 
 
 class BeamFrame:
-    """Origin amid the clamp line, x along the undeformed beam, y across it toward the positive coil field.
+    """The beam frame of a calibration.
 
-    Whether y is a quarter turn clockwise or anticlockwise of x in the image follows from the field's
-    direction. With a camera matrix, points are undistorted first (OpenCV's model); clamp_midpoint_px is a
-    place in the camera's own image, while the angles are those of the undistorted one.
+    The origin is the middle of the clamp line. The x axis runs along the undeformed beam away from the clamp. The y
+    axis is perpendicular to it, toward the positive coil field. With the unit vectors a (along x) and b (along y) in
+    the image, the middle of the clamp line p0 and the scale s in px/mm,
 
-    gravity_deg, field_deg: directions in the beam frame, from +x toward +y, in -180..180. hand: +1 where y is
-    a quarter turn clockwise of x in the image, -1 where it is anticlockwise.
+        x = (p - p0) · a / s,    y = (p - p0) · b / s.
+
+    If the calibration has a camera matrix, the points p are undistorted first. `clamp_midpoint_px` is a place in the
+    camera's own image; the angles of the calibration are those of the undistorted image.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Scale, clamp, angles and, optionally, the lens.
+
+    Attributes
+    ----------
+    hand : float
+        +1 if y is a quarter turn clockwise of x in the image, -1 if it is anticlockwise.
+    gravity_deg, field_deg : float
+        Directions of gravity and of the positive field in the beam frame, from +x toward +y, from -180 to 180.
+
+    Examples
+    --------
+    >>> calibration = Calibration(
+    ...     pixels_per_mm=20.0, coil_constant_mT_per_A=4.7, clamp_midpoint_px=(100.0, 50.0),
+    ...     axis_angle_deg=90.0, gravity_angle_deg=90.0, field_angle_deg=0.0,
+    ... )
+    >>> frame = BeamFrame(calibration)
+    >>> frame.to_mm([[120.0, 50.0]]).round(6).tolist()
+    [[0.0, 1.0]]
+    >>> frame.hand
+    -1.0
     """
 
     def __init__(self, calibration: Calibration) -> None:
@@ -48,37 +89,56 @@ class BeamFrame:
         self._distortion = np.array(calibration.distortion or ())
         self._origin = self._undistort(np.array([calibration.clamp_midpoint_px], dtype=np.float64))[0]
         self._stand_off_mm = None if calibration.telecentric else calibration.stand_off_mm
-        self.field_deg = self._turned(calibration.field_angle_deg - calibration.axis_angle_deg)
-        self.gravity_deg = self._turned(calibration.gravity_angle_deg - calibration.axis_angle_deg)
+        self.field_deg = self._in_beam_frame(calibration.field_angle_deg - calibration.axis_angle_deg)
+        self.gravity_deg = self._in_beam_frame(calibration.gravity_angle_deg - calibration.axis_angle_deg)
 
     def to_mm(self, points_px: ArrayLike) -> Array:
-        """(n, 2) image pixels to (n, 2) millimetres in the beam frame."""
+        """Map image pixels (n, 2) to millimetres (n, 2) in the beam frame."""
         points = self._undistort(np.asarray(points_px, dtype=np.float64).reshape(-1, 2))
         return (points - self._origin) @ self._axes.T / self._scale
 
     def to_px(self, points_mm: ArrayLike) -> Array:
-        """(n, 2) millimetres in the beam frame to (n, 2) image pixels."""
+        """Map millimetres (n, 2) in the beam frame to image pixels (n, 2)."""
         points = np.asarray(points_mm, dtype=np.float64).reshape(-1, 2) @ self._axes * self._scale + self._origin
         if self._matrix is None or len(points) == 0:
             return points
         import cv2  # see `undistorted`
 
         rays = np.linalg.solve(self._matrix, np.column_stack([points, np.ones(len(points))]).T).T
-        still = np.zeros(3)
-        image_points = cv2.projectPoints(rays, still, still, self._matrix, self._distortion)[0]
+        no_motion = np.zeros(3)
+        image_points = cv2.projectPoints(rays, no_motion, no_motion, self._matrix, self._distortion)[0]
         return np.asarray(image_points, dtype=np.float64).reshape(-1, 2)
 
     def view(self, depth_mm: float, size: tuple[int, int]) -> View | None:
-        """How the lens sees a specimen's depth in images of a width and height; None for one that does not matter.
+        """Return how the lens sees the depth of a specimen.
 
-        The optical axis is at the camera matrix's principal point, or amid the image where there is none. Raises
-        ValueError where the specimen reaches the lens.
+        The optical axis passes through the principal point of the camera matrix, or through the centre of the image if
+        there is no camera matrix.
+
+        Parameters
+        ----------
+        depth_mm : float
+            Depth of the specimen.
+        size : tuple of int
+            Width and height of the images, px.
+
+        Returns
+        -------
+        View or None
+            None for a telecentric lens, or if the calibration states no stand-off.
+
+        Raises
+        ------
+        ValueError
+            If half the depth reaches the lens.
         """
         if self._stand_off_mm is None:
             return None
         centre = (np.array(size) - 1.0) / 2.0 if self._matrix is None else self._matrix[:2, 2]
         if not 0.5 * depth_mm < self._stand_off_mm:
-            raise ValueError(f"a stand-off of {self._stand_off_mm:g} mm is within the depth of {depth_mm:g} mm")
+            raise ValueError(
+                f"stand_off_mm = {self._stand_off_mm:g} should be more than half of depth_mm = {depth_mm:g}"
+            )
         return View((centre - self._origin) @ self._axes.T / self._scale, self._stand_off_mm)
 
     def _undistort(self, points: Array) -> Array:
@@ -86,5 +146,6 @@ class BeamFrame:
             return points
         return undistorted(points, self._matrix, self._distortion)
 
-    def _turned(self, from_axis_deg: float) -> float:
+    def _in_beam_frame(self, from_axis_deg: float) -> float:
+        """Turn an angle clockwise from the beam's axis in the image into one from +x toward +y, from -180 to 180."""
         return (self.hand * from_axis_deg + 180.0) % 360.0 - 180.0

@@ -1,4 +1,7 @@
-"""A check of a state, the flag that it raises, and how grave that is. `flags` has the table of them."""
+"""A quality check of a state, the flag that it raises, and how severe the flag is.
+
+The table of all checks is in `flags`.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,11 @@ from enum import StrEnum
 
 
 class Severity(StrEnum):
-    """What a flag means for the state: it is left out of a fit, its points are in doubt, or somebody should know."""
+    """What a flag means for the state.
+
+    UNUSABLE: a fit leaves the state out. DOUBTFUL: a fit uses the state, and gives its points a larger standard
+    deviation. NOTE: the fit is not affected; a person should read the remedy.
+    """
 
     UNUSABLE = "unusable"
     DOUBTFUL = "doubtful"
@@ -17,10 +24,24 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True)
 class Flag:
-    """A quality check that a state did not pass: the value found, the limit, what to do about it, how grave it is.
+    """A quality check that a state did not pass.
 
-    widens: a standard deviation that the state's points get in addition, in pixels, millimetres or in shares of the
-    specimen's width or depth, as `widens_in` says.
+    Attributes
+    ----------
+    name : str
+        Name of the flag, for example ``"SATURATED"``.
+    value : float
+        The measured value.
+    limit : float
+        The limit that the value exceeds, or falls below.
+    remedy : str
+        One sentence that says what to do about it.
+    severity : Severity
+        What the flag means for the state.
+    widens : float
+        Standard deviation that is added, as a root sum of squares, to that of the state's points.
+    widens_in : {"px", "mm", "width", "depth"}
+        Unit of `widens`: pixels, millimetres, or shares of the specimen's width or depth.
     """
 
     name: str
@@ -32,7 +53,15 @@ class Flag:
     widens_in: str = "px"
 
     def widens_mm(self, pixels_per_mm: float, width_mm: float, depth_mm: float) -> float:
-        """What the points' standard deviation gets in addition, mm."""
+        """Return the added standard deviation of the points in mm.
+
+        Parameters
+        ----------
+        pixels_per_mm : float
+            Scale of the calibration.
+        width_mm, depth_mm : float
+            Width and depth of the specimen.
+        """
         return (
             self.widens * {"px": 1.0 / pixels_per_mm, "mm": 1.0, "width": width_mm, "depth": depth_mm}[self.widens_in]
         )
@@ -40,13 +69,42 @@ class Flag:
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One row of the table.
+    """One row of the table of flags.
 
-    name: of the flag; two checks may raise the same one. finding: the name under which the value is measured.
-    quantity: what the value is. below: whether values below the limit are flagged, and not those above. remedy: one
-    sentence; a word in braces is filled in by whoever raises the flag. picture: what the rendered example shows, once
-    for each name. severity: of a value beyond the limit; beyond `unusable_beyond` the state is unusable. widens: what a
-    doubtful value adds to the standard deviation of the state's points, in the unit `widens_in`.
+    Attributes
+    ----------
+    name : str
+        Name of the flag. Two checks may raise a flag of the same name.
+    finding : str
+        Name under which the value is measured; unique in the table.
+    quantity : str
+        What the value is, with its unit, as the documentation prints it.
+    limit : float
+        Values above the limit are flagged.
+    remedy : str
+        One sentence that says what to do. `flag` replaces the words in braces.
+    picture : str
+        What the rendered example picture shows; stated once for each name.
+    below : bool
+        Flag values below the limit in place of those above it.
+    severity : Severity
+        Severity of a value beyond the limit.
+    unusable_beyond : float, optional
+        Beyond this second limit the state is unusable.
+    widens : callable, optional
+        Map a doubtful value to the standard deviation that it adds to the state's points.
+    widens_in : {"px", "mm", "width", "depth"}
+        Unit of what `widens` returns; see `Flag`.
+
+    Examples
+    --------
+    >>> blur = Check(
+    ...     name="DEFOCUS", finding="blur_px", quantity="blur, px", limit=2.5, remedy="Focus the {lens}.",
+    ...     severity=Severity.NOTE, unusable_beyond=8.0,
+    ... )
+    >>> flag = blur.flag(9.0, lens="telecentric lens")
+    >>> flag.remedy, str(flag.severity)
+    ('Focus the telecentric lens.', 'unusable')
     """
 
     name: str
@@ -62,9 +120,19 @@ class Check:
     widens_in: str = "px"
 
     def flag(self, value: float, limit: float | None = None, **words: str) -> Flag:
-        """The flag for a value that is beyond the limit, which may be another than the table's."""
-        severity, least = self.severity, self.unusable_beyond
-        if least is not None and (value < least if self.below else value > least):
+        """Return the flag for a value that is beyond the limit.
+
+        Parameters
+        ----------
+        value : float
+            The measured value.
+        limit : float, optional
+            Limit to report in place of the table's.
+        **words : str
+            Replacements for the words in braces in the remedy.
+        """
+        severity, second_limit = self.severity, self.unusable_beyond
+        if second_limit is not None and (value < second_limit if self.below else value > second_limit):
             severity = Severity.UNUSABLE
         widens = self.widens(value) if self.widens is not None and severity is Severity.DOUBTFUL else 0.0
         limit, remedy = self.limit if limit is None else limit, self.remedy.format_map(words)
@@ -72,5 +140,5 @@ class Check:
 
 
 def leaves_out(flags: Iterable[Flag]) -> bool:
-    """Whether a fit leaves a state with these flags out."""
+    """Return whether a fit leaves out a state that has these flags."""
     return any(flag.severity is Severity.UNUSABLE for flag in flags)

@@ -1,9 +1,9 @@
-"""Every flag in one table: what is measured, its limit, how grave it is, what to do, and what its picture shows.
+"""The table of all quality checks: the quantity, its limit, the severity, the remedy and an example picture.
 
-A state with an unusable flag is left out of a fit. One with a doubtful flag is used, and its points count for less: by
-as much as the check measured. A note is for a person to read.
+A state with an unusable flag is left out of a fit. A state with a doubtful flag is used, and the standard deviation of
+its points grows by what the check measured. A note is for a person to read.
 
-A new flag is an entry here, its value where it is measured, and its picture in `benchmarks/flag_pictures.py`.
+To add a flag, add an entry here, measure its value, and add its picture to `benchmarks/flag_pictures.py`.
 """
 
 from __future__ import annotations
@@ -15,26 +15,26 @@ from eimi_lab.vision.check import Check, Flag, Severity
 from eimi_lab.vision.followed_checks import FOLLOWED
 
 
-def _moved_px(ratio: float) -> float:
-    """By how far a beam moved between frames whose difference is so many times what their noise gives.
+def _motion_px(ratio: float) -> float:
+    """Return the motion of a beam (px) between two frames with the given settling ratio (see `settling_statistic`).
 
-    A fifth of a pixel gave 2.3, a twentieth 1.06: the difference goes with the square.
+    The excess of the ratio over 1 grows with the square of the motion. Measured: 1.06 at 1/20 px and 2.3 at 1/5 px.
     """
     return math.sqrt(max(ratio - 1.0, 0.0) / 30.0)
 
 
-# In the order in which one would look into them: first those of one image, then those between the frames of a state.
+# In the order in which a person would look into them: first the checks of one image, then those that compare frames.
 CHECKS = (
     Check(
         name="LOW_CONTRAST",
         finding="contrast",
-        quantity="step at the edge, share of full scale",
+        quantity="step of the grey value at the edge, share of full scale",
         limit=0.2,
         below=True,
         remedy="Brighten the back-light or the exposure, and check that the beam hangs where "
         "clamp_midpoint_px and axis_angle_deg say.",
         picture="a back-light of 12 % of full scale",
-        severity=Severity.NOTE,  # its noise is in the points' scatter already
+        severity=Severity.NOTE,  # the scatter of the points already shows the noise
         unusable_beyond=0.03,
     ),
     Check(
@@ -45,17 +45,17 @@ CHECKS = (
         remedy="Lower the exposure or the gain until the back-light stays below 90 % of full scale.",
         picture="a back-light of 120 % of full scale",
         severity=Severity.DOUBTFUL,
-        widens=lambda share: 0.3 * math.sqrt(min(share, 1.0)),  # all of it clipped moves each edge inward by 0.26 px
+        widens=lambda share: 0.3 * math.sqrt(min(share, 1.0)),  # full clipping moves each edge inward by 0.26 px
     ),
     Check(
         name="GAMMA",
         finding="gamma",
-        quantity="the camera's gamma, from the lopsidedness of the edges",
+        quantity="gamma of the camera, from the asymmetry of the edges",
         limit=1.3,
         remedy="Switch the camera's gamma (and tone curve) off, so that grey values are proportional to light.",
         picture="a camera with gamma 2.2",
         severity=Severity.DOUBTFUL,
-        widens=lambda gamma: 0.4 * (gamma - 1.0),  # 2.2 moves each edge by 0.46 px
+        widens=lambda gamma: 0.4 * (gamma - 1.0),  # a gamma of 2.2 moves each edge by 0.46 px
     ),
     Check(
         name="CLAMP_NOT_FOUND",
@@ -71,10 +71,10 @@ CHECKS = (
     Check(
         name="CALIBRATION_STALE",
         finding="clamp_offset_mm",
-        quantity="clamp's distance from its calibrated place, mm",
+        quantity="distance of the clamp from its calibrated place, mm",
         limit=0.1,
-        remedy="Calibrate again, or correct clamp_midpoint_px: the beam leaves its clamp so many millimetres from "
-        "there.",
+        remedy="Calibrate again, or correct clamp_midpoint_px: the beam leaves its clamp this many millimetres away "
+        "from that point.",
         picture="a calibration 400 days old",
         severity=Severity.DOUBTFUL,
         widens=lambda offset_mm: offset_mm,
@@ -85,13 +85,13 @@ CHECKS = (
         finding="calibration_age_days",
         quantity="age of the calibration when the frames were taken, days",
         limit=90.0,
-        remedy="Calibrate again, and see that calibrated_on is right: the calibration was this many days old.",
+        remedy="Calibrate again, or check that calibrated_on is right: the calibration was this many days old.",
         severity=Severity.NOTE,
     ),
     Check(
         name="TOUCHES_FRAME",
         finding="touches_frame",
-        quantity="whether the beam leaves the picture",
+        quantity="1 if the beam leaves the picture",
         limit=0.0,
         remedy="Bring the whole beam into the picture.",
         picture="the picture's lower third is missing",
@@ -99,9 +99,9 @@ CHECKS = (
     Check(
         name="MULTI_CONTOUR",
         finding="other_bodies",
-        quantity="other dark bodies within reach",
+        quantity="number of other dark bodies within reach of the beam",
         limit=0.0,
-        remedy="Clear everything dark but the beam and its clamp from in front of the back-light.",
+        remedy="Remove every dark body except the beam and its clamp from in front of the back-light.",
         picture="a ball beside the beam",
         severity=Severity.NOTE,
     ),
@@ -110,20 +110,20 @@ CHECKS = (
         finding="hole_share",
         quantity="largest bright patch in the beam, share of its width squared",
         limit=0.002,
-        remedy="Shade the beam from light in front of it, and look for holes and bubbles through which the light "
-        "comes.",
+        remedy="Shade the front of the beam from light, and look for holes and bubbles that let the back-light "
+        "through.",
         picture="a bright spot on the beam",
-        severity=Severity.NOTE,  # one that touches an edge shows in EDGE_RESIDUAL
+        severity=Severity.NOTE,  # a patch that touches an edge raises EDGE_RESIDUAL
     ),
     Check(
         name="CORNER_AMBIGUOUS",
         finding="corner_turn_deg",
-        quantity="turn of the outline at the less clear corner of the tip, degrees",
+        quantity="turn of the outline at the less sharp corner of the tip, degrees",
         limit=55.0,
         below=True,
-        remedy="Look at the tip: cut it square, clean it, and keep its both corners in the picture.",
+        remedy="Look at the tip: cut it square, clean it, and keep both of its corners in the picture.",
         picture="a round tip",
-        severity=Severity.NOTE,  # the long edges count without a tip, but there has to be one
+        severity=Severity.NOTE,  # only the long edges are compared, but the beam must have a tip
         unusable_beyond=10.0,
     ),
     Check(
@@ -133,32 +133,32 @@ CHECKS = (
         limit=2.5,
         remedy="Focus on the beam's middle plane, or stop the lens down.",
         picture="a blur of 4 px",
-        severity=Severity.NOTE,  # measured up to 4 px: no bias, and the scatter says the rest
+        severity=Severity.NOTE,  # measured up to 4 px: no bias, and the scatter grows with the blur
         unusable_beyond=8.0,
     ),
     Check(
         name="EDGE_RESIDUAL",
         finding="residual",
-        quantity="what a blurred step leaves of a profile, share of the step",
+        quantity="RMS residual of the blurred step that is fitted to a profile, share of the step",
         limit=0.03,
         remedy="Look for dirt, reflections or anything else at the edges, and keep them clear of the picture's border; "
-        "average more frames if the image is noisy, and give --flat where pixels or light are uneven.",
+        "average more frames if the image is noisy, and give --flat if pixels or light are uneven.",
         picture="dirt on the left edge",
         severity=Severity.DOUBTFUL,
         unusable_beyond=0.15,
-        widens=lambda share: 4.0 * share,  # over the slope of a step that is blurred by 1.6 px
+        widens=lambda share: 4.0 * share,  # 4 px is one over the slope of a step that is blurred by 1.6 px
     ),
     Check(
         name="WIDTH_ANOMALY",
         finding="width_deviation",
-        quantity="departure from the specimen's width (beyond 0.5 there are no edges)",
+        quantity="relative deviation from the specimen's width (beyond 0.5 no edges are returned)",
         limit=0.05,
-        remedy="Check width_mm and pixels_per_mm, look for dirt or another body at it, and see that it does not twist"
-        "{even_turn}.",
+        remedy="Check width_mm and pixels_per_mm, look for dirt or another body that touches the beam, and check that "
+        "it is not twisted{even_turn}.",
         picture="a specimen stated 10 % too wide",
         severity=Severity.DOUBTFUL,
         unusable_beyond=0.15,
-        widens=lambda share: 0.5 * share,  # of either edge
+        widens=lambda share: 0.5 * share,  # half of the deviation at each edge
         widens_in="width",
     ),
     *FOLLOWED,
@@ -167,18 +167,18 @@ CHECKS = (
         finding="twist_deg",
         quantity="turn of the tip about the beam's axis, degrees",
         limit=1.5,
-        remedy="Mount the beam so that it bends in the image's plane; a twist of so many degrees alone makes "
-        "a fitted modulus {twist_effect} % wrong, and beside it tells of a load out of the plane.",
+        remedy="Mount the beam so that it bends in the plane of the image; this twist alone changes a fitted modulus "
+        "by {twist_effect} %, and it is a sign of a load out of the plane.",
         picture="a tip turned by 2 degrees",
         severity=Severity.DOUBTFUL,
         unusable_beyond=10.0,
-        widens=lambda turn_deg: 0.5 * math.sin(math.radians(turn_deg)),  # of either edge at the tip
+        widens=lambda turn_deg: 0.5 * math.sin(math.radians(turn_deg)),  # at each edge, at the tip
         widens_in="depth",
     ),
     Check(
         name="LENGTH_ANOMALY",
         finding="length_deviation",
-        quantity="departure from the specimen's length",
+        quantity="relative deviation from the specimen's length",
         limit=0.10,
         remedy="Check length_mm and pixels_per_mm, and that nothing hides a part of the beam.",
         picture="a specimen stated 13 % too long",
@@ -188,16 +188,16 @@ CHECKS = (
     Check(
         name="DROPPED",
         finding="missing_frames",
-        quantity="frames missing between neighbours of a state",
+        quantity="number of frames missing between consecutive frames of a state",
         limit=0.0,
-        remedy="Lower the camera's frame rate or free its bus of other devices.",
+        remedy="Lower the frame rate of the camera, or remove other devices from its bus.",
         picture="frames numbered 1, 2, 5",
         severity=Severity.NOTE,
     ),
     Check(
         name="DROPPED",
         finding="damaged_frames",
-        quantity="frames of a state that are damaged in the file (`eimi recover`)",
+        quantity="number of frames of a state that are damaged in the file (`eimi recover`)",
         limit=0.0,
         remedy="The file was damaged after it was written: measure the state again, and copy datasets to another disk.",
         severity=Severity.NOTE,
@@ -205,39 +205,39 @@ CHECKS = (
     Check(
         name="DUPLICATE",
         finding="repeated_frames",
-        quantity="frames equal bit for bit to the one before",
+        quantity="number of frames that equal the frame before bit for bit",
         limit=0.0,
-        remedy="Check that the camera delivers new frames, not one of them again.",
+        remedy="Check that the camera delivers new frames and does not repeat an old one.",
         picture="the third frame is the second",
         severity=Severity.NOTE,
     ),
     Check(
         name="DUPLICATE",
         finding="repeated_images",
-        quantity="imported images equal bit for bit to the last one of the state before",
+        quantity="number of imported images that equal the last image of the state before bit for bit",
         limit=0.0,
-        remedy="Look for the right image: {image} is, bit for bit, the one before it, of another load.",
+        remedy="Look for the right image: {image} equals, bit for bit, the image before it, which has another load.",
     ),
     Check(
         name="NOT_SETTLED",
         finding="settling_ratio",
-        quantity="while waiting, difference of frames over what their noise gives (limit: the protocol's)",
+        quantity="mean squared difference of frames while waiting, over that of their noise (limit: the protocol's)",
         limit=1.2,
         remedy="Raise settle.timeout_s in the protocol, or shield the beam from draught and vibration.",
         picture="the beam moves from frame to frame",
         severity=Severity.DOUBTFUL,
         unusable_beyond=30.0,
-        widens=_moved_px,
+        widens=_motion_px,
     ),
     Check(
         name="NOT_SETTLED",
         finding="motion_ratio",
-        quantity="difference of a state's imported images over what their noise gives",
-        limit=1.2,  # at rest it is 1; a twentieth of a pixel of motion gives 1.06, a fifth 2.3
+        quantity="mean squared difference of a state's imported images, over that of their noise",
+        limit=1.2,  # the ratio is 1 at rest, 1.06 for a motion of 1/20 px and 2.3 for 1/5 px
         remedy="Take the frames of a state after the beam has come to rest, and shield it from draught and vibration.",
         severity=Severity.DOUBTFUL,
         unusable_beyond=30.0,
-        widens=_moved_px,
+        widens=_motion_px,
     ),
 )
 CHECK_OF = {check.finding: check for check in CHECKS}
@@ -248,17 +248,40 @@ def judge(
     limits: Mapping[str, float] | None = None,
     words: Mapping[str, str] | None = None,
 ) -> tuple[Flag, ...]:
-    """The flags that findings raise, in the table's order; what was not measured raises none.
+    """Return the flags that the measured values raise, in the order of the table.
 
-    findings, limits: by the names of the table; limits in place of the table's. words: for the braces of the remedies.
-    Raises KeyError for a name that is not in the table.
+    A quantity that was not measured raises no flag.
+
+    Parameters
+    ----------
+    findings : mapping of str to float
+        Measured values, by the names `Check.finding` of the table.
+    limits : mapping of str to float, optional
+        Limits in place of those of the table, by the same names.
+    words : mapping of str to str, optional
+        Replacements for the words in braces in the remedies.
+
+    Returns
+    -------
+    tuple of Flag
+
+    Raises
+    ------
+    KeyError
+        If `findings` or `limits` has a name that is not in the table.
+
+    Examples
+    --------
+    >>> [flag] = judge({"blur_px": 3.0, "gamma": 1.1})
+    >>> flag.name, flag.value, flag.limit
+    ('DEFOCUS', 3.0, 2.5)
     """
     limits = limits or {}
     if unknown := (findings.keys() | limits.keys()) - CHECK_OF.keys():
         raise KeyError(f"the table of flags has no {', '.join(sorted(unknown))}")
-    flags = []
+    raised = []
     for check in CHECKS:
         value, limit = findings.get(check.finding), limits.get(check.finding, check.limit)
         if value is not None and (value < limit if check.below else value > limit):
-            flags.append(check.flag(value, limit, **(words or {})))
-    return tuple(flags)
+            raised.append(check.flag(value, limit, **(words or {})))
+    return tuple(raised)

@@ -1,4 +1,4 @@
-"""What the frames of one state say against one another: frames lost, repeated, not at rest."""
+"""Compare the frames of one state with each other: find lost frames, repeated frames, and motion."""
 
 from __future__ import annotations
 
@@ -14,20 +14,33 @@ from eimi_lab.vision.check import Flag
 from eimi_lab.vision.flags import judge
 from eimi_lab.vision.settling_statistic import FEWEST_PIXELS, Noise, edge_band, measure_noise
 
-CLEAR_OF_EDGES_PX = 12  # what is farther from every edge tells the noise, whether or not the beam moves
+CLEAR_OF_EDGES_PX = 12  # the noise is measured farther than this from every edge, where motion does not show
 
 
 def frame_flags(frames: Sequence[Frame], noise: Noise) -> tuple[Flag, ...]:
-    """Flags DROPPED and DUPLICATE: frames that are missing between neighbours, and neighbours that are the same.
+    """Return the flags DROPPED and DUPLICATE of frames in the order in which they were taken.
 
-    The same by number, or noise and all: two frames without noise (H, W) may be the same and both be new.
+    A frame is a duplicate if its number does not increase, or if its pixels equal those of the frame before it. Equal
+    pixels count only if the camera has noise: without noise, two new frames may be equal.
+
+    Parameters
+    ----------
+    frames : sequence of Frame
+        Frames of one state. Consecutive frames have consecutive numbers.
+    noise : Noise
+        Noise of the camera.
+
+    Returns
+    -------
+    tuple of Flag
     """
     pairs = list(pairwise(frames))
     return judge(
         {
             "missing_frames": sum(max(0, later.number - earlier.number - 1) for earlier, later in pairs),
             "repeated_frames": sum(
-                later.number <= earlier.number or (noise.seen and np.array_equal(earlier.image, later.image))
+                later.number <= earlier.number
+                or (noise.exceeds_rounding and np.array_equal(earlier.image, later.image))
                 for earlier, later in pairs
             ),
         }
@@ -35,29 +48,41 @@ def frame_flags(frames: Sequence[Frame], noise: Noise) -> tuple[Flag, ...]:
 
 
 def state_flags(frames: Sequence[Frame], lossless: bool) -> tuple[Flag, ...]:
-    """Flags DROPPED, DUPLICATE and NOT_SETTLED of one state's frames, of one size and colour, in the order taken.
+    """Return the flags DROPPED, DUPLICATE and NOT_SETTLED of frames that were taken earlier.
 
-    What an acquisition watches while it runs, asked of frames that exist already. The numbers of the frames may have
-    any constant step. lossless: the files kept the camera's noise, which the comparison of frames needs; of compressed
-    ones only losses and repetitions are told. One frame gives no flags.
+    These are the checks that an acquisition makes while it runs.
+
+    Parameters
+    ----------
+    frames : sequence of Frame
+        Frames of one state in the order in which they were taken, of one size and colour format. Their numbers may
+        increase by any constant step.
+    lossless : bool
+        Whether the files keep the noise of the camera. NOT_SETTLED compares motion with noise; for compressed files
+        only lost and repeated frames are reported.
+
+    Returns
+    -------
+    tuple of Flag
+        Empty for a single frame.
     """
     if len(frames) < 2:
         return ()
     step = max(1, min(later.number - earlier.number for earlier, later in pairwise(frames)))
     numbered = [replace(frame, number=(frame.number - frames[0].number) // step) for frame in frames]
     images = [frame.image for frame in frames]
-    if images[0].ndim == 3:  # one channel for all: that in which most is to be seen
+    if images[0].ndim == 3:  # use the channel with the largest contrast in all images
         channel = int(np.argmax(images[0].std(axis=(0, 1))))
         images = [image[..., channel] for image in images]
     different = [images[0], *(later for earlier, later in pairwise(images) if not np.array_equal(earlier, later))]
     side = 2 * CLEAR_OF_EDGES_PX + 1
     edges = np.any([edge_band(image) for image in (images[0], images[-1])], axis=0)
-    still = cv2.dilate(edges.astype(np.uint8), np.ones((side, side), np.uint8)) == 0
-    if len(different) == 1 or still.sum() < FEWEST_PIXELS:
+    clear_of_edges = cv2.dilate(edges.astype(np.uint8), np.ones((side, side), np.uint8)) == 0
+    if len(different) == 1 or clear_of_edges.sum() < FEWEST_PIXELS:
         return frame_flags(numbered, measure_noise(images))
-    noise = measure_noise([image[still] for image in different])
+    noise = measure_noise([image[clear_of_edges] for image in different])
     flags = frame_flags(numbered, noise)
-    if not lossless or not noise.seen:
+    if not lossless or not noise.exceeds_rounding:
         return flags
     ratio = max(noise.difference_ratio(*pair) for pair in [*pairwise(different), (different[0], different[-1])])
     return flags + judge({"motion_ratio": ratio})

@@ -1,4 +1,7 @@
-"""What an image file says it is, read before anything is decoded: a few bytes can claim any amount of memory."""
+"""Read from the header of an image file how large the image is, before it is decoded.
+
+A file of a few bytes may claim a size that needs any amount of memory.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +14,22 @@ _TIFF_WIDTH, _TIFF_HEIGHT = 256, 257
 
 
 def claimed_size(raw: bytes) -> tuple[int, int] | None:
-    """Width and height by the header of a PNG, JPEG, BMP, TIFF or PGM file; None where it tells none.
+    """Return the width and height (px) that the header of a PNG, JPEG, BMP, TIFF or PGM file states.
 
-    Sources: PNG specification (W3C), section 11.2.2; JPEG, ITU-T T.81, table B.2; BITMAPINFOHEADER (Microsoft);
-    TIFF 6.0 (Adobe), section 2; netpbm's manual of pgm.
+    Parameters
+    ----------
+    raw : bytes
+        The whole file.
+
+    Returns
+    -------
+    tuple of int, or None
+        None for another format, or if the header is incomplete.
+
+    References
+    ----------
+    PNG specification (W3C), section 11.2.2; JPEG, ITU-T T.81, table B.2; BITMAPINFOHEADER (Microsoft);
+    TIFF 6.0 (Adobe), section 2; the netpbm manual of the PGM format.
     """
     try:
         if raw.startswith(b"\x89PNG"):
@@ -50,20 +65,37 @@ def _tiff(raw: bytes, order: str) -> tuple[int, int] | None:
 
 
 def _tiff_page(raw: bytes, order: str, at: int) -> tuple[tuple[int, int] | None, int]:
-    """The size of the page whose directory begins at a byte, and where the next one's does; 0 behind the last."""
+    """Read one page of a TIFF file; return its size and the offset of the next page.
+
+    Parameters
+    ----------
+    raw : bytes
+        The whole file.
+    order : {"<", ">"}
+        Byte order.
+    at : int
+        Offset of the directory of the page.
+
+    Returns
+    -------
+    size : tuple of int, or None
+        Width and height in px.
+    following : int
+        Offset of the directory of the next page; 0 after the last page.
+    """
     (count,) = struct.unpack_from(f"{order}H", raw, at)
-    behind = at + 2 + 12 * count
+    end = at + 2 + 12 * count
     sizes = {}
-    for entry in range(at + 2, behind, 12):
+    for entry in range(at + 2, end, 12):
         tag, kind = struct.unpack_from(f"{order}HH", raw, entry)
         if tag in (_TIFF_WIDTH, _TIFF_HEIGHT):
             (sizes[tag],) = struct.unpack_from(f"{order}{'H' if kind == 3 else 'I'}", raw, entry + 8)
     size = (sizes[_TIFF_WIDTH], sizes[_TIFF_HEIGHT]) if len(sizes) == 2 else None
-    return size, int.from_bytes(raw[behind : behind + 4], "little" if order == "<" else "big")
+    return size, int.from_bytes(raw[end : end + 4], "little" if order == "<" else "big")
 
 
 def is_stack(raw: bytes) -> bool:
-    """Whether a TIFF file holds a second picture as large as the first; a thumbnail is smaller."""
+    """Return whether a TIFF file holds a second image of the same size as the first; a thumbnail is smaller."""
     if raw[:4] not in (b"II*\0", b"MM\0*"):
         return False
     order = "<" if raw.startswith(b"II") else ">"
@@ -75,5 +107,5 @@ def is_stack(raw: bytes) -> bool:
 
 
 def may_be_transparent(raw: bytes) -> bool:
-    """Whether a PNG has an opacity for every pixel, or colours that are see-through (sections 11.2.2 and 11.3.2)."""
+    """Return whether a PNG file has an opacity channel or transparent colours (PNG, sections 11.2.2 and 11.3.2)."""
     return raw.startswith(b"\x89PNG") and (raw[25:26] in (b"\4", b"\6") or b"tRNS" in raw[: raw.find(b"IDAT")])

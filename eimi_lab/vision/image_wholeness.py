@@ -1,4 +1,7 @@
-"""Whether an image file is there to its end: some decoders leave the rest grey or black, and say nothing."""
+"""Check that an image file is complete.
+
+Some decoders fill the missing part of a file with grey or black and report no error.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +10,23 @@ import zlib
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _JPEG_START = b"\xff\xd8"
-_END, _ALONE = 0xD9, 0x01  # markers without a length, of those that are looked for
-_MARKER = re.compile(rb"\xff[^\x00\xff\xd0-\xd7]", re.DOTALL)  # that ends a scan: no stuffed byte, fill byte or restart
+_END, _TEMPORARY = 0xD9, 0x01  # the markers EOI and TEM have no length field
+# A marker that ends a scan: neither a stuffed byte, nor a fill byte, nor a restart marker.
+_MARKER = re.compile(rb"\xff[^\x00\xff\xd0-\xd7]", re.DOTALL)
 
 
 def is_whole(raw: bytes) -> bool:
-    """Whether a PNG or a JPEG ends as it should; true for what is neither. What comes behind its end does not count."""
+    """Return whether a PNG or JPEG file is complete; return True for every other format.
+
+    Bytes behind the end of the image are allowed.
+    """
     if raw.startswith(PNG_SIGNATURE):
         return _png_is_whole(raw)
     return _jpeg_is_whole(raw) if raw.startswith(_JPEG_START) else True
 
 
 def _png_is_whole(raw: bytes) -> bool:
-    """Every chunk up to IEND is there and has its checksum (PNG specification, W3C, section 5.3)."""
+    """Return whether every chunk up to IEND is present and has its checksum (PNG specification, W3C, section 5.3)."""
     at = len(PNG_SIGNATURE)
     while at + 12 <= len(raw):
         length = int.from_bytes(raw[at : at + 4], "big")
@@ -33,15 +40,16 @@ def _png_is_whole(raw: bytes) -> bool:
 
 
 def _jpeg_is_whole(raw: bytes) -> bool:
-    """Segment after segment and scan after scan up to the end of the image (ITU-T T.81, annex B).
+    """Return whether the segments and scans reach the end-of-image marker (ITU-T T.81, annex B).
 
-    A thumbnail inside has an end of its own, and phones append a film or a second picture behind the end.
+    An embedded thumbnail has an end-of-image marker of its own; it lies inside a segment, which is skipped as a whole.
+    Phones append a film or a second picture behind the end.
     """
     at = len(_JPEG_START)
-    while (found := _MARKER.search(raw, at)) is not None:
-        marker, at = raw[found.start() + 1], found.end()
+    while (match := _MARKER.search(raw, at)) is not None:
+        marker, at = raw[match.start() + 1], match.end()
         if marker == _END:
             return True
-        if marker != _ALONE:
+        if marker != _TEMPORARY:
             at += int.from_bytes(raw[at : at + 2], "big")
     return False

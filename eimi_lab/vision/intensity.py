@@ -1,4 +1,4 @@
-"""What the camera delivered as numbers: its depth, its colours, one grey image of them, several frames of a state."""
+"""Grey values: bit depth, colours, the mean image of a state, and the correction by a dark frame and a flat field."""
 
 from __future__ import annotations
 
@@ -9,15 +9,29 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 _FULL_SCALES = (255, 1023, 4095, 16383, 65535)
-_GREY_SHARE = 1 / 64  # of full scale: by so much a compressed grey picture's channels may differ, for rounding
+_GREY_SHARE = 1 / 64  # of full scale: rounding may make the channels of a compressed grey picture differ by this much
 
 
 def grey(image: ArrayLike) -> NDArray[Any]:
-    """One channel of an image, (height, width).
+    """Return one channel of an image.
 
-    Of a colour image (height, width, channels) it is the brightest channel alone: under a coloured back-light
-    the others hold noise, and a mixture would hide that one of them is clipped. uint8 stays uint8 and the
-    rest becomes float32; what is not finite becomes 0. Raises ValueError for an array of another shape.
+    For a colour image it is the brightest channel. Under a coloured back-light the other channels hold noise, and a
+    mean of the channels would hide that one of them is clipped.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W) or (H, W, channels)
+        Grey values of any type.
+
+    Returns
+    -------
+    ndarray, shape (H, W)
+        uint8 if the image is uint8, else float32. Values that are not finite become 0.
+
+    Raises
+    ------
+    ValueError
+        If the array has another number of dimensions.
     """
     pixels = _channels(image)
     if pixels.ndim == 3:
@@ -27,12 +41,12 @@ def grey(image: ArrayLike) -> NDArray[Any]:
 
 
 def _channels(image: ArrayLike) -> NDArray[Any]:
-    """(H, W) or (H, W, 3): uint8, or else float32 in which what is not finite is 0. Raises ValueError."""
+    """Return an image as (H, W) or (H, W, 3), uint8 or finite float32; raise ValueError for another shape."""
     pixels = np.asarray(image)
     if pixels.ndim == 3 and pixels.size:
         pixels = pixels[:, :, :3] if pixels.shape[2] >= 3 else pixels[:, :, 0]
     elif pixels.ndim != 2:
-        raise ValueError(f"an image has two dimensions, or three with the colours last, not {pixels.shape}")
+        raise ValueError(f"an image should have the shape (H, W) or (H, W, channels), not {pixels.shape}")
     if pixels.dtype == np.uint8:
         return np.ascontiguousarray(pixels)
     if pixels.dtype.kind == "f":
@@ -41,50 +55,78 @@ def _channels(image: ArrayLike) -> NDArray[Any]:
 
 
 def camera_grey(image: NDArray[Any]) -> NDArray[Any]:
-    """(H, W) or (H, W, 3) to (H, W) by the rule of `grey`, of the image's own type: the camera's depth is kept."""
+    """Return one channel (H, W) of an image by the rule of `grey`, in the type of the image."""
     return grey(image).astype(image.dtype, copy=False)
 
 
 def mean_grey(image: NDArray[Any]) -> NDArray[Any]:
-    """(H, W): the mean of the colours, to compare frames with one another; grey values stay as they are.
+    """Return the mean of the colours, (H, W), in grey levels of the image.
 
-    `camera_grey` may take another channel for the next frame, where two are about as bright.
+    Use it to compare frames with each other. `camera_grey` may choose different channels for two frames if two channels
+    are about equally bright.
     """
     return image if image.ndim == 2 else image.mean(axis=2, dtype=np.float32)
 
 
 def is_coloured(image: NDArray[Any]) -> bool:
-    """Whether an image (H, W) or (H, W, 3) has colours, and not but one grey value in all of its channels."""
+    """Return whether the channels of an image differ by more than the rounding of a compressed file."""
     if image.ndim == 2:
         return False
-    apart = np.ptp(image.astype(np.int32), axis=2).max(initial=0)
-    return bool(apart > _GREY_SHARE * np.iinfo(image.dtype).max)
+    difference = np.ptp(image.astype(np.int32), axis=2).max(initial=0)
+    return bool(difference > _GREY_SHARE * np.iinfo(image.dtype).max)
 
 
 def in_channels(image: NDArray[Any], coloured: bool) -> NDArray[Any]:
-    """An image (H, W) or (H, W, 3) with three channels if coloured, and else with one; but no colour is given up."""
+    """Return an image with three channels if `coloured`, else with one channel unless that would lose colours.
+
+    Parameters
+    ----------
+    image : ndarray, shape (H, W) or (H, W, 3)
+        The image.
+    coloured : bool
+        Whether three channels are wanted.
+    """
     if coloured:
         return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
     return image if image.ndim == 2 or is_coloured(image) else image[..., 0]
 
 
 def eight_bit(image: ArrayLike) -> NDArray[np.uint8]:
-    """An image of any depth as grey values 0..255 of 255, to be drawn on or searched by OpenCV, (height, width)."""
+    """Return an image (H, W) of any bit depth and colour as grey values from 0 to 255, (H, W)."""
     pixels = grey(image)
     return np.rint(pixels * (255.0 / full_scale(pixels))).astype(np.uint8)
 
 
 def full_scale(image: NDArray[Any]) -> float:
-    """The largest grey value of the camera: that of 8, 10, 12, 14 or 16 bits, the first that holds the image."""
+    """Return the largest grey value of the camera: that of 8, 10, 12, 14 or 16 bits, the first that holds the image.
+
+    Examples
+    --------
+    >>> full_scale(np.array([[12, 900]], dtype=np.uint16))
+    1023.0
+    """
     brightest = float(image.max(initial=0))
     return float(next((value for value in _FULL_SCALES if value >= brightest), _FULL_SCALES[-1]))
 
 
 def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
-    """Mean of a state's frames, (height, width) or (height, width, 3) float32, in the frames' own grey levels.
+    """Return the mean of the frames of a state, in grey levels of the frames.
 
-    Averaging n frames before the search lowers the noise by the root of n and costs one search instead of n.
-    Raises ValueError when there is no frame, or when the frames differ in size.
+    The mean of n frames has a noise that is smaller by √n, and is searched once in place of n times.
+
+    Parameters
+    ----------
+    frames : iterable of array_like, shape (H, W) or (H, W, 3)
+        Frames of one state.
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W) or (H, W, 3)
+
+    Raises
+    ------
+    ValueError
+        If there is no frame, or if the frames differ in shape.
     """
     total: NDArray[np.float32] | None = None
     count = 0
@@ -93,45 +135,65 @@ def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
         if total is None:
             total = pixels.astype(np.float32)
         elif pixels.shape != total.shape:
-            raise ValueError(f"frame {count} has the shape {pixels.shape}, the ones before it {total.shape}")
+            raise ValueError(f"frame {count} has the shape {pixels.shape}, the frames before it {total.shape}")
         else:
             total += pixels
         count += 1
     if total is None:
-        raise ValueError("a state without frames has no mean")
+        raise ValueError("a state needs at least one frame")
     total /= count
     return total
 
 
 class FieldCorrection:
-    """Takes out what the sensor adds without light (dark frame) and the unevenness of light and pixels (flat field).
+    """Correction of an image by a dark frame and a flat field.
 
-    (image - dark) * mean / (flat - dark), with the median of flat - dark as mean: against what EMVA standard 1288
-    calls dark signal and photo response non-uniformity. A pixel at full scale stays there: clipping still shows.
+    A dark frame is an image taken without light. A flat field is an image of the bare back-light. With the median m of
+    flat - dark over the pixels, the corrected image is
+
+        (image - dark) · m / (flat - dark).
+
+    This removes what EMVA standard 1288 calls the dark signal and the photo response non-uniformity. A pixel at full
+    scale stays at full scale, so that clipping remains visible. Each colour is corrected by itself.
     """
 
     def __init__(self, dark: ArrayLike | None, flat: ArrayLike | None) -> None:
-        """Images without light and of the bare back-light, one of them or both; each colour corrects its own.
+        """Prepare the correction from a dark frame, a flat field, or both.
 
-        Raises ValueError for images that differ in size, a flat field no brighter than the dark frame, or neither.
+        Parameters
+        ----------
+        dark, flat : array_like, shape (H, W) or (H, W, 3), or None
+            The images in grey levels of the camera.
+
+        Raises
+        ------
+        ValueError
+            If both are None, if they differ in shape, or if more than 1 % of the flat field is hardly brighter than the
+            dark frame.
         """
         images = [None if image is None else _channels(image).astype(np.float32) for image in (dark, flat)]
-        given = [image for image in images if image is not None]
-        if not given:
-            raise ValueError("neither a dark frame nor a flat field is given")
-        if len({image.shape for image in given}) > 1:
-            raise ValueError(f"the flat field has the shape {given[1].shape}, the dark frame {given[0].shape}")
-        self._dark = images[0] if images[0] is not None else np.zeros_like(given[0])
-        self._gain: NDArray[np.float32] = np.ones_like(given[0])
+        present = [image for image in images if image is not None]
+        if not present:
+            raise ValueError("a correction needs a dark frame or a flat field")
+        if len({image.shape for image in present}) > 1:
+            raise ValueError(f"the flat field has the shape {present[1].shape}, the dark frame {present[0].shape}")
+        self._dark = images[0] if images[0] is not None else np.zeros_like(present[0])
+        self._gain: NDArray[np.float32] = np.ones_like(present[0])
         if images[1] is not None:
             light = images[1] - self._dark
-            middle = np.median(light, axis=(0, 1))  # of each colour: a lamp is as yellow afterwards as before
-            if (middle <= 0.0).any() or ((light < 0.05 * middle).mean(axis=(0, 1)) > 0.01).any():
-                raise ValueError("the flat field is dark in places, and can correct nothing there")
-            self._gain = (middle / np.maximum(light, 0.05 * middle)).astype(np.float32)
+            median = np.median(light, axis=(0, 1))  # for each colour, so that the colour of the lamp is kept
+            if (median <= 0.0).any() or ((light < 0.05 * median).mean(axis=(0, 1)) > 0.01).any():
+                raise ValueError("the flat field is dark in places; it should show the bare back-light everywhere")
+            self._gain = (median / np.maximum(light, 0.05 * median)).astype(np.float32)
 
     def apply(self, image: ArrayLike) -> NDArray[np.float32]:
-        """The corrected image, with the colours that it has. Raises ValueError for an image of another size."""
+        """Return the corrected image as float32.
+
+        Raises
+        ------
+        ValueError
+            If the image differs in shape from the dark frame and the flat field.
+        """
         pixels = _channels(image)
         if pixels.shape != self._dark.shape:
             raise ValueError(f"the image has the shape {pixels.shape}, dark frame and flat field {self._dark.shape}")

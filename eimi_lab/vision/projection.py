@@ -1,8 +1,13 @@
-"""Colour projected to one grey value, the same way for every picture of a dataset.
+"""Project colours to one grey value, by the same weights for all pictures of a dataset.
 
-The projection is linear in the camera's colours or in CIELAB, and is chosen where inside and outside of the beam's root
-differ most over all pictures: by Fisher's discriminant (R. A. Fisher, Annals of Eugenics 7 (1936) 179), or by one
-channel alone where that is as good; or it is named by a person.
+The projection is linear in the camera's colours or in CIELAB. Its weights are those for which the inside of the beam's
+root differs most from the surroundings, over all pictures: Fisher's linear discriminant
+
+    w = C⁻¹ (m_in - m_out),
+
+with the mean colours m and the mean covariance C within the regions (R. A. Fisher, "The use of multiple measurements in
+taxonomic problems", Annals of Eugenics 7 (1936) 179). A single channel is preferred if it separates nearly as well. A
+person may also name a channel.
 """
 
 from __future__ import annotations
@@ -23,17 +28,32 @@ Array = NDArray[np.float64]
 
 CAMERA, PERCEPTUAL = "camera", "CIELAB"
 _CHANNELS = {"blue": (1.0, 0.0, 0.0), "green": (0.0, 1.0, 0.0), "red": (0.0, 0.0, 1.0), "grey": (0.114, 0.587, 0.299)}
-_SHRINKAGE = 0.02  # of the mean variance, in every direction of colour: what samples so small cannot know
-_ROUNDING = 1.0 / 12.0 / 255.0**2
-_WORTH = 1.25  # by which a mixture has to be better than a plain channel, which a person understands at once
-_CAUTIOUS = 20  # percentile of the separations, over both sides in all pictures
+_SHRINKAGE = 0.02  # of the mean variance, added to every colour direction: the samples are small
+_ROUNDING = 1.0 / 12.0 / 255.0**2  # variance of rounding to 8 bits, of colours scaled to 1
+_WORTH = 1.25  # a mixture must separate this much better than a single channel, which is easier to understand
+_CAUTIOUS = 20  # percentile of the separations over both sides in all pictures
 
 
 @dataclass(frozen=True)
 class Projection:
-    """A weight for each of three numbers of a pixel: blue, green, red, or L, a, b. name: how it was chosen.
+    """A weight for each of the three numbers of a pixel.
 
-    separation: of inside and outside, in standard deviations of either; 0 where nobody measured it.
+    Attributes
+    ----------
+    name : str
+        How the projection was chosen: a channel, or the method.
+    weights : tuple of float
+        Weights of blue, green and red, or of L, a and b.
+    space : {"camera", "CIELAB"}
+        The three numbers of a pixel to which the weights belong.
+    separation : float
+        Difference of the inside and the outside in standard deviations; 0 if it was not measured.
+
+    Examples
+    --------
+    >>> red = Projection("red", (0.0, 0.0, 1.0))
+    >>> red.apply(np.array([[[10, 20, 200]]], np.uint8)).tolist()
+    [[200.0]]
     """
 
     name: str
@@ -42,7 +62,19 @@ class Projection:
     separation: float = 0.0
 
     def apply(self, image: ArrayLike) -> NDArray[np.float32]:
-        """(H, W) of an image (H, W, 3), on the camera's own scale: 0 and full scale stay the ends. (H, W) stays."""
+        """Return the grey values (H, W) of an image, on the scale of the camera.
+
+        Weights may be negative: the result is shifted and scaled so that it lies between 0 and full scale.
+
+        Parameters
+        ----------
+        image : array_like, shape (H, W, 3) or (H, W)
+            Blue, green, red in grey levels of the camera. A grey image is returned as it is.
+
+        Returns
+        -------
+        ndarray of float32, shape (H, W)
+        """
         pixels = np.asarray(image)
         if pixels.ndim != 3:
             return np.asarray(grey(pixels), dtype=np.float32)
@@ -53,12 +85,12 @@ class Projection:
         return np.asarray(np.clip(share, 0.0, 1.0) * largest, dtype=np.float32)
 
     def to_json(self) -> str:
-        """As a dataset keeps it."""
+        """Return the projection as the JSON text that a dataset stores."""
         return json.dumps(asdict(self))
 
     @classmethod
     def from_json(cls, text: str) -> Projection:
-        """The inverse of `to_json`."""
+        """Read a projection from the text of `to_json`."""
         fields = json.loads(text)
         return cls(**{**fields, "weights": tuple(fields["weights"])})
 
@@ -66,113 +98,131 @@ class Projection:
         if self.name in _CHANNELS:
             return self.name
         names = ("blue", "green", "red") if self.space == CAMERA else ("L", "a", "b")
-        told = " ".join(f"{weight:+.2f} {name}" for weight, name in zip(self.weights, names, strict=True))
-        return f"{self.name} ({told})"
+        mixture = " ".join(f"{weight:+.2f} {name}" for weight, name in zip(self.weights, names, strict=True))
+        return f"{self.name} ({mixture})"
 
 
 def choose_projection(
     images: Iterable[NDArray[Any]], calibration: Calibration, width_mm: float, length_mm: float
 ) -> Projection:
-    """The projection in which the beam's root and what is beside it differ most, over images (H, W, 3) of one dataset.
+    """Choose the projection in which the beam's root differs most from its surroundings.
 
-    What `calibration.picture` names goes before that.
+    A channel or a beam colour that `calibration.picture` names takes precedence.
+
+    Parameters
+    ----------
+    images : iterable of ndarray, shape (H, W, 3)
+        Pictures of one dataset: blue, green, red.
+    calibration : Calibration
+        Where the root of the beam is.
+    width_mm, length_mm : float
+        Width and length of the specimen.
+
+    Returns
+    -------
+    Projection
+        The grey mixture of blue, green and red if the root lies outside all pictures.
     """
     named = calibration.picture or Picture()
     if named.channel is not None:
         return Projection(named.channel, _CHANNELS[named.channel])
-    places = _Places(BeamFrame(calibration), width_mm, length_mm)
-    samples: dict[str, list[_Sample]] = {CAMERA: [], PERCEPTUAL: []}
+    sampler = _RootSampler(BeamFrame(calibration), width_mm, length_mm)
+    samples: dict[str, list[_Colours]] = {CAMERA: [], PERCEPTUAL: []}
     for image in images:
-        for space, known in samples.items():
-            known += places.read(image, full_scale(image), space)
+        for space, root_colours in samples.items():
+            root_colours += sampler.read(image, full_scale(image), space)
     best: Projection | None = None
-    for space, known in samples.items():
-        for candidate in _candidates(known, space, named.beam_colour) if known else ():
+    for space, root_colours in samples.items():
+        for candidate in _candidates(root_colours, space, named.beam_colour) if root_colours else ():
             if best is None or candidate.separation > _advantage(best, candidate) * best.separation:
                 best = candidate
     return best or Projection("grey", _CHANNELS["grey"])
 
 
 def _advantage(best: Projection, candidate: Projection) -> float:
+    """Return the factor by which the candidate must separate better than the best projection so far."""
     return _WORTH if best.name in _CHANNELS and candidate.name not in _CHANNELS else 1.0
 
 
 @dataclass(frozen=True)
-class _Sample:
-    """Colours of one picture's root, scaled to 1: (n, 3) inside the beam and on either side of it."""
+class _Colours:
+    """Colours at the beam's root in one picture, scaled to 1: inside (n, 3), and beside it on each side (n, 3)."""
 
     inside: Array
     sides: tuple[Array, ...]
 
 
 @dataclass(frozen=True)
-class _Places:
+class _RootSampler:
+    """Read the colours at the root of the beam."""
+
     frame: BeamFrame
     width_mm: float
     length_mm: float
 
-    def read(self, image: NDArray[Any], largest: float, space: str) -> list[_Sample]:
-        """The colours at the root; nothing where that is not in the picture."""
+    def read(self, image: NDArray[Any], largest: float, space: str) -> list[_Colours]:
+        """Return the colours at the root in one picture; return an empty list if the root is not in the picture."""
         ahead = np.linspace(0.3, max(1.5, 0.2 * self.length_mm / self.width_mm), 15)
         inside = self._colours(image, largest, space, ahead, np.linspace(-0.25, 0.25, 7))
         sides = [self._colours(image, largest, space, ahead, aside * np.linspace(0.75, 1.25, 7)) for aside in (-1, 1)]
-        there = tuple(side for side in sides if len(side) > 1)
-        return [_Sample(inside, there)] if len(inside) > 1 and there else []
+        sides_in_image = tuple(side for side in sides if len(side) > 1)
+        return [_Colours(inside, sides_in_image)] if len(inside) > 1 and sides_in_image else []
 
     def _colours(self, image: NDArray[Any], largest: float, space: str, ahead: Array, aside: Array) -> Array:
         along, across = np.meshgrid(ahead, aside)
         places = self.frame.to_px(self.width_mm * np.column_stack([along.ravel(), across.ravel()]))
         column, row = np.rint(places).astype(int).T
-        seen = (column >= 0) & (row >= 0) & (column < image.shape[1]) & (row < image.shape[0])
-        colours = image[row[seen], column[seen]][None] / np.float32(largest)
-        return np.asarray(_in_space(colours, space)[0], dtype=np.float64) if seen.any() else np.zeros((0, 3))
+        in_image = (column >= 0) & (row >= 0) & (column < image.shape[1]) & (row < image.shape[0])
+        colours = image[row[in_image], column[in_image]][None] / np.float32(largest)
+        return np.asarray(_in_space(colours, space)[0], dtype=np.float64) if in_image.any() else np.zeros((0, 3))
 
 
-def _candidates(samples: Sequence[_Sample], space: str, beam_colour: Sequence[float] | None) -> Iterable[Projection]:
+def _candidates(samples: Sequence[_Colours], space: str, beam_colour: Sequence[float] | None) -> Iterable[Projection]:
+    """Yield the discriminants of the sampled colours and, in camera colours, the single channels."""
     inside = [np.median(sample.inside, axis=0) for sample in samples]
     if beam_colour is not None:
         stated = np.array(beam_colour[::-1], dtype=np.float32)[None, None] / np.float32(255.0)
         inside = [_in_space(stated, space)[0, 0].astype(np.float64)] * len(samples)
     elif space == CAMERA:
         yield from (_measured(name, np.array(weights), space, samples) for name, weights in _CHANNELS.items())
-    within = np.mean([np.cov(part.T) for sample in samples for part in (sample.inside, *sample.sides)], axis=0)
-    within += (_SHRINKAGE * np.trace(within) / 3.0 + _ROUNDING) * np.eye(3)
-    most = max(len(sample.sides) for sample in samples)
-    for chosen in (
-        [0],
-        [most - 1],
-        range(most),
-    ):  # a frame on one side, a wall on the other: one may tell more than both
+    covariance = np.mean([np.cov(part.T) for sample in samples for part in (sample.inside, *sample.sides)], axis=0)
+    covariance += (_SHRINKAGE * np.trace(covariance) / 3.0 + _ROUNDING) * np.eye(3)
+    side_count = max(len(sample.sides) for sample in samples)
+    # One side alone may differ more from the beam than both sides together, for example beside a wall.
+    for chosen_sides in ([0], [side_count - 1], range(side_count)):
         outside = [
-            np.mean([np.median(sample.sides[min(k, len(sample.sides) - 1)], axis=0) for k in chosen], axis=0)
+            np.mean([np.median(sample.sides[min(k, len(sample.sides) - 1)], axis=0) for k in chosen_sides], axis=0)
             for sample in samples
         ]
-        between = np.mean([a - b for a, b in zip(inside, outside, strict=True)], axis=0)
-        weights = np.linalg.solve(within, between)
+        mean_difference = np.mean([a - b for a, b in zip(inside, outside, strict=True)], axis=0)
+        weights = np.linalg.solve(covariance, mean_difference)
         if np.abs(weights).sum() > 0.0:
             name = "beam's colour" if beam_colour is not None else "discriminant"
             yield _measured(f"{name} in {space} colours", weights / np.abs(weights).sum(), space, samples)
 
 
-def _measured(name: str, weights: Array, space: str, samples: Sequence[_Sample]) -> Projection:
-    """The projection, and how far apart it puts inside and outside where that is least, nearly."""
-    apart = []
+def _measured(name: str, weights: Array, space: str, samples: Sequence[_Colours]) -> Projection:
+    """Return the projection with a cautious estimate of its separation.
+
+    The separation is the 20th percentile over both sides in all pictures.
+    """
+    separations = []
     for sample in samples:
         inside = sample.inside @ weights
         for side in sample.sides:
             outside = side @ weights
             spread = np.hypot(inside.std(), outside.std()) + np.sqrt(_ROUNDING)
-            apart.append(abs(np.median(inside) - np.median(outside)) / spread)
+            separations.append(abs(np.median(inside) - np.median(outside)) / spread)
     first, second, third = weights.tolist()
-    return Projection(name, (first, second, third), space, float(np.percentile(apart, _CAUTIOUS)))
+    return Projection(name, (first, second, third), space, float(np.percentile(separations, _CAUTIOUS)))
 
 
 def _in_space(colours: NDArray[Any], space: str) -> NDArray[np.float32]:
-    """Colours (h, w, 3: blue, green, red) scaled to 1, as they are or as L, a and b, each about 0 to 1 too."""
+    """Convert blue, green and red (h, w, 3) from 0 to 1 to a colour space; L, a and b lie between about 0 and 1 too."""
     pixels = np.ascontiguousarray(colours, dtype=np.float32)
     if space == CAMERA:
         return pixels
-    import cv2  # slow to load, and a fit of stored edges does without
+    import cv2  # slow to import, and not needed for a fit of stored edges
 
     lab = cv2.cvtColor(pixels, cv2.COLOR_BGR2Lab)
     return np.asarray(lab / np.array([100.0, 255.0, 255.0]) + np.array([0.0, 0.5, 0.5]), dtype=np.float32)

@@ -1,4 +1,4 @@
-"""A picture with its pixels counted and its directions named, for a person to read a place and an angle off."""
+"""Draw a grid of pixel coordinates and a compass of directions, so that a person can read off places and angles."""
 
 from __future__ import annotations
 
@@ -12,17 +12,29 @@ from numpy.typing import NDArray
 
 from eimi_lab.vision.intensity import full_scale
 
-MARGIN_PX = 46  # beside the picture, for the numbers
-_LINES = 12  # across the longer side, about
+MARGIN_PX = 46  # around the frame, for the numbers
+_LINES = 12  # approximate number of grid lines along the longer side
 _INK, _PAPER, _RULE, _LINE = (0, 0, 0), (255, 255, 255), (0, 200, 255), (255, 0, 255)
 _FONT, _LETTERS = cv2.FONT_HERSHEY_SIMPLEX, 0.42
 _COMPASS_PX = 34
 
 
 def ruled_picture(image: NDArray[Any], lines: Sequence[NDArray[np.float64]] = ()) -> NDArray[np.uint8]:
-    """(height + 2 margins, width + 2 margins, 3) uint8: a frame (H, W) or (H, W, 3) under a grid of pixels.
+    """Draw a frame with a grid of pixel coordinates.
 
-    The numbers and the compass of directions are beside the picture, never on it. lines: (n, 2) px each, drawn on it.
+    The numbers and the compass stand beside the frame, never on it.
+
+    Parameters
+    ----------
+    image : ndarray, shape (H, W) or (H, W, 3)
+        The frame; blue, green, red.
+    lines : sequence of ndarray, shape (n, 2)
+        Lines to draw on the frame, px of the frame.
+
+    Returns
+    -------
+    ndarray of uint8, shape (H + margins, W + margins, 3)
+        The picture. Pixel (0, 0) of the frame lies at (MARGIN_PX, MARGIN_PX).
     """
     shown = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
     shown = np.rint(shown * (255.0 / full_scale(shown))).astype(np.uint8)
@@ -44,13 +56,13 @@ def ruled_picture(image: NDArray[Any], lines: Sequence[NDArray[np.float64]] = ()
 
 
 def _round_step(least: float) -> int:
-    """1, 2 or 5 times a power of ten, no less than what is asked for."""
+    """Return the smallest of 1, 2 or 5 times a power of ten that is not below `least`."""
     power = 10 ** math.floor(math.log10(max(least, 1.0)))
     return int(next(power * factor for factor in (1, 2, 5, 10) if power * factor >= least))
 
 
 def _rule(sheet: NDArray[Any], begin: tuple[int, int], end: tuple[int, int]) -> None:
-    """A faint line, through which the picture is seen."""
+    """Draw a line that lets the picture show through."""
     part = sheet[begin[1] : end[1] + 1, begin[0] : end[0] + 1]
     part[:] = (0.6 * part + 0.4 * np.array(_RULE)).astype(np.uint8)
 
@@ -61,10 +73,10 @@ def _write(sheet: NDArray[Any], text: str, middle: tuple[int, int]) -> None:
 
 
 def _compass(sheet: NDArray[Any], middle: tuple[int, int]) -> None:
-    """Arrows to the right, down, left and up, with the angles by which calibration.toml calls them."""
+    """Draw arrows to the right, down, left and up, labelled with their angles as in calibration.toml."""
     for angle in (0, 90, 180, -90):
-        way = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
-        end = np.rint(np.array(middle) + _COMPASS_PX * 0.7 * way).astype(int)
+        direction = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
+        end = np.rint(np.array(middle) + _COMPASS_PX * 0.7 * direction).astype(int)
         cv2.arrowedLine(sheet, middle, tuple(map(int, end)), _INK, 1, cv2.LINE_AA, tipLength=0.3)
-        place = np.rint(np.array(middle) + _COMPASS_PX * way).astype(int)
+        place = np.rint(np.array(middle) + _COMPASS_PX * direction).astype(int)
         _write(sheet, str(angle), (int(place[0]), int(place[1])))

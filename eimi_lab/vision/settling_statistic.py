@@ -1,8 +1,12 @@
-"""The settling statistic: whether two frames differ by the camera's noise alone, which they do at rest.
+"""The settling statistic: decide whether two frames differ by more than the noise of the camera.
 
-The measure is the mean squared difference of two frames over the variance that their noise gives it, inside a band
-along the edges, where motion shows: 1 at rest. The noise is measured on frames at rest, as a function of grey level
-(the photon transfer curve; Janesick, Photon Transfer, SPIE 2007), so that no camera data are needed.
+For two frames a and b of a beam at rest, with the noise variance v at the grey level of each pixel,
+
+    ratio = mean((b - a)²) / mean(2 v)
+
+over a band along the edges, where motion shows. The ratio is 1 at rest and grows with the square of the motion. The
+variance as a function of grey level (the photon transfer curve; J. R. Janesick, Photon Transfer, SPIE 2007) is measured
+on frames at rest, so that no data sheet of the camera is needed.
 """
 
 from __future__ import annotations
@@ -19,24 +23,32 @@ from numpy.typing import NDArray
 EDGE_BAND_PX = 4
 EDGE_SHARE = 0.25  # of the steepest gradient
 LEVELS = 24
-FEWEST_PIXELS = 500  # that make a variance worth having
+FEWEST_PIXELS = 500  # that are needed to measure a variance
 QUANTISATION = 1 / 12  # variance of rounding to whole grey levels
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Variance of a pixel's noise (grey levels squared) at increasing grey levels, both (n,)."""
+    """Variance of the noise of a pixel as a function of its grey level.
+
+    Attributes
+    ----------
+    levels : ndarray, shape (n,)
+        Grey levels in increasing order.
+    variances : ndarray, shape (n,)
+        Variance at each level, grey levels squared.
+    """
 
     levels: NDArray[np.float64]
     variances: NDArray[np.float64]
 
     @property
-    def seen(self) -> bool:
-        """Whether there is noise at all beyond rounding; a video file or a drawn frame may have none."""
+    def exceeds_rounding(self) -> bool:
+        """Whether there is noise beyond rounding to whole grey levels; a video file or a drawn frame may have none."""
         return bool(self.variances.max() > QUANTISATION)
 
     def difference_ratio(self, earlier: NDArray[Any], later: NDArray[Any]) -> float:
-        """Mean squared difference of two (H, W) frames over what their noise gives, along the edges of the later."""
+        """Return the settling ratio of two frames (H, W), in a band along the edges of the later one."""
         band = edge_band(later)
         before, after = earlier[band].astype(np.float64), later[band].astype(np.float64)
         expected = 2 * np.interp((before + after) / 2, self.levels, self.variances)
@@ -44,27 +56,41 @@ class Noise:
 
 
 def measure_noise(frames: Sequence[NDArray[Any]]) -> Noise:
-    """The noise in frames of a beam at rest, (H, W) each, at least two. Raises ValueError for fewer.
+    """Measure the noise of the camera on frames of a beam at rest.
 
-    The median over the pairs of frames passes over a beam that was touched once.
+    The median over the pairs of consecutive frames ignores a single disturbance of the beam.
+
+    Parameters
+    ----------
+    frames : sequence of ndarray, shape (H, W) or (n,)
+        At least two frames, or the same pixels of at least two frames.
+
+    Returns
+    -------
+    Noise
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two frames.
     """
     if len(frames) < 2:
         raise ValueError("noise needs at least two frames")
     first = frames[0].astype(np.float64)
     edges = np.unique(np.quantile(first, np.linspace(0, 1, LEVELS + 1)))
-    of_level = np.clip(np.searchsorted(edges, first, side="right") - 1, 0, max(len(edges) - 2, 0)).ravel()
-    count = np.bincount(of_level)
+    level_index = np.clip(np.searchsorted(edges, first, side="right") - 1, 0, max(len(edges) - 2, 0)).ravel()
+    count = np.bincount(level_index)
     half_squares = [
-        np.bincount(of_level, weights=((b.astype(np.float64) - a) ** 2).ravel() / 2) / np.maximum(count, 1)
+        np.bincount(level_index, weights=((b.astype(np.float64) - a) ** 2).ravel() / 2) / np.maximum(count, 1)
         for a, b in pairwise(frames)
     ]
-    level = np.bincount(of_level, weights=first.ravel()) / np.maximum(count, 1)
-    enough = count >= min(FEWEST_PIXELS, count.max())
-    return Noise(level[enough], np.maximum(np.median(half_squares, axis=0)[enough], QUANTISATION))
+    level = np.bincount(level_index, weights=first.ravel()) / np.maximum(count, 1)
+    populated = count >= min(FEWEST_PIXELS, count.max())
+    return Noise(level[populated], np.maximum(np.median(half_squares, axis=0)[populated], QUANTISATION))
 
 
 def edge_band(image: NDArray[Any]) -> NDArray[np.bool_]:
-    """(H, W): the pixels within a few of a steep gradient."""
+    """Return the mask (H, W) of the pixels within `EDGE_BAND_PX` of a steep gradient."""
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.5)
     steepness = cv2.magnitude(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1))
     steep = (steepness >= EDGE_SHARE * steepness.max()).astype(np.uint8)

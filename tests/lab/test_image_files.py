@@ -42,7 +42,7 @@ def test_a_phone_appends_a_film_and_has_a_thumbnail_inside(tmp_path: Path, frame
 def test_pictures_as_phones_store_them_are_named(tmp_path: Path) -> None:
     heic = b"\0\0\0\x18ftypheic" + bytes(100)
     (tmp_path / "IMG_1.HEIC").write_bytes(heic)
-    with pytest.raises(InputError, match=r"holds no images .*; save IMG_1.HEIC and its like as JPEG or PNG"):
+    with pytest.raises(InputError, match=r"holds no images .*; save IMG_1.HEIC and similar files as JPEG or PNG"):
         find_images(tmp_path)
     (tmp_path / "renamed.jpg").write_bytes(heic)
     with pytest.raises(InputError, match="is a HEIC picture; save it as JPEG or PNG"):

@@ -134,7 +134,7 @@ def test_too_narrow_a_beam_is_told_as_such():
     thin = SPECIMEN.model_copy(update={"specimen": SPECIMEN.specimen.model_copy(update={"width_mm": 0.3})})
     told = [flag.remedy for flag in find_edges(photo.image, CALIBRATION, thin).flags if flag.name == "TOO_NARROW"]
     assert len(told) == 1
-    assert "4.2 px wide, and 6 are needed" in told[0]
+    assert "4.2 px wide and should be at least 6" in told[0]
 
 
 def test_a_beam_that_leaves_the_picture_keeps_its_long_edges():
