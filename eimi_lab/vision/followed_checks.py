@@ -17,7 +17,7 @@ FOLLOWED = (
         quantity="width of a beam without a silhouette, px",
         limit=6.0,
         below=True,
-        remedy="Move the camera nearer or take a longer lens: the beam is {narrow_px} px wide and should be at least 6.",
+        remedy="Move the camera nearer or use a longer lens: the beam is {narrow_px} px wide and should be at least 6.",
         picture="a coloured beam 5 px wide on cloth",
     ),
     Check(

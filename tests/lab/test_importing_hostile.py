@@ -365,7 +365,7 @@ def test_two_hundred_megapixels_are_claimed(tmp_path: Path) -> None:
 def test_not_a_number_in_a_float_tiff(tmp_path: Path) -> None:
     path = tmp_path / "float.tif"
     cv2.imwrite(str(path), np.full((40, 40), np.nan, np.float32))
-    with pytest.raises(InputError, match=r"float\.tif: has pixels of type float32; it should have unsigned pixels of 8 or 16 bits"):
+    with pytest.raises(InputError, match=r"float\.tif: has pixels of type float32; it should have unsigned pixels"):
         read_image(path)
 
 
