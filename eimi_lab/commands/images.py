@@ -222,11 +222,11 @@ def calibrate(
     else:
         found, told = calibration_file.from_ruler(images[0], ruler_px or (0.0, 0.0, 0.0, 0.0), ruler_mm, setup)
     if beam and specimen:
-        found = calibration_file.with_clamp_of(found, beam, load_specimen(specimen))
+        found = calibration_file.with_measured_clamp(found, beam, load_specimen(specimen))
         told.append(f"clamp at {found.clamp_midpoint_px[0]:.2f}, {found.clamp_midpoint_px[1]:.2f} px")
     if plumb_line:
         roughly = 90.0 if gravity_angle is None else gravity_angle  # cameras are seldom upside down
-        found, more = calibration_file.with_gravity_of(found, plumb_line, roughly)
+        found, more = calibration_file.with_measured_gravity(found, plumb_line, roughly)
         told += more
     calibration_file.write_calibration(found, output, force)
     if found.uncertainty:

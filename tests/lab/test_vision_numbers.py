@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eimi_lab.vision.calibration.lens import place_in_plane
+from eimi_lab.vision.calibration.lens import fit_board_pose
 from eimi_lab.vision.edges.dimensions import width_deviation
 from eimi_lab.vision.flags import judge
 from eimi_lab.vision.intensity import FieldCorrection
@@ -75,8 +75,8 @@ def test_limits_lie_where_pictures_were_found_to_go_wrong(finding: str, below: f
 def test_a_scale_is_no_better_than_its_board(error: float) -> None:
     x, y = np.meshgrid(np.arange(6.0), np.arange(5.0))
     board = np.column_stack([x.ravel(), y.ravel()])
-    seen = place_in_plane((board, 25.0 * board + [100.0, 50.0]), error)
+    seen = fit_board_pose((board, 25.0 * board + [100.0, 50.0]), error)
     assert seen.pixels_per_mm == pytest.approx(25.0)
     assert seen.pixels_per_mm_sigma == pytest.approx(25.0 * error, abs=1e-6)
-    tilted = place_in_plane((board, board * [25.0, 24.5]), 0.0)
+    tilted = fit_board_pose((board, board * [25.0, 24.5]), 0.0)
     assert tilted.pixels_per_mm_sigma > 0.2

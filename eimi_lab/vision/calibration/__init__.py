@@ -1,6 +1,8 @@
-"""How large a millimetre is in the picture, where the clamp is, and which way the beam and gravity point.
+"""Measure the calibration of a camera: the scale, the lens, the clamp, the axis of the beam, and gravity.
 
-`calibration_file` makes a calibration.toml. Scale and axis come from a board (`board`) in the beam's plane through a
-lens without or with distortion (`lens`), or from the beam at rest, whose width is known (`known_width`); gravity comes
-from a thread with a weight (`plumb_line`).
+calibration_file   make a calibration.toml from images
+board              find a calibration board in an image, and print one to scale
+lens               the lens from views of a board, and the pose of a board in the beam's plane
+known_width        the scale and the axis from the beam at rest, whose width is known
+plumb_line         the direction of gravity from a picture of a thread with a weight
 """

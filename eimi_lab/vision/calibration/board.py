@@ -1,4 +1,4 @@
-"""Calibration boards: finding one in an image, and printing one to scale."""
+"""Calibration boards: find one in an image, and print one to scale."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Array = NDArray[np.float64]
 Kind = Literal["charuco", "checkerboard", "circles"]
 KINDS: tuple[str, ...] = get_args(Kind)
 
-_CELLS = 10  # a square is so many cells wide and the marker in it six: four of code and a border of one around them
-_MARKER = 6
-_CLEAR_OF_MARKER = 0.18  # of a square: the marker begins at a fifth, and would pull a corner that is sought farther
-# By number of markers; each holds the ones before it, and a small one is searched sooner.
+_CELLS = 10  # width of a square in cells
+_MARKER = 6  # width of the marker in it: four cells of code and a border of one cell on each side
+_CLEAR_OF_MARKER = 0.18  # of a square: a larger search window would include the marker, which begins at 0.2
+# By number of markers. The smallest dictionary that is large enough is used, because it is searched fastest.
 _DICTIONARIES = {
     50: cv2.aruco.DICT_4X4_50,
     100: cv2.aruco.DICT_4X4_100,
@@ -29,13 +29,28 @@ _DICTIONARIES = {
     1000: cv2.aruco.DICT_4X4_1000,
 }
 _FEWEST_POINTS = 12
-_CIRCLE_SHARE = 0.6  # diameter of a printed circle over the distance of their centres
+_CIRCLE_SHARE = 0.6  # diameter of a printed circle over the distance of neighbouring centres
 _PAGE_MARGIN_MM = 12.0
 
 
 @dataclass(frozen=True)
 class Board:
-    """A flat pattern: columns x rows of squares of a known side, or of circles whose centres are so far apart."""
+    """A flat calibration pattern.
+
+    Attributes
+    ----------
+    kind : {"charuco", "checkerboard", "circles"}
+        Kind of the pattern.
+    columns, rows : int
+        Number of squares (or of circles) in each direction, 4 to 60.
+    square_mm : float
+        Side of a square, or distance of the centres of neighbouring circles.
+
+    Raises
+    ------
+    ValueError
+        If one of the values is out of its range.
+    """
 
     kind: Kind
     columns: int
@@ -53,14 +68,28 @@ class Board:
             raise ValueError(f"square_mm = {self.square_mm:g} should be a finite number greater than 0")
 
     def find(self, image: NDArray[Any]) -> tuple[Array, Array] | None:
-        """Points on the board (n, 2) in mm, x along its rows and y down, and in the image (n, 2) in px.
+        """Find the points of the board in an image.
 
-        None where the board is not found; a ChArUco board may be seen in part. The centre of a slanted circle's
-        image is not quite the image of its centre: prefer squares where the views are tilted.
+        A ChArUco board may be visible in part. Prefer squares to circles for tilted views: the centre of the image of a
+        tilted circle differs slightly from the image of its centre.
+
+        Parameters
+        ----------
+        image : ndarray, shape (H, W) or (H, W, 3)
+            The image, of any bit depth.
+
+        Returns
+        -------
+        board_mm : ndarray, shape (n, 2)
+            Points on the board; x along its rows, y down.
+        image_px : ndarray, shape (n, 2)
+            The same points in the image.
+
+            None in place of both if fewer than 12 points are found.
         """
         find = {"charuco": self._charuco, "checkerboard": self._checkerboard, "circles": self._circles}[self.kind]
-        found = find(eight_bit(image))
-        return found if found is not None and len(found[0]) >= _FEWEST_POINTS else None
+        points = find(eight_bit(image))
+        return points if points is not None and len(points[0]) >= _FEWEST_POINTS else None
 
     def _charuco(self, shown: NDArray[np.uint8]) -> tuple[Array, Array] | None:
         corners, ids, _, _ = cv2.aruco.CharucoDetector(self._pattern).detectBoard(shown)
@@ -69,10 +98,10 @@ class Board:
         on_board = np.asarray(self._pattern.getChessboardCorners(), dtype=np.float64)[ids.ravel(), :2]
         places: NDArray[Any] = np.asarray(corners, dtype=np.float32).reshape(-1, 1, 2)
         if len(places) > 1:
-            apart = np.linalg.norm(places[1:] - places[:-1], axis=-1).min()
-            half = int(np.clip(_CLEAR_OF_MARKER * apart, 2, 11))
-            ends = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 50, 1e-4)
-            places = cv2.cornerSubPix(shown, places, (half, half), (-1, -1), ends)
+            spacing_px = np.linalg.norm(places[1:] - places[:-1], axis=-1).min()
+            half = int(np.clip(_CLEAR_OF_MARKER * spacing_px, 2, 11))
+            stop_criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 50, 1e-4)
+            places = cv2.cornerSubPix(shown, places, (half, half), (-1, -1), stop_criteria)
         return on_board, np.asarray(places, dtype=np.float64).reshape(-1, 2)
 
     def _checkerboard(self, shown: NDArray[np.uint8]) -> tuple[Array, Array] | None:
@@ -86,18 +115,19 @@ class Board:
         return (self._grid(self.columns, self.rows), np.asarray(centres, np.float64).reshape(-1, 2)) if found else None
 
     def _grid(self, columns: int, rows: int) -> Array:
+        """Return the points (columns · rows, 2) of a regular grid in mm, row by row."""
         x, y = np.meshgrid(np.arange(columns), np.arange(rows))
         return self.square_mm * np.column_stack([x.ravel(), y.ravel()]).astype(np.float64)
 
     @cached_property
     def _pattern(self) -> Any:
-        fitting = next(size for size in _DICTIONARIES if 2 * size >= self.columns * self.rows)
-        dictionary = cv2.aruco.getPredefinedDictionary(_DICTIONARIES[fitting])
+        marker_count = next(size for size in _DICTIONARIES if 2 * size >= self.columns * self.rows)
+        dictionary = cv2.aruco.getPredefinedDictionary(_DICTIONARIES[marker_count])
         marker_mm = self.square_mm * _MARKER / _CELLS
         return cv2.aruco.CharucoBoard((self.columns, self.rows), self.square_mm, marker_mm, dictionary)
 
     def cells(self) -> NDArray[np.bool_]:
-        """(10 rows, 10 columns): the dark cells of a board of squares, a tenth of a square each."""
+        """Return which tenths of the squares of a board are dark: (10 rows, 10 columns)."""
         if self.kind == "charuco":
             size = (_CELLS * self.columns, _CELLS * self.rows)
             return np.asarray(self._pattern.generateImage(size, marginSize=0, borderBits=1)) < 128
@@ -106,7 +136,17 @@ class Board:
 
 
 def print_board(board: Board, path: Path) -> None:
-    """Write the board as a PDF page of its size and a margin, in vector graphics; to be printed at 100 %."""
+    """Write the board as a PDF page, in vector graphics and at its true size with a margin.
+
+    The page is to be printed at 100 %. A line of stated length below the board serves to check the print.
+
+    Parameters
+    ----------
+    board : Board
+        The pattern.
+    path : Path
+        The PDF file to write.
+    """
     from matplotlib.backends.backend_pdf import FigureCanvasPdf
     from matplotlib.collections import PolyCollection
     from matplotlib.figure import Figure
@@ -142,6 +182,6 @@ def print_board(board: Board, path: Path) -> None:
 
 
 def _runs(dark: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Begin and end of each run of dark cells."""
+    """Return the begin and the end of each run of dark cells in a row."""
     change = np.flatnonzero(np.diff(np.concatenate([[False], dark, [False]]).astype(np.int8)))
     return [(int(begin), int(end)) for begin, end in zip(change[::2], change[1::2], strict=True)]

@@ -1,6 +1,6 @@
-"""Making a calibration.toml: from images of a board, of the beam at rest, or from two ends of a ruler.
+"""Make a calibration.toml from images of a board, of the beam at rest, or of a ruler.
 
-The clamp's place and the direction of gravity may come from pictures of their own.
+The clamp's place and the direction of gravity may come from additional pictures.
 """
 
 from __future__ import annotations
@@ -21,20 +21,29 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import write_file
 from eimi_lab.vision.calibration.board import Board
 from eimi_lab.vision.calibration.known_width import measure_beam, measure_clamp
-from eimi_lab.vision.calibration.lens import FEWEST_VIEWS, BoardPose, Lens, View, calibrate_lens, place_in_plane
+from eimi_lab.vision.calibration.lens import FEWEST_VIEWS, BoardPose, Lens, View, calibrate_lens, fit_board_pose
 from eimi_lab.vision.calibration.plumb_line import measure_plumb_line
 from eimi_lab.vision.image_files import read_grey
 
-MOST_TILT_DEG = 5.0
+MOST_TILT_DEG = 5.0  # of a board in the beam's middle plane
 READING_PX = 1.0  # standard deviation of a point that a person reads off an image
 
 
 @dataclass(frozen=True)
 class BenchSetup:
-    """What no image tells: the coil, where the clamp is, and which way is which (degrees clockwise from +x).
+    """The values of a calibration that no image of a board shows.
 
-    The axis angle need only be right to some degrees where a board or a beam shows it better; gravity and field keep
-    their angles to it.
+    Attributes
+    ----------
+    coil_constant_mT_per_A : float
+        Field at the magnet per ampere.
+    clamp_midpoint_px : tuple of float
+        Middle of the line where the beam leaves its clamp.
+    axis_angle_deg, gravity_angle_deg, field_angle_deg : float
+        Directions in the image, clockwise from +x. The axis needs to be right only to some degrees if a board or the
+        beam shows it better; gravity and field then keep their angles to the axis.
+    telecentric : bool
+        Whether the lens is telecentric.
     """
 
     coil_constant_mT_per_A: float
@@ -47,7 +56,24 @@ class BenchSetup:
     def calibration(
         self, pixels_per_mm: float, turned_deg: float, uncertainty: dict[str, float], on: date
     ) -> Calibration:
-        """A calibration with the axis and all that goes with it turned by some degrees. Raises InputError."""
+        """Return a calibration in which the axis, gravity and the field are turned by the same angle.
+
+        Parameters
+        ----------
+        pixels_per_mm : float
+            Scale in the beam's middle plane.
+        turned_deg : float
+            Angle by which the three directions are turned, clockwise.
+        uncertainty : dict of str to float
+            Standard uncertainties by the keys of the calibration.
+        on : date
+            Day of the calibration.
+
+        Raises
+        ------
+        InputError
+            If the values are not a valid calibration.
+        """
         table = {
             "pixels_per_mm": pixels_per_mm,
             "coil_constant_mT_per_A": self.coil_constant_mT_per_A,
@@ -65,54 +91,77 @@ class BenchSetup:
 def from_board(
     images: Sequence[Path], mid_plane: Path, board: Board, setup: BenchSetup, board_error: float
 ) -> tuple[Calibration, list[str]]:
-    """Lens, scale and orientation from images of a board; also lines that tell how well. Raises InputError.
+    """Make a calibration from images of a board.
 
-    mid_plane: the image in which the board lies in the beam's middle plane, along the beam. From less than four
-    images, or through a telecentric lens, the lens's own distortion is not found. board_error: of the print, a share.
+    With at least four images, and a lens that is not telecentric, the lens is calibrated too.
+
+    Parameters
+    ----------
+    images : sequence of Path
+        Views of the board, most of them tilted.
+    mid_plane : Path
+        The image in which the board lies in the beam's middle plane, along the beam.
+    board : Board
+        The pattern on the board.
+    setup : BenchSetup
+        What the images do not show.
+    board_error : float
+        Relative standard uncertainty of the size of the print.
+
+    Returns
+    -------
+    calibration : Calibration
+    lines : list of str
+        How well the board and the lens fit, for a person.
+
+    Raises
+    ------
+    InputError
+        If an image shows no board or has another size, or if the board in the middle plane is tilted.
     """
     paths = list(dict.fromkeys([*images, mid_plane]))
     views, size = _views_of(board, paths)
     _check_clamp(mid_plane, size, setup.clamp_midpoint_px)
     view, lens, stand_off_mm = views[mid_plane], None, None
-    told: list[str] = []
+    lines: list[str] = []
     if not setup.telecentric and len(paths) < FEWEST_VIEWS:
-        told.append(f"lens: not calibrated; that takes {FEWEST_VIEWS} or more views, most of them tilted")
+        lines.append(f"lens: not calibrated; that needs at least {FEWEST_VIEWS} views, most of them tilted")
     elif not setup.telecentric:
         lens, stand_off_mm = _lens_of(views, size, view)
         view = (view[0], lens.undistort(view[1]))
-        told.append(f"lens: {lens.residual_px:.3f} px RMS over {len(paths)} views")
-    pose = place_in_plane(view, board_error)
+        lines.append(f"lens: {lens.residual_px:.3f} px RMS over {len(paths)} views")
+    pose = fit_board_pose(view, board_error)
     if pose.tilt_deg > MOST_TILT_DEG:
         raise InputError(
             f"{mid_plane}: the board is tilted by {pose.tilt_deg:.1f} degrees; hold it in the beam's middle plane, or "
-            "name the image in which it is there with --mid-plane"
+            "name the image that shows it there with --mid-plane"
         )
-    told.append(f"mid-plane: {pose.residual_px:.3f} px RMS, tilted by about {pose.tilt_deg:.1f} degrees")
-    return _with_board_and_lens(setup, pose, lens, stand_off_mm, _day_of(paths)), told
+    lines.append(f"mid-plane: {pose.residual_px:.3f} px RMS, tilted by about {pose.tilt_deg:.1f} degrees")
+    return _with_board_and_lens(setup, pose, lens, stand_off_mm, _day_of(paths)), lines
 
 
 def _views_of(board: Board, paths: Sequence[Path]) -> tuple[dict[Path, View], tuple[int, int]]:
-    """What each image shows of the board, and the images' width and height. Raises InputError."""
+    """Find the board in each image; return the points by image, and the width and height of the images."""
     views: dict[Path, View] = {}
     size: tuple[int, int] | None = None
     for path in paths:
         image = read_grey(path)
         if size not in (None, image.shape[::-1]):
-            raise InputError(f"{path}: is {image.shape[1]} x {image.shape[0]} px; {paths[0].name} is another size")
+            raise InputError(f"{path}: is {image.shape[1]} x {image.shape[0]} px; {paths[0].name} has another size")
         size = (image.shape[1], image.shape[0])
-        found = board.find(image)
-        if found is None:
+        points = board.find(image)
+        if points is None:
             raise InputError(
                 f"{path}: shows no {board.kind} board of {board.columns} x {board.rows}; check --board, --columns and "
-                "--rows, and that the picture is sharp"
+                "--rows, and check that the picture is sharp"
             )
-        views[path] = found
-    assert size is not None  # there is at least the image of the mid-plane
+        views[path] = points
+    assert size is not None  # there is at least one image, that of the middle plane
     return views, size
 
 
 def _lens_of(views: dict[Path, View], size: tuple[int, int], mid_plane: View) -> tuple[Lens, float]:
-    """The lens, and its distance from the board of the mid-plane in mm. Raises InputError."""
+    """Calibrate the lens; return it with its distance (mm) from the board in the beam's middle plane."""
     try:
         lens = calibrate_lens(list(views.values()), size)
         return lens, lens.stand_off_mm(mid_plane)
@@ -123,7 +172,10 @@ def _lens_of(views: dict[Path, View], size: tuple[int, int], mid_plane: View) ->
 def _with_board_and_lens(
     setup: BenchSetup, pose: BoardPose, lens: Lens | None, stand_off_mm: float | None, on: date
 ) -> Calibration:
-    turned = (pose.angle_deg - setup.axis_angle_deg + 45.0) % 90.0 - 45.0  # to the nearer of the board's directions
+    """Return the calibration that the pose of the board and the lens give."""
+    turned = (
+        pose.angle_deg - setup.axis_angle_deg + 45.0
+    ) % 90.0 - 45.0  # from the stated axis to the nearest direction of the board's rows or columns
     of_board = {
         "pixels_per_mm": pose.pixels_per_mm_sigma,
         "axis_angle_deg": pose.angle_sigma_deg,
@@ -137,19 +189,42 @@ def _with_board_and_lens(
     }
     calibration = setup.calibration(pose.pixels_per_mm, turned, of_board, on)
     matrix = tuple(tuple(map(float, row)) for row in lens.matrix)
-    seen = {
+    measured = {
         "camera_matrix": matrix,
         "distortion": tuple(map(float, lens.distortion)),
         "stand_off_mm": stand_off_mm,
         "uncertainty": of_board | of_lens,
     }
-    return calibration.model_copy(update=seen)
+    return calibration.model_copy(update=measured)
 
 
 def from_beam(
     image: Path, specimen: SpecimenFile, setup: BenchSetup, tolerance_mm: float
 ) -> tuple[Calibration, list[str]]:
-    """Scale, clamp and axis from the beam at rest, whose width is known to `tolerance_mm`. Raises InputError."""
+    """Measure the scale, the clamp and the axis on an image of the beam at rest.
+
+    Parameters
+    ----------
+    image : Path
+        The beam at rest in front of a back-light.
+    specimen : SpecimenFile
+        The specimen, whose width is known.
+    setup : BenchSetup
+        Approximate clamp and angles, and what the image does not show.
+    tolerance_mm : float
+        Standard uncertainty of the width.
+
+    Returns
+    -------
+    calibration : Calibration
+    lines : list of str
+        How well the scale is known, for a person.
+
+    Raises
+    ------
+    InputError
+        If the beam cannot be measured.
+    """
     width = specimen.specimen.width_mm
     guess = setup.calibration(1.0, 0.0, {}, _day_of([image]))
     pixels = _image_with_clamp(image, setup.clamp_midpoint_px)
@@ -164,48 +239,87 @@ def from_beam(
     turned = pose.axis_angle_deg - setup.axis_angle_deg
     calibration = setup.calibration(pose.pixels_per_mm, turned, uncertainty, _day_of([image]))
     calibration = calibration.model_copy(update={"clamp_midpoint_px": pose.clamp_midpoint_px})
-    return calibration, [_how_well(calibration, f"width_mm = {width:g} ± {tolerance_mm:g}")]
+    return calibration, [_scale_quality(calibration, f"width_mm = {width:g} ± {tolerance_mm:g}")]
 
 
 def from_ruler(
     image: Path, ends_px: tuple[float, float, float, float], length_mm: float, setup: BenchSetup
 ) -> tuple[Calibration, list[str]]:
-    """Scale from the two ends (x1, y1, x2, y2) of a known length in the beam's middle plane. Raises InputError."""
+    """Measure the scale on two points of known distance in the beam's middle plane.
+
+    Parameters
+    ----------
+    image : Path
+        The picture in which a person read the points.
+    ends_px : tuple of float
+        The two points: x1, y1, x2, y2.
+    length_mm : float
+        Their distance.
+    setup : BenchSetup
+        What the image does not show.
+
+    Returns
+    -------
+    calibration : Calibration
+    lines : list of str
+        How well the scale is known, for a person.
+
+    Raises
+    ------
+    InputError
+        If a point is not in the image, or if the points are less than 20 px apart.
+    """
     height, width = _image_with_clamp(image, setup.clamp_midpoint_px).shape
     if not (
         0 <= min(ends_px[::2]) <= max(ends_px[::2]) < width and 0 <= min(ends_px[1::2]) <= max(ends_px[1::2]) < height
     ):
         raise InputError(f"{image}: is {width} x {height} px; the ruler's ends {ends_px} are not both in it")
-    long_px = math.dist(ends_px[:2], ends_px[2:])
-    if not (0 < length_mm < math.inf and long_px > 20 * READING_PX):
+    ruler_px = math.dist(ends_px[:2], ends_px[2:])
+    if not (0 < length_mm < math.inf and ruler_px > 20 * READING_PX):
         raise InputError(
-            f"{image}: --ruler-mm {length_mm:g} over {long_px:.1f} px gives no scale; it should be a length that "
-            f"the image shows more than {20 * READING_PX:g} px long"
+            f"{image}: --ruler-mm {length_mm:g} over {ruler_px:.1f} px gives no scale; it should be a length that "
+            f"is more than {20 * READING_PX:g} px long in the image"
         )
     uncertainty = {
         "pixels_per_mm": math.sqrt(2.0) * READING_PX / length_mm,
         "axis_angle_deg": 1.0,
         "clamp_midpoint_px": READING_PX,
     }
-    calibration = setup.calibration(long_px / length_mm, 0.0, uncertainty, _day_of([image]))
-    return calibration, [_how_well(calibration, f"{length_mm:g} mm read off by eye")]
+    calibration = setup.calibration(ruler_px / length_mm, 0.0, uncertainty, _day_of([image]))
+    return calibration, [_scale_quality(calibration, f"{length_mm:g} mm read by eye")]
 
 
 def _check_clamp(image: Path, size: tuple[int, ...], midpoint_px: tuple[float, float]) -> None:
-    """Raise InputError where the clamp's midpoint is not in an image of so many pixels across and down."""
+    """Raise InputError if the middle of the clamp does not lie in an image of this width and height (px)."""
     if not all(0 <= place < extent for place, extent in zip(midpoint_px, size, strict=True)):
         x, y = midpoint_px
         raise InputError(f"{image}: is {size[0]} x {size[1]} px; --clamp-midpoint-px {x:g} {y:g} is not in it")
 
 
 def _image_with_clamp(image: Path, midpoint_px: tuple[float, float]) -> NDArray[Any]:
+    """Read an image as grey values; raise InputError if the middle of the clamp is not in it."""
     pixels = read_grey(image)
     _check_clamp(image, pixels.shape[::-1], midpoint_px)
     return pixels
 
 
-def with_clamp_of(calibration: Calibration, image: Path, specimen: SpecimenFile) -> Calibration:
-    """The calibration with the clamp's place from an image of the beam. Raises InputError."""
+def with_measured_clamp(calibration: Calibration, image: Path, specimen: SpecimenFile) -> Calibration:
+    """Return the calibration with the middle of the clamp line measured on an image of the beam.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Its `clamp_midpoint_px` must be right to a third of a beam's width.
+    image : Path
+        The beam in front of a back-light.
+    specimen : SpecimenFile
+        The specimen in the image.
+
+    Raises
+    ------
+    InputError
+        If the image does not show the clamp line.
+    """
     pixels = _image_with_clamp(image, calibration.clamp_midpoint_px)
     try:
         midpoint = measure_clamp(pixels, specimen, calibration)
@@ -214,31 +328,67 @@ def with_clamp_of(calibration: Calibration, image: Path, specimen: SpecimenFile)
     return calibration.model_copy(update={"clamp_midpoint_px": midpoint})
 
 
-def with_gravity_of(calibration: Calibration, image: Path, roughly_deg: float) -> tuple[Calibration, list[str]]:
-    """The calibration with gravity along a plumb line in an image, and a line to say how well. Raises InputError."""
+def with_measured_gravity(calibration: Calibration, image: Path, roughly_deg: float) -> tuple[Calibration, list[str]]:
+    """Return the calibration with the direction of gravity measured on an image of a plumb line.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        The calibration to change.
+    image : Path
+        A dark thread with a weight in front of the back-light.
+    roughly_deg : float
+        Approximate direction of gravity, clockwise from +x.
+
+    Returns
+    -------
+    calibration : Calibration
+    lines : list of str
+        How well the direction is known, for a person.
+
+    Raises
+    ------
+    InputError
+        If the image shows no straight thread.
+    """
     try:
         plumb = measure_plumb_line(read_grey(image), calibration, roughly_deg)
     except ValueError as error:
         raise InputError(f"{image}: {error}") from error
     changed: dict[str, object] = {"gravity_angle_deg": plumb.gravity_angle_deg}
     if calibration.uncertainty is not None:
-        told = {"gravity_angle_deg": plumb.gravity_angle_sigma_deg}
-        changed["uncertainty"] = calibration.uncertainty | told
+        of_gravity = {"gravity_angle_deg": plumb.gravity_angle_sigma_deg}
+        changed["uncertainty"] = calibration.uncertainty | of_gravity
     line = (
         f"gravity at {plumb.gravity_angle_deg:.3f} ± {plumb.gravity_angle_sigma_deg:.2g} degrees; "
-        f"thread straight to {plumb.residual_px:.3f} px RMS"
+        f"the thread is straight to {plumb.residual_px:.3f} px RMS"
     )
     return calibration.model_copy(update=changed), [line]
 
 
 def write_calibration(calibration: Calibration, path: Path, force: bool) -> None:
-    """Write a calibration.toml. Raises InputError."""
+    """Write a calibration.toml.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        The values.
+    path : Path
+        The file to write.
+    force : bool
+        Whether an existing file is overwritten.
+
+    Raises
+    ------
+    InputError
+        If the file exists and `force` is false, or if it cannot be written.
+    """
     uncertain = calibration.uncertainty
     lines = [
         f"pixels_per_mm = {calibration.pixels_per_mm:.6f}",
         f"coil_constant_mT_per_A = {calibration.coil_constant_mT_per_A!r}",
         f"clamp_midpoint_px = {_listed(calibration.clamp_midpoint_px)}",
-        f"axis_angle_deg = {calibration.axis_angle_deg:.5f}       # clockwise from the image's +x, as all angles",
+        f"axis_angle_deg = {calibration.axis_angle_deg:.5f}       # clockwise from the image's +x, like all angles",
         f"gravity_angle_deg = {calibration.gravity_angle_deg:.5f}",
         f"field_angle_deg = {calibration.field_angle_deg:.5f}",
     ]
@@ -254,7 +404,7 @@ def write_calibration(calibration: Calibration, path: Path, force: bool) -> None
     if calibration.calibrated_on is not None:
         lines.append(f"calibrated_on = {calibration.calibrated_on.isoformat()}")
     if uncertain is not None:
-        lines += ["", "[uncertainty]    # standard uncertainties of the numbers above; add what else you know"]
+        lines += ["", "[uncertainty]    # standard uncertainties of the numbers above; add those that you know"]
         lines += [f"{name} = {value:.3g}" for name, value in uncertain.items()]
     text = "\n".join(lines) + "\n"
     parse(Calibration, text, path)
@@ -262,14 +412,16 @@ def write_calibration(calibration: Calibration, path: Path, force: bool) -> None
 
 
 def _listed(numbers: Sequence[float]) -> str:
+    """Write numbers as a TOML list."""
     return "[" + ", ".join(f"{number:.8g}" if number % 1 else f"{number:.1f}" for number in numbers) + "]"
 
 
-def _how_well(calibration: Calibration, source: str) -> str:
+def _scale_quality(calibration: Calibration, source: str) -> str:
+    """Say in one line where the scale comes from and how well it is known."""
     share = (calibration.uncertainty or {}).get("pixels_per_mm", math.nan) / calibration.pixels_per_mm
     return f"scale from {source}: uncertain by {100.0 * share:.2g} %; a board in the beam's plane gives about 0.1 %"
 
 
 def _day_of(images: Sequence[Path]) -> date:
-    """The day on which the newest image file was written."""
+    """Return the day on which the newest of the image files was written."""
     return datetime.fromtimestamp(max(path.stat().st_mtime for path in images), UTC).date()

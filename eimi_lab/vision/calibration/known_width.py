@@ -1,4 +1,4 @@
-"""Scale and orientation without a board: from the beam itself, hanging at rest, whose width somebody measured."""
+"""Measure the scale and the axis on the beam at rest, whose width is known, without a board."""
 
 from __future__ import annotations
 
@@ -23,13 +23,24 @@ Array = NDArray[np.float64]
 
 _ROUNDS = 3
 _CLEAR_OF_CLAMP_PX = 8.0
-# What makes the outline useless as a ruler; a wrong length or focus does not.
+# These flags make the outline useless as a scale; a wrong length or a poor focus does not.
 _FATAL = ("SATURATED", "GAMMA", "TOUCHES_FRAME", "MULTI_CONTOUR", "CORNER_AMBIGUOUS", "CLAMP_NOT_FOUND")
 
 
 @dataclass(frozen=True)
 class BeamPose:
-    """How the beam at rest lies in the image and how large a millimetre is; the deviations are those of its points."""
+    """Scale and place of the beam at rest in an image.
+
+    Attributes
+    ----------
+    pixels_per_mm, pixels_per_mm_sigma : float
+        Scale and its standard deviation from the scatter of the edges alone; the uncertainty of the width is not
+        included.
+    clamp_midpoint_px : tuple of float
+        Middle of the clamp line.
+    axis_angle_deg, axis_angle_sigma_deg : float
+        Direction of the beam, clockwise from the image's +x, and its standard deviation.
+    """
 
     pixels_per_mm: float
     pixels_per_mm_sigma: float
@@ -39,9 +50,26 @@ class BeamPose:
 
 
 def measure_beam(image: NDArray[Any], specimen: SpecimenFile, guess: Calibration) -> BeamPose:
-    """Scale, clamp and axis from one image of the beam at rest. Raises ValueError where it shows none, or badly.
+    """Measure the scale, the clamp and the axis on one image of the beam at rest.
 
-    guess: clamp_midpoint_px to a third of a beam's width and axis_angle_deg to a few degrees; its scale is not used.
+    Parameters
+    ----------
+    image : ndarray, shape (H, W) or (H, W, 3)
+        The beam at rest in front of a back-light.
+    specimen : SpecimenFile
+        The specimen; its width gives the scale.
+    guess : Calibration
+        `clamp_midpoint_px` must be right to a third of a beam's width, and `axis_angle_deg` to a few degrees. Its scale
+        is not used.
+
+    Returns
+    -------
+    BeamPose
+
+    Raises
+    ------
+    ValueError
+        If the image shows no beam, or not well enough to measure it.
     """
     pixels = grey(image)
     scale = _rough_width_px(pixels, guess) / specimen.specimen.width_mm
@@ -71,9 +99,21 @@ def measure_beam(image: NDArray[Any], specimen: SpecimenFile, guess: Calibration
 
 
 def measure_clamp(image: NDArray[Any], specimen: SpecimenFile, calibration: Calibration) -> tuple[float, float]:
-    """The middle of the clamp line, px, from one image of the beam. Raises ValueError where it shows none, or badly.
+    """Return the middle of the clamp line, px, measured on one image of the beam.
 
-    calibration: its scale and axis hold; clamp_midpoint_px need be right to a third of a beam's width only.
+    Parameters
+    ----------
+    image : ndarray, shape (H, W) or (H, W, 3)
+        The beam in front of a back-light.
+    specimen : SpecimenFile
+        The specimen in the image.
+    calibration : Calibration
+        Its scale and axis are used as they are. `clamp_midpoint_px` must be right to a third of a beam's width.
+
+    Raises
+    ------
+    ValueError
+        If the image does not show the beam and its clamp line well enough.
     """
     for _ in range(_ROUNDS):
         midpoint = _clamp_midpoint(_edges_of(grey(image), specimen, calibration), BeamFrame(calibration))
@@ -82,24 +122,25 @@ def measure_clamp(image: NDArray[Any], specimen: SpecimenFile, calibration: Cali
 
 
 def _edges_of(pixels: NDArray[Any], specimen: SpecimenFile, calibration: Calibration) -> EdgeSet:
-    """Edges that will do as a ruler. Raises ValueError where there are none."""
+    """Return edges that are good enough to measure with; raise ValueError if there are none."""
     edges = find_edges(pixels, calibration, specimen)
-    wrong = [flag for flag in edges.flags if flag.name in _FATAL]
-    if wrong or not len(edges.left.points_mm):
-        told = (wrong or list(edges.flags))[0]
-        raise ValueError(f"the beam cannot be measured: {told.name}; {told.remedy}")
+    fatal_flags = [flag for flag in edges.flags if flag.name in _FATAL]
+    if fatal_flags or not len(edges.left.points_mm):
+        reason = (fatal_flags or list(edges.flags))[0]
+        raise ValueError(f"the beam cannot be measured: {reason.name}; {reason.remedy}")
     return edges
 
 
 def _clamp_midpoint(edges: EdgeSet, frame: BeamFrame) -> tuple[float, float]:
+    """Return the middle of the two corners at the clamp, px; raise ValueError if they were not found."""
     if not np.isfinite(edges.corners_px[:2]).all():
-        raise ValueError("the line of the clamp is not seen; take the picture in front of a back-light")
+        raise ValueError("the line of the clamp is not visible; take the picture in front of a back-light")
     x, y = frame.to_px(frame.to_mm(edges.corners_px[:2]).mean(axis=0))[0]
     return float(x), float(y)
 
 
 def _tilt(left: Array, right: Array) -> tuple[float, float]:
-    """Angle of the beam's first half against the x axis, rad from +x toward +y, and its standard deviation."""
+    """Return the angle of the beam's first half from +x toward +y, rad, and its standard deviation."""
     angles, variances = [], []
     for points in (left, right):
         near = points[: max(4, len(points) // 2)]
@@ -110,14 +151,14 @@ def _tilt(left: Array, right: Array) -> tuple[float, float]:
 
 
 def _rough_width_px(pixels: NDArray[Any], guess: Calibration) -> float:
-    """Width of the body across the axis ahead of the clamp, to a pixel or two."""
-    shown = eight_bit(pixels)
-    _, bright = cv2.threshold(shown, 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    """Return the width of the body across the axis ahead of the clamp, to one or two pixels."""
+    grey_values = eight_bit(pixels)
+    _, bright = cv2.threshold(grey_values, 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     angle = math.radians(guess.axis_angle_deg)
     along, across = np.array([math.cos(angle), math.sin(angle)]), np.array([-math.sin(angle), math.cos(angle)])
-    height, width = shown.shape
+    height, width = grey_values.shape
     root = np.array(guess.clamp_midpoint_px) + _CLEAR_OF_CLAMP_PX * along
-    if sample(bright, root) > 0.5:  # a lit beam; or none, and then the runs do not end
+    if sample(bright, root) > 0.5:  # a lit beam, or no beam; without a beam the runs do not end
         bright = 1 - bright
     runs = []
     for ahead in np.arange(0.0, max(height, width), 4.0):
@@ -132,7 +173,10 @@ def _rough_width_px(pixels: NDArray[Any], guess: Calibration) -> float:
 
 
 def _dark_steps(bright: NDArray[Any], begin: Array, direction: Array) -> int | None:
-    """Pixels from a place to the first bright one; None where the place itself is bright or the image ends first."""
+    """Count the pixels from a place to the first bright one.
+
+    Return None if the place itself is bright, or if the image ends first.
+    """
     steps = np.arange(max(bright.shape))
     places = np.rint(begin + steps[:, None] * direction).astype(int)
     inside = ((places >= 0) & (places < [bright.shape[1], bright.shape[0]])).all(axis=1)

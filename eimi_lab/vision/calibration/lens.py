@@ -1,4 +1,4 @@
-"""A camera's matrix and distortion from views of a flat board, and how large a millimetre is in the beam's plane."""
+"""Calibrate a lens on views of a flat board, and measure the pose of a board in the beam's plane."""
 
 from __future__ import annotations
 
@@ -13,18 +13,27 @@ from numpy.typing import NDArray
 from eimi_lab.vision.beam_frame import undistorted
 
 Array = NDArray[np.float64]
-View = tuple[Array, Array]  # points on the board (n, 2) mm and in the image (n, 2) px
+View = tuple[Array, Array]
+"""Points on the board (n, 2) in mm, and the same points in the image (n, 2) in px."""
 
 FEWEST_VIEWS = 4
-_LEAST_TILT_DEG = 15.0  # between two of the views: of flat ones distance and focal length cannot be told apart
+_LEAST_TILT_DEG = 15.0  # between two views: parallel views do not separate the distance from the focal length
 
 
 @dataclass(frozen=True)
 class Lens:
-    """OpenCV's pinhole model with distortion k1, k2, p1, p2 (k3 = 0) and square pixels.
+    """A pinhole camera with distortion in OpenCV's model: coefficients k1, k2, p1, p2, k3 = 0, and square pixels.
 
-    matrix: (3, 3); distortion: (5,). focal_length_sigma_px: standard deviation of the focal length. residual_px: root
-    mean square distance of the points from where the model puts them.
+    Attributes
+    ----------
+    matrix : ndarray, shape (3, 3)
+        Camera matrix, px.
+    distortion : ndarray, shape (5,)
+        Distortion coefficients.
+    focal_length_sigma_px : float
+        Standard deviation of the focal length.
+    residual_px : float
+        RMS distance of the points from where the model images them.
     """
 
     matrix: Array
@@ -34,29 +43,61 @@ class Lens:
 
     @property
     def focal_length_px(self) -> float:
+        """Focal length in px."""
         return float(self.matrix[0, 0])
 
     def undistort(self, points_px: Array) -> Array:
-        """(n, 2) px as a lens without distortion would have them."""
+        """Return where a lens without distortion would image the points (n, 2), px."""
         return undistorted(points_px, self.matrix, self.distortion)
 
     def stand_off_mm(self, view: View) -> float:
-        """Distance from the entrance pupil to the board's middle, along the optical axis. Raises ValueError."""
+        """Return the distance along the optical axis from the entrance pupil to the middle of a board.
+
+        Parameters
+        ----------
+        view : View
+            Points on the board (mm) and in the image (px).
+
+        Raises
+        ------
+        ValueError
+            If the pose of the board cannot be computed.
+        """
         board = np.column_stack([view[0], np.zeros(len(view[0]))])
-        found, turn, shift = cv2.solvePnP(board, view[1], self.matrix, self.distortion)
-        if not found:
-            raise ValueError("the board's place before the camera cannot be found")
+        solved, turn, shift = cv2.solvePnP(board, view[1], self.matrix, self.distortion)
+        if not solved:
+            raise ValueError("the pose of the board in front of the camera cannot be computed")
         place = cv2.Rodrigues(turn)[0] @ board.mean(axis=0) + shift.ravel()
         return float(place[2])
 
 
 def calibrate_lens(views: Sequence[View], size: tuple[int, int]) -> Lens:
-    """Zhang's method (IEEE PAMI 22, 2000) by OpenCV, from at least four views; size: width and height of the images.
+    """Calibrate a lens on views of a flat board by Zhang's method.
 
-    Raises ValueError where the views cannot tell the focal length to 2 %: they are too alike, or not tilted.
+    Parameters
+    ----------
+    views : sequence of View
+        For each image the points on the board (mm) and in the image (px); at least four views.
+    size : tuple of int
+        Width and height of the images, px.
+
+    Returns
+    -------
+    Lens
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than four views, or if they determine the focal length to no better than 2 % because they are
+        too alike or not tilted.
+
+    References
+    ----------
+    Z. Zhang, "A flexible new technique for camera calibration", IEEE Transactions on Pattern Analysis and Machine
+    Intelligence 22 (2000) 1330; the implementation is OpenCV's.
     """
     if len(views) < FEWEST_VIEWS:
-        raise ValueError(f"{len(views)} views of the board; a lens needs at least {FEWEST_VIEWS}")
+        raise ValueError(f"{len(views)} views of the board; the calibration of a lens needs at least {FEWEST_VIEWS}")
     boards = [np.column_stack([board, np.zeros(len(board))]).astype(np.float32) for board, _ in views]
     images = [image.astype(np.float32).reshape(-1, 1, 2) for _, image in views]
     start = np.array([[max(size), 0.0, size[0] / 2], [0.0, max(size), size[1] / 2], [0.0, 0.0, 1.0]])
@@ -66,11 +107,11 @@ def calibrate_lens(views: Sequence[View], size: tuple[int, int]) -> Lens:
     )
     focal, sigma = float(matrix[0, 0]), float(np.max(deviations[:2]))
     normals = np.array([cv2.Rodrigues(turn)[0][:, 2] for turn in turns])
-    apart = math.degrees(math.acos(float(np.clip((normals @ normals.T).min(), -1.0, 1.0))))
-    if not sigma < 0.02 * focal or apart < _LEAST_TILT_DEG:
+    tilt_range_deg = math.degrees(math.acos(float(np.clip((normals @ normals.T).min(), -1.0, 1.0))))
+    if not sigma < 0.02 * focal or tilt_range_deg < _LEAST_TILT_DEG:
         raise ValueError(
-            f"the views differ in tilt by {apart:.0f} degrees and give a focal length of {focal:.0f} ± {sigma:.0f} px; "
-            "tilt the board by 20 to 40 degrees about different axes in most views"
+            f"the views differ in tilt by {tilt_range_deg:.0f} degrees and give a focal length of "
+            f"{focal:.0f} ± {sigma:.0f} px; tilt the board by 20 to 40 degrees about different axes in most views"
         )
     return Lens(
         np.array(matrix, dtype=np.float64), np.array(distortion, dtype=np.float64).ravel()[:5], sigma, float(residual)
@@ -79,10 +120,18 @@ def calibrate_lens(views: Sequence[View], size: tuple[int, int]) -> Lens:
 
 @dataclass(frozen=True)
 class BoardPose:
-    """How a board in the beam's middle plane lies in the (undistorted) image.
+    """How a board in the beam's middle plane lies in the undistorted image.
 
-    pixels_per_mm and angle_deg (of the board's rows, clockwise from +x) with their standard deviations; tilt_deg: of
-    the board out of a plane parallel to the sensor, as far as its shape shows it; residual_px: of the fit.
+    Attributes
+    ----------
+    pixels_per_mm, pixels_per_mm_sigma : float
+        Scale and its standard deviation.
+    angle_deg, angle_sigma_deg : float
+        Direction of the board's rows, clockwise from +x, and its standard deviation.
+    tilt_deg : float
+        Angle between the board and the sensor plane, from the foreshortening of the board.
+    residual_px : float
+        RMS residual of the fit.
     """
 
     pixels_per_mm: float
@@ -93,25 +142,47 @@ class BoardPose:
     residual_px: float
 
 
-def place_in_plane(view: View, board_error: float) -> BoardPose:
-    """Scale and orientation by least squares; view: undistorted points, board_error: of the print, as a share.
+def fit_board_pose(view: View, board_error: float) -> BoardPose:
+    """Fit the scale and the orientation of a board by least squares.
 
-    The scale's deviation holds that of the points, of the print and of half the foreshortening of a tilted board.
+    With the points as complex numbers, b on the board and q in the image, both relative to their means, the similarity
+    q ≈ t b has the least-squares solution t = Σ b* q / Σ |b|². Its modulus is the scale, its argument the direction of
+    the rows. The standard deviation of the scale combines the scatter of the points, the error of the print, and half
+    of the difference between the largest and the smallest scale of an affine fit, which a tilted board causes.
+
+    Parameters
+    ----------
+    view : View
+        Points on the board (n, 2) mm, and the undistorted points in the image (n, 2) px.
+    board_error : float
+        Relative standard uncertainty of the size of the print.
+
+    Returns
+    -------
+    BoardPose
+
+    Examples
+    --------
+    >>> x, y = np.meshgrid(np.arange(5.0), np.arange(4.0))
+    >>> board = np.column_stack([x.ravel(), y.ravel()])
+    >>> pose = fit_board_pose((board, 25.0 * board + [100.0, 50.0]), board_error=0.001)
+    >>> round(pose.pixels_per_mm, 6), round(pose.pixels_per_mm_sigma, 6)
+    (25.0, 0.025)
     """
     board, image = (points @ np.array([1.0, 1.0j]) for points in view)
-    across, down = board - board.mean(), image - image.mean()
-    size = float((np.abs(across) ** 2).sum())
-    turn = complex((np.conj(across) * down).sum() / size)
-    left_over = down - turn * across
-    deviation = math.sqrt(float((np.abs(left_over) ** 2).sum()) / (2 * len(board) - 4))
+    on_board, in_image = board - board.mean(), image - image.mean()
+    square_sum = float((np.abs(on_board) ** 2).sum())
+    turn = complex((np.conj(on_board) * in_image).sum() / square_sum)
+    residuals = in_image - turn * on_board
+    deviation = math.sqrt(float((np.abs(residuals) ** 2).sum()) / (2 * len(board) - 4))
     affine = np.linalg.lstsq(view[0] - view[0].mean(axis=0), view[1] - view[1].mean(axis=0), rcond=None)[0]
     long, short = np.linalg.svd(affine)[1]
-    scale, of_points = abs(turn), deviation / math.sqrt(size)
+    scale, of_points = abs(turn), deviation / math.sqrt(square_sum)
     return BoardPose(
         pixels_per_mm=scale,
         pixels_per_mm_sigma=math.hypot(of_points, scale * board_error, 0.5 * (long - short)),
         angle_deg=math.degrees(math.atan2(turn.imag, turn.real)),
         angle_sigma_deg=math.degrees(of_points / scale),
         tilt_deg=math.degrees(math.acos(min(1.0, short / long))),
-        residual_px=math.sqrt(float((np.abs(left_over) ** 2).mean())),
+        residual_px=math.sqrt(float((np.abs(residuals) ** 2).mean())),
     )

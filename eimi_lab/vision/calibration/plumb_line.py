@@ -1,4 +1,4 @@
-"""Which way gravity points: from a picture of a plumb line, a dark thread in front of the back-light."""
+"""Measure the direction of gravity on a picture of a plumb line: a dark thread in front of the back-light."""
 
 from __future__ import annotations
 
@@ -16,19 +16,25 @@ from eimi_lab.vision.intensity import eight_bit
 
 Array = NDArray[np.float64]
 
-_WIDEST = 1 / 12  # of the picture's shorter side; what is wider is no thread
-_SHORTEST = 1 / 3  # of the picture's shorter side
-_SLENDER = 20.0  # length over mean width
+_WIDEST = 1 / 12  # of the picture's shorter side; a wider body is not a thread
+_SHORTEST = 1 / 3  # of the picture's shorter side; a shorter body is not a thread
+_SLENDER = 20.0  # least length over mean width
 _LEAST_DARKNESS = 20  # of 255
-_HALF_WINDOW_PX = 3  # beyond the thread's own pixels, for its blurred flanks
+_HALF_WINDOW_PX = 3  # around the thread's own pixels, for its blurred flanks
 _STRETCHES = 12
 _ROUNDS = 3
 
 
 @dataclass(frozen=True)
 class PlumbLine:
-    """gravity_angle_deg: clockwise from the image's +x, as in a calibration; its standard deviation; and the thread's
-    scatter about its line in pixels (RMS).
+    """A plumb line in an image.
+
+    Attributes
+    ----------
+    gravity_angle_deg, gravity_angle_sigma_deg : float
+        Direction of gravity, clockwise from the image's +x, and its standard deviation.
+    residual_px : float
+        RMS distance of the thread from a straight line.
     """
 
     gravity_angle_deg: float
@@ -37,10 +43,28 @@ class PlumbLine:
 
 
 def measure_plumb_line(image: NDArray[Any], calibration: Calibration, roughly_deg: float) -> PlumbLine:
-    """The direction of the thread in an image (height, width), of the two that is nearer to ``roughly_deg``.
+    """Measure the direction of the thread in an image.
 
-    The thread's middle is found pixel by pixel along it, undistorted, and fitted with a straight line; the deviation
-    comes of the scatter of a dozen stretches about it. Raises ValueError where there is no straight thin dark line.
+    The middle of the thread is located pixel by pixel along it and undistorted. A straight line is fitted to the means
+    of twelve stretches; its covariance gives the standard deviation.
+
+    Parameters
+    ----------
+    image : ndarray, shape (H, W) or (H, W, 3)
+        The thread in front of the back-light.
+    calibration : Calibration
+        The lens and the axis.
+    roughly_deg : float
+        Approximate direction of gravity. Of the two directions of the thread the nearer one is returned.
+
+    Returns
+    -------
+    PlumbLine
+
+    Raises
+    ------
+    ValueError
+        If the image shows no thin dark line, or if the line is not straight to 1 px.
     """
     middle = _thread(image)
     frame = BeamFrame(calibration)
@@ -62,13 +86,13 @@ def measure_plumb_line(image: NDArray[Any], calibration: Calibration, roughly_de
     residual = float(np.sqrt((aside**2).mean()))
     if residual > 1.0:
         raise ValueError(
-            f"the thread is {residual:.1f} px off a straight line (RMS); let it hang free and come to rest"
+            f"the thread is {residual:.1f} px off a straight line (RMS); it should hang free and be at rest"
         )
     return PlumbLine(roughly_deg + away, math.degrees(math.sqrt(covariance[0, 0])), residual)
 
 
 def _thread(image: NDArray[Any]) -> Array:
-    """(n, 2) px: the middle of the longest thin dark body, about a pixel apart."""
+    """Return the middle (n, 2), px, of the longest thin dark body, at about one point a pixel."""
     shown = eight_bit(image)
     side = min(shown.shape)
     if side < 100:
@@ -76,13 +100,13 @@ def _thread(image: NDArray[Any]) -> Array:
     widest = max(9, round(_WIDEST * side)) | 1
     darkness = cv2.morphologyEx(shown, cv2.MORPH_BLACKHAT, np.ones((widest, widest), np.uint8))
     level, mask = cv2.threshold(darkness, 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-    _, labels, found, _ = cv2.connectedComponentsWithStats(mask)
-    extent = np.hypot(found[:, cv2.CC_STAT_WIDTH], found[:, cv2.CC_STAT_HEIGHT])
-    slender = extent**2 > _SLENDER * found[:, cv2.CC_STAT_AREA]
+    _, labels, statistics, _ = cv2.connectedComponentsWithStats(mask)
+    extent = np.hypot(statistics[:, cv2.CC_STAT_WIDTH], statistics[:, cv2.CC_STAT_HEIGHT])
+    slender = extent**2 > _SLENDER * statistics[:, cv2.CC_STAT_AREA]
     slender[0] = False  # the background
     body = int(np.argmax(np.where(slender, extent, 0.0)))
     if level < _LEAST_DARKNESS or not slender[body] or extent[body] < _SHORTEST * side:
-        raise ValueError("shows no thin dark line across a third of it; hang a dark thread before the back-light")
+        raise ValueError("shows no thin dark line over a third of it; hang a dark thread in front of the back-light")
     y, x = np.nonzero(cv2.dilate((labels == body).astype(np.uint8), np.ones((2 * _HALF_WINDOW_PX + 1,) * 2, np.uint8)))
     core_y, core_x = np.nonzero(labels == body)
     down = np.ptp(core_y) > np.ptp(core_x)
@@ -95,9 +119,9 @@ def _thread(image: NDArray[Any]) -> Array:
     middle = np.bincount(bins, weight * across[inside]) / np.maximum(total, 1e-9)
     width = np.bincount(core - first)
     thread = (width > 0) & (width <= 1.5 * np.median(width)) & (total > 0.0)  # a bob or a knot is wider
-    margin = _HALF_WINDOW_PX + 2  # the ends are cut askew
+    margin = _HALF_WINDOW_PX + 2  # the window cuts the two ends obliquely
     thread[:margin] = thread[-margin:] = False
     if thread.sum() < _SHORTEST * side:
-        raise ValueError("shows no thin dark line across a third of it; hang a dark thread before the back-light")
+        raise ValueError("shows no thin dark line over a third of it; hang a dark thread in front of the back-light")
     place = np.arange(first, first + len(width), dtype=np.float64)[thread]
     return np.column_stack([middle[thread], place] if down else [place, middle[thread]])
