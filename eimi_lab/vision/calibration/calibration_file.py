@@ -173,9 +173,8 @@ def _with_board_and_lens(
     setup: BenchSetup, pose: BoardPose, lens: Lens | None, stand_off_mm: float | None, on: date
 ) -> Calibration:
     """Return the calibration that the pose of the board and the lens give."""
-    turned = (
-        pose.angle_deg - setup.axis_angle_deg + 45.0
-    ) % 90.0 - 45.0  # from the stated axis to the nearest direction of the board's rows or columns
+    # The angle from the stated axis to the nearest direction of the board's rows or columns.
+    turned = (pose.angle_deg - setup.axis_angle_deg + 45.0) % 90.0 - 45.0
     of_board = {
         "pixels_per_mm": pose.pixels_per_mm_sigma,
         "axis_angle_deg": pose.angle_sigma_deg,
