@@ -109,7 +109,7 @@ def test_gamma_and_twist_are_measured():
 def test_twist_below_the_limit_is_not_flagged_and_its_effect_is_told():
     assert Case(photograph(beam=twisted(1.0))).edges().flags == ()
     [flag] = CASES["TWIST"]().edges().flags
-    assert "modulus +0.0" in flag.remedy
+    assert "a fitted modulus by +0.0" in flag.remedy
     # A uniform twist of a degree, three wide and five deep: 1/(cos² + 0.36 sin²) - 1, a third of it where it grows.
     exact = 1 / (np.cos(0.1) ** 2 + 0.36 * np.sin(0.1) ** 2) - 1
     assert stiffening_by_twist(0.0, np.degrees(0.1), 3.0, 5.0) == pytest.approx(exact / 3, rel=0.02)

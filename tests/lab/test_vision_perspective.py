@@ -83,5 +83,5 @@ def test_of_a_flat_section_the_face_that_reaches_farther_out_is_seen(centre):
 
 def test_no_view_where_none_is_known():
     assert BeamFrame(CALIBRATION).view(5.0, SIZE) is None
-    with pytest.raises(ValueError, match="within the depth"):
+    with pytest.raises(ValueError, match="should be more than half of depth_mm"):
         BeamFrame(CALIBRATION.model_copy(update={"stand_off_mm": 2.0})).view(5.0, SIZE)
