@@ -25,9 +25,9 @@ from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import leaves_out
 from eimi_lab.vision.edges.edge_set import EdgeSet
 from eimi_lab.vision.edges.finding import find_edges, follow_beam
-from eimi_lab.vision.edges.other_prompts import other_prompt
 from eimi_lab.vision.edges.overlay import contact_sheet, draw_overlay
 from eimi_lab.vision.edges.region import region_of
+from eimi_lab.vision.edges.suggested_corrections import suggest_correction
 from eimi_lab.vision.following.explaining import explained
 from eimi_lab.vision.following.follow import FollowedBeam
 from eimi_lab.vision.intensity import state_mean
@@ -196,7 +196,7 @@ def why_none(path: Path, index: int) -> tuple[str, bytes]:
     with open_dataset(path) as dataset:
         frames = Frames(dataset)
         image, calibration, beam = frames.mean(index), frames.calibration, dataset.specimen.specimen
-        words = other_prompt(image, calibration, dataset.specimen, dataset.projection())
+        words = suggest_correction(image, calibration, dataset.specimen, dataset.projection())
         shown = dataset.images(index)[0]
     half, long = beam.width_mm / 2, beam.length_mm
     sides = [[[0, -half], [long, -half]], [[0, half], [long, half]], [[0, -3 * half], [0, 3 * half]]]

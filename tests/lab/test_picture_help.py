@@ -168,7 +168,7 @@ def test_only_the_region_is_looked_at(run: Run, files: Path) -> None:
     assert "MULTI_CONTOUR" not in {flag.name for flag in edges.flags}
     assert edges.calibration_digest == stored(files).digest
     status, said = run("segment", files / "out.h5", "--region", "80,0,40,84")
-    assert (status, "should hold clamp_midpoint_px = [64.0, 8.0]" in said) == (2, True)
+    assert (status, "should contain clamp_midpoint_px = [64.0, 8.0]" in said) == (2, True)
     status, said = run("segment", files / "out.h5", "--region", "0,0,400,84")
     assert (status, "should lie in the pictures of 128 x 96 px" in said) == (2, True)
 
@@ -204,16 +204,16 @@ def test_a_beam_too_narrow_for_its_edges_is_no_wrong_clamp(run: Run, files: Path
     empty = np.random.default_rng(0).integers(180, 220, (96, 128, 3)).astype(np.uint8)
     assert imported(run, files, empty)[0] == 0
     status, said = run("segment", files / "out.h5")
-    assert (status, "no beam was found; it is 4 px wide, and 6 are needed" in said) == (0, True), said
+    assert (status, "no beam was found; it is 4 px wide and should be at least 6" in said) == (0, True), said
 
 
 @pytest.mark.parametrize(
     ("key", "value", "told"),
     [
-        ("pixels_per_mm", "4.0", "one would be with pixels_per_mm = 8, 2 times as much: is the scale right?"),
-        ("clamp_midpoint_px", "[24.0, 8.0]", "one would be with clamp_midpoint_px = [64, 8]: is the clamp where"),
+        ("pixels_per_mm", "4.0", "one is found with pixels_per_mm = 8, 2 times as much: is the scale right?"),
+        ("clamp_midpoint_px", "[24.0, 8.0]", "one is found with clamp_midpoint_px = [64, 8]: is the clamp where"),
         ("clamp_midpoint_px", "[124.0, 8.0]", "one of its edges begins outside the picture"),
-        ("clamp_midpoint_px", "[118.0, 80.0]", "nothing of the stated width leaves the clamp there, nor near by"),
+        ("clamp_midpoint_px", "[118.0, 80.0]", "no body of the stated width leaves the clamp there or nearby"),
     ],
 )
 def test_where_no_beam_is_found_it_is_said_what_may_be_wrong(

@@ -1,4 +1,4 @@
-"""How wide the beam is in a picture near its clamp, by grey values alone and whatever its files say."""
+"""Measure how wide the beam looks near its clamp, from grey values alone."""
 
 from __future__ import annotations
 
@@ -10,15 +10,30 @@ from numpy.typing import NDArray
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.profiles import sample
 
-_FROM, _TO, _LINES = 0.1, 0.3, 9  # of the length: beyond the clamp's shadow, before the beam bends away
-_HALF = 0.5  # of the length, that is looked at to both sides
-_POINTS = 1201
+_FROM, _TO, _LINES = 0.1, 0.3, 9  # of the length: beyond the clamp's shadow, and before the beam bends away
+_HALF = 0.5  # of the length: reach of the lines on each side of the axis
+_POINTS = 1201  # of each line
 
 
 def apparent_width_mm(image: NDArray[Any], frame: BeamFrame, length_mm: float) -> float | None:
-    """The median width of what lies on the beam's axis in a grey image (H, W); None where it has no end in it.
+    """Return the median width of the body on the beam's axis.
 
-    The beam is what has the axis's own grey value, as against the other end of the grey values beside it.
+    The body has grey values on the same side of the middle grey value as the axis itself. The width is measured on nine
+    lines across the axis, between 0.1 and 0.3 of the length from the clamp. It does not depend on the stated width.
+
+    Parameters
+    ----------
+    image : ndarray, shape (H, W)
+        Grey values.
+    frame : BeamFrame
+        Scale, clamp and axis.
+    length_mm : float
+        Length of the specimen.
+
+    Returns
+    -------
+    float or None
+        Width in mm; None if the body does not end on both sides within half a length, or within the image.
     """
     x = length_mm * np.linspace(_FROM, _TO, _LINES)
     y = _HALF * length_mm * np.linspace(-1.0, 1.0, _POINTS)
@@ -27,13 +42,13 @@ def apparent_width_mm(image: NDArray[Any], frame: BeamFrame, length_mm: float) -
     inside = np.all((places >= 0) & (places <= [width - 1, height - 1]), axis=-1)
     grey = np.where(inside, sample(image, places.reshape(-1, 2)).reshape(_LINES, _POINTS), np.nan)
     middle = _POINTS // 2
-    half_way = 0.5 * (np.nanpercentile(grey, 5) + np.nanpercentile(grey, 95))
-    alike: NDArray[np.bool_] = (grey > half_way) == (np.median(grey[:, middle]) > half_way)
+    middle_grey = 0.5 * (np.nanpercentile(grey, 5) + np.nanpercentile(grey, 95))
+    like_axis: NDArray[np.bool_] = (grey > middle_grey) == (np.median(grey[:, middle]) > middle_grey)
     widths = []
-    for row, seen in zip(alike, inside, strict=True):
-        ends = np.flatnonzero(~row | ~seen)
+    for row, in_image in zip(like_axis, inside, strict=True):
+        ends = np.flatnonzero(~row | ~in_image)
         below, above = ends[ends < middle], ends[ends > middle]
-        if not row[middle] or not len(below) or not len(above) or not (seen[below[-1]] and seen[above[0]]):
+        if not row[middle] or not len(below) or not len(above) or not (in_image[below[-1]] and in_image[above[0]]):
             return None
         widths.append((above[0] - below[-1] - 1) * (y[1] - y[0]))
     return float(np.median(widths))

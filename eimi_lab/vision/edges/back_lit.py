@@ -1,4 +1,4 @@
-"""Both edges of a beam in front of a back-light, to a few hundredths of a pixel."""
+"""Locate both edges of a beam in front of a back-light, to a few hundredths of a pixel."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eimi_lab.vision.edges.dimensions import even_turn_deg, length_deviation, lo
 from eimi_lab.vision.edges.edge_set import EdgePoints
 from eimi_lab.vision.edges.passes import PassResult, Side, SiliconeMargin, first_pass, scatter_scale, second_pass
 from eimi_lab.vision.edges.profiles import AVERAGED_PX, sample
-from eimi_lab.vision.edges.quality import effects_of_turning, light_findings
+from eimi_lab.vision.edges.quality import describe_turn_effects, light_findings
 from eimi_lab.vision.edges.silhouette import Silhouette, find_silhouette, measure_back_light, root_places
 from eimi_lab.vision.intensity import full_scale, grey
 from eimi_lab.vision.projection import Projection
@@ -25,16 +25,16 @@ from eimi_lab.vision.projection import Projection
 Array = NDArray[np.float64]
 
 _SMALLEST_FRAME_PX = 16
-_LEAST_SIGMA_PX = 1e-3  # of a drawn picture without noise, whose points scatter not at all
-_ABSURD_WIDTH = 0.5  # departure from the specimen's; such a body is not the beam, or not the beam alone
-# By which a cast magnet may be off the beam's middle; one in little silicone may be anywhere within it, and has the
-# standard deviation of an even distribution.
+_LEAST_SIGMA_PX = 1e-3  # for a drawn picture without noise, whose points do not scatter
+_ABSURD_WIDTH = 0.5  # relative deviation of the width; such a body is not the beam, or not the beam alone
+# Standard deviation of the place of a cast magnet across the beam. A magnet in little silicone may lie anywhere in it;
+# its place then has the standard deviation of a uniform distribution.
 _MAGNET_PLACE_MM = 0.2
 
 
 @dataclass(frozen=True)
-class _BackLit:
-    """An image (height, width) in which the beam is dark: a picture of a lit beam is turned into its negative."""
+class _DarkBeamImage:
+    """An image (height, width) in which the beam is dark; the picture of a lit beam is turned into its negative."""
 
     pixels: NDArray[Any]
     largest: float
@@ -43,20 +43,39 @@ class _BackLit:
 
 @dataclass(frozen=True)
 class OutlinedBeam:
-    """A silhouette with corners, in the picture in which it is dark, and the clamp line that it leaves."""
+    """A silhouette whose tip has corners, with the image and the clamp line that belong to it."""
 
-    picture: _BackLit
+    picture: _DarkBeamImage
     clamp: ClampLine
     silhouette: Silhouette
 
 
 @dataclass
 class BackLitSearch:
-    """The search in one image. findings gathers what was measured so far, by the names of the table of flags.
+    """The search for the edges in one image.
 
-    Method: on normals to the outline, the mean of four neighbouring profiles is fitted with a step blurred by
-    a Gaussian, with plateaus of its own on both sides and one blur for the whole image; twice, the second
-    time on normals to the curve through the first result.
+    On normals to the outline of the silhouette, the mean of four neighbouring profiles is fitted with a step that is
+    blurred by a Gaussian. Each profile has its own plateaus on both sides; the blur is common to the whole image. The
+    fit is repeated on normals to the curve through the first result.
+
+    Attributes
+    ----------
+    frame : BeamFrame
+        The map between pixels and millimetres.
+    pixels_per_mm : float
+        Scale of the calibration.
+    specimen_file : SpecimenFile
+        The specimen and its magnet.
+    findings : dict of str to float
+        What has been measured so far, by the names of the table of flags. The search adds to it.
+    limits : mapping of str to float, optional
+        Limits in place of those of the table.
+    even_turn_deg : float
+        Turn of the whole beam about its axis that would explain its apparent width; set by the search.
+    projection : Projection, optional
+        Projection of the colours of the image.
+    polarity : {"dark", "bright"}, optional
+        Whether the beam is darker or brighter than its surroundings; None to decide it from the image.
     """
 
     frame: BeamFrame
@@ -73,20 +92,47 @@ class BackLitSearch:
         self.length_mm, self.width_mm, self.depth_mm = beam.length_mm, beam.width_mm, beam.depth_mm
         self.width_px = self.width_mm * self.pixels_per_mm
 
-    def outlined(self, image: ArrayLike) -> OutlinedBeam | None:
-        """The beam to a pixel; None where no beam with two corners at its tip is found."""
-        picture = self._back_lit(image)
+    def find_outline(self, image: ArrayLike) -> OutlinedBeam | None:
+        """Return the beam to about a pixel.
+
+        Parameters
+        ----------
+        image : array_like, shape (H, W) or (H, W, 3)
+            The image, of any bit depth.
+
+        Returns
+        -------
+        OutlinedBeam or None
+            None if no beam with two corners at its tip is found.
+        """
+        picture = self._dark_beam_image(image)
         outline = None if picture is None else self._outline(picture)
         return None if picture is None or outline is None else OutlinedBeam(picture, *outline)
 
-    def edges(self, beam: OutlinedBeam, spacing_mm: float) -> tuple[EdgePoints, EdgePoints, Array] | None:
-        """Left and right edge and the corners (4, 2) px; None where they are no edges of a beam."""
+    def locate_edges(self, beam: OutlinedBeam, spacing_mm: float) -> tuple[EdgePoints, EdgePoints, Array] | None:
+        """Return the left edge, the right edge and the corners.
+
+        Parameters
+        ----------
+        beam : OutlinedBeam
+            The beam to about a pixel.
+        spacing_mm : float
+            Wanted distance of the points along the edges.
+
+        Returns
+        -------
+        left, right : EdgePoints
+        corners_px : ndarray, shape (4, 2)
+            Clamp-left, clamp-right, tip-left, tip-right.
+
+            None in place of the three if they are not the edges of a beam.
+        """
         picture = beam.picture
-        found = self._two_passes(picture, beam.clamp, beam.silhouette, spacing_mm)
-        if found is None:
+        located = self._two_passes(picture, beam.clamp, beam.silhouette, spacing_mm)
+        if located is None:
             self.findings["residual"] = 1.0
             return None
-        second, corners_px = found
+        second, corners_px = located
         if not self._measure_shape(second, corners_px):
             return None
         self.findings |= light_findings(second, picture.largest, picture.lit_beam, self.limits)
@@ -94,8 +140,8 @@ class BackLitSearch:
         scatter = scatter_scale(left, right)
         return self._edge_points(left, scatter), self._edge_points(right, scatter), corners_px
 
-    def _back_lit(self, image: ArrayLike) -> _BackLit | None:
-        """None for what is no image, or too small a one."""
+    def _dark_beam_image(self, image: ArrayLike) -> _DarkBeamImage | None:
+        """Return the image with a dark beam; return None if the array is no image or is too small."""
         try:
             pixels = grey(image) if self.projection is None else self.projection.apply(image)
         except ValueError:
@@ -106,16 +152,16 @@ class BackLitSearch:
         lit_beam = self.polarity == "bright"
         if self.polarity is None:
             lit_beam = _is_brighter_than_beside(pixels, self.frame, self.width_mm)
-        return _BackLit((largest - pixels).astype(pixels.dtype) if lit_beam else pixels, largest, lit_beam)
+        return _DarkBeamImage((largest - pixels).astype(pixels.dtype) if lit_beam else pixels, largest, lit_beam)
 
-    def _outline(self, picture: _BackLit) -> tuple[ClampLine, Silhouette] | None:
-        """The clamp line and the beam's silhouette to a pixel; None where there is none, or none with corners."""
+    def _outline(self, picture: _DarkBeamImage) -> tuple[ClampLine, Silhouette] | None:
+        """Return the clamp line and the silhouette to about a pixel; None without a silhouette that has corners."""
         pixels = picture.pixels
         light = measure_back_light(pixels, self.frame, self.width_mm)
         clamp = find_clamp_line(pixels, self.frame, self.width_mm, light.bright)
         contrast = (light.bright - light.dark) / picture.largest if picture.largest else 0.0
         self.findings |= {"contrast": contrast, "clamp_seen": clamp.seen}
-        # A root hardly darker than the light around it is no beam, however the picture is exposed.
+        # A root that is hardly darker than the light around it is not a beam.
         if light.bright - light.dark < 0.2 * light.bright or light.bright <= 0.0:
             self.findings["contrast"] = 0.0
             return None
@@ -132,9 +178,9 @@ class BackLitSearch:
         return None if silhouette.corners is None else (clamp, silhouette)
 
     def _two_passes(
-        self, picture: _BackLit, clamp: ClampLine, silhouette: Silhouette, spacing_mm: float
+        self, picture: _DarkBeamImage, clamp: ClampLine, silhouette: Silhouette, spacing_mm: float
     ) -> tuple[PassResult, Array] | None:
-        """The second pass and the corners (4, 2) px; None where an edge is too short."""
+        """Return the second pass and the corners (4, 2) px; return None if an edge is too short."""
         spacing_px = max(spacing_mm * self.pixels_per_mm, AVERAGED_PX)
         margin, hand = self._silicone_margin(), self.frame.hand
         first = first_pass(picture.pixels, silhouette, hand, spacing_px, self.width_px, margin)
@@ -146,6 +192,7 @@ class BackLitSearch:
         return None if second is None else (second, corners_px)
 
     def _silicone_margin(self) -> SiliconeMargin:
+        """Return the silicone beside the magnet, in pixels."""
         magnet = self.specimen_file.magnet
         silicone_mm = 0.5 * (self.width_mm - magnet.width_mm) if magnet else 0.0
         from_tip_mm = magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0
@@ -156,7 +203,7 @@ class BackLitSearch:
         )
 
     def _measure_shape(self, second: PassResult, corners_px: Array) -> bool:
-        """Width, length, twist and place of what was found; False where so wide a body is not the beam."""
+        """Measure width, length, twist and place of the beam; return False if the body is too wide to be the beam."""
         left, right = (side.points_px[side.sound] for side in second.sides)
         widths, depth_px = local_widths(left, right), self.depth_mm * self.pixels_per_mm
         self.findings["width_deviation"] = width_deviation(widths, self.width_px)
@@ -171,18 +218,19 @@ class BackLitSearch:
         return True
 
     def _edge_points(self, side: Side, scatter: float) -> EdgePoints:
-        kept = np.flatnonzero(side.sound)[:: side.every]
+        """Return every point that was asked for on one edge, in mm, with its standard deviation."""
+        kept = np.flatnonzero(side.sound)[:: side.stride]
         sigma_px = np.maximum(scatter * np.hypot(side.sigma_px, side.common_px)[kept], _LEAST_SIGMA_PX)
         return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)
 
     def words(self) -> dict[str, str]:
-        """For the remedies of a beam that looks turned about its axis."""
+        """Return the words of the remedies about a beam that looks turned about its axis."""
         twist = self.findings.get("twist_deg", 0.0)
-        return effects_of_turning(twist, self.even_turn_deg, self.width_mm, self.depth_mm)
+        return describe_turn_effects(twist, self.even_turn_deg, self.width_mm, self.depth_mm)
 
 
 def _is_brighter_than_beside(image: NDArray[Any], frame: BeamFrame, width_mm: float) -> bool:
-    """Whether the beam's root is brighter by a fifth than what is to both sides of it."""
+    """Return whether the beam's root is a fifth brighter than its surroundings on both sides."""
     inside, left, right = (
         float(np.median(sample(image, root_places(frame, width_mm, aside)))) for aside in (0.0, -1.5, 1.5)
     )
@@ -190,7 +238,10 @@ def _is_brighter_than_beside(image: NDArray[Any], frame: BeamFrame, width_mm: fl
 
 
 def _corners(clamp: ClampLine, left: Side, tip: Side, right: Side, width_px: float) -> Array:
-    """(4, 2) px: where the left and right edges cross the clamp line, then the line of the tip's face."""
+    """Return the corners (4, 2) px.
+
+    Two are where the left and right edges cross the clamp line; two are where they cross the line of the tip's face.
+    """
     face = _line_through(tip.points_px[tip.sound])
     corners = []
     for side in (left, right):
@@ -208,13 +259,13 @@ def _corners(clamp: ClampLine, left: Side, tip: Side, right: Side, width_px: flo
 
 
 def _line_through(points: Array) -> tuple[Array, Array]:
-    """Centre and unit direction of the line with the least squared distances to points (n, 2), n >= 2."""
+    """Return the centre and the unit direction of the total-least-squares line through points (n, 2), n >= 2."""
     centre = points.mean(axis=0)
     return centre, np.linalg.svd(points - centre, full_matrices=False)[2][0]
 
 
 def _crossing(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
-    """Where two lines (place, direction) cross; NaN where they are all but parallel."""
+    """Return where two lines (place, direction) cross; return NaN if they are almost parallel."""
     directions = np.column_stack([one[1], -other[1]])
     if abs(np.linalg.det(directions)) < 0.1:
         return np.full(2, np.nan)

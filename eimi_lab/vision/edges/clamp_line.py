@@ -1,4 +1,4 @@
-"""The line at which the beam leaves its clamp, as the image shows it."""
+"""Find the line at which the beam leaves its clamp."""
 
 from __future__ import annotations
 
@@ -13,17 +13,24 @@ from eimi_lab.vision.edges.profiles import AVERAGED_PX, fit_steps, read_profiles
 
 Array = NDArray[np.float64]
 
-SEARCH_MM = 0.5  # to both sides of the calibrated line
-_CLEAR_OF_BEAM_PX = 8.0  # beyond the blur of the beam's own edge
-_STEP_SHARE = 0.3  # of the back-light; a fainter step beside the beam is not the clamp's
+SEARCH_MM = 0.5  # on both sides of the calibrated line
+_CLEAR_OF_BEAM_PX = 8.0  # from the beam's edge, beyond its blur
+_STEP_SHARE = 0.3  # of the back-light; a fainter step beside the beam is not the edge of the clamp
 
 
 @dataclass(frozen=True)
 class ClampLine:
-    """point_px (2,): a place on the line. ahead (2,): unit vector away from the clamp, square to the line.
+    """The clamp line in an image.
 
-    seen: share of the profiles beside the beam that show the clamp's edge; below one half the line is the
-    calibration's.
+    Attributes
+    ----------
+    point_px : ndarray, shape (2,)
+        A point on the line.
+    ahead : ndarray, shape (2,)
+        Unit vector perpendicular to the line, away from the clamp.
+    seen : float
+        Share of the profiles beside the beam that show the edge of the clamp. Below one half the line is that of the
+        calibration.
     """
 
     point_px: Array
@@ -31,14 +38,27 @@ class ClampLine:
     seen: float
 
     def distance_px(self, points_px: Array) -> Array:
-        """How far points (..., 2) are ahead of the line."""
+        """Return how far points (..., 2) lie ahead of the line, px."""
         return (points_px - self.point_px) @ self.ahead
 
 
 def find_clamp_line(image: NDArray[Any], frame: BeamFrame, width_mm: float, back_light: float) -> ClampLine:
-    """Look for the clamp's lower edge to both sides of the beam, near where the calibration has it.
+    """Find the edge of the clamp on both sides of the beam, near the calibrated line.
 
-    back_light: the back-light's grey value there.
+    Parameters
+    ----------
+    image : ndarray, shape (H, W)
+        Grey values with a dark beam and clamp.
+    frame : BeamFrame
+        The calibrated clamp and axis.
+    width_mm : float
+        Width of the specimen.
+    back_light : float
+        Grey value of the back-light beside the beam.
+
+    Returns
+    -------
+    ClampLine
     """
     origin, ahead_mm, across_mm = frame.to_px([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     scale = float(np.linalg.norm(ahead_mm - origin))
@@ -49,20 +69,20 @@ def find_clamp_line(image: NDArray[Any], frame: BeamFrame, width_mm: float, back
     beside = np.concatenate([-beside, beside])
     lines = beside[:, None] + np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
     reach = max(SEARCH_MM * scale, 8.0)
-    u = stations(1.5 * reach, 1.5 * reach)
+    stations_px = stations(1.5 * reach, 1.5 * reach)
     profiles, inside = read_profiles(
-        image, origin + lines[..., None] * across, np.broadcast_to(ahead, (*lines.shape, 2)), u
+        image, origin + lines[..., None] * across, np.broadcast_to(ahead, (*lines.shape, 2)), stations_px
     )
-    steps = fit_steps(u, profiles)
-    seen = inside & steps.sound & (steps.bright - steps.dark > _STEP_SHARE * back_light)
-    seen &= np.abs(steps.offset_px) < reach
-    if seen.any():
-        seen &= np.abs(steps.offset_px - np.median(steps.offset_px[seen])) < max(2.0, 0.2 * reach)
-    share = float(seen.mean())
+    steps = fit_steps(stations_px, profiles)
+    shows_clamp = inside & steps.sound & (steps.bright - steps.dark > _STEP_SHARE * back_light)
+    shows_clamp &= np.abs(steps.offset_px) < reach
+    if shows_clamp.any():
+        shows_clamp &= np.abs(steps.offset_px - np.median(steps.offset_px[shows_clamp])) < max(2.0, 0.2 * reach)
+    share = float(shows_clamp.mean())
     if share < 0.5:
         return ClampLine(origin, ahead, share)
-    offset, tilt = float(steps.offset_px[seen].mean()), 0.0
-    if seen[beside < 0.0].sum() > 1 and seen[beside > 0.0].sum() > 1:
-        tilt, offset = (float(value) for value in np.polyfit(beside[seen], steps.offset_px[seen], 1))
+    offset, tilt = float(steps.offset_px[shows_clamp].mean()), 0.0
+    if shows_clamp[beside < 0.0].sum() > 1 and shows_clamp[beside > 0.0].sum() > 1:
+        tilt, offset = (float(value) for value in np.polyfit(beside[shows_clamp], steps.offset_px[shows_clamp], 1))
     square = ahead - tilt * across
     return ClampLine(origin + offset * ahead, square / np.linalg.norm(square), share)

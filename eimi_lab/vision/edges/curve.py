@@ -1,4 +1,4 @@
-"""A smooth curve through points of an edge, walked by arc length."""
+"""A smooth curve through the points of an edge, parametrised by arc length."""
 
 from __future__ import annotations
 
@@ -8,22 +8,45 @@ from scipy.interpolate import BSpline, make_lsq_spline
 
 Array = NDArray[np.float64]
 
-_FEWEST = 3  # points in a piece of a given length
+_FEWEST = 3  # points in an interval of given length
 
 
 class SmoothCurve:
-    """Least-squares cubic spline through ordered points (n, 2), n >= 4.
+    """Least-squares cubic spline through ordered points.
 
-    pieces: number of spline intervals; fewer than n - 3, or it is reduced. equal: whether they are equally long, and
-    do not hold equally many points; where one would hold fewer than three, it is part of the one before. length: arc
-    length from the first to the last point, in the points' unit.
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2)
+        At least four ordered points.
+    pieces : int
+        Number of intervals of the spline; reduced if there are too few points.
+    equal : bool
+        Whether the intervals are equally long. Otherwise they hold equally many points. An interval of fewer than three
+        points is joined to the one before it.
+
+    Attributes
+    ----------
+    length : float
+        Arc length from the first to the last point, in the unit of the points.
+    pieces : int
+        Number of intervals that the spline has.
+
+    Examples
+    --------
+    >>> angle = np.linspace(0.0, np.pi, 50)
+    >>> half_circle = SmoothCurve(2.0 * np.column_stack([np.cos(angle), np.sin(angle)]), pieces=6)
+    >>> round(half_circle.length / np.pi, 3)
+    2.0
+    >>> place, tangent = half_circle.at(np.array([0.5 * half_circle.length]))
+    >>> bool(np.allclose(place, [[0.0, 2.0]], atol=0.01))
+    True
     """
 
     def __init__(self, points: Array, pieces: int, equal: bool = False) -> None:
         step = np.hypot(*np.diff(points, axis=0).T)
         parameter = np.concatenate([[0.0], np.cumsum(np.maximum(step, 1e-9))])
         pieces = max(1, min(pieces, (len(points) - 3) // 2))
-        # Each interval has to hold points, which the least squares needs: at quantiles of the data it does.
+        # The least squares need points in every interval; knots at quantiles of the data ensure this.
         share = np.linspace(0.0, 1.0, pieces + 1)
         knots = _with_points(parameter[-1] * share, parameter) if equal else np.quantile(parameter, share)
         self.pieces = pieces = len(knots) - 1
@@ -36,9 +59,18 @@ class SmoothCurve:
         self.length = float(self._distance[-1])
 
     def at(self, distance: Array) -> tuple[Array, Array]:
-        """Points and unit tangents at arc lengths; both have the shape of ``distance`` with (2,) added.
+        """Return points and unit tangents at arc lengths.
 
-        Beyond 0..length the curve goes on straight.
+        Beyond the ends the curve continues straight.
+
+        Parameters
+        ----------
+        distance : ndarray, shape (...)
+            Arc lengths from the first point.
+
+        Returns
+        -------
+        points, tangents : ndarray, shape (..., 2)
         """
         parameter = np.interp(distance, self._distance, self._parameter)
         tangent = self._slope(parameter)
@@ -47,7 +79,7 @@ class SmoothCurve:
         return self._spline(parameter) + beyond[..., None] * tangent, tangent
 
     def curvature(self, distance: Array) -> Array:
-        """Second derivative (n, 2) of the place with respect to arc length: toward the centre, one over the radius."""
+        """Return the curvature vector (n, 2) at arc lengths: toward the centre of curvature, with length 1/radius."""
         parameter = np.interp(distance, self._distance, self._parameter)
         slope, second = self._slope(parameter), self._slope.derivative()(parameter)
         speed = np.maximum((slope**2).sum(axis=-1, keepdims=True), 1e-12)
@@ -56,7 +88,7 @@ class SmoothCurve:
 
 
 def _with_points(knots: Array, parameter: Array) -> Array:
-    """The knots without those before which, or behind the last of which, lie too few of the sorted parameters."""
+    """Remove the inner knots that would leave an interval with fewer than three of the sorted parameters."""
     before = np.searchsorted(parameter, knots)
     kept = [0]
     for knot in range(1, len(knots) - 1):

@@ -1,4 +1,4 @@
-"""The beam's width, length and twist as its edges show them, against what the specimen's file says."""
+"""Width, length and twist of the beam as its edges show them, compared with the specimen."""
 
 from __future__ import annotations
 
@@ -12,9 +12,21 @@ Array = NDArray[np.float64]
 
 
 def local_widths(left: Array, right: Array) -> Array:
-    """(n,) distances of the left edge's points (n, 2) from the right edge (m, 2), both ordered from the clamp."""
+    """Return the distance of each point of the left edge from the right edge.
+
+    The distance is measured to the chord between the neighbours of the nearest point of the right edge.
+
+    Parameters
+    ----------
+    left, right : ndarray, shape (n, 2) and (m, 2)
+        Points of the two edges, ordered from the clamp, in any one unit.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
     nearest = cKDTree(right).query(left)[1]
-    # The neighbours' chord, not the nearest point itself: the points are far apart for what is asked here.
+    # The points are far apart, so that the distance to the nearest point itself would be too large.
     behind, ahead = right[np.maximum(nearest - 1, 0)], right[np.minimum(nearest + 1, len(right) - 1)]
     chord = (ahead - behind) / np.linalg.norm(ahead - behind, axis=1, keepdims=True)
     gap = left - right[nearest]
@@ -22,12 +34,22 @@ def local_widths(left: Array, right: Array) -> Array:
 
 
 def width_deviation(widths: Array, width: float) -> float:
-    """Departure of the local width from the specimen's, as a share of it; a tenth of the beam departs more."""
+    """Return the 90th percentile of the relative deviation of the local widths (n,) from the specimen's width."""
     return float(np.percentile(np.abs(widths / width - 1.0), 90))
 
 
 def length_deviation(left: Array, right: Array, corners: Array, length: float) -> float:
-    """Departure of both edges' mean length, corner to corner (4, 2), from the specimen's, as a share of it."""
+    """Return the relative deviation of the mean length of the edges from the specimen's length.
+
+    Parameters
+    ----------
+    left, right : ndarray, shape (n, 2) and (m, 2)
+        Points of the two edges, ordered from the clamp.
+    corners : ndarray, shape (4, 2)
+        Clamp-left, clamp-right, tip-left, tip-right. Each edge is measured from corner to corner.
+    length : float
+        Length of the specimen, in the unit of the points.
+    """
     total = 0.0
     for points, start, end in ((left, corners[0], corners[2]), (right, corners[1], corners[3])):
         total += float(np.hypot(*np.diff(np.vstack([start, points, end]), axis=0).T).sum())
@@ -35,38 +57,61 @@ def length_deviation(left: Array, right: Array, corners: Array, length: float) -
 
 
 def twist_deg(widths: Array, width: float, depth: float) -> float:
-    """By how much the tip is turned about the beam's own axis against the clamp, which holds the root.
+    """Return the angle by which the tip is turned about the beam's axis relative to the clamp, degrees.
 
-    A box turned by phi shows the width w cos(phi) + depth sin(phi). What counts is the excess of the last quarter
-    over the first eighth and over the specimen's own width: a beam that its weight stretches is narrow at the root.
+    A box of width w and depth d that is turned by φ looks w cos φ + d sin φ wide. The twist follows from the excess of
+    the last quarter of the beam over the first eighth, or over the specimen's own width if that is larger: a beam that
+    is stretched by its weight is narrower at the root. The middles of the two stretches are 13/16 of the beam apart, so
+    that a twist that grows evenly over the whole length is 16/13 times as large.
+
+    Parameters
+    ----------
+    widths : ndarray, shape (n,)
+        Local widths from the clamp to the tip.
+    width, depth : float
+        Width and depth of the specimen, in the unit of the widths.
     """
     root, tip = widths[: max(1, len(widths) // 8)], widths[-max(1, len(widths) // 4) :]
     reference = max(width, float(np.median(root)))
     excess = (float(np.median(tip)) - reference) * width / reference
     if excess <= 0.0:
         return 0.0
-    # The two stretches' middles are at 1/16 and 7/8 of the beam, over whose whole length a steady twist is asked for.
+    # The middles of the two stretches are at 1/16 and 7/8 of the length.
     return _turn_deg(width + excess, width, depth) / (7.0 / 8.0 - 1.0 / 16.0)
 
 
 def even_turn_deg(widths: Array, width: float, depth: float) -> float:
-    """By how much the whole beam would have to be turned about its axis to look as wide as it does; 0 if narrower."""
-    seen = float(np.median(widths))
-    return _turn_deg(seen, width, depth) if seen > width else 0.0
+    """Return the turn of the whole beam about its axis that explains its median width, degrees; 0 if it is narrower."""
+    apparent = float(np.median(widths))
+    return _turn_deg(apparent, width, depth) if apparent > width else 0.0
 
 
-def _turn_deg(seen: float, width: float, depth: float) -> float:
+def _turn_deg(apparent: float, width: float, depth: float) -> float:
+    """Return the angle φ (degrees) for which w cos φ + d sin φ is the apparent width."""
     # w cos(phi) + d sin(phi) = R sin(phi + beta), tan(beta) = w / d
     beta, radius = math.atan2(width, depth), math.hypot(width, depth)
-    return math.degrees(math.asin(min(1.0, seen / radius)) - beta)
+    return math.degrees(math.asin(min(1.0, apparent / radius)) - beta)
 
 
 def stiffening_by_twist(root_deg: float, tip_deg: float, width: float, depth: float) -> float:
-    """By which share a twisted box resists bending in the image's plane more than a straight one.
+    """Return the relative increase of the bending stiffness in the plane of the image of a twisted box.
 
-    The bending moment splits over the section's two axes: the curvature in the plane is M/E (cos²/I1 + sin²/I2) with
-    I1/I2 = (width/depth)², averaged over a turn that grows evenly from the root to the tip. A fit that knows of no
-    twist finds the modulus too high by this share (too low for a beam that is less deep than wide).
+    A bending moment M on a section that is turned by φ has components along both axes of the section. The curvature in
+    the plane of the image is M/E · (cos² φ / I1 + sin² φ / I2) with I1/I2 = (width/depth)². It is averaged over a turn
+    that grows evenly from the root to the tip, with φ² in place of sin² φ. A fit that assumes no twist overestimates
+    the modulus by this share; it underestimates the modulus of a beam that is less deep than wide.
+
+    Parameters
+    ----------
+    root_deg, tip_deg : float
+        Turn of the section at the root and at the tip.
+    width, depth : float
+        Width and depth of the specimen.
+
+    Examples
+    --------
+    >>> round(stiffening_by_twist(0.0, 2.0, width=3.0, depth=5.0), 5)
+    0.00026
     """
     root, tip = math.radians(root_deg), math.radians(tip_deg)
     mean_square = (root * root + root * tip + tip * tip) / 3.0

@@ -1,4 +1,4 @@
-"""What segmentation says of one state: two edges in millimetres and the reasons to distrust them."""
+"""The result of segmentation for one state: two edges in millimetres, and the flags."""
 
 from __future__ import annotations
 
@@ -14,9 +14,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class EdgePoints:
-    """One edge, ordered from the clamp to the tip, in the beam frame.
+    """One edge in the beam frame, ordered from the clamp to the tip.
 
-    points_mm: (n, 2); sigma_mm: (n,) standard deviation along the edge's normal.
+    Attributes
+    ----------
+    points_mm : ndarray, shape (n, 2)
+        Points of the edge.
+    sigma_mm : ndarray, shape (n,)
+        Standard deviation of each point along the normal of the edge.
     """
 
     points_mm: Array
@@ -25,12 +30,20 @@ class EdgePoints:
 
 @dataclass(frozen=True)
 class EdgeSet:
-    """Both edges of one state (left: y < 0 at zero field), the frame's flags, and the corners in pixels.
+    """Both edges of one state, the flags and the corners.
 
-    corners_px: (4, 2) clamp-left, clamp-right, tip-left, tip-right; NaN where a corner was not found.
-    An edge set without points (n = 0) is a frame in which no beam was found; its flags say why.
-    calibration_digest: `Calibration.digest` of the one that made pixels millimetres; calibration_age_days: how old it
-    was when the frame was taken, None where that is not known.
+    Attributes
+    ----------
+    left, right : EdgePoints
+        The edges; the left one has y < 0 at zero field. Both are empty if no beam was found.
+    flags : tuple of Flag
+        The quality checks that the state did not pass.
+    corners_px : ndarray, shape (4, 2)
+        Clamp-left, clamp-right, tip-left, tip-right; NaN for a corner that was not found.
+    calibration_digest : str
+        `Calibration.digest` of the calibration that mapped pixels to millimetres.
+    calibration_age_days : float, optional
+        Age of the calibration when the frame was taken; None if it is not known.
     """
 
     left: EdgePoints
@@ -42,7 +55,7 @@ class EdgeSet:
 
     @property
     def middle_mm(self) -> Array:
-        """(n, 2) amid the left edge's points and the right edge's nearest to each; empty without points."""
+        """Points (n, 2) midway between each point of the left edge and the nearest point of the right edge."""
         left, right = self.left.points_mm, self.right.points_mm
         if not (len(left) and len(right)):
             return np.zeros((0, 2))
@@ -51,21 +64,32 @@ class EdgeSet:
 
 
 END_SHARE = 0.1
-"""Of an edge's length: what of its end tells where the tip points."""
+"""Share of an edge's length, at its end, that gives the direction of the tip."""
 
 
-def tip_angle_deg(found: EdgeSet) -> float:
-    """Where the tip points, from +x toward +y: the mean direction of the last tenth of both edges; NaN without edges.
+def tip_angle_deg(edges: EdgeSet) -> float:
+    """Return the direction of the tip, from +x toward +y.
 
-    A few pixels at the tip's own corners are no part of the edges, so that this is the direction just before them.
+    It is the mean direction of the last tenth of both edges. The points end a few pixels before the corners of the tip,
+    so that this is the direction just before them.
+
+    Parameters
+    ----------
+    edges : EdgeSet
+        Both edges of a state.
+
+    Returns
+    -------
+    float
+        Degrees; NaN without edges.
     """
-    directions = [_end_direction(edge.points_mm) for edge in (found.left, found.right)]
+    directions = [_end_direction(edge.points_mm) for edge in (edges.left, edges.right)]
     x, y = np.sum(directions, axis=0)
     return float(np.degrees(np.arctan2(y, x)))
 
 
 def _end_direction(points_mm: Array) -> Array:
-    """(2,) of length 1: the main axis of the end of an edge (n, 2), away from the clamp; NaN for too few points."""
+    """Return the unit vector along the end of an edge (n, 2), away from the clamp; NaN for fewer than three points."""
     if len(points_mm) < 3:
         return np.full(2, np.nan)
     steps = np.hypot(*np.diff(points_mm, axis=0).T)

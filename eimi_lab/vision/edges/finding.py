@@ -1,4 +1,4 @@
-"""Both edges of the beam from one image: by its silhouette in front of a back-light, or followed from its clamp."""
+"""Find both edges of the beam in one image, by its silhouette or by following it from its clamp."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from eimi_lab.vision.following.in_picture import in_255, stated_beam
 from eimi_lab.vision.projection import Projection
 
 Array = NDArray[np.float64]
-Found = tuple[EdgePoints, EdgePoints, Array]
+_Edges = tuple[EdgePoints, EdgePoints, Array]
 
-# What says of a silhouette that it is the beam's and something else's, or not all of it.
+# Findings which show that a silhouette is not that of the whole beam alone.
 _OF_THE_OUTLINE = frozenset(
     ("touches_frame", "other_bodies", "hole_share", "corner_turn_deg", "residual", "width_deviation", "clamp_seen")
 )
@@ -40,50 +40,85 @@ def find_edges(
     projection: Projection | None = None,
     earlier: Callable[[], EdgeSet | None] | None = None,
 ) -> EdgeSet:
-    """The beam's edges in one image, (height, width) or (height, width, 3), of any depth.
+    """Find the edges of the beam in one image.
 
-    spacing_mm: wanted distance of the points along the edges; wider where that would give more than
-    `passes.MOST_POINTS` or where profiles would overlap. Where they would lie farther apart than a tenth of the beam's
-    width, more are looked for than are returned. A few pixels at the clamp line and at the corners are left out, where
-    the profile is no clean step. A beam brighter than what is beside its root is taken for a lit one in front of a dark
-    background. limits: in place of those of the table of flags, by the names of its findings. calibration_age_days: how
-    old the calibration was when the image was taken. projection: of the image's colours, if it has any. earlier: gives
-    the edges of a state before this one, by the same calibration; it is asked where several bodies may as well be the
-    beam, and nowhere else: the one nearest to them is taken, and ROOT_AMBIGUOUS says so. A picture without a beam gives
-    an edge set without points, and flags; it never raises for a picture.
+    The silhouette is tried first (`back_lit`): in front of a back-light its accuracy is limited by the noise alone. If
+    it gives no edges, or touches another body, the beam is followed from its clamp (`eimi_lab.vision.following`). In a
+    picture with colours the beam is also followed if the silhouette is in doubt.
 
-    The silhouette comes first (`back_lit`): in front of a back-light it is at the limit that the noise sets. Where it
-    gives no edges, or runs into something else, the beam is followed from its clamp (`eimi_lab.vision.following`).
-    In a picture with colours that is also done where the silhouette is in doubt.
+    A few pixels are left out at the clamp line and at the corners, where a profile is not a clean step. A beam that is
+    brighter than the surroundings of its root is taken for a lit beam in front of a dark background.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W) or (H, W, 3)
+        The image, of any bit depth. Any image is accepted; without a beam the edges are empty, and the flags say why.
+    calibration : Calibration
+        Scale, clamp, axis and lens.
+    specimen_file : SpecimenFile
+        The specimen and its magnet.
+    spacing_mm : float
+        Wanted distance of the points along the edges. It is increased if there would be more than `passes.MOST_POINTS`
+        points, or if their profiles would overlap. If it exceeds a tenth of the beam's width, more points are located
+        than returned, to estimate their scatter.
+    limits : mapping of str to float, optional
+        Limits in place of those of the table of flags, by the names of its findings.
+    calibration_age_days : float, optional
+        Age of the calibration when the image was taken.
+    projection : Projection, optional
+        Projection of the image's colours.
+    earlier : callable, optional
+        Return the edges of an earlier state with the same calibration, or None. It is called only if several bodies are
+        equally likely to be the beam. The body nearest to the earlier edges is then used, with the flag ROOT_AMBIGUOUS.
+
+    Returns
+    -------
+    EdgeSet
+
+    Examples
+    --------
+    An image without a beam:
+
+    >>> calibration = Calibration(
+    ...     pixels_per_mm=8.0, coil_constant_mT_per_A=4.7, clamp_midpoint_px=(64.0, 8.0),
+    ...     axis_angle_deg=90.0, gravity_angle_deg=90.0, field_angle_deg=0.0,
+    ... )
+    >>> specimen = SpecimenFile.model_validate(
+    ...     {"specimen": {"name": "bar", "material": "silicone", "length_mm": 8.0, "width_mm": 1.5,
+    ...                   "depth_mm": 2.0, "density_kg_m3": 1070.0}}
+    ... )
+    >>> edges = find_edges(np.full((96, 128), 200, np.uint8), calibration, specimen)
+    >>> len(edges.left.points_mm), "LOW_CONTRAST" in [flag.name for flag in edges.flags]
+    (0, True)
     """
     age = {} if calibration_age_days is None else {"calibration_age_days": calibration_age_days}
     findings = {"contrast": 0.0, "clamp_seen": 0.0} | age
     search = BackLitSearch(BeamFrame(calibration), calibration.pixels_per_mm, specimen_file, findings, limits)
     search.projection, search.polarity = projection, calibration.picture.polarity if calibration.picture else None
-    outlined = search.outlined(image)
-    sure = outlined is not None and not _is_in_doubt(image, search)
-    found = search.edges(outlined, spacing_mm) if outlined is not None and sure else None
-    if found is not None and not _is_in_doubt(image, search):
+    outlined = search.find_outline(image)
+    trusted = outlined is not None and not _is_in_doubt(image, search)
+    edges = search.locate_edges(outlined, spacing_mm) if outlined is not None and trusted else None
+    if edges is not None and not _is_in_doubt(image, search):
         flags = judge(findings, limits, search.words())
     else:
         followed = follow_beam(
             image, calibration, specimen_file, spacing_mm=spacing_mm, projection=projection, earlier=earlier
         )
-        instead = _in_mm(followed, search.frame, limits)
-        if instead is not None:
-            seen = {"followed_clamp": findings["clamp_seen"]}
-            found, flags = instead, judge(followed.findings | seen | age, limits, followed.words)
+        followed_edges = _followed_edges(followed, search.frame, limits)
+        if followed_edges is not None:
+            clamp = {"followed_clamp": findings["clamp_seen"]}
+            edges, flags = followed_edges, judge(followed.findings | clamp | age, limits, followed.words)
         else:
-            if outlined is not None and not sure:  # the best there is, and what is wrong with it
-                found = search.edges(outlined, spacing_mm)
+            if outlined is not None and not trusted:  # the edges of a doubtful silhouette are better than none
+                edges = search.locate_edges(outlined, spacing_mm)
             flags = judge(findings, limits, search.words())
-            if found is None:
-                known = {flag.name for flag in flags}
-                told = judge(followed.findings, limits, followed.words)
-                grave = {flag.name: flag for flag in told if flag.severity is Severity.UNUSABLE}
-                flags += tuple(flag for name, flag in grave.items() if name not in known)
+            if edges is None:
+                raised = {flag.name for flag in flags}
+                flags_of_following = judge(followed.findings, limits, followed.words)
+                grave = {flag.name: flag for flag in flags_of_following if flag.severity is Severity.UNUSABLE}
+                flags += tuple(flag for name, flag in grave.items() if name not in raised)
     nothing = EdgePoints(np.zeros((0, 2)), np.zeros(0))
-    left, right, corners_px = found or (nothing, nothing, np.full((4, 2), np.nan))
+    left, right, corners_px = edges or (nothing, nothing, np.full((4, 2), np.nan))
     return EdgeSet(left, right, flags, corners_px, calibration.digest, calibration_age_days)
 
 
@@ -96,9 +131,19 @@ def follow_beam(
     projection: Projection | None = None,
     earlier: Callable[[], EdgeSet | None] | None = None,
 ) -> FollowedBeam:
-    """The beam followed from its clamp in an image as for `find_edges`, with all that was found on the way.
+    """Follow the beam from its clamp in one image, and keep the intermediate results.
 
-    All colours are used, for each stretch of each edge its own projection of them, unless a person named one.
+    All colours are used, with a separate projection for each stretch of each edge, unless a person named a channel or
+    the colour of the beam.
+
+    Parameters
+    ----------
+    image, calibration, specimen_file, spacing_mm, projection, earlier
+        See `find_edges`.
+
+    Returns
+    -------
+    FollowedBeam
     """
     pixels = np.asarray(image)
     if pixels.ndim not in (2, 3) or min(pixels.shape[:2]) < _SMALLEST_FRAME_PX:
@@ -119,27 +164,29 @@ def follow_beam(
 
 
 def _is_in_doubt(image: ArrayLike, search: BackLitSearch) -> bool:
-    """Whether a silhouette that gave edges is to be followed all the same."""
+    """Return whether the beam is to be followed although its silhouette gave edges."""
     doubts = {name: value for name, value in search.findings.items() if name in _OF_THE_OUTLINE}
-    if np.ndim(image) == 2:  # in front of a back-light these say what is wrong, and the edges are the best there are
+    if np.ndim(image) == 2:  # in front of a back-light the edges of the silhouette remain the best
         doubts = {name: value for name, value in doubts.items() if name == "touches_frame"}
     return bool(judge(doubts, search.limits, search.words()))
 
 
-def _in_mm(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[str, float] | None) -> Found | None:
-    """The edges that were followed; None where there are none, or what was found makes them unusable."""
+def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[str, float] | None) -> _Edges | None:
+    """Return the followed edges in mm; return None without edges, or if their flags make them unusable."""
     if followed.edges is None or leaves_out(judge(followed.findings, limits, followed.words)):
         return None
     left, right = (_points(side, frame) for side in followed.edges)
-    if frame.hand < 0.0:  # left is where y < 0, whichever way the image shows it
+    if frame.hand < 0.0:  # left is where y < 0, also in a mirrored view
         left, right = right, left
     return left, right, np.full((4, 2), np.nan)
 
 
 def _points(side: StripEdges, frame: BeamFrame) -> EdgePoints:
+    """Convert one followed edge to millimetres."""
     return EdgePoints(frame.to_mm(side.points), side.sigma * _mm_in_px(frame))
 
 
 def _mm_in_px(frame: BeamFrame) -> float:
+    """Return the size of a pixel at the clamp in mm."""
     origin, ahead = frame.to_px([[0.0, 0.0], [1.0, 0.0]])
     return 1.0 / float(np.linalg.norm(ahead - origin))

@@ -1,4 +1,4 @@
-"""A frame with what was found on it: edges, normals, corners, and below it the flags; and many on one sheet."""
+"""Draw the edges on a frame, with the normals, the corners and the flags; combine many pictures on one sheet."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ FLAG_COLOUR = (0, 0, 255)
 STATED_COLOUR, FOLLOWED_COLOUR = (255, 220, 80), (0, 230, 255)  # light blue, yellow
 _SUB_PIXEL_BITS = 4
 _NORMAL_EVERY = 10  # points
-_NORMAL_PX = 8.0  # to both sides
+_NORMAL_PX = 8.0  # on both sides of the edge
 _SHEET_PX = (320, 280)  # width and height of a picture on the sheet, its caption included
 _CAPTION_PX = 20
 _LETTERS = 0.9 / 1280  # size of a flag's letters for each pixel of the picture's width
 _REMEDY_SIZE = 0.75  # of the flag's own letters
-_LEAST_TEXT_PX = 560  # of its width, below a small picture
+_LEAST_TEXT_PX = 560  # least width of the text below a small picture
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
@@ -40,12 +40,34 @@ def draw_overlay(
     specimen_file: SpecimenFile | None = None,
     followed: FollowedBeam | None = None,
 ) -> NDArray[np.uint8]:
-    """uint8 picture, blue, green, red: left edge blue, right edge orange, corners green, and the flags in words below.
+    """Draw the edges and the flags of one state on its frame.
 
-    The image lies at the top left, as large as it is. Every tenth point of an edge shows the normal along which it was
-    sought; each flag its value, its limit and what to do about it. image: as for `find_edges`. Where there are no edges
-    and the specimen is given, clamp, axis and width are shown as they are stated, in light blue, and what was followed
-    of the beam in yellow, up to a cross where it ended. Raises ValueError for an array that is no image.
+    The left edge is blue, the right edge orange, and the corners are green. Every tenth point of an edge shows the
+    normal along which it was located. Below the frame each flag is listed with its value, its limit and its remedy. The
+    frame keeps its size and lies at the top left.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W) or (H, W, 3)
+        The frame, as for `find_edges`.
+    edges : EdgeSet
+        The edges and flags.
+    calibration : Calibration
+        The map between millimetres and pixels.
+    specimen_file : SpecimenFile, optional
+        If given and there are no edges, the stated clamp, axis and width are drawn in light blue.
+    followed : FollowedBeam, optional
+        If given and there are no edges, the followed path is drawn in yellow, with a cross where it ended.
+
+    Returns
+    -------
+    ndarray of uint8, shape (h, w, 3)
+        Blue, green, red.
+
+    Raises
+    ------
+    ValueError
+        If the array is not an image.
     """
     picture = in_colour(image)
     frame = BeamFrame(calibration)
@@ -65,7 +87,7 @@ def draw_overlay(
 
 
 def in_colour(image: ArrayLike) -> NDArray[np.uint8]:
-    """(height, width, 3) of 255."""
+    """Return an image of any bit depth, (H, W) or (H, W, 3), as uint8 (H, W, 3)."""
     pixels = np.asarray(image)
     if pixels.ndim != 3:
         return np.asarray(cv2.cvtColor(eight_bit(image), cv2.COLOR_GRAY2BGR), dtype=np.uint8)
@@ -78,7 +100,7 @@ def _draw_line(picture: NDArray[np.uint8], points: NDArray[Any], colour: tuple[i
 
 
 def _draw_stated(picture: NDArray[np.uint8], frame: BeamFrame, specimen_file: SpecimenFile) -> None:
-    """The clamp's line, the axis and both edges of a straight beam, where the files say that they are."""
+    """Draw the clamp line, the axis and both edges of a straight beam as the files state them."""
     length, half = specimen_file.specimen.length_mm, 0.5 * specimen_file.specimen.width_mm
     for line in (
         [[0.0, -2.0 * half], [0.0, 2.0 * half]],
@@ -90,7 +112,7 @@ def _draw_stated(picture: NDArray[np.uint8], frame: BeamFrame, specimen_file: Sp
 
 
 def _draw_followed(picture: NDArray[np.uint8], followed: FollowedBeam) -> None:
-    """The middle of the strip that was followed, its edges as far as they are sure, and a cross where it ended."""
+    """Draw the middle of the followed strip, its edges as far as they are sure, and a cross at its end."""
     path = followed.path_px
     _draw_line(picture, path, FOLLOWED_COLOUR)
     for edge in followed.sure_px:
@@ -102,7 +124,7 @@ def _draw_followed(picture: NDArray[np.uint8], followed: FollowedBeam) -> None:
 
 
 def _with_words_below(picture: NDArray[np.uint8], flags: Sequence[Flag]) -> NDArray[np.uint8]:
-    """The picture with name, value and limit of each flag on white below it, and the remedies in smaller letters."""
+    """Add name, value and limit of each flag on white below the picture, and the remedies in smaller letters."""
     if not flags:
         return picture
     wide = max(picture.shape[1], _LEAST_TEXT_PX)
@@ -123,9 +145,20 @@ def _with_words_below(picture: NDArray[np.uint8], flags: Sequence[Flag]) -> NDAr
 def contact_sheet(
     pictures: Sequence[NDArray[np.uint8]], captions: Sequence[str], size_px: tuple[int, int] = _SHEET_PX
 ) -> NDArray[np.uint8]:
-    """One picture of many (height, width, 3), each made small with its caption above, in rows, about square in all.
+    """Combine many pictures on one roughly square sheet.
 
-    size_px: width and height that each gets, its caption included.
+    Parameters
+    ----------
+    pictures : sequence of ndarray of uint8, shape (h, w, 3)
+        The pictures; large ones are reduced.
+    captions : sequence of str
+        A caption above each picture.
+    size_px : tuple of int
+        Width and height for each picture with its caption.
+
+    Returns
+    -------
+    ndarray of uint8, shape (H, W, 3)
     """
     wide, high = size_px
     columns = max(1, math.ceil(math.sqrt(len(pictures))))
@@ -133,18 +166,18 @@ def contact_sheet(
     sheet = np.full((rows * high, columns * wide, 3), 255, dtype=np.uint8)
     for index, (picture, caption) in enumerate(zip(pictures, captions, strict=True)):
         top, left = index // columns * high, index % columns * wide
-        share = min(1.0, (wide - 4) / picture.shape[1], (high - _CAPTION_PX - 4) / picture.shape[0])
-        size = (max(1, round(picture.shape[1] * share)), max(1, round(picture.shape[0] * share)))
+        reduction = min(1.0, (wide - 4) / picture.shape[1], (high - _CAPTION_PX - 4) / picture.shape[0])
+        size = (max(1, round(picture.shape[1] * reduction)), max(1, round(picture.shape[0] * reduction)))
         small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
         begin = top + _CAPTION_PX
         sheet[begin : begin + size[1], left : left + size[0]] = small
-        above = sheet[top:begin, left : left + wide - 4]  # alone: a long caption must not run into the next one
+        above = sheet[top:begin, left : left + wide - 4]  # a part of the sheet, so that a long caption is cut off
         cv2.putText(above, caption, (2, _CAPTION_PX - 6), _FONT, 0.42, (0, 0, 0), 1, cv2.LINE_AA)
     return sheet
 
 
 def _normals(points: NDArray[Any]) -> NDArray[Any]:
-    """(k, 2, 2): short lines across an edge (n, 2) at every tenth point."""
+    """Return short lines (k, 2, 2) across an edge (n, 2), at every tenth point."""
     if len(points) < 3:
         return np.zeros((0, 2, 2))
     tangent = np.gradient(points, axis=0)
@@ -154,5 +187,5 @@ def _normals(points: NDArray[Any]) -> NDArray[Any]:
 
 
 def _fixed_point(points: NDArray[Any]) -> NDArray[np.int32]:
-    """Places for OpenCV's sub-pixel drawing, kept within what it can hold."""
+    """Convert places to the fixed-point integers of OpenCV's sub-pixel drawing, clipped to what it accepts."""
     return np.rint(np.clip(points, -1e5, 1e5) * 2**_SUB_PIXEL_BITS).astype(np.int32)

@@ -1,4 +1,4 @@
-"""The part of the pictures in which a person says the beam is, and nothing else of them."""
+"""The part of the pictures in which the beam is searched, as a person states it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,17 @@ from eimi_lab.vision.edges.edge_set import EdgeSet
 
 @dataclass(frozen=True)
 class Region:
-    """A rectangle of the pictures. calibration: of what is in it, for pixels that are counted from its corner."""
+    """A rectangle of the pictures.
+
+    Attributes
+    ----------
+    left, top, width, height : int
+        The rectangle, px of the picture.
+    calibration : Calibration
+        The calibration for pixels counted from the corner of the rectangle.
+    digest : str
+        Digest of the calibration of the whole picture.
+    """
 
     left: int
     top: int
@@ -25,31 +35,46 @@ class Region:
     digest: str
 
     def cut(self, image: NDArray[Any]) -> NDArray[Any]:
-        """What of an image (H, W) or (H, W, 3) is in it."""
+        """Return the part of an image (H, W) or (H, W, 3) inside the rectangle."""
         return image[self.top : self.top + self.height, self.left : self.left + self.width]
 
-    def in_picture(self, found: EdgeSet) -> EdgeSet:
-        """What was found in it, with corners counted from the picture's."""
-        corners = found.corners_px + np.array([self.left, self.top])
-        return replace(found, corners_px=corners, calibration_digest=self.digest)
+    def in_picture(self, edges: EdgeSet) -> EdgeSet:
+        """Return edges found in the rectangle, with corners in pixels of the whole picture."""
+        corners = edges.corners_px + np.array([self.left, self.top])
+        return replace(edges, corners_px=corners, calibration_digest=self.digest)
 
 
 def region_of(calibration: Calibration, shape: tuple[int, ...]) -> Region | None:
-    """The region that a calibration states for pictures of a shape; None without one.
+    """Return the region that a calibration states.
 
-    Raises InputError for one that leaves the pictures, or in which the clamp is not.
+    Parameters
+    ----------
+    calibration : Calibration
+        The calibration of the whole picture.
+    shape : tuple of int
+        Shape of the pictures: height, width, and perhaps channels.
+
+    Returns
+    -------
+    Region or None
+        None if the calibration states no region.
+
+    Raises
+    ------
+    InputError
+        If the region leaves the picture, or if the clamp is not in the region.
     """
     if calibration.picture is None or calibration.picture.region_px is None:
         return None
     left, top, width, height = calibration.picture.region_px
     x, y = calibration.clamp_midpoint_px
-    wrong = ""
+    problem = ""
     if left + width > shape[1] or top + height > shape[0]:
-        wrong = f"should lie in the pictures of {shape[1]} x {shape[0]} px"
+        problem = f"should lie in the pictures of {shape[1]} x {shape[0]} px"
     elif not (left <= x < left + width and top <= y < top + height):
-        wrong = f"should hold clamp_midpoint_px = {[x, y]}, where the beam begins"
-    if wrong:
-        raise InputError(f"region_px = {[left, top, width, height]} (left, top, width, height) {wrong}")
+        problem = f"should contain clamp_midpoint_px = {[x, y]}, where the beam begins"
+    if problem:
+        raise InputError(f"region_px = {[left, top, width, height]} (left, top, width, height) {problem}")
     changed: dict[str, Any] = {"clamp_midpoint_px": (x - left, y - top)}
     if calibration.camera_matrix is not None:
         (fx, skew, cx), (zero, fy, cy), last = calibration.camera_matrix

@@ -1,7 +1,8 @@
-"""Whether grey values are proportional to light, read from the shape of the edges themselves.
+"""Estimate the gamma of the camera from the shape of the edges.
 
-A lens blurs light: an edge is a symmetric step in it. A camera that stores light to the power 1/gamma bends the step,
-more at its dark foot than at its bright shoulder, and every method that looks for the middle of the step is misled.
+A lens images an edge as a symmetric blurred step of light. A camera that stores light to the power 1/gamma distorts the
+step, more at its dark foot than at its bright shoulder. Every method that looks for the middle of the step is then
+biased.
 """
 
 from __future__ import annotations
@@ -17,31 +18,49 @@ _BIN_PX = 0.25
 _REACH_IN_BLURS = 4.0
 _FEWEST_BINS = 12
 _FEWEST_IN_BIN = 4
-_CERTAIN = 0.1  # standard deviation of gamma above which the picture is too sharp or too noisy to tell,
-_CLEARLY_BENT = 4.0  # unless gamma is above 1 by so many of them
-_CLEARLY_STRAIGHT = 0.1  # of gamma from 1; a first guess so close needs no second
+_CERTAIN = 0.1  # largest standard deviation of gamma that is accepted,
+_CLEARLY_BENT = 4.0  # unless gamma exceeds 1 by this many standard deviations
+_CLEARLY_STRAIGHT = 0.1  # a first estimate of gamma this close to 1 is not refined
+# Of scale, dark, offset (px), blur (px) and gamma.
 _BOUNDS = ([0.5, 0.0, -3.0, 0.2, 0.3], [1.5, 0.95, 3.0, 10.0, 5.0])
 
 
 def estimate_gamma(
     stations_px: Array, profiles: Array, offset_px: Array, bright: Array, blur_px: float
 ) -> float | None:
-    """Gamma of the camera: grey = light ** (1 / gamma); None where the edges cannot tell it.
+    """Estimate the gamma of the camera, where grey = light ** (1 / gamma).
 
-    profiles: (n, m) at stations_px (m,), their edges at offset_px (n,), their bright plateaus at bright (n,). All are
-    laid over one another, each in units of its plateau (a power law does not mind the scale), and a blurred step to
-    the power 1 / gamma is fitted to their mean.
+    The profiles are divided by their bright plateaus, shifted to a common edge, and averaged in bins of a quarter
+    pixel. A blurred step to the power 1/gamma is fitted to the mean.
+
+    Parameters
+    ----------
+    stations_px : ndarray, shape (m,)
+        Places along the normals.
+    profiles : ndarray, shape (n, m)
+        Grey values that rise with the light.
+    offset_px : ndarray, shape (n,)
+        Places of the edges.
+    bright : ndarray, shape (n,)
+        Grey values of the bright plateaus.
+    blur_px : float
+        Standard deviation of the blur.
+
+    Returns
+    -------
+    float or None
+        None if the profiles do not determine gamma.
     """
     places = stations_px - offset_px[:, None]
-    near = np.abs(places) < _REACH_IN_BLURS * blur_px + 1.0
-    bins = np.rint(places[near] / _BIN_PX).astype(int)
+    near_edge = np.abs(places) < _REACH_IN_BLURS * blur_px + 1.0
+    bins = np.rint(places[near_edge] / _BIN_PX).astype(int)
     bins -= (lowest := int(bins.min(initial=0)))
     count = np.bincount(bins)
-    values = (profiles / np.maximum(bright, 1e-9)[:, None])[near]
+    values = (profiles / np.maximum(bright, 1e-9)[:, None])[near_edge]
     full = count >= _FEWEST_IN_BIN
     if full.sum() < _FEWEST_BINS:
         return None
-    place = np.bincount(bins, weights=places[near])[full] / count[full]
+    place = np.bincount(bins, weights=places[near_edge])[full] / count[full]
     mean = np.bincount(bins, weights=values)[full] / count[full]
     dark, blur = float(np.clip(mean[0], 0.01, 0.9)), float(np.clip(blur_px, 0.3, 9.0))
     gamma = _near_one(place, mean, np.sqrt(count[full]), dark, blur)
@@ -49,18 +68,21 @@ def estimate_gamma(
         return gamma
     start = (1.0, dark, 0.0, blur, 1.0)
     try:
-        found, covariance = curve_fit(
+        parameters, covariance = curve_fit(
             _step, place, mean, start, sigma=1.0 / np.sqrt(count[full]), bounds=_BOUNDS, max_nfev=60
         )
-    except RuntimeError:  # no minimum in so many steps: nothing that a judgement could rest on
+    except RuntimeError:  # no minimum within the allowed number of steps
         return None
-    gamma, uncertain = float(found[4]), float(np.sqrt(covariance[4, 4]))
-    tells = uncertain < _CERTAIN or gamma - 1.0 > _CLEARLY_BENT * uncertain
-    return gamma if tells and lowest < 0 else None
+    gamma, gamma_sigma = float(parameters[4]), float(np.sqrt(covariance[4, 4]))
+    is_certain = gamma_sigma < _CERTAIN or gamma - 1.0 > _CLEARLY_BENT * gamma_sigma
+    return gamma if is_certain and lowest < 0 else None
 
 
 def _near_one(place: Array, mean: Array, weight: Array, dark: float, blur: float) -> float:
-    """Gamma from one linear step away from 1: what most pictures need, in a twentieth of the time."""
+    """Estimate gamma by one linear step from gamma = 1.
+
+    This is enough for most pictures, and takes a twentieth of the time of the full fit.
+    """
     z = place / blur
     rise, bell = ndtr(z), np.exp(-0.5 * z**2)
     light = dark + (1.0 - dark) * rise
@@ -69,5 +91,6 @@ def _near_one(place: Array, mean: Array, weight: Array, dark: float, blur: float
 
 
 def _step(place: Array, scale: float, dark: float, offset: float, blur: float, gamma: float) -> Array:
+    """Return a blurred step of light, as a camera with the given gamma stores it."""
     light = dark + (1.0 - dark) * ndtr((place - offset) / blur)
     return np.asarray(scale * np.maximum(light, 1e-9) ** (1.0 / gamma))

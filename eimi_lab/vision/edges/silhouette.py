@@ -1,4 +1,4 @@
-"""The beam's silhouette to about a pixel: which dark body it is, its outline, and its tip's corners."""
+"""Find the silhouette of the beam to about a pixel: the dark body, its outline and the corners of its tip."""
 
 from __future__ import annotations
 
@@ -16,20 +16,24 @@ from eimi_lab.vision.edges.profiles import sample
 
 Array = NDArray[np.float64]
 
-_SHRINK = 16  # the back-light is smooth: its surface is fitted to an image this much smaller
-_REACH = 2.0  # beam lengths around the clamp that are looked at; a loaded beam may be longer than at rest
-_CORNER_ARM = 0.35  # of the beam's width: over this length on both sides a corner's turn is measured
-_PLACES_IN_WIDTH = 40  # where the turn is measured
+_SHRINK = 16  # the back-light is smooth: its surface is fitted to an image that is smaller by this factor
+_REACH = 2.0  # beam lengths around the clamp that are searched; a loaded beam may be longer than at rest
+_CORNER_ARM = 0.35  # of the beam's width: the turn at a corner is measured over this length on both sides
+_PLACES_IN_WIDTH = 40  # places in a beam width at which the turn is measured
 _LEAST_TURN_DEG = 30.0
-_PARENT = 3  # column of OpenCV's table of contours that names the one around each
+_PARENT = 3  # column of OpenCV's contour hierarchy that holds the index of the enclosing contour
 
 
 @dataclass(frozen=True)
 class BackLight:
-    """The light around the beam and the beam's own darkness, in grey levels.
+    """The back-light around the beam.
 
-    surface: the fitted back-light on a coarse grid over the frame. bright, dark: grey values at the beam's
-    root, beside it and in it.
+    Attributes
+    ----------
+    surface : ndarray
+        The fitted back-light on a coarse grid over the image, grey levels.
+    bright, dark : float
+        Grey values beside the beam's root and in it.
     """
 
     surface: NDArray[np.float32]
@@ -39,12 +43,22 @@ class BackLight:
 
 @dataclass(frozen=True)
 class Silhouette:
-    """The outline from the clamp along the left edge, around the tip and back along the right edge.
+    """The outline of the beam, from the clamp along the left edge, around the tip and back along the right edge.
 
-    outline_px: (n, 2) about a pixel apart. corners: where in it the tip's left and right corners are.
-    turn_deg: by how much the outline turns at the less clear of the two; 0 where no pair of corners was found
-    (corners is None). other_bodies: dark bodies beside the beam within its reach. hole_share: area of the largest
-    bright patch inside the outline, as a share of the width squared.
+    Attributes
+    ----------
+    outline_px : ndarray, shape (n, 2)
+        Points about a pixel apart.
+    corners : tuple of int, optional
+        Indices of the tip's left and right corners in the outline; None if no pair of corners was found.
+    turn_deg : float
+        Turn of the outline at the less sharp of the two corners; 0 without corners.
+    touches_frame : bool
+        Whether the body reaches the border of the image.
+    other_bodies : int
+        Number of other dark bodies within the reach of the beam.
+    hole_share : float
+        Area of the largest bright patch inside the outline, as a share of the width squared.
     """
 
     outline_px: Array
@@ -56,9 +70,22 @@ class Silhouette:
 
 
 def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -> BackLight:
-    """Fit a quadratic surface to the bright part of the image (height, width), and read the beam's root.
+    """Fit a quadratic surface to the back-light, and read the grey value of the beam's root.
 
-    Dark bodies drop out of the fit as they fall below the surface, in three rounds.
+    Dark bodies are excluded in three rounds, as the pixels that lie clearly below the surface of the round before.
+
+    Parameters
+    ----------
+    image : ndarray, shape (H, W)
+        Grey values with a dark beam.
+    frame : BeamFrame
+        The map between millimetres and pixels.
+    width_mm : float
+        Width of the specimen.
+
+    Returns
+    -------
+    BackLight
     """
     height, width = image.shape
     small_size = (max(1, width // _SHRINK), max(1, height // _SHRINK))
@@ -71,9 +98,9 @@ def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -
         lit = small > share * surface
         if lit.sum() < terms.shape[-1]:
             break
-        # Normal equations: six well-scaled terms and thousands of pixels.
-        known = terms[lit]
-        surface = terms @ np.linalg.lstsq(known.T @ known, known.T @ small[lit], rcond=None)[0]
+        # Normal equations are accurate enough for six well-scaled terms, and fast for thousands of pixels.
+        lit_terms = terms[lit]
+        surface = terms @ np.linalg.lstsq(lit_terms.T @ lit_terms, lit_terms.T @ small[lit], rcond=None)[0]
     surface = np.maximum(surface, 0.0)
 
     root = root_places(frame, width_mm)
@@ -85,7 +112,17 @@ def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -
 
 
 def root_places(frame: BeamFrame, width_mm: float, aside: float = 0.0) -> Array:
-    """(n, 2) px: places all over the first stretch of the beam; or ``aside`` of it, by so many of its widths."""
+    """Return places (n, 2), px, spread over the first stretch of the beam.
+
+    Parameters
+    ----------
+    frame : BeamFrame
+        The map between millimetres and pixels.
+    width_mm : float
+        Width of the specimen.
+    aside : float
+        Shift of the places across the beam, in beam widths.
+    """
     along, across = np.meshgrid(np.linspace(0.3, 0.9, 7), np.linspace(-0.25, 0.25, 5))
     return frame.to_px(width_mm * np.column_stack([along.ravel(), (across + aside).ravel()]))
 
@@ -98,9 +135,27 @@ def find_silhouette(
     length_mm: float,
     width_mm: float,
 ) -> Silhouette | None:
-    """The dark body that leaves the clamp, or None when there is none of any length.
+    """Find the dark body that leaves the clamp.
 
-    Dark is what lies below the middle between the beam's root and the back-light, place by place.
+    A pixel is dark if it lies below the mean of the root's grey value and the back-light at that place.
+
+    Parameters
+    ----------
+    image : ndarray, shape (H, W)
+        Grey values with a dark beam.
+    frame : BeamFrame
+        The map between millimetres and pixels.
+    clamp : ClampLine
+        The line at which the beam leaves its clamp.
+    light : BackLight
+        The back-light and the grey value of the root.
+    length_mm, width_mm : float
+        Length and width of the specimen.
+
+    Returns
+    -------
+    Silhouette or None
+        None if no dark body leaves the clamp, or if its outline is shorter than the beam's length.
     """
     scale = float(np.linalg.norm(np.diff(frame.to_px([[0.0, 0.0], [1.0, 0.0]]), axis=0)))
     height, width = image.shape
@@ -119,14 +174,14 @@ def find_silhouette(
 
     contours, nesting = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     root = tuple(clamp.point_px + 0.3 * width_mm * scale * clamp.ahead - low)
-    body, others, own = None, 0, -1
+    body, other_bodies, body_index = None, 0, -1
     for index, contour in enumerate(contours):
         if len(contour) < width_mm * scale or nesting[0, index, _PARENT] >= 0:
             continue
         if body is None and cv2.pointPolygonTest(contour, root, False) >= 0:
-            body, own = contour.reshape(-1, 2) + low, index
+            body, body_index = contour.reshape(-1, 2) + low, index
         elif cv2.contourArea(contour) > 0.25 * (width_mm * scale) ** 2:
-            others += 1
+            other_bodies += 1
     if body is None:
         return None
     outline = _from_left_to_right(body.astype(np.float64), frame, clamp)
@@ -134,13 +189,15 @@ def find_silhouette(
         return None
     at_border = (body <= 0) | (body >= np.array([width - 1, height - 1]))
     corners, turn_deg = _tip_corners(frame.to_mm(outline), width_mm)
-    holes = [cv2.contourArea(hole) for hole, row in zip(contours, nesting[0], strict=True) if row[_PARENT] == own]
+    holes = [
+        cv2.contourArea(hole) for hole, row in zip(contours, nesting[0], strict=True) if row[_PARENT] == body_index
+    ]
     hole_share = max(holes, default=0.0) / (width_mm * scale) ** 2
-    return Silhouette(outline, corners, turn_deg, bool(at_border.any()), others, hole_share)
+    return Silhouette(outline, corners, turn_deg, bool(at_border.any()), other_bodies, hole_share)
 
 
 def _from_left_to_right(contour: Array, frame: BeamFrame, clamp: ClampLine) -> Array:
-    """The closed contour without its part along the clamp line, opened there, left edge first."""
+    """Cut the closed contour open at the clamp line, and order it from the left edge to the right edge."""
     free = clamp.distance_px(contour) > 2.5
     if free.all() or not free.any():
         return contour[:0]
@@ -154,7 +211,7 @@ def _from_left_to_right(contour: Array, frame: BeamFrame, clamp: ClampLine) -> A
 
 
 def _tip_corners(outline_mm: Array, width_mm: float) -> tuple[tuple[int, int] | None, float]:
-    """The two sharpest turns about a beam's width apart: their indices, and the lesser turn in degrees."""
+    """Return the indices of the two sharpest turns about a beam's width apart, and the smaller turn in degrees."""
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(outline_mm, axis=0).T))])
     arm = _CORNER_ARM * width_mm
     place = np.arange(0.2 * distance[-1], 0.8 * distance[-1], width_mm / _PLACES_IN_WIDTH)
@@ -164,7 +221,7 @@ def _tip_corners(outline_mm: Array, width_mm: float) -> tuple[tuple[int, int] | 
 
     here = at(place)
     before, after = here - at(place - arm), at(place + arm) - here
-    # From the left edge around the tip to the right one is a turn from +x toward +y: positive.
+    # Around the tip, from the left to the right edge, the outline turns from +x toward +y: the turn is positive.
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     turn = np.degrees(np.arctan2(cross, (before * after).sum(axis=1)))
 
@@ -173,8 +230,8 @@ def _tip_corners(outline_mm: Array, width_mm: float) -> tuple[tuple[int, int] | 
     best: tuple[int, int] | None = None
     for first in peaks:
         for second in peaks[peaks > first]:
-            apart = float(np.linalg.norm(here[second] - here[first]))
-            if abs(apart - width_mm) > 0.3 * width_mm:
+            distance_mm = float(np.linalg.norm(here[second] - here[first]))
+            if abs(distance_mm - width_mm) > 0.3 * width_mm:
                 continue
             if best is None or turn[first] + turn[second] > turn[best[0]] + turn[best[1]]:
                 best = (int(first), int(second))

@@ -1,4 +1,4 @@
-"""Where no beam was found: whether one would be, were one thing that a person stated otherwise."""
+"""Suggest which value of the calibration is wrong if no beam was found."""
 
 from __future__ import annotations
 
@@ -19,63 +19,80 @@ from eimi_lab.vision.projection import Projection
 
 SCALES = (0.5, 0.7, 1.4, 2.0)
 TURNS_DEG = (40.0, -40.0, 90.0, -90.0, 180.0)
-ASIDE = (2.5, -2.5)  # of the beam's width, across it and along it
+ASIDE = (2.5, -2.5)  # beam widths by which the clamp is moved, across the beam and along it
 _LEAST_SPAN = 0.05  # of full scale, from the darkest to the brightest hundredth
 
 
-def other_prompt(
+def suggest_correction(
     image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, projection: Projection | None
 ) -> str:
-    """What of the calibration is likely wrong for an image (H, W) or (H, W, 3) in which no beam was found, in words.
+    """Say in words which value is likely wrong for an image in which no beam was found.
 
-    A scale, an axis and a clamp that are clearly others are tried, one at a time; the first with which a beam is found
-    is told. It is no proof, and nothing is changed.
+    Other scales, axes and clamps are tried one at a time, each clearly different from the stated value. The first with
+    which a beam is found is suggested. This is no proof, and nothing is changed.
+
+    Parameters
+    ----------
+    image : ndarray, shape (H, W) or (H, W, 3)
+        The image.
+    calibration : Calibration
+        The stated values.
+    specimen : SpecimenFile
+        The specimen.
+    projection : Projection, optional
+        Projection of the image's colours.
+
+    Returns
+    -------
+    str
+        A part of a sentence, to follow "no beam was found;".
     """
-    for changes, words in _others(calibration, specimen.specimen.width_mm):
+    for changes, words in _corrections(calibration, specimen.specimen.width_mm):
         changed = calibration.model_copy(update=changes)
         x, y = changed.clamp_midpoint_px
         if not (0 <= x < image.shape[1] and 0 <= y < image.shape[0]):
             continue
-        found = find_edges(image, changed, specimen, projection=projection)
-        if len(found.left.sigma_mm) and len(found.right.sigma_mm) and not leaves_out(found.flags):
-            return f"one would be with {words}"
-    if said := _shows_nothing(image) or _cut_by_border(image, calibration, specimen):
-        return said
+        edges = find_edges(image, changed, specimen, projection=projection)
+        if len(edges.left.sigma_mm) and len(edges.right.sigma_mm) and not leaves_out(edges.flags):
+            return f"one is found with {words}"
+    if reason := _shows_nothing(image) or _cut_by_border(image, calibration, specimen):
+        return reason
     wide_px = specimen.specimen.width_mm * calibration.pixels_per_mm
     if wide_px < NARROWEST_PX:
-        return f"it is {wide_px:.2g} px wide, and {NARROWEST_PX:g} are needed: go nearer, or take a longer lens;"
+        return f"it is {wide_px:.2g} px wide and should be at least {NARROWEST_PX:g}: go nearer, or use a longer lens;"
     return (
-        "nothing of the stated width leaves the clamp there, nor near by: see that clamp_midpoint_px, axis_angle_deg "
-        "and pixels_per_mm are right, or help with --region, --polarity and --beam-colour;"
+        "no body of the stated width leaves the clamp there or nearby: check clamp_midpoint_px, axis_angle_deg and "
+        "pixels_per_mm, or help with --region, --polarity and --beam-colour;"
     )
 
 
 def _shows_nothing(image: NDArray[Any]) -> str:
-    """Whether all of the picture is about as bright, in words; empty where it is not."""
+    """Say in words that the whole picture is about equally bright; return an empty string if it is not."""
     darkest, brightest = np.percentile(image[::2, ::2], (1, 99))
     full = full_scale(image)
     if brightest - darkest > _LEAST_SPAN * full:
         return ""
     way = "raise" if brightest < 0.5 * full else "lower"
     return (
-        f"its grey values lie between {darkest:.0f} and {brightest:.0f} of {full:.0f}: {way} the exposure, or mend the "
-        "light;"
+        f"its grey values lie between {darkest:.0f} and {brightest:.0f} of {full:.0f}: {way} the exposure, or improve "
+        "the light;"
     )
 
 
 def _cut_by_border(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile) -> str:
-    """Whether one of the edges leaves the clamp outside the picture, in words; empty where both are in it."""
+    """Say in words that an edge begins outside the picture; return an empty string if both begin in it."""
     half = 0.5 * specimen.specimen.width_mm
     begins = BeamFrame(calibration).to_px([[half, -half], [half, half]])
     if ((begins >= -0.5) & (begins <= np.array(image.shape[1::-1]) - 0.5)).all():
         return ""
     return (
-        "one of its edges begins outside the picture: take it anew with the whole width of the beam in it, or correct "
+        "one of its edges begins outside the picture: take a picture with the whole width of the beam, or correct "
         "clamp_midpoint_px;"
     )
 
 
-def _others(calibration: Calibration, width_mm: float) -> Iterator[tuple[dict[str, Any], str]]:
+def _corrections(calibration: Calibration, width_mm: float) -> Iterator[tuple[dict[str, Any], str]]:
+    """Yield changes of the calibration with their words: other scales, axes and clamps."""
     for scale in SCALES:
         changed = scale * calibration.pixels_per_mm
         yield {"pixels_per_mm": changed}, f"pixels_per_mm = {changed:.3g}, {scale:g} times as much: is the scale right?"
