@@ -31,7 +31,7 @@ from eimi_lab.vision.check import Severity
 from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.edges.overlay import draw_overlay
-from eimi_lab.vision.following.edge_points import with_scatter
+from eimi_lab.vision.following.edge_points import estimate_scatter
 
 Array = NDArray[np.float64]
 
@@ -179,7 +179,7 @@ def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[f
     over_seen, over_true = [], []
     for _ in range(draws):
         drawn = seen.line + (root @ rng.normal(size=len(root)))[:, None] * seen.normal
-        points, sigma, kept = with_scatter(drawn, np.ones(len(drawn)))
+        points, sigma, kept = estimate_scatter(drawn, np.ones(len(drawn)))
         over_seen.append(stated_over_seen(EdgePoints(points[kept], sigma[kept])))
         over_true.append(float(np.median(sigma)) / seen.deviation)
     low, high = np.percentile(over_seen, (2.5, 97.5))

@@ -28,7 +28,7 @@ from eimi_lab.vision.edges.finding import find_edges, follow_beam
 from eimi_lab.vision.edges.overlay import contact_sheet, draw_overlay
 from eimi_lab.vision.edges.region import region_of
 from eimi_lab.vision.edges.suggested_corrections import suggest_correction
-from eimi_lab.vision.following.explaining import explained
+from eimi_lab.vision.following.explaining import draw_steps
 from eimi_lab.vision.following.follow import FollowedBeam
 from eimi_lab.vision.intensity import state_mean
 from eimi_lab.vision.projection import Projection, choose_projection
@@ -249,7 +249,7 @@ def write_explained(folder: Path, path: Path) -> None:
     with open_dataset(path) as dataset:
         frames = Frames(dataset)
         for state in dataset.states:
-            for name, picture in explained(_followed(frames, frames.mean(state.index))).items():
+            for name, picture in draw_steps(_followed(frames, frames.mean(state.index))).items():
                 write_whole(folder / f"step_{state.index:02d}_{name}.png", _png(picture))
 
 

@@ -13,7 +13,7 @@ from eimi_lab.vision.check import Severity
 from eimi_lab.vision.edges.finding import find_edges, follow_beam
 from eimi_lab.vision.edges.region import region_of
 from eimi_lab.vision.flags import judge
-from eimi_lab.vision.following.edge_points import with_scatter
+from eimi_lab.vision.following.edge_points import estimate_scatter
 from eimi_lab.vision.following.in_picture import in_255
 from eimi_lab.vision.following.stated import StatedBeam
 from eimi_lab.vision.following.working import working_picture
@@ -42,7 +42,7 @@ def test_the_shape_of_an_edge_is_no_scatter_where_points_are_few(few_of: float) 
     """Every tenth point alone in the first part of it, where something lies on the edge."""
     along = np.linspace(0.0, 1000.0, 120)
     along = along[(along > few_of * 1000.0) | (np.arange(120) % 10 == 0)]
-    stated = [np.median(with_scatter(scattered(along, seed), np.ones(len(along)))[1]) for seed in range(12)]
+    stated = [np.median(estimate_scatter(scattered(along, seed), np.ones(len(along)))[1]) for seed in range(12)]
     assert np.mean(stated) == pytest.approx(0.5, rel=0.12)
 
 
@@ -50,7 +50,7 @@ def test_points_of_something_else_are_left_out_and_make_no_scatter() -> None:
     along = np.linspace(0.0, 1000.0, 100)
     points = scattered(along, 1)
     points[40:44, 1] += 8.0
-    _, sigma, kept = with_scatter(points, np.ones(100))
+    _, sigma, kept = estimate_scatter(points, np.ones(100))
     assert not kept[40:44].any()
     assert kept.sum() > 90
     assert np.median(sigma) == pytest.approx(0.5, rel=0.25)
@@ -58,7 +58,7 @@ def test_points_of_something_else_are_left_out_and_make_no_scatter() -> None:
 
 def test_a_point_that_noise_moves_farther_is_stated_so() -> None:
     along = np.linspace(0.0, 1000.0, 100)
-    _, sigma, _ = with_scatter(scattered(along, 2), np.where(along < 500.0, 1.0, 2.0))
+    _, sigma, _ = estimate_scatter(scattered(along, 2), np.where(along < 500.0, 1.0, 2.0))
     assert np.median(sigma[:50]) * 1.9 < np.median(sigma[50:]) < np.median(sigma[:50]) * 2.1
 
 

@@ -14,9 +14,9 @@ from eimi_lab.vision.edges.finding import find_edges, follow_beam
 from eimi_lab.vision.edges.overlay import FLAG_COLOUR, STATED_COLOUR, draw_overlay
 from eimi_lab.vision.flags import judge
 from eimi_lab.vision.following.edge_points import StripEdges
-from eimi_lab.vision.following.ends import as_wide_at_ends
-from eimi_lab.vision.following.explaining import explained
-from eimi_lab.vision.following.support import how_sure
+from eimi_lab.vision.following.ends import trim_ends
+from eimi_lab.vision.following.explaining import draw_steps
+from eimi_lab.vision.following.support import sure_share
 
 DEVELOPMENT = list(real_pictures.pictures("development"))
 REFUSAL = list(real_pictures.pictures("refusal"))
@@ -58,7 +58,7 @@ def test_points_behind_which_a_shadow_takes_over_at_the_tip_are_left_out():
     sigma = np.full(100, 0.1)
     left = StripEdges(np.column_stack([-20.0 * np.ones(100), 40.0 * along]), sigma, along, 1.0)
     right = StripEdges(np.column_stack([20.0 + 40.0 * aside, 40.0 * along]), sigma, along, 1.0)
-    for side in as_wide_at_ends(left, right, 40.0):
+    for side in trim_ends(left, right, 40.0):
         assert side.along[0] == 0.0
         assert 9.4 < side.along[-1] < 9.8
         assert len(side.points) == len(side.sigma) == len(side.along)
@@ -102,7 +102,7 @@ def test_an_edge_that_is_sure_in_patches_all_along_is_doubted_and_one_with_a_hol
     place = np.arange(400)
     told = []
     for sure in (place % 20 < 10, place < 200):
-        [flag] = judge(how_sure(np.stack([sure, np.ones(400, dtype=bool)])))
+        [flag] = judge(sure_share(np.stack([sure, np.ones(400, dtype=bool)])))
         told.append((flag.name, flag.value, flag.severity))
     assert told == [("NOT_FOLLOWED", 0.5, Severity.DOUBTFUL), ("NOT_FOLLOWED", 0.5, Severity.UNUSABLE)]
 
@@ -293,7 +293,7 @@ def test_a_failed_overlay_shows_what_is_stated_what_was_followed_and_where_it_en
 
 def test_the_way_is_explained_in_pictures():
     photo = photograph("clutter", np.random.default_rng(6), 20.0)
-    pictures = explained(follow_beam(photo.image, CALIBRATION, SPECIMEN))
+    pictures = draw_steps(follow_beam(photo.image, CALIBRATION, SPECIMEN))
     assert set(pictures) == {"strip", "unrolled"}
     assert all(picture.ndim == 3 and picture.dtype == np.uint8 for picture in pictures.values())
     sure = (pictures["unrolled"] == (0, 200, 0)).all(axis=2).sum()

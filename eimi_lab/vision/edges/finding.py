@@ -43,8 +43,8 @@ def find_edges(
     """Find the edges of the beam in one image.
 
     The silhouette is tried first (`back_lit`): in front of a back-light its accuracy is limited by the noise alone. If
-    it gives no edges, or touches another body, the beam is followed from its clamp (`eimi_lab.vision.following`). In a
-    picture with colours the beam is also followed if the silhouette is in doubt.
+    it gives no edges, or reaches the border of the picture, the beam is followed from its clamp
+    (`eimi_lab.vision.following`). In a picture with colours the beam is also followed if the silhouette is in doubt.
 
     A few pixels are left out at the clamp line and at the corners, where a profile is not a clean step. A beam that is
     brighter than the surroundings of its root is taken for a lit beam in front of a dark background.

@@ -1,4 +1,12 @@
-"""The search for the strip: hypotheses from the clamp outward, the best of them kept at every step (a beam search)."""
+"""Search for the strip of the beam from its clamp outward, keeping the best hypotheses at every step (a beam search).
+
+A strip of bounded curvature grows by steps of about a third of its width. The gain of a step is the support of both of
+its sides, from 0 to 2, less the support that is needed and less costs:
+
+    gain = support - 0.8 - 0.42 misfit - 0.6 (shift / 0.35)² - cost of bend and width,
+
+with the misfit of the colours inside and the sideways shift in widths. The score of a strip is the sum of its gains.
+"""
 
 from __future__ import annotations
 
@@ -15,37 +23,51 @@ from eimi_lab.vision.following.working import WorkingPicture
 
 Array = NDArray[np.float64]
 
-WIDTH_PX = 16.0  # of the beam in the working picture: the places across it are then about a pixel and a half apart
-_KEPT = 300
-_BEHIND = 4.0  # of score, several whole steps: a strip so far behind the best one does not catch up
-_CELL = 0.2  # widths: of two strips that end in the same cell and direction the better goes on
+WIDTH_PX = 16.0  # of the beam in the working picture, in which the places across it are 1.6 px apart
+_KEPT = 300  # strips after each step
+_BEHIND = 4.0  # of score, several full steps: a strip this far behind the best one does not catch up
+_CELL = 0.2  # widths: of several strips that end in the same cell and direction only the best is kept
 _CELL_RAD = math.radians(6.0)
-_SEED_AT = 0.5  # widths from the clamp
+_SEED_AT = 0.5  # widths from the clamp; the other ranges of the seeds follow
 _SEED_OFFSET = np.linspace(-1.0, 1.0, 7)
 _SEED_ANGLE = np.radians(np.linspace(-24.0, 24.0, 9))
 _SEED_BEND = np.array([-0.6, -0.3, 0.0, 0.3, 0.6])
 _SEED_WIDTH = np.array([0.75, 0.85, 0.95, 1.05, 1.15])
-_POINTED_PX = 4.0  # a clamp pointed at by eye is so far off
-# The ways in which a strip may go on: bent more, wider, or a little beside where it was thought to be.
+_POINTED_PX = 4.0  # error of a clamp that a person pointed at by eye
+# The ways in which a strip may continue: with another curvature, with another width, or shifted sideways.
 _MORE_BEND = 0.35 * np.array([0.0, -0.12, 0.12, -0.4, 0.4, -1.0, 1.0, 0.0, 0.0, -0.4, 0.4, 0.0, 0.0])
 _MORE_WIDTH = np.array([1.0] * 7 + [0.96, 1.04] + [1.0] * 4)
 _MORE_ASIDE = np.array([0.0] * 9 + [-0.08, 0.08, -0.08, 0.08])
-_WIDTH_COST = 4.0  # times the squared logarithm: a tenth, as an eye has it, costs a twentieth of a side's support
-_STIFFEST = 0.8  # width times the largest curvature
-_NEEDED = 0.8  # of the two sides' support together, for a step to gain
-_OTHER_POLARITY = 100.0  # more than any strip gains
-_ANOTHER = 0.6  # widths: a strip so far beside the best one is another body
-_FARTHEST = 1.15  # of the stated length
-_TIE = 0.93  # of the best strip's score: another body with so much is doubted to be another, and is no worse
+_WIDTH_COST = 4.0  # times the squared logarithm of the width: a deviation of a tenth costs 0.04
+_STIFFEST = 0.8  # largest curvature times the width
+_NEEDED = 0.8  # support of the two sides together at which a step gains nothing
+_OTHER_POLARITY = 100.0  # cost of the wrong polarity, more than any strip gains
+_ANOTHER = 0.6  # widths: a strip at this distance beside the best one is another body
+_FARTHEST = 1.15  # of the stated length: the longest strip
+_TIE = 0.93  # of the best strip's score: a body with at least this score is equally likely
 
 
 @dataclass(frozen=True)
 class Strip:
-    """What was followed: k places from the clamp outward, in pixels of the working picture.
+    """The followed strip: k places from the clamp outward, in pixels of the working picture.
 
-    place: (k, 2). angle: (k,) rad. width: (k,). gain: (k,) of each step. step_px: their distance. variance: of a
-    colour that is the same. rival: score of the best strip of another body, as a share of this one's; 1 or more where
-    an earlier picture decided.
+    Attributes
+    ----------
+    place : ndarray, shape (k, 2)
+        Middle of the strip.
+    angle : ndarray, shape (k,)
+        Direction of the strip, rad, clockwise from +x.
+    width : ndarray, shape (k,)
+        Width of the strip.
+    gain : ndarray, shape (k,)
+        Gain of each step.
+    step_px : float
+        Distance of the places.
+    variance : float
+        Variance within which two colours count as equal, summed over the channels.
+    rival : float
+        Score of the best strip of another body, as a share of this strip's score. It is 1 or more if an earlier picture
+        decided between the two.
     """
 
     place: Array
@@ -58,46 +80,63 @@ class Strip:
 
     @property
     def length_px(self) -> float:
+        """Length of the strip in pixels of the working picture."""
         return self.step_px * (len(self.gain) - 1)
 
 
 @dataclass(frozen=True)
 class _Stiffness:
-    """bend: by how much curvature may change, a width's turn. most: the largest curvature."""
+    """Bounds of the curvature.
+
+    bend: change of curvature over a width that is usual, 1/px. most: the largest curvature, 1/px.
+    """
 
     bend: float
     most: float
 
 
 def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[[], Array | None]) -> Strip | None:
-    """The strip that gains most, cut where it gained most; None where none gains anything.
+    """Find the strip with the highest score, and end it where the score is highest.
 
-    polarity: "dark" or "bright" against what is beside it at the root; else either. earlier: gives places (n, 2) of the
-    beam in an earlier picture, in pixels of this one, if there are any. Of bodies for which the picture itself speaks
-    alike the one nearest to them is taken; where it speaks for one, they are not asked for.
+    Parameters
+    ----------
+    picture : WorkingPicture
+        The picture, scaled to the width of the beam.
+    polarity : {"dark", "bright"}, optional
+        The beam against its surroundings at the root; None if either is possible.
+    earlier : callable
+        Return places (n, 2) of the beam in an earlier picture, in pixels of this one, or None. It is called only if
+        several bodies have about the same score; the one nearest to these places is then used.
+
+    Returns
+    -------
+    Strip or None
+        None if no strip has a positive score.
     """
     beam = picture.beam
     width, length = beam.width_px, beam.length_px
-    slender = min(1.0, 8.0 * width / length)
-    stiffness = _Stiffness(slender / width, _STIFFEST * min(1.0, 10.0 * width / length) / width)
+    slenderness_factor = min(1.0, 8.0 * width / length)
+    stiffness = _Stiffness(slenderness_factor / width, _STIFFEST * min(1.0, 10.0 * width / length) / width)
     step = max(width / 3.0, length / 90.0)
-    now = _seeds(picture, stiffness, polarity)
-    trail = [_Generation(now, np.arange(len(now)), now.score)]
+    strips = _seeds(picture, stiffness, polarity)
+    trail = [_Generation(strips, np.arange(len(strips)), strips.score)]
     for _ in range(round(_FARTHEST * length / step)):
-        now, parent, gain = _grown(picture, now, stiffness, step)
-        trail.append(_Generation(now, parent, gain))
-    return _best(trail, step, width, earlier)
+        strips, parent, gain = _extended(picture, strips, stiffness, step)
+        trail.append(_Generation(strips, parent, gain))
+    return _best_strip(trail, step, width, earlier)
 
 
 @dataclass(frozen=True)
 class _Generation:
+    """The strips after one step, the index of each strip's parent, and the gain of the step."""
+
     strips: Hypotheses
     parent: NDArray[np.int64]
     gain: Array
 
 
 def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None) -> Hypotheses:
-    """Strips half a width ahead of the clamp."""
+    """Return strips half a width ahead of the clamp."""
     beam, width = picture.beam, picture.beam.width_px
     aside = max(0.3 * width, min(_POINTED_PX * picture.factor, 0.5 * width))
     grid = np.meshgrid(aside * _SEED_OFFSET, _SEED_ANGLE, stiffness.bend * _SEED_BEND, width * _SEED_WIDTH)
@@ -110,65 +149,77 @@ def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None)
         middle = angle + 0.5 * bend * along
         place = root + along * np.column_stack([np.cos(middle), np.sin(middle)])
         lines.append(hypothesis.read_across(picture, place[:, 0], place[:, 1], angle + bend * along, wide))
-    seen = np.stack(lines)
-    colours = seen.mean(axis=0)
+    colours_of_lines = np.stack(lines)
+    colours = colours_of_lines.mean(axis=0)
     template = hypothesis.inside_of(colours)
-    scatter = ((seen - colours) ** 2)[:, :, 3:12].sum(axis=3).mean(axis=(0, 2)) * len(seen) / (len(seen) - 1)
+    scatter = (
+        ((colours_of_lines - colours) ** 2)[:, :, 3:12].sum(axis=3).mean(axis=(0, 2))
+        * len(colours_of_lines)
+        / (len(colours_of_lines) - 1)
+    )
     lateral = template.var(axis=1).sum(axis=1)
     variance = hypothesis.least_variance(picture) + scatter + 0.15 * lateral
     score = hypothesis.side_support(colours, variance) - _NEEDED
     score -= _implausible(np.zeros(len(bend)), wide / width, bend, width)
-    score -= 0.5 * (offset / aside) ** 2  # the clamp is nearly where it is said to be
+    score -= 0.5 * (offset / aside) ** 2  # the clamp is close to its stated place
     if polarity is not None:
         brighter = hypothesis.brightness_step(colours) > 0.0
         score = np.where(brighter == (polarity == "bright"), score, -_OTHER_POLARITY)
     return Hypotheses(root, angle, bend, wide, template, variance, score)
 
 
-def _grown(
-    picture: WorkingPicture, now: Hypotheses, stiffness: _Stiffness, step: float
+def _extended(
+    picture: WorkingPicture, strips: Hypotheses, stiffness: _Stiffness, step: float
 ) -> tuple[Hypotheses, NDArray[np.int64], Array]:
-    """Every strip a step farther in all its ways, the best of those; whose child each is, and what the step gained."""
-    # All are (n, ways): a strip's ways are not written out as strips of their own before the best are known.
-    bend = now.bend[:, None] + stiffness.bend * _MORE_BEND
-    width = now.width[:, None] * _MORE_WIDTH
-    old, aside = now.angle[:, None], picture.beam.width_px * _MORE_ASIDE
-    begin_x, begin_y = now.place[:, :1] - np.sin(old) * aside, now.place[:, 1:] + np.cos(old) * aside
+    """Extend every strip by one step in all its ways, and keep the best.
+
+    Returns the extended strips, the index of each one's parent, and what the step gained.
+    """
+    # All arrays are (n, ways): only the best ways become strips of their own.
+    bend = strips.bend[:, None] + stiffness.bend * _MORE_BEND
+    width = strips.width[:, None] * _MORE_WIDTH
+    begin_angle, aside = strips.angle[:, None], picture.beam.width_px * _MORE_ASIDE
+    begin_x, begin_y = (
+        strips.place[:, :1] - np.sin(begin_angle) * aside,
+        strips.place[:, 1:] + np.cos(begin_angle) * aside,
+    )
     lines = max(1, min(3, round(step / (0.5 * picture.beam.width_px))))
     read = []
     for share in (np.arange(lines) + 1.0) / lines:
-        middle = old + 0.5 * share * step * bend
+        middle = begin_angle + 0.5 * share * step * bend
         x, y = begin_x + share * step * np.cos(middle), begin_y + share * step * np.sin(middle)
-        angle = old + share * step * bend
+        angle = begin_angle + share * step * bend
         read.append(hypothesis.read_across(picture, x, y, angle, width))
     colours = read[0] if lines == 1 else np.stack(read).mean(axis=0)
-    variance = now.variance[:, None]
+    variance = strips.variance[:, None]
     gain = hypothesis.side_support(colours, variance) - _NEEDED
-    gain -= 0.42 * hypothesis.misfit(colours, now.template[:, None], variance)
+    gain -= 0.42 * hypothesis.misfit(colours, strips.template[:, None], variance)
     gain -= 0.6 * (_MORE_ASIDE / 0.35) ** 2
     gain -= _implausible(_MORE_BEND, width / picture.beam.width_px, bend, picture.beam.width_px)
     high, wide = picture.pixels.shape[:2]
     gain[(x < -0.5) | (y < -0.5) | (x > wide - 0.5) | (y > high - 0.5)] = -_NEEDED - 0.42 * 2.0
-    score = np.where(np.abs(bend) <= stiffness.most, now.score[:, None] + gain, -np.inf)
-    kept = _best_of_each_cell(x.ravel(), y.ravel(), angle.ravel(), score.ravel(), picture.beam.width_px)
-    at = kept // len(_MORE_BEND)
-    place = np.column_stack([x.ravel()[kept], y.ravel()[kept]])
-    template = hypothesis.learnt(colours.reshape(-1, *colours.shape[2:])[kept], now.template[at], now.variance[at])
-    bends, widths, scores = bend.ravel()[kept], width.ravel()[kept], score.ravel()[kept]
-    grown = Hypotheses(place, angle.ravel()[kept], bends, widths, template, now.variance[at], scores)
-    return grown, at, gain.ravel()[kept]
+    score = np.where(np.abs(bend) <= stiffness.most, strips.score[:, None] + gain, -np.inf)
+    best = _best_of_each_cell(x.ravel(), y.ravel(), angle.ravel(), score.ravel(), picture.beam.width_px)
+    parents = best // len(_MORE_BEND)
+    place = np.column_stack([x.ravel()[best], y.ravel()[best]])
+    template = hypothesis.updated_templates(
+        colours.reshape(-1, *colours.shape[2:])[best], strips.template[parents], strips.variance[parents]
+    )
+    bends, widths, scores = bend.ravel()[best], width.ravel()[best], score.ravel()[best]
+    grown = Hypotheses(place, angle.ravel()[best], bends, widths, template, strips.variance[parents], scores)
+    return grown, parents, gain.ravel()[best]
 
 
 def _implausible(more_bend: Array, width: Array, bend: Array, width_px: float) -> Array:
-    """What a sudden bend, another width than stated and a strong bend cost.
+    """Return the cost of a sudden bend, of a width other than stated, and of a strong bend.
 
-    more_bend: over the largest usual change. width: over the stated one.
+    `more_bend` is a share of the largest usual change, `width` a share of the stated width.
     """
     return np.asarray(0.6 * more_bend**2 + _WIDTH_COST * np.log(width) ** 2 + 0.03 * (bend * width_px / 0.6) ** 2)
 
 
 def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: float) -> NDArray[np.int64]:
-    """The best hypotheses, best first, one for each cell of place and direction."""
+    """Return the indices of the best hypotheses, best first, one for each cell of place and direction."""
     near = np.flatnonzero(score > score.max() - _BEHIND)
     order = near[np.argsort(-score[near])]
     key = np.zeros(len(order), dtype=np.int64)
@@ -180,14 +231,17 @@ def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: fl
     return np.asarray(order[np.sort(first)[:_KEPT]])
 
 
-def _best(trail: list[_Generation], step: float, width: float, earlier: Callable[[], Array | None]) -> Strip | None:
+def _best_strip(
+    trail: list[_Generation], step: float, width: float, earlier: Callable[[], Array | None]
+) -> Strip | None:
+    """Trace the best strip back to the clamp."""
     best = [float(generation.strips.score.max()) for generation in trail]
     last = int(np.argmax(best))
     if last == 0 or best[last] <= 0.0:
         return None
     ends = trail[last].strips
-    index = _nearest_of_equals(trail[: last + 1], earlier, width)
-    variance, behind = float(ends.variance[index]), best[last] / float(ends.score[index])
+    index = _index_of_best(trail[: last + 1], earlier, width)
+    variance, lead = float(ends.variance[index]), best[last] / float(ends.score[index])
     places, angles, widths, gains = [], [], [], []
     for generation in reversed(trail[: last + 1]):
         strips = generation.strips
@@ -198,12 +252,12 @@ def _best(trail: list[_Generation], step: float, width: float, earlier: Callable
         index = int(generation.parent[index])
     values = [np.array(value[::-1]) for value in (places, angles, widths, gains)]
     rival = _rival(trail[: last + 1], values[0], values[1], values[3], width)
-    rival = max(rival, behind) if behind > 1.0 else rival
+    rival = max(rival, lead) if lead > 1.0 else rival
     return Strip(values[0], values[1], values[2], values[3], step, variance, rival)
 
 
-def _nearest_of_equals(trail: list[_Generation], earlier: Callable[[], Array | None], width: float) -> int:
-    """Of the strips at the last step: the best of that body among equally good ones which is nearest to ``earlier``."""
+def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None], width: float) -> int:
+    """Return the index of the best strip, or of the strip nearest to the earlier picture among equally good bodies."""
     score = trail[-1].strips.score
     best = int(score.argmax())
     equals = np.flatnonzero(score >= _TIE * score[best])
@@ -218,17 +272,17 @@ def _nearest_of_equals(trail: list[_Generation], earlier: Callable[[], Array | N
 
     if of_body(paths[equals == best][0]).all():
         return best
-    before = earlier()
-    if before is None or not len(before):
+    earlier_places = earlier()
+    if earlier_places is None or not len(earlier_places):
         return best
-    apart = np.linalg.norm(paths[:, :, None] - before, axis=3).min(axis=1).mean(axis=1)
-    own = of_body(paths[apart.argmin()])
-    same_body = own[equals == best].any()
-    return best if same_body else int(equals[own][score[equals[own]].argmax()])
+    distances = np.linalg.norm(paths[:, :, None] - earlier_places, axis=3).min(axis=1).mean(axis=1)
+    nearest_body = of_body(paths[distances.argmin()])
+    same_body = nearest_body[equals == best].any()
+    return best if same_body else int(equals[nearest_body][score[equals[nearest_body]].argmax()])
 
 
 def _rival(trail: list[_Generation], place: Array, angle: Array, gain: Array, width: float) -> float:
-    """Score of the best other body half way along the strip, as a share of the strip's own there."""
+    """Return the score of the best other body half way along the strip, as a share of the strip's own score there."""
     half = max(1, len(trail) // 2)
     across = np.array([-np.sin(angle[half]), np.cos(angle[half])])
     strips, score = trail[half].strips, float(gain[: half + 1].sum())

@@ -1,4 +1,4 @@
-"""Both edges of the unrolled strip as seams, each in the projection of colour in which its two sides differ most."""
+"""Find both edges of the unrolled strip as seams, each in the colour projection in which its two sides differ most."""
 
 from __future__ import annotations
 
@@ -19,10 +19,18 @@ OUTWARD = (-1.0, 1.0)
 
 @dataclass(frozen=True)
 class Seams:
-    """Both edges, left and right, at n stations.
+    """Both edges, left and right, at n stations along the beam.
 
-    edge: (2, n) places across, widths. support: (2, n) 0 to 1 how much of a whole edge falls there. shadow: (2, n)
-    widths by which an edge was moved off the border of a shadow; 0 where it stayed.
+    Attributes
+    ----------
+    edge : ndarray, shape (2, n)
+        Places across the beam, in stated widths.
+    support : ndarray, shape (2, n)
+        Height of the step at the edge, from 0 to 1 for a full step.
+    projected : tuple of ColourProjection
+        The colour projection of each edge.
+    shadow : ndarray, shape (2, n)
+        Distance by which an edge was moved off the border of a shadow, in stated widths; 0 where it was not moved.
     """
 
     edge: Array
@@ -34,10 +42,24 @@ class Seams:
 def find_colour_seams(
     unrolled: UnrolledPicture, edge: Array, noise: float, tolerances: Iterable[float], shadowless: bool = False
 ) -> Seams:
-    """Both seams in passes that each take what is inside and outside from the one before, first from ``edge`` (2, n).
+    """Find both seams in several passes; each pass takes the inside and the outside from the seams of the pass before.
 
-    tolerances: of each pass, widths by which an edge may be off the one before. shadowless: only in projections in
-    which what is beside the beam looks the same in shadow.
+    Parameters
+    ----------
+    unrolled : UnrolledPicture
+        The picture along the strip.
+    edge : ndarray, shape (2, n)
+        Initial edges, in stated widths.
+    noise : float
+        Standard deviation of a channel, grey levels of 255.
+    tolerances : iterable of float
+        For each pass, the standard deviation of the seam about the one before, in stated widths.
+    shadowless : bool
+        Whether to use only projections in which the surroundings look the same in shadow.
+
+    Returns
+    -------
+    Seams
     """
     for tolerance in tolerances:
         left, right = (project(unrolled, *side, noise, shadowless) for side in zip(edge, OUTWARD, strict=True))

@@ -1,7 +1,12 @@
-"""Colour projected to one number, 1 inside the beam and 0 outside, by what is on both sides of an edge there.
+"""Project colours to one number, 1 inside the beam and 0 outside, by the colours on both sides of an edge.
 
-Fisher's linear discriminant (R. A. Fisher, Annals of Eugenics 7 (1936) 179) of the colours in a window along the edge,
-so that nobody has to say which side is the darker one, and a background may change along the beam.
+The projection is Fisher's linear discriminant of the colours in a window along the edge,
+
+    share = w · (colour - m_out),    w = C⁻¹ (m_in - m_out) / ((m_in - m_out) · C⁻¹ (m_in - m_out)),
+
+with the mean colours m inside and outside and the mean covariance C (R. A. Fisher, "The use of multiple measurements in
+taxonomic problems", Annals of Eugenics 7 (1936) 179). The sign of the contrast needs not be known, and the background
+may change along the beam.
 """
 
 from __future__ import annotations
@@ -16,19 +21,29 @@ from eimi_lab.vision.following.unrolled import ColourBins, UnrolledPicture
 
 Array = NDArray[np.float64]
 
-INSIDE_BAND = (0.08, 0.30)  # widths from the edge: clear of the blur, and not across a beam that is lit from one side
+INSIDE_BAND = (0.08, 0.30)  # widths from the edge: clear of its blur, and not far into a beam that is lit from one side
 OUTSIDE_BAND = (0.08, 0.55)
 _WINDOW = 1.5  # widths along the beam
-_SHRINKAGE = 0.02  # of the mean variance, in every direction of colour: what a window is too short to know
-_LIMITS = (-0.5, 1.5)  # of the projection: a reflection counts no more than that
+_SHRINKAGE = 0.02  # of the mean variance, added to every colour direction: a window has few samples
+_LIMITS = (-0.5, 1.5)  # of the projection, to limit the effect of a reflection
 
 
 @dataclass(frozen=True)
 class ColourProjection:
-    """share: (n, m) about 1 inside and 0 outside. separation: (n,) distance of the two in standard deviations.
+    """The colour projection of one edge; n stations along the beam, m places across it.
 
-    weight: (n, channels) and level: (n,): colour times weight, less the level, is 0 outside and 1 inside. step: (n,
-    channels) by how much the inside is brighter.
+    Attributes
+    ----------
+    share : ndarray, shape (n, m)
+        Projected colours, about 1 inside and 0 outside.
+    separation : ndarray, shape (n,)
+        Distance of the inside from the outside in standard deviations.
+    weight : ndarray, shape (n, channels)
+        Weight of each channel.
+    level : ndarray, shape (n,)
+        Projected colour of the outside: colour · weight - level is 0 outside and 1 inside.
+    step : ndarray, shape (n, channels)
+        Mean colour inside less that outside.
     """
 
     share: Array
@@ -41,9 +56,25 @@ class ColourProjection:
 def project(
     unrolled: UnrolledPicture, edge: Array, outward: float, noise: float, shadowless: bool = False
 ) -> ColourProjection:
-    """One side's projection. edge: (n,) place across, widths. outward: -1 for the left edge, +1 for the right.
+    """Return the colour projection of one edge.
 
-    shadowless: one in which any share of the outside's colour is the same; of one channel there is none.
+    Parameters
+    ----------
+    unrolled : UnrolledPicture
+        The picture along the strip.
+    edge : ndarray, shape (n,)
+        Place of the edge across the beam, in stated widths.
+    outward : float
+        -1 for the left edge, +1 for the right edge.
+    noise : float
+        Standard deviation of a channel, grey levels of 255.
+    shadowless : bool
+        Whether any multiple of the outside's colour is projected to the same value. A picture of one channel has no
+        such projection.
+
+    Returns
+    -------
+    ColourProjection
     """
     colours = unrolled.colours.astype(np.float64)
     distance = outward * (unrolled.across - edge[:, None])
@@ -66,13 +97,13 @@ def project(
     weight /= height[:, None]
     level = (mean_out * weight).sum(axis=1)
     linear = np.clip(np.einsum("nmc,nc->nm", colours, weight) - level[:, None], *_LIMITS)
-    if not shadowless:  # the histogram knows the shadow's colours by themselves
+    if not shadowless:  # a histogram would separate the colours of the shadow
         linear = 0.5 * (linear + _histogram_ratio(unrolled.bins, inside, outside))
     return ColourProjection(linear, np.sqrt(height), weight, level, step)
 
 
 def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Array, Array]:
-    """Mean (n, c) and covariance (n, c, c) of the masked colours within a window along the beam."""
+    """Return the mean (n, c) and the covariance (n, c, c) of the masked colours in a window along the beam."""
     share = mask.astype(np.float64)
     count = share.sum(axis=1)
     weighted = share[..., None] * colours
@@ -85,11 +116,11 @@ def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Arra
 
 
 def _histogram_ratio(bins: ColourBins, inside: NDArray[np.bool_], outside: NDArray[np.bool_]) -> Array:
-    """(n, m) probability that a colour is of the inside, by histograms of the whole trace."""
+    """Return the probability (n, m) that a colour belongs to the inside, from histograms over the whole strip."""
     counts = []
     for mask in (inside, outside):
         count = np.bincount(bins.index[mask], minlength=bins.total).reshape(bins.shape).astype(np.float64)
         count = gaussian_filter(count, 0.7, mode="constant")
         counts.append(count.ravel() / max(count.sum(), 1e-9))
-    rare = 0.05 / bins.total  # a colour never seen speaks for neither
+    rare = 0.05 / bins.total  # a colour that does not occur is evidence for neither side
     return np.asarray((counts[0] + rare) / (counts[0] + counts[1] + 2.0 * rare))[bins.index]

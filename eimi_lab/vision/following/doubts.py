@@ -1,4 +1,4 @@
-"""What a followed beam's edges may be instead of edges, borders of shadows and reflections, and what clipping does."""
+"""Measure what may disturb the edges of a followed beam: borders of shadows, reflections and clipping."""
 
 from __future__ import annotations
 
@@ -8,24 +8,40 @@ from numpy.typing import NDArray
 from eimi_lab.vision.following.colour_seams import OUTWARD
 from eimi_lab.vision.following.discriminant import INSIDE_BAND, OUTSIDE_BAND
 from eimi_lab.vision.following.edge_points import StripEdges
-from eimi_lab.vision.following.gleams import CLIPPED
+from eimi_lab.vision.following.reflections import CLIPPED
 from eimi_lab.vision.following.support import Sides
 from eimi_lab.vision.following.unrolled import UnrolledPicture
 
 Mask = NDArray[np.bool_]
 
-_SOFTER = 1.25  # times the other edge's blur; by light from one side a body's edges differ by up to 1.6,
-_SOFTEST = 2.0  # and no lens or shading makes more of it
-_FULL = 253.0  # of 255, after a JPEG
-_NEAR = 0.2  # widths to both sides of an edge: a reflection there has its own border where the edge is looked for
-_AMID = 0.2  # widths to both sides of the middle: the beam's own colour
+_SOFTER = 1.25  # times the other edge's blur; light from one side makes the edges of a body differ by up to 1.6
+_SOFTEST = 2.0  # times the other edge's blur; no lens or shading causes a larger ratio
+_FULL = 253.0  # of 255: JPEG compression may lower a clipped value
+_NEAR = 0.2  # widths on both sides of an edge: the border of a reflection there may be taken for the edge
+_AMID = 0.2  # widths on both sides of the middle of the beam, for the colour of the beam itself
 
 
 def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: float) -> float:
-    """How far the softer edge may be off, if it is the border of the beam's own shadow; 0 where it is none.
+    """Return how far the softer edge may be off if it is the border of the beam's own shadow.
 
-    Both edges of one body are about equally far from the lens. A shadow's border has the lamp's size in it as well, and
-    its inside is the darker one in every colour. It lies outside the body, which looks wider by as much.
+    Both edges of one body are about equally far from the lens and equally blurred. The border of a shadow is blurred by
+    the size of the lamp too, it is darker inside in every colour, and it lies outside the body, which looks wider by as
+    much.
+
+    Parameters
+    ----------
+    left, right : StripEdges
+        The located edges.
+    sides : Sides
+        Both edges in the unrolled strip.
+    width_px : float
+        Stated width of the beam.
+
+    Returns
+    -------
+    float
+        The blur of the softer edge, or the excess width if that is larger; 0 if no edge looks like the border of a
+        shadow.
     """
     blur_px = left.blur_px, right.blur_px
     soft = int(blur_px[1] > blur_px[0])
@@ -40,25 +56,31 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
 
 
 def shadow_px(sides: Sides, width_px: float) -> float:
-    """By how much edges were moved off the borders of shadows, root mean square over both where they are sure."""
+    """Return the RMS distance (px) by which sure places of the edges were moved off the borders of shadows."""
     return width_px * float(np.sqrt((sides.shadow[sides.sound] ** 2).mean()))
 
 
-def gleam(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Share of the worse edge along which a lamp's reflection lies: clipped, while what is beside it is not."""
+def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
+    """Return the share of the worse edge that has a reflection of a lamp on it.
+
+    A reflection is clipped, while the middle of the beam and the surroundings beside it are not.
+    """
     clipped = (unrolled.colours >= CLIPPED).mean(axis=2) > 0.5
-    own = (clipped & (np.abs(unrolled.across - sides.edge.mean(axis=0)[:, None]) <= _AMID)).any(axis=1)
+    middle_clipped = (clipped & (np.abs(unrolled.across - sides.edge.mean(axis=0)[:, None]) <= _AMID)).any(axis=1)
     shares = []
     for edge, outward, sound in zip(sides.edge, OUTWARD, sides.sound, strict=True):
         away = outward * (unrolled.across - edge[:, None])
-        wall = (clipped & (away > _NEAR) & (away <= OUTSIDE_BAND[1])).any(axis=1)
-        shines = (clipped & (np.abs(away) <= _NEAR)).any(axis=1) & ~own & ~wall
-        shares.append(float(shines[sound].mean()) if sound.any() else 0.0)
+        surroundings_clipped = (clipped & (away > _NEAR) & (away <= OUTSIDE_BAND[1])).any(axis=1)
+        reflects = (clipped & (np.abs(away) <= _NEAR)).any(axis=1) & ~middle_clipped & ~surroundings_clipped
+        shares.append(float(reflects[sound].mean()) if sound.any() else 0.0)
     return max(shares)
 
 
 def clipped_share(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Share of the worse edge at which the light on one side of it is clipped in a colour: it then looks wider."""
+    """Return the share of the worse edge that has clipped light on one side, in any colour.
+
+    Clipping moves an edge away from the clipped side.
+    """
     full = (unrolled.colours >= _FULL).any(axis=2)
     shares = []
     for edge, outward, sound in zip(sides.edge, OUTWARD, sides.sound, strict=True):

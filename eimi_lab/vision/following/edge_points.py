@@ -1,4 +1,4 @@
-"""The followed edges in the picture itself: the blurred step fitted on their normals, and the points' true scatter."""
+"""Locate the followed edges in the original image by fitted steps, and estimate the scatter of the points."""
 
 from __future__ import annotations
 
@@ -19,31 +19,40 @@ from eimi_lab.vision.following.unrolled import UnrolledPicture
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-MOST_POINTS = 100  # a side
-_PIECE = 0.7  # widths: a spline's interval along an edge
-_COARSE_HALF = 0.22  # widths: half a profile's length while the seam is known to a twentieth of a width
+MOST_POINTS = 100  # on each side
+_PIECE = 0.7  # widths: interval of the spline along an edge
+_COARSE_HALF = 0.22  # widths: half length of a profile in the first pass; the seam is known to a twentieth of a width
 _LEAST_HALF_PX = 3.0
 _FIRST_BLUR_PX = 1.2
 _REACH_IN_BLURS = 4.0
-_CLEAR_IN_BLURS = 2.5  # of the edge, where the light beside it is read,
-_BESIDE_PX = 5.0  # over so many pixels
-_DEEPEST = 0.4  # widths: farther in is the other edge's
-_NEIGHBOURS = 10  # on each side, whose light is taken for one
-_STEEPEST_PER_PX = 0.04  # of the step
-_EVEN = 0.03  # of the step: what a line may leave
-_HEIGHT = (0.3, 3.0)  # of a step, in whole ones
-_FEWEST = 8
-_OFF = 4.0  # standard deviations from the smooth line: no point of it
-_SHAPE_PIECES = 5  # cubic pieces that a bent beam's edge needs at most; what is left of them is scatter
+_CLEAR_IN_BLURS = 2.5  # distance from the edge at which the light beside it is read
+_BESIDE_PX = 5.0  # length of the stretch over which it is read
+_DEEPEST = 0.4  # widths: the stretch inside the beam ends before the other edge's blur
+_NEIGHBOURS = 10  # on each side, that share one slope of the light
+_STEEPEST_PER_PX = 0.04  # of the step; a larger slope is another body
+_EVEN = 0.03  # of the step: largest RMS residual of a line
+_HEIGHT = (0.3, 3.0)  # least and largest height of a fitted step; a full step is 1
+_FEWEST = 8  # points of an edge
+_OFF = 4.0  # standard deviations from the smooth line: an outlier
+_SHAPE_PIECES = 5  # cubic pieces that the edge of a bent beam needs at most; their residuals are scatter
 _LEAST_SIGMA_PX = 0.003
-_NORMAL_MEDIAN = 1.4826
+_NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over its median absolute value
 
 
 @dataclass(frozen=True)
 class StripEdges:
-    """One edge in pixels, from the clamp outward.
+    """One edge in pixels of the image, from the clamp outward.
 
-    points: (n, 2). sigma: (n,) standard deviation along the normal. along: (n,) stated widths from the clamp.
+    Attributes
+    ----------
+    points : ndarray, shape (n, 2)
+        Edge points.
+    sigma : ndarray, shape (n,)
+        Standard deviation along the normal.
+    along : ndarray, shape (n,)
+        Distance from the clamp, in stated widths.
+    blur_px : float
+        Standard deviation of the blur of the edge.
     """
 
     points: Array
@@ -52,10 +61,32 @@ class StripEdges:
     blur_px: float
 
 
-def place_side(
+def locate_edge(
     image: NDArray[Any], unrolled: UnrolledPicture, sides: Sides, side: int, spacing_px: float
 ) -> StripEdges | None:
-    """The left (0) or right (1) edge in an image (height, width, channels); None where there is too little of it."""
+    """Locate one edge in the original image.
+
+    Profiles on normals to the seam are projected by the colour projection of the seam, and fitted with blurred steps
+    (`edges.profiles.fit_steps`), twice: the second time on normals to the curve through the first result.
+
+    Parameters
+    ----------
+    image : ndarray, shape (H, W, channels)
+        Grey values of 255.
+    unrolled : UnrolledPicture
+        The picture along the strip.
+    sides : Sides
+        Both edges in the unrolled strip.
+    side : int
+        0 for the left edge, 1 for the right edge.
+    spacing_px : float
+        Wanted distance of the points.
+
+    Returns
+    -------
+    StripEdges or None
+        None if fewer than eight points are found.
+    """
     sound = np.flatnonzero(sides.sound[side][: sides.end])
     if len(sound) < _FEWEST:
         return None
@@ -68,8 +99,8 @@ def place_side(
         count = int(np.clip(round(curve.length / max(spacing_px, AVERAGED_PX)), _FEWEST, MOST_POINTS - 1))
         place = np.linspace(0.0, curve.length, count + 1)
         station = _nearest(curve.at(place)[0], seam)
-        trusted = sides.sound[side][station]
-        place, station = place[trusted], station[trusted]
+        sure = sides.sound[side][station]
+        place, station = place[sure], station[sure]
         if len(place) < _FEWEST:
             return None
         points, steps, kept = edge.fitted(curve, place, station, half, blur, level=final)
@@ -78,17 +109,21 @@ def place_side(
         blur = steps.blur_px
         half = float(np.clip(_REACH_IN_BLURS * blur + 1.0, _LEAST_HALF_PX, half))
         curve = SmoothCurve(points[kept], max(1, round(curve.length / (_PIECE * width_px))))
-    points, sigma, near = with_scatter(points[kept], steps.sensitivity[kept])
-    return StripEdges(points[near], sigma[near], unrolled.along[station[kept][near]], blur)
+    points, sigma, inliers = estimate_scatter(points[kept], steps.sensitivity[kept])
+    return StripEdges(points[inliers], sigma[inliers], unrolled.along[station[kept][inliers]], blur)
 
 
 def _nearest(points: Array, seam: Array) -> NDArray[np.int64]:
+    """Return for each point the index of the nearest place of the seam."""
     return np.asarray(cKDTree(seam).query(points)[1])
 
 
 @dataclass(frozen=True)
 class _Edge:
-    """What profiles across one edge are read from. outward: +1 where clockwise of the curve's tangent is outside."""
+    """What the profiles across one edge are read from.
+
+    `outward` is +1 if the outside lies clockwise of the curve's tangent, else -1.
+    """
 
     image: NDArray[Any]
     projected: ColourProjection
@@ -98,9 +133,9 @@ class _Edge:
     def fitted(
         self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], half: float, blur: float, level: bool
     ) -> tuple[Array, Steps, Mask]:
-        """Places of the edge (n, 2) at arc lengths of a curve, the steps, and which were found.
+        """Fit steps at arc lengths of a curve; return the edge points (n, 2), the steps, and which of them were found.
 
-        level: whether the light beside the edge is made level first, which wants to know where the edge is.
+        With `level` the slope of the light beside the edge is removed first. This needs to know where the edge is.
         """
         u = stations(half, half)
         profiles, inside = self._profiles(curve, place, station, u)
@@ -115,7 +150,7 @@ class _Edge:
         return points, steps, inside & steps.sound & (height > _HEIGHT[0]) & (height < _HEIGHT[1])
 
     def _profiles(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array) -> tuple[Array, Mask]:
-        """(n, m) about 0 inside and 1 outside, along the normals at the places; and which lie in the frame."""
+        """Return profiles (n, m) along the normals, about 0 inside and 1 outside, and which of them lie in the image."""
         lines = np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
         at, tangent = curve.at(place[:, None] + lines)
         normals = self.outward * normals_of(tangent)
@@ -124,9 +159,10 @@ class _Edge:
         return 1.0 + self.projected.level[station][:, None] - share, inside
 
     def _slopes(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array, blur: float) -> Array:
-        """(n, m) what shading of the beam and light or shadow beside it add to the profiles, 0 at the edge.
+        """Return what shading of the beam, and light or shadow beside it, add to the profiles: (n, m), 0 at the edge.
 
-        Each side's slope is read clear of the edge, as the median of neighbours, and blurred as the edge is.
+        The slope on each side is read clear of the edge, as the median of neighbouring profiles, and is blurred like
+        the edge.
         """
         clear = _CLEAR_IN_BLURS * blur
         added = np.zeros((len(place), len(u)))
@@ -137,46 +173,65 @@ class _Edge:
             if far - clear < 0.5 * _BESIDE_PX:
                 continue
             beside, _ = self._profiles(curve, place, station, away)
-            slope = _common(*_line_through(beside, away))
+            slope = _common(*_slopes_of_lines(beside, away))
             z = way * u / blur
             ramp = way * blur * (np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi) + z * ndtr(z))
             added += slope[:, None] * ramp
         return added
 
 
-def _line_through(profiles: Array, places: Array) -> tuple[Array, Array]:
-    """Slopes (n,) of profiles (n, m), and the root mean squares (n,) of what a line leaves of each."""
+def _slopes_of_lines(profiles: Array, places: Array) -> tuple[Array, Array]:
+    """Fit a line to each profile (n, m); return its slope (n,) and the RMS of its residuals (n,)."""
     away = places - places.mean()
     slope = (profiles @ away) / (away @ away)
-    left_over = profiles - profiles.mean(axis=1, keepdims=True) - slope[:, None] * away
-    return slope, np.sqrt((left_over**2).mean(axis=1))
+    residuals = profiles - profiles.mean(axis=1, keepdims=True) - slope[:, None] * away
+    return slope, np.sqrt((residuals**2).mean(axis=1))
 
 
-def _common(slope: Array, left_over: Array) -> Array:
-    """(n,) the median of neighbours' slopes; 0 where most of them are too steep or no lines: that is another body."""
-    even = (np.abs(slope) < _STEEPEST_PER_PX) & (left_over < max(_EVEN, 2.0 * float(np.median(left_over))))
+def _common(slope: Array, residual_rms: Array) -> Array:
+    """Return the median (n,) of the slopes of neighbours; 0 where most of them are too steep or not straight.
+
+    Such a profile shows another body.
+    """
+    even = (np.abs(slope) < _STEEPEST_PER_PX) & (residual_rms < max(_EVEN, 2.0 * float(np.median(residual_rms))))
     padded = np.pad(np.where(even, slope, np.nan), _NEIGHBOURS, constant_values=np.nan)
-    near = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1)
-    known = np.isfinite(near).mean(axis=1) > 0.3
+    neighbours = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1)
+    measured = np.isfinite(neighbours).mean(axis=1) > 0.3
     common = np.zeros(len(slope))
-    common[known] = np.nanmedian(near[known], axis=1)
+    common[measured] = np.nanmedian(neighbours[measured], axis=1)
     return common
 
 
-def with_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, Mask]:
-    """Points, their standard deviations, and which are near a smooth line; the scatter is what that line leaves.
+def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, Mask]:
+    """Estimate the standard deviations of the points from their scatter about a smooth line, and reject outliers.
 
-    Neighbours err alike on a real picture, by texture and uneven light; that is in the residuals of a line of few
-    pieces, and in no difference of neighbours. sensitivity: (n,) to noise, of any unit.
+    On a real picture neighbouring points have similar errors, which texture and uneven light cause. These errors remain
+    in the residuals of a line of few pieces, but cancel in differences of neighbours.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2)
+        Points of one edge, in order.
+    sensitivity : ndarray, shape (n,)
+        Relative sensitivity of each point to noise.
+
+    Returns
+    -------
+    points : ndarray, shape (n, 2)
+        The same points.
+    sigma : ndarray, shape (n,)
+        Standard deviation along the normal.
+    kept : ndarray of bool, shape (n,)
+        Which points are within four standard deviations of the line.
     """
     kept = np.ones(len(points), dtype=bool)
     offset, freedom = _off_smooth_line(points, kept)
     for _ in range(3):
         scale = _NORMAL_MEDIAN * float(np.median(np.abs(offset[kept])))
-        now = np.abs(offset) < _OFF * max(scale, _LEAST_SIGMA_PX)
-        if (now == kept).all() or now.sum() < _FEWEST:
+        inliers = np.abs(offset) < _OFF * max(scale, _LEAST_SIGMA_PX)
+        if (inliers == kept).all() or inliers.sum() < _FEWEST:
             break
-        kept = now
+        kept = inliers
         offset, freedom = _off_smooth_line(points, kept)
     relative = np.clip(sensitivity / np.median(sensitivity[kept]), 0.5, 3.0)
     scatter = float(np.sqrt(((offset[kept] / relative[kept]) ** 2).sum() / freedom))
@@ -184,10 +239,10 @@ def with_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, Mask]
 
 
 def _off_smooth_line(points: Array, kept: Mask) -> tuple[Array, float]:
-    """Signed distances (n,) from a spline of few pieces through the kept points, and its degrees of freedom.
+    """Return the signed distances (n,) from a spline of few pieces through the kept points, and its degrees of freedom.
 
-    The pieces are equally long: where points are few, a piece that has to hold as many as the others would be too long
-    for the edge's shape, and what it leaves of that is no scatter.
+    The pieces are equally long. With equally many points in each, a piece where points are few would be too long for
+    the shape of the edge, and the misfit would count as scatter.
     """
     curve = SmoothCurve(points[kept], int(np.clip(kept.sum() // 6, 1, _SHAPE_PIECES)), equal=True)
     at, tangent = curve.at(np.linspace(0.0, curve.length, 8 * len(points)))

@@ -1,4 +1,4 @@
-"""Pictures of the steps on the way: what was searched, the strip that was followed, and where its edges are sure."""
+"""Draw the intermediate results: the searched picture, the followed strip, and where its edges are sure."""
 
 from __future__ import annotations
 
@@ -15,18 +15,26 @@ from eimi_lab.vision.following.working import WorkingPicture
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
-_ENLARGED = 4
+_ENLARGED = 4  # times
 _SURE, _UNSURE, _STRIP = (0, 200, 0), (0, 0, 255), (0, 230, 255)
-_MOST_STATIONS = 1500  # of the unrolled strip, which is shown up to there
+_MOST_STATIONS = 1500  # of the unrolled strip that are drawn
 _SUB_PIXEL_BITS = 4
 
 
-def explained(followed: FollowedBeam) -> dict[str, Picture]:
-    """Pictures by name, as far as it went.
+def draw_steps(followed: FollowedBeam) -> dict[str, Picture]:
+    """Draw the intermediate results that exist.
 
-    `strip`: the working picture with the strip, its colour from red to green by what each step gained. `unrolled`: the
-    unrolled strip, clamp at the top, and beside it the projection of colour of the left and of the right edge, with
-    both edges, green where they are sure.
+    Parameters
+    ----------
+    followed : FollowedBeam
+        The result of `follow`.
+
+    Returns
+    -------
+    dict of str to ndarray of uint8
+        ``"strip"``: the working picture with the strip, from red to green by the gain of each step. ``"unrolled"``: the
+        unrolled strip with the clamp at the top, and beside it the colour projections of the left and of the right
+        edge; both edges are green where they are sure and red elsewhere.
     """
     pictures: dict[str, Picture] = {}
     if followed.working is not None and followed.strip is not None:
@@ -37,6 +45,7 @@ def explained(followed: FollowedBeam) -> dict[str, Picture]:
 
 
 def _strip(working: WorkingPicture, strip: Strip) -> Picture:
+    """Draw the strip on the working picture."""
     picture = _enlarged(working.pixels)
     normal = np.column_stack([-np.sin(strip.angle), np.cos(strip.angle)])
     for side in (-0.5, 0.5):
@@ -49,6 +58,7 @@ def _strip(working: WorkingPicture, strip: Strip) -> Picture:
 
 
 def _unrolled(unrolled: UnrolledPicture, sides: Sides) -> Picture:
+    """Draw both edges on the unrolled strip and on its two colour projections."""
     rows = slice(0, _MOST_STATIONS)
     panels = [_enlarged(unrolled.colours[rows])]
     panels += [_enlarged(255.0 * side.share[rows, :, None]) for side in sides.projected]
@@ -56,14 +66,14 @@ def _unrolled(unrolled: UnrolledPicture, sides: Sides) -> Picture:
     for panel in panels:
         for edge, sound in zip(sides.edge[:, rows], sides.sound[:, rows], strict=True):
             columns = np.rint(((edge - unrolled.across[0]) / step + 0.5) * _ENLARGED - 0.5).astype(int)
-            for station, (column, sure) in enumerate(zip(columns.tolist(), sound.tolist(), strict=True)):
+            for station, (column, is_sure) in enumerate(zip(columns.tolist(), sound.tolist(), strict=True)):
                 place = (column, _ENLARGED * station + _ENLARGED // 2)
-                cv2.circle(panel, place, 1, _SURE if sure else _UNSURE, -1)
+                cv2.circle(panel, place, 1, _SURE if is_sure else _UNSURE, -1)
     return np.asarray(np.hstack(panels), dtype=np.uint8)
 
 
 def _enlarged(pixels: NDArray[np.floating]) -> Picture:
-    """(height, width, 1 or 3) of 255, as a picture in colour so many times as large."""
+    """Return pixels (h, w, 1 or 3) of 255 as an enlarged colour picture."""
     shown = np.clip(np.rint(pixels), 0, 255).astype(np.uint8)
     shown = np.repeat(shown, 3, axis=2) if shown.shape[2] == 1 else shown
     large = cv2.resize(shown, None, fx=_ENLARGED, fy=_ENLARGED, interpolation=cv2.INTER_NEAREST)

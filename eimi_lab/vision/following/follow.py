@@ -1,4 +1,4 @@
-"""The way in: one picture, what is stated of the beam, and both its edges with what speaks for and against them."""
+"""Follow the beam in one image: both edges, and the findings about their quality."""
 
 from __future__ import annotations
 
@@ -10,27 +10,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.vision.following.beam_search import WIDTH_PX, Strip, find_strip
-from eimi_lab.vision.following.doubts import clipped_share, gleam, penumbra_px, shadow_px
-from eimi_lab.vision.following.edge_points import StripEdges, place_side
-from eimi_lab.vision.following.ends import as_wide_at_ends
-from eimi_lab.vision.following.gleams import without_gleams
+from eimi_lab.vision.following.doubts import clipped_share, penumbra_px, reflection_share, shadow_px
+from eimi_lab.vision.following.edge_points import StripEdges, locate_edge
+from eimi_lab.vision.following.ends import trim_ends
+from eimi_lab.vision.following.reflections import remove_reflections
 from eimi_lab.vision.following.stated import StatedBeam
-from eimi_lab.vision.following.support import Sides, find_sides, how_sure
+from eimi_lab.vision.following.support import Sides, find_sides, sure_share
 from eimi_lab.vision.following.unrolled import FINENESS, UnrolledPicture, unroll
 from eimi_lab.vision.following.working import WorkingPicture, working_picture
 
 Array = NDArray[np.float64]
 
-NARROWEST_PX = 6.0  # of a beam: below, its inside has no pixel clear of both edges
-_FIFTHS = 5
-_AT_BORDER = 0.75  # widths
+NARROWEST_PX = 6.0  # width of a beam: inside a narrower one no pixel is clear of both edges
+_FIFTHS = 5  # stretches whose widths are compared
+_AT_BORDER = 0.75  # widths from the border of the image
 
 
 @dataclass(frozen=True)
 class FollowedBeam:
-    """What was found on the way, as far as it went; None for what was not come to.
+    """The result of following a beam; None for a step that was not reached.
 
-    findings: what is judged, by the names of the table of flags. left, right: the edges.
+    Attributes
+    ----------
+    findings : dict of str to float
+        Measured values, by the names of the table of flags.
+    working : WorkingPicture, optional
+        The picture in which the strip was searched.
+    strip : Strip, optional
+        The followed strip.
+    unrolled : UnrolledPicture, optional
+        The picture along the strip.
+    sides : Sides, optional
+        Both edges in the unrolled strip.
+    edges : tuple of StripEdges, optional
+        The left and the right edge, px.
+    words : dict of str to str
+        Replacements for the words in braces in the remedies.
     """
 
     findings: dict[str, float]
@@ -42,7 +57,7 @@ class FollowedBeam:
     words: dict[str, str] = field(default_factory=lambda: {"narrow_px": ""})
 
     def moved(self, by_px: Array) -> FollowedBeam:
-        """The same in a picture from which this one was cut at a place (2,)."""
+        """Return the same result for the picture from which this one was cut at a place (2,), px."""
         return replace(
             self,
             working=self.working and replace(self.working, origin_px=self.working.origin_px + by_px),
@@ -51,14 +66,14 @@ class FollowedBeam:
 
     @property
     def path_px(self) -> Array:
-        """(n, 2) px: the middle of the strip that was followed, in the whole picture; empty where there is none."""
+        """Middle of the followed strip (n, 2), px of the image; empty if nothing was followed."""
         if self.strip is None or self.working is None:
             return np.zeros((0, 2))
         return self.working.to_picture(self.strip.place)
 
     @property
     def sure_px(self) -> tuple[Array, ...]:
-        """Left and right edge (n, 2) px where they are sure, to a twentieth of a width; none where it came to none."""
+        """Sure places (n, 2) px of the left and of the right edge, to a twentieth of a width; empty without edges."""
         if self.sides is None or self.unrolled is None:
             return ()
         seams = self.unrolled.middle + self.sides.edge[..., None] * self.unrolled.aside
@@ -72,11 +87,25 @@ def follow(
     polarity: str | None = None,
     earlier_px: Callable[[], Array | None] = lambda: None,
 ) -> FollowedBeam:
-    """Follow the stated beam in an image (height, width, channels) of 255. It never raises for a picture.
+    """Follow the stated beam in an image.
 
-    spacing_px: wanted distance of the points along the edges, of which there are at most a hundred each.
-    polarity: whether the beam is "dark" or "bright" against what is beside it, where a person said so. earlier_px:
-    gives the middle of the beam in an earlier picture (n, 2), asked for where bodies are equally likely in this one.
+    Parameters
+    ----------
+    image : ndarray, shape (H, W, channels)
+        Grey values of 255. Any image is accepted.
+    beam : StatedBeam
+        Clamp, axis, width and length in pixels.
+    spacing_px : float
+        Wanted distance of the points along the edges; there are at most a hundred on each.
+    polarity : {"dark", "bright"}, optional
+        The beam against its surroundings, if a person stated it.
+    earlier_px : callable, optional
+        Return the middle (n, 2) of the beam in an earlier picture, px, or None. It is called only if several bodies are
+        equally likely to be the beam.
+
+    Returns
+    -------
+    FollowedBeam
     """
     if beam.width_px < NARROWEST_PX:
         return FollowedBeam({"followed_px": beam.width_px}, words=_words(beam))
@@ -84,7 +113,7 @@ def follow(
     coarse = working_picture(image, beam, WIDTH_PX)
     strip = None
     if coarse is not None:
-        strip = find_strip(without_gleams(coarse), polarity, lambda: _in_working(coarse, earlier_px()))
+        strip = find_strip(remove_reflections(coarse), polarity, lambda: _in_working(coarse, earlier_px()))
     if coarse is None or strip is None:
         return FollowedBeam(nothing, coarse)
     fine = working_picture(image, beam, float(FINENESS))
@@ -93,32 +122,33 @@ def follow(
         return FollowedBeam(nothing, coarse, strip)
     sides = find_sides(unrolled, coarse.noise, beam.length_px / beam.width_px)
     findings = _findings(beam, strip, unrolled, sides, (image.shape[1], image.shape[0]))
-    left, right = (place_side(image, unrolled, sides, side, spacing_px) for side in (0, 1))
+    left, right = (locate_edge(image, unrolled, sides, side, spacing_px) for side in (0, 1))
     if left is None or right is None:
         return FollowedBeam(findings | {"followed_sides": 0.0}, coarse, strip, unrolled, sides)
-    left, right = as_wide_at_ends(left, right, beam.width_px)
+    left, right = trim_ends(left, right, beam.width_px)
     findings |= {
         "followed_penumbra": penumbra_px(left, right, sides, beam.width_px),
         "followed_shadow": shadow_px(sides, beam.width_px),
-        "followed_gleam": gleam(unrolled, sides),
+        "followed_gleam": reflection_share(unrolled, sides),
         "followed_clipped": clipped_share(unrolled, sides),
     }
     return FollowedBeam(findings, coarse, strip, unrolled, sides, (left, right))
 
 
 def _in_working(picture: WorkingPicture, places_px: Array | None) -> Array | None:
+    """Map places of the image to the working picture."""
     return None if places_px is None else picture.from_picture(places_px)
 
 
 def _words(beam: StatedBeam) -> dict[str, str]:
-    """For the remedies."""
+    """Return the words of the remedy for a beam that is too narrow."""
     return {"narrow_px": f"{beam.width_px:.2g}"}
 
 
 def _findings(
     beam: StatedBeam, strip: Strip, unrolled: UnrolledPicture, sides: Sides, size: tuple[int, int]
 ) -> dict[str, float]:
-    """Shares of the stated length and width and of the way, by the names of the table of flags. size: the image's."""
+    """Measure the followed strip, by the names of the table of flags; `size` is width and height of the image, px."""
     both = sides.sound.all(axis=0)
     if not both.any():
         return {"followed_length": 0.0}
@@ -128,7 +158,7 @@ def _findings(
     return {
         "followed_length": length,
         "followed_beyond": length,
-        **how_sure(sides.sound[:, first : sides.end]),
+        **sure_share(sides.sound[:, first : sides.end]),
         "followed_contrast": float(min(np.median(side.separation[: sides.end]) for side in sides.projected)),
         "followed_gain": float(strip.gain.mean()),
         "followed_begin": float(unrolled.along[first]),
@@ -142,17 +172,21 @@ def _findings(
 
 
 def _is_at_border(place: Array, width_px: float, size: tuple[int, int]) -> bool:
+    """Return whether a place lies within three quarters of a beam's width of the border of the image."""
     near = _AT_BORDER * width_px
     return bool((place < near).any() or (place > np.array(size) - 1.0 - near).any())
 
 
 def _change(width: Array) -> float:
-    """By which share the widest fifth of the beam is wider than the narrowest."""
+    """Return the relative difference of the beam's widest and narrowest fifths."""
     medians = [float(np.median(part)) for part in np.array_split(width, _FIFTHS) if len(part)]
     return max(medians) / max(min(medians), 1e-3) - 1.0
 
 
 def _narrowing(width: Array) -> float:
-    """By which share a fifth of the beam is narrower than one before it: a tail or a drop's neck, but no beam."""
+    """Return the largest relative narrowing of a fifth of the beam against a fifth before it.
+
+    A fish's tail or the neck of a drop narrows; a beam does not.
+    """
     medians = np.array([np.median(part) for part in np.array_split(width, _FIFTHS) if len(part)])
     return float(max(0.0, (1.0 - medians / np.maximum.accumulate(medians)).max()))

@@ -1,4 +1,4 @@
-"""Hypotheses of a strip that is followed: where each is, how it bends, and how well the picture bears it out."""
+"""Hypotheses of a strip: where each one is, how it bends, and how well the image supports it."""
 
 from __future__ import annotations
 
@@ -14,30 +14,44 @@ from eimi_lab.vision.following.working import WorkingPicture
 
 Array = NDArray[np.float64]
 
-# Places across the strip, in its widths: the inside that a hypothesis remembers, and both sides of each edge. A tenth
-# to both sides of an edge is left out, for the picture's blur and for an edge that is not quite there.
+# Places across the strip, in its widths: the inside that a hypothesis remembers, and the outside on both sides. A tenth
+# of a width on each side of an edge is left out, for the blur and for the error of the edge's place.
 INSIDE = np.linspace(-0.4, 0.4, 9)
 OUTSIDE = np.array([0.6, 0.7, 0.8])
 ACROSS = np.concatenate([-OUTSIDE[::-1], INSIDE, OUTSIDE])
 _ACROSS = ACROSS.astype(np.float32)
 _INSIDE = slice(3, 12)
-# What an edge is seen by: the mean of the three places inside it less that of the three outside; left, right.
+# The step at the left and at the right edge: the mean of the three places inside less that of the three outside.
 _STEPS = np.zeros((2, 15), dtype=np.float32)
 _STEPS[0, 0:3], _STEPS[0, 3:6] = -1 / 3, 1 / 3
 _STEPS[1, 9:12], _STEPS[1, 12:15] = 1 / 3, -1 / 3
 
-_CERTAIN = 9.0  # (three standard deviations) squared: evidence at which a side counts one half
+_CERTAIN = 9.0  # three standard deviations, squared: evidence at which the support of an edge is one half
 _LARGEST_MISFIT = 2.0
-_ROWS = 30_000  # OpenCV maps no larger picture
-_LEARNING = 0.12  # of the inside's colours at each step: light changes slowly along the beam
+_ROWS = 30_000  # cv2.remap accepts no larger array
+_LEARNING = 0.12  # share by which the remembered colours change in a step: light changes slowly along the beam
 
 
 @dataclass(frozen=True)
 class Hypotheses:
-    """n strips, each at the end of what was followed so far. Lengths in pixels of the working picture.
+    """n strips, each described at its present end. Lengths are in pixels of the working picture.
 
-    place: (n, 2). angle: (n,) rad. bend: (n,) curvature. width: (n,). template: (n, 9, channels) colours across the
-    inside. variance: (n,) of a colour that is still the same, all channels together. score: (n,) sum of the gains.
+    Attributes
+    ----------
+    place : ndarray, shape (n, 2)
+        Middle of the strip.
+    angle : ndarray, shape (n,)
+        Direction, rad, clockwise from +x.
+    bend : ndarray, shape (n,)
+        Curvature, 1/px.
+    width : ndarray, shape (n,)
+        Width of the strip.
+    template : ndarray, shape (n, 9, channels)
+        Remembered colours across the inside.
+    variance : ndarray, shape (n,)
+        Variance within which two colours count as equal, summed over the channels.
+    score : ndarray, shape (n,)
+        Sum of the gains of all steps.
     """
 
     place: Array
@@ -53,7 +67,19 @@ class Hypotheses:
 
 
 def read_across(picture: WorkingPicture, x: Array, y: Array, angle: Array, width: Array) -> NDArray[np.float32]:
-    """Colours (..., 15, channels) at `ACROSS` of strips at places x, y; beyond the frame the border's."""
+    """Read colours across strips at the places `ACROSS`.
+
+    Parameters
+    ----------
+    picture : WorkingPicture
+        The picture; beyond its border the colours of the border are used.
+    x, y, angle, width : ndarray, shape (...)
+        Middle, direction (rad) and width of each strip.
+
+    Returns
+    -------
+    ndarray, shape (..., 15, channels)
+    """
     across = width.ravel().astype(np.float32)[:, None] * _ACROSS
     turn = angle.ravel().astype(np.float32)[:, None]
     columns = x.ravel().astype(np.float32)[:, None] - np.sin(turn) * across
@@ -62,7 +88,10 @@ def read_across(picture: WorkingPicture, x: Array, y: Array, angle: Array, width
 
 
 def read_colours(pixels: NDArray[np.float32], x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.float32]:
-    """Colours (n, m, channels) at places (n, m), to a 32nd of a pixel; beyond the frame the border's."""
+    """Interpolate colours (n, m, channels) at places x, y (n, m), to 1/32 px.
+
+    Beyond the border of the picture the colours of the border are used.
+    """
     x, y = x.astype(np.float32, copy=False), y.astype(np.float32, copy=False)
     parts = [slice(at, at + _ROWS) for at in range(0, len(x), _ROWS)]
     read = [cv2.remap(pixels, x[rows], y[rows], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for rows in parts]
@@ -70,12 +99,27 @@ def read_colours(pixels: NDArray[np.float32], x: NDArray[Any], y: NDArray[Any]) 
 
 
 def least_variance(picture: WorkingPicture) -> float:
-    """Of a colour, all channels together: two grey levels, twice the noise or a fortieth of the picture's span."""
+    """Return the least variance of a colour, summed over the channels.
+
+    The standard deviation of a channel is at least two grey levels, twice the noise, and a fortieth of the picture's
+    range.
+    """
     return picture.pixels.shape[2] * max(2.0, 2.0 * picture.noise, 0.025 * picture.span) ** 2
 
 
 def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
-    """(...) 0 to 2: how surely inside and outside differ at both edges together, of colours (..., 15, c)."""
+    """Return how surely the inside and the outside differ at both edges together, (...) from 0 to 2.
+
+    With the squared step d² between the mean colours inside and outside of an edge, the evidence is e = d² / variance
+    and the support of the edge is e / (e + 9).
+
+    Parameters
+    ----------
+    colours : ndarray, shape (..., 15, channels)
+        Colours across strips at the places `ACROSS`.
+    variance : ndarray, shape (...)
+        Variance of a colour, summed over the channels.
+    """
     channels = colours.shape[-1]
     steps = colours.reshape(-1, len(_ACROSS) * channels) @ _steps_of_channels(channels)
     squares = np.square(steps) @ np.kron(np.eye(2, dtype=np.float32), np.ones((channels, 1), dtype=np.float32))
@@ -85,29 +129,43 @@ def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
 
 @cache
 def _steps_of_channels(channels: int) -> NDArray[np.float32]:
-    """(15 c, 2 c): `_STEPS` for every channel by itself, so that one product of matrices reads both edges."""
+    """Return the matrix (15 c, 2 c) that applies `_STEPS` to every channel in one matrix product."""
     return np.kron(_STEPS.T, np.eye(channels, dtype=np.float32))
 
 
 def brightness_step(colours: NDArray[np.float32]) -> Array:
-    """(n,) by how much the inside is brighter than what is beside it."""
+    """Return by how much the inside is brighter than the surroundings, (n,)."""
     return np.asarray((_STEPS @ colours).mean(axis=(1, 2)), dtype=np.float64)
 
 
 def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array) -> Array:
-    """(...) 0 to 2: by how much the inside of colours (..., 15, c) is another than the one followed up to here."""
-    off = colours[..., _INSIDE, :] - template
-    square = np.einsum("...uc,...uc->...", off, off) / off.shape[-2]
+    """Return how much the inside of colours (..., 15, c) differs from the remembered inside, (...) from 0 to 2."""
+    difference = colours[..., _INSIDE, :] - template
+    square = np.einsum("...uc,...uc->...", difference, difference) / difference.shape[-2]
     return np.asarray(np.minimum(square / (_CERTAIN * variance), _LARGEST_MISFIT))
 
 
-def learnt(colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array) -> NDArray[np.float32]:
-    """The templates after another step: a little of what is seen now, where it is still the same."""
-    seen = colours[:, _INSIDE]
-    same = ((seen - template) ** 2).sum(axis=2) < _CERTAIN * variance[:, None]
-    return np.asarray(template + np.where(same[..., None], _LEARNING * (seen - template), 0.0), dtype=np.float32)
+def updated_templates(
+    colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array
+) -> NDArray[np.float32]:
+    """Return the remembered colours after another step.
+
+    Each colour that is still the same moves by 12 % toward the present one.
+
+    Parameters
+    ----------
+    colours : ndarray, shape (n, 15, channels)
+        Colours across the strips.
+    template : ndarray, shape (n, 9, channels)
+        Remembered colours.
+    variance : ndarray, shape (n,)
+        Variance within which two colours count as equal.
+    """
+    present = colours[:, _INSIDE]
+    same = ((present - template) ** 2).sum(axis=2) < _CERTAIN * variance[:, None]
+    return np.asarray(template + np.where(same[..., None], _LEARNING * (present - template), 0.0), dtype=np.float32)
 
 
 def inside_of(colours: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(n, 9, channels) of (n, 15, channels)."""
+    """Return the colours (n, 9, channels) of the inside."""
     return colours[:, _INSIDE]

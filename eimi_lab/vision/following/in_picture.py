@@ -1,4 +1,4 @@
-"""What calibration and specimen state of the beam in the picture, and the picture as it is searched."""
+"""The stated beam in pixels, and the image scaled to 255."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from eimi_lab.vision.intensity import full_scale
 
 
 def stated_beam(frame: BeamFrame, length_mm: float, width_mm: float) -> StatedBeam:
-    """The beam of so many millimetres where the calibration has its clamp."""
+    """Return the beam of the stated length and width (mm) at the clamp of the calibration."""
     origin, ahead = frame.to_px([[0.0, 0.0], [1.0, 0.0]])
     scale = float(np.linalg.norm(ahead - origin))
     angle = math.atan2(ahead[1] - origin[1], ahead[0] - origin[0])
@@ -21,7 +21,7 @@ def stated_beam(frame: BeamFrame, length_mm: float, width_mm: float) -> StatedBe
 
 
 def in_255(image: ArrayLike) -> NDArray[np.float32]:
-    """(height, width, channels) float32 of 255, from an image (height, width) or (height, width, 3) of any depth."""
+    """Return an image (H, W) or (H, W, 3) of any bit depth as float32 (H, W, channels) with a full scale of 255."""
     pixels = np.asarray(image)
     pixels = np.ascontiguousarray(pixels[..., None] if pixels.ndim == 2 else pixels[..., :3], dtype=np.float32)
     if not np.isfinite(pixels).all():

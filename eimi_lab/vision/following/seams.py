@@ -1,4 +1,4 @@
-"""An edge as a seam of largest fall: dynamic programming along the unrolled beam."""
+"""Find an edge as the seam of largest fall along the unrolled beam, by dynamic programming."""
 
 from __future__ import annotations
 
@@ -8,15 +8,32 @@ from scipy.ndimage import uniform_filter1d
 
 Array = NDArray[np.float64]
 
-_ARM = 0.12  # widths: the fall is between the means of so much on both sides
-_ALONG = 0.35  # widths that are averaged along the beam
-_STEEPEST = 2  # places across by which a seam moves from station to station
-_UNREST = 0.05  # cost of each, against a fall of 1
-_PRIOR = 0.25  # cost of a seam one standard deviation from where it is expected
+_ARM = 0.12  # widths: the fall is the difference of the means over this length on both sides
+_ALONG = 0.35  # widths along the beam over which the fall is averaged
+_STEEPEST = 2  # largest number of places by which a seam moves from station to station
+_UNREST = 0.05  # cost of each place, where a full step has a fall of 1
+_PRIOR = 0.25  # cost of a seam at one standard deviation from its expected place
 
 
 def fall_across(share: Array, outward: float, across: Array, stations_in_width: float) -> Array:
-    """(n, m) by how much ``share`` falls outward at each place, 1 for a whole edge."""
+    """Return how much the projected colour falls outward at each place.
+
+    Parameters
+    ----------
+    share : ndarray, shape (n, m)
+        Projected colours, about 1 inside and 0 outside.
+    outward : float
+        -1 for the left edge, +1 for the right edge.
+    across : ndarray, shape (m,)
+        Places across the beam, in stated widths.
+    stations_in_width : float
+        Number of stations along the beam in a width.
+
+    Returns
+    -------
+    ndarray, shape (n, m)
+        1 for a full step.
+    """
     arm = max(2, round(_ARM / (across[1] - across[0])))
     padded = np.pad(share, ((0, 0), (arm, arm)), mode="edge")
     total = np.cumsum(np.pad(padded, ((0, 0), (1, 0))), axis=1)
@@ -28,9 +45,27 @@ def fall_across(share: Array, outward: float, across: Array, stations_in_width: 
 
 
 def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) -> Array:
-    """(k, n) places across of the connected seams with the largest falls (k, n, m), k of them at a time.
+    """Find connected seams with the largest sum of falls, several at a time.
 
-    expected: (k, n), and its tolerance in widths.
+    The value of a place is its fall less 0.25 ((place - expected) / tolerance)². A seam moves by at most two places
+    from station to station; each place costs 0.05. Dynamic programming finds the seam with the largest total value. A
+    parabola through the neighbouring values gives the fraction of a place.
+
+    Parameters
+    ----------
+    fall : ndarray, shape (k, n, m)
+        Fall at each place, for k seams.
+    across : ndarray, shape (m,)
+        Places across the beam, in stated widths.
+    expected : ndarray, shape (k, n)
+        Where each seam is expected.
+    tolerance : float
+        Standard deviation about the expected place, in stated widths.
+
+    Returns
+    -------
+    ndarray, shape (k, n)
+        Places of the seams across the beam.
     """
     value = fall - _PRIOR * ((across - expected[..., None]) / tolerance) ** 2
     count, stations, places = value.shape
@@ -45,13 +80,13 @@ def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) ->
     seams[:, -1] = best[-1].argmax(axis=1)
     rows = np.arange(count)
     for station in range(stations - 1, 0, -1):
-        came = index[:, seams[:, station]]
-        seams[:, station - 1] = came[(best[station - 1][rows, came] - cost).argmax(axis=0), rows]
-    return np.stack([_between(own, seam, across) for own, seam in zip(value, seams, strict=True)])
+        predecessors = index[:, seams[:, station]]
+        seams[:, station - 1] = predecessors[(best[station - 1][rows, predecessors] - cost).argmax(axis=0), rows]
+    return np.stack([_between(values, seam, across) for values, seam in zip(value, seams, strict=True)])
 
 
 def _between(value: Array, seam: NDArray[np.int64], across: Array) -> Array:
-    """The seam to a part of a place, by a parabola through its neighbours."""
+    """Refine a seam to a fraction of a place, by a parabola through the neighbouring values."""
     at = np.clip(seam, 1, len(across) - 2)
     rows = np.arange(len(seam))
     before, here, after = (value[rows, at + shift] for shift in (-1, 0, 1))

@@ -1,9 +1,10 @@
-"""Where an edge is the border of a shadow, told by colours that a shadow does not change.
+"""Detect where an edge is the border of a shadow, by colours that a shadow does not change.
 
-White light dims all colours of what is in its shadow by one share (R. Gershon, A. D. Jepson and J. K. Tsotsos, Ambient
-illumination and the determination of material changes, J. Opt. Soc. Am. A 3 (1986) 1700). In a projection across the
-colour of what is beside the beam any share of that colour is 0: there the border of its shadow has no step, and the
-body's edge has one wherever its colour is no dimmed one of what is beside it.
+White light dims all colours of a surface in shadow by the same factor (R. Gershon, A. D. Jepson and J. K. Tsotsos,
+"Ambient illumination and the determination of material changes", J. Opt. Soc. Am. A 3 (1986) 1700). In a projection
+orthogonal to the colour of the surroundings every multiple of that colour is 0. The border of a shadow on the
+surroundings then has no step. The edge of the beam keeps a step unless its colour is a multiple of that of the
+surroundings.
 """
 
 from __future__ import annotations
@@ -20,17 +21,31 @@ from eimi_lab.vision.following.unrolled import UnrolledPicture
 
 Array = NDArray[np.float64]
 
-_TOLERANCES = (0.3, 0.2)  # widths by which the body's edge may be off the shadow's, then off where it was found
-_WINDOW = 1.0  # widths along the beam over which both edges are compared; a shorter difference is none
-_LEAST_SHIFT, _LEAST_SHIFT_PX = 0.03, 1.5  # widths, and pixels of the picture: nearer ones are one edge
+_TOLERANCES = (0.3, 0.2)  # widths, of the two passes: about the border of the shadow, then about the first result
+_WINDOW = 1.0  # widths along the beam over which both edges are compared; a shorter difference is ignored
+_LEAST_SHIFT, _LEAST_SHIFT_PX = 0.03, 1.5  # widths, and pixels of the image: a smaller shift is ignored
 _LEAST_SEPARATION = 3.0  # standard deviations between inside and outside
-_AS_SURE = 0.15  # as all colours are: an edge of one clean step is in no need of colours that tell less
-_HALF = 0.5  # of a whole edge's fall
-_ALONG_IT = 0.2  # of the way: so long a shadow may be nearer than that elsewhere
+_AS_SURE = 0.15  # least share of the separation that all colours have
+_HALF = 0.5  # of the fall of a full step
+_ALONG_IT = 0.2  # of the edge: along a shadow at least this long, every sure place is moved
 
 
-def off_shadows(unrolled: UnrolledPicture, found: Seams, noise: float) -> Seams:
-    """The edges, moved to the body's where those found are borders of its shadow; a grey picture's as they are."""
+def move_off_shadows(unrolled: UnrolledPicture, found: Seams, noise: float) -> Seams:
+    """Move edges that are borders of the beam's shadow to the beam itself.
+
+    Parameters
+    ----------
+    unrolled : UnrolledPicture
+        The picture along the strip. A grey picture has no such colours, and its seams are returned as they are.
+    seams : Seams
+        Seams in all colours.
+    noise : float
+        Standard deviation of a channel, grey levels of 255.
+
+    Returns
+    -------
+    Seams
+    """
     if unrolled.colours.shape[2] == 1:
         return found
     body = find_colour_seams(unrolled, found.edge, noise, _TOLERANCES, shadowless=True)
@@ -45,7 +60,7 @@ def off_shadows(unrolled: UnrolledPicture, found: Seams, noise: float) -> Seams:
     if not moved.any():
         return found
     moved |= sure & (moved.mean(axis=1, keepdims=True) > _ALONG_IT)
-    left, right = (_where(*sides) for sides in zip(moved, body.projected, found.projected, strict=True))
+    left, right = (_merged(*sides) for sides in zip(moved, body.projected, found.projected, strict=True))
     return Seams(
         edge=np.where(moved, body.edge, found.edge),
         support=np.where(moved, body.support, found.support),
@@ -55,7 +70,7 @@ def off_shadows(unrolled: UnrolledPicture, found: Seams, noise: float) -> Seams:
 
 
 def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
-    """(n,) whether what is between an edge and the border (n,) of the shadow has less light than what is beyond it."""
+    """Return where (n,) the stretch between an edge and the border of a shadow has less light than the surroundings."""
     outward = np.sign(border - edge)[:, None]
     beyond = outward * (unrolled.across - border[:, None])
     between = np.abs(unrolled.across - 0.5 * (edge + border)[:, None])
@@ -68,8 +83,8 @@ def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: in
     return np.asarray((light[0] * light[1]).sum(axis=1) < (light[1] ** 2).sum(axis=1))
 
 
-def _where(moved: NDArray[np.bool_], own: ColourProjection, other: ColourProjection) -> ColourProjection:
-    """Station by station (n,) the one projection or the other."""
+def _merged(moved: NDArray[np.bool_], own: ColourProjection, other: ColourProjection) -> ColourProjection:
+    """Return the first projection where (n,) the edge was moved, and the second elsewhere."""
     values = {}
     for field in fields(own):
         one, two = getattr(own, field.name), getattr(other, field.name)

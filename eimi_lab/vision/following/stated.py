@@ -1,4 +1,4 @@
-"""What is known of the beam before its picture is looked at: by eye and by a ruler, not exactly."""
+"""What is known of the beam before its picture is searched, read by eye and measured with a ruler."""
 
 from __future__ import annotations
 
@@ -13,9 +13,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StatedBeam:
-    """Where the beam leaves its clamp and how large it is, in pixels.
+    """Place and size of the beam in pixels.
 
-    clamp_px: (2,) middle of the clamp line. axis_rad: direction of the beam there, clockwise from +x in the image.
+    Attributes
+    ----------
+    clamp_px : ndarray, shape (2,)
+        Middle of the clamp line.
+    axis_rad : float
+        Direction of the beam at its clamp, clockwise from the image's +x.
+    width_px, length_px : float
+        Width and length.
     """
 
     clamp_px: Array
@@ -25,10 +32,13 @@ class StatedBeam:
 
     @property
     def ahead(self) -> Array:
-        """(2,) unit vector away from the clamp."""
+        """Unit vector (2,) away from the clamp."""
         return np.array([math.cos(self.axis_rad), math.sin(self.axis_rad)])
 
     def scaled(self, factor: float, origin_px: Array) -> StatedBeam:
-        """The same beam in a picture cut at ``origin_px`` and enlarged by ``factor``; pixel centres are whole."""
+        """Return the same beam in a picture that is cut at `origin_px` and enlarged by `factor`.
+
+        Pixel centres have integer coordinates in both pictures.
+        """
         clamp = (self.clamp_px - origin_px + 0.5) * factor - 0.5
         return StatedBeam(clamp, self.axis_rad, self.width_px * factor, self.length_px * factor)

@@ -1,4 +1,4 @@
-"""The strip unrolled: its picture with the beam's middle straight, so that both edges are nearly so."""
+"""Sample the image along the strip: in this unrolled picture the middle of the beam is straight."""
 
 from __future__ import annotations
 
@@ -17,32 +17,55 @@ from eimi_lab.vision.following.working import WorkingPicture
 
 Array = NDArray[np.float64]
 
-FINENESS = 24  # pixels and stations in the beam's width
-_REACH = 1.1  # widths to both sides of the middle: an edge, and 0.55 of a width outside it
-_ALONG = 2.0 / FINENESS  # widths
-_PIECE = 1.5  # widths: a spline's interval; a curvature that changes faster is the search's own unrest
-_BINS = 12  # a channel
-_BEYOND = 0.6  # widths at the far end
+FINENESS = 24  # places across in the beam's width
+_REACH = 1.1  # widths on both sides of the middle: half the beam, and 0.6 of a width outside it
+_ALONG = 2.0 / FINENESS  # widths between neighbouring stations
+_PIECE = 1.5  # widths: interval of the spline; a curvature that changes faster is an artefact of the search
+_BINS = 12  # in each channel
+_BEYOND = 0.6  # widths beyond the end of the strip
 
 
 @dataclass(frozen=True)
 class ColourBins:
-    """index: (n, m) which bin of a histogram of the picture's colours each is in. shape: bins in each channel."""
+    """Bins of a colour histogram.
+
+    Attributes
+    ----------
+    index : ndarray of int, shape (n, m)
+        Bin of each colour of the picture.
+    shape : tuple of int
+        Number of bins in each channel.
+    """
 
     index: NDArray[np.int64]
     shape: tuple[int, ...]
 
     @property
     def total(self) -> int:
+        """Number of bins."""
         return math.prod(self.shape)
 
 
 @dataclass(frozen=True)
 class UnrolledPicture:
-    """colours: (n, m, channels) at places along the beam and across it. across: (m,) and along: (n,) in stated widths.
+    """The picture along the strip: n stations along the beam, m places across it.
 
-    middle, aside: (n, 2) px of the whole picture: the place amid the strip and one stated width to its right (clockwise
-    of the way from the clamp). width: (n,) of the strip, in stated ones. inside: (n, m) which lie in the frame.
+    Attributes
+    ----------
+    colours : ndarray, shape (n, m, channels)
+        Colours of 255.
+    across : ndarray, shape (m,)
+        Places across the beam, in stated widths; positive to the right as seen from the clamp.
+    along : ndarray, shape (n,)
+        Distance from the clamp, in stated widths.
+    middle : ndarray, shape (n, 2)
+        Middle of the strip, px of the image.
+    aside : ndarray, shape (n, 2)
+        Vector of one stated width across the beam, px of the image.
+    width : ndarray, shape (n,)
+        Width of the strip, in stated widths.
+    inside : ndarray of bool, shape (n, m)
+        Which places lie in the image.
     """
 
     colours: NDArray[np.float32]
@@ -55,7 +78,7 @@ class UnrolledPicture:
 
     @cached_property
     def bins(self) -> ColourBins:
-        """Of a histogram that leaves out the rarest hundredth."""
+        """Bins of a histogram over all colours but the rarest hundredth."""
         channels = self.colours.shape[2]
         bins = _BINS if channels > 1 else 3 * _BINS
         low, high = np.percentile(self.colours.reshape(-1, channels), (0.5, 99.5), axis=0)
@@ -65,12 +88,27 @@ class UnrolledPicture:
 
     @property
     def stations_in_width(self) -> float:
-        """Along the beam."""
+        """Number of stations along the beam in a stated width."""
         return 1.0 / _ALONG
 
 
 def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> UnrolledPicture | None:
-    """The strip, found in ``coarse``, from ``fine``; from the clamp to somewhat beyond its end. None if too short."""
+    """Sample a picture along a strip, from the clamp to somewhat beyond the strip's end.
+
+    Parameters
+    ----------
+    fine : WorkingPicture
+        The picture to sample.
+    coarse : WorkingPicture
+        The picture in which the strip was found.
+    strip : Strip
+        The followed strip.
+
+    Returns
+    -------
+    UnrolledPicture or None
+        None if the strip has fewer than five places.
+    """
     places = fine_places(strip.place, coarse, fine)
     wide = fine.beam.width_px
     if len(places) < 5:
@@ -103,5 +141,5 @@ def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> Unroll
 
 
 def fine_places(points: Array, coarse: WorkingPicture, fine: WorkingPicture) -> Array:
-    """Places (n, 2) of one working picture in another."""
+    """Map places (n, 2) of the coarse working picture to the fine one."""
     return fine.from_picture(coarse.to_picture(points))

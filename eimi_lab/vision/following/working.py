@@ -1,4 +1,4 @@
-"""The picture in which the beam is looked for: what it can reach, scaled so that its width is a few pixels."""
+"""Cut the image to the reach of the beam, and scale it so that the beam is a given number of pixels wide."""
 
 from __future__ import annotations
 
@@ -14,17 +14,25 @@ from eimi_lab.vision.following.stated import StatedBeam
 
 Array = NDArray[np.float64]
 
-_REACH = 1.25  # beam lengths around the clamp
-_NORMAL_MEDIAN = 1.4826
-_LAPLACIAN_GAIN = 6.0  # standard deviation of [[1, -2, 1], [-2, 4, -2], [1, -2, 1]] on noise of one: the root of 36
+_REACH = 1.25  # beam lengths around the clamp that are cut out
+_NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over its median absolute value
+_LAPLACIAN_GAIN = 6.0  # standard deviation of [[1, -2, 1], [-2, 4, -2], [1, -2, 1]] applied to unit noise: √36
 
 
 @dataclass(frozen=True)
 class WorkingPicture:
-    """A stretch of a picture, scaled.
+    """A part of an image, scaled.
 
-    pixels: (height, width, channels) float32, of 255. origin_px, factor: where it was cut and by what it was
-    enlarged. beam: the stated beam in it.
+    Attributes
+    ----------
+    pixels : ndarray of float32, shape (height, width, channels)
+        Grey values of 255.
+    origin_px : ndarray, shape (2,)
+        Where the part was cut from the image.
+    factor : float
+        Enlargement.
+    beam : StatedBeam
+        The stated beam in this picture.
     """
 
     pixels: NDArray[np.float32]
@@ -34,28 +42,40 @@ class WorkingPicture:
 
     @cached_property
     def noise(self) -> float:
-        """Standard deviation of a channel."""
+        """Standard deviation of the noise of a channel, grey levels."""
         return _noise(self.pixels)
 
     @cached_property
     def span(self) -> float:
-        """From the darkest to the brightest hundredth."""
+        """Grey levels from the darkest to the brightest hundredth."""
         darkest, brightest = np.percentile(self.pixels[::3, ::3], (1, 99))
         return float(brightest - darkest)
 
     def to_picture(self, points: Array) -> Array:
-        """Places (..., 2) of this picture in the whole one."""
+        """Map places (..., 2) of this picture to the image."""
         return (points + 0.5) / self.factor - 0.5 + self.origin_px
 
     def from_picture(self, points: Array) -> Array:
-        """Places (..., 2) of the whole picture in this one."""
+        """Map places (..., 2) of the image to this picture."""
         return (points - self.origin_px + 0.5) * self.factor - 0.5
 
 
 def working_picture(image: NDArray[Any], beam: StatedBeam, width_px: float) -> WorkingPicture | None:
-    """Cut and scale an image (height, width, channels) of 255 so that the beam is about ``width_px`` wide.
+    """Cut and scale an image.
 
-    None where the beam's reach has no place in it.
+    Parameters
+    ----------
+    image : ndarray, shape (H, W, channels)
+        Grey values of 255.
+    beam : StatedBeam
+        The stated beam.
+    width_px : float
+        Wanted width of the beam.
+
+    Returns
+    -------
+    WorkingPicture or None
+        None if the reach of the beam lies outside the image.
     """
     high, wide = image.shape[:2]
     reach = _REACH * beam.length_px + 2.0 * beam.width_px
@@ -74,11 +94,12 @@ def working_picture(image: NDArray[Any], beam: StatedBeam, width_px: float) -> W
 
 
 def _noise(pixels: NDArray[np.float32]) -> float:
-    """Standard deviation of a channel, from second differences of second differences, which smooth light leaves at 0.
+    """Estimate the standard deviation of the noise of a channel.
 
-    J. Immerkær, Fast noise variance estimation, Computer Vision and Image Understanding 64 (1996) 300; with the median
-    in place of the mean, for edges are no noise.
+    The kernel takes second differences of second differences, to which smooth light does not contribute (J. Immerkær,
+    "Fast noise variance estimation", Computer Vision and Image Understanding 64 (1996) 300). The median replaces the
+    mean of that paper, so that edges do not count as noise.
     """
     kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
-    left_over = cv2.filter2D(pixels, cv2.CV_32F, kernel)[1:-1:2, 1:-1:2]  # so many tell it as well
-    return _NORMAL_MEDIAN * float(np.median(np.abs(left_over))) / _LAPLACIAN_GAIN
+    differences = cv2.filter2D(pixels, cv2.CV_32F, kernel)[1:-1:2, 1:-1:2]  # a quarter of the pixels is enough
+    return _NORMAL_MEDIAN * float(np.median(np.abs(differences))) / _LAPLACIAN_GAIN
