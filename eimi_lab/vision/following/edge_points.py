@@ -150,7 +150,7 @@ class _Edge:
         return points, steps, inside & steps.sound & (height > _HEIGHT[0]) & (height < _HEIGHT[1])
 
     def _profiles(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array) -> tuple[Array, Mask]:
-        """Return profiles (n, m) along the normals, about 0 inside and 1 outside, and which of them lie in the image."""
+        """Return profiles (n, m) along normals, about 0 inside and 1 outside, and which of them lie in the image."""
         lines = np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
         at, tangent = curve.at(place[:, None] + lines)
         normals = self.outward * normals_of(tangent)
