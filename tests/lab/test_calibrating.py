@@ -1,4 +1,4 @@
-"""Calibration through the command line from rendered views of known boards, beams and rulers."""
+"""Calibration through the command line, on rendered views of known boards, beams, rulers and threads."""
 
 import os
 import re
@@ -25,12 +25,12 @@ MATRIX = np.array([[FOCAL, 0.0, 247.0], [0.0, FOCAL, 188.0], [0.0, 0.0, 1.0]])
 DISTORTION = np.array([-0.15, 0.05, 0.001, -0.001, 0.0])
 STAND_OFF = 120.0
 CHARUCO = Board("charuco", 9, 7, 4.0)
-FINE = 3  # rays a pixel and direction
+FINE = 3  # rays in each direction of a pixel
 TURNS = [(0, 0, 1.2), (25, 0, 2), (-25, 5, -3), (0, 30, 5), (5, -30, 0), (20, 20, 10)]
 
 
 def board_texture(board):
-    """Brightness on a fine grid and its cells per millimetre; one square of margin around."""
+    """Return the brightness of a board on a fine grid with a margin of one square, and the cells of the grid per mm."""
     cells = 20
     if board.kind == "circles":
         x, y = np.meshgrid(*(np.arange(cells * n) % cells + 0.5 for n in (board.columns, board.rows)))
@@ -42,14 +42,14 @@ def board_texture(board):
 
 @lru_cache
 def camera_rays(dx, dy, bent):
-    """Directions (n, 3) through the pixels' centres shifted by dx, dy."""
+    """Return the directions (n, 3) through the centres of the pixels, shifted by dx, dy."""
     place = np.indices(SIZE[::-1])[::-1].reshape(2, -1).T + np.array([dx, dy])
     rays = cv2.undistortPoints(place.reshape(-1, 1, 2), MATRIX, DISTORTION if bent else np.zeros(5))[:, 0]
     return np.column_stack([rays, np.ones(len(rays))])
 
 
 def view(board, turn_deg, stand_off=STAND_OFF, seed=0, bent=True):
-    """What the camera sees of the board, its middle on the axis, turned by so many degrees about x, y and z."""
+    """Render the board as the camera sees it, its middle on the optical axis, turned about x, y and z."""
     turn = np.eye(3)
     for axis, angle in zip(np.eye(3), np.radians(turn_deg), strict=True):
         turn = cv2.Rodrigues(axis * angle)[0] @ turn
@@ -59,7 +59,7 @@ def view(board, turn_deg, stand_off=STAND_OFF, seed=0, bent=True):
     middle = 0.5 * board.square_mm * np.array([board.columns, board.rows])
     for dx in offsets:
         for dy in offsets:
-            rays = camera_rays(dx, dy, bent) @ turn  # in the board's own directions
+            rays = camera_rays(dx, dy, bent) @ turn  # in the axes of the board
             camera = np.array([0.0, 0.0, -stand_off]) @ turn
             hit = camera[:2] - camera[2] / rays[:, 2:] * rays[:, :2]
             where = np.floor((hit + middle + board.square_mm) * per_mm).astype(int)
@@ -87,20 +87,20 @@ def test_lens_scale_and_orientation_from_charuco(run, charuco_views, tmp_path):
     output = tmp_path / "calibration.toml"
     views = sorted(charuco_views.glob("*.png"))
     assert run("calibrate", *views, *BOARD, *COMMON, "-o", output) == (0, "")
-    found = load_calibration(output)
-    uncertain = found.uncertainty
-    focal, stated = found.camera_matrix[0][0], uncertain["focal_length_px"]
+    calibration = load_calibration(output)
+    uncertainty = calibration.uncertainty
+    focal, stated = calibration.camera_matrix[0][0], uncertainty["focal_length_px"]
     assert focal == pytest.approx(FOCAL, abs=min(4 * stated, 10.0))
     truth = FOCAL / STAND_OFF
-    assert found.pixels_per_mm == pytest.approx(truth, rel=0.002)
-    assert abs(found.pixels_per_mm - truth) < 3 * uncertain["pixels_per_mm"]
-    assert uncertain["pixels_per_mm"] < 0.003 * truth
-    assert found.axis_angle_deg == pytest.approx(91.2, abs=0.03)
-    assert found.field_angle_deg == pytest.approx(1.2, abs=0.03)
-    assert found.stand_off_mm == pytest.approx(STAND_OFF, abs=4 * uncertain["stand_off_mm"])
-    # Through the map that everything else uses: a length on the board, wherever it lies in the image.
+    assert calibration.pixels_per_mm == pytest.approx(truth, rel=0.002)
+    assert abs(calibration.pixels_per_mm - truth) < 3 * uncertainty["pixels_per_mm"]
+    assert uncertainty["pixels_per_mm"] < 0.003 * truth
+    assert calibration.axis_angle_deg == pytest.approx(91.2, abs=0.03)
+    assert calibration.field_angle_deg == pytest.approx(1.2, abs=0.03)
+    assert calibration.stand_off_mm == pytest.approx(STAND_OFF, abs=4 * uncertainty["stand_off_mm"])
+    # The map that all other code uses gives the right lengths on the board everywhere in the image.
     on_board, image = CHARUCO.find(cv2.imread(str(views[0]), cv2.IMREAD_GRAYSCALE))
-    places = BeamFrame(found).to_mm(image)
+    places = BeamFrame(calibration).to_mm(image)
     gaps = np.linalg.norm(places[:, None] - places, axis=-1) - np.linalg.norm(on_board[:, None] - on_board, axis=-1)
     assert np.abs(gaps).max() < 0.06
 
@@ -112,22 +112,22 @@ def test_every_kind_of_board_gives_the_scale(run, tmp_path, kind):
     arguments = ("--board", kind, "--columns", "9", "--rows", "7", "--square-mm", "4")
     output = tmp_path / "calibration.toml"
     assert run("calibrate", tmp_path / "flat.png", *arguments, *COMMON, "-o", output) == (0, "")
-    found = load_calibration(output)
+    calibration = load_calibration(output)
     truth = FOCAL / STAND_OFF
-    assert found.pixels_per_mm == pytest.approx(truth, rel=0.0015)
-    assert abs(found.pixels_per_mm - truth) < 3 * found.uncertainty["pixels_per_mm"]
-    assert found.axis_angle_deg == pytest.approx(88.0, abs=0.05)
-    assert found.camera_matrix is None
+    assert calibration.pixels_per_mm == pytest.approx(truth, rel=0.0015)
+    assert abs(calibration.pixels_per_mm - truth) < 3 * calibration.uncertainty["pixels_per_mm"]
+    assert calibration.axis_angle_deg == pytest.approx(88.0, abs=0.05)
+    assert calibration.camera_matrix is None
 
 
-def test_flat_views_cannot_tell_the_focal_length():
+def test_parallel_views_do_not_determine_the_focal_length():
     flat = [CHARUCO.find(view(CHARUCO, (0, 0, angle), seed=angle)) for angle in (0, 1, 2, 3)]
     with pytest.raises(ValueError, match="tilt the board"):
         calibrate_lens(flat, SIZE)
 
 
 @pytest.mark.parametrize("lit", [False, True])
-def test_the_beam_itself_as_a_ruler(run, tmp_path, lit):
+def test_the_width_of_the_beam_gives_the_scale(run, tmp_path, lit):
     image = photograph(NOMINAL, bend(SPECIMEN, 0.0))
     cv2.imwrite(str(tmp_path / "rest.png"), 240 - image if lit else image)
     specimen = SPECIMEN.specimen
@@ -137,17 +137,17 @@ def test_the_beam_itself_as_a_ruler(run, tmp_path, lit):
     guess = ("--coil-constant", "4.7", "--clamp-midpoint-px", "652", "106", "--axis-angle", "88.5")
     status = run("calibrate", tmp_path / "rest.png", "--specimen", tmp_path / "specimen.toml", *guess, "-o", output)
     assert status == (0, "")
-    found = load_calibration(output)
-    assert found.pixels_per_mm == pytest.approx(25.0, rel=5e-4)
-    assert found.clamp_midpoint_px == pytest.approx(CALIBRATION.clamp_midpoint_px, abs=0.2)
-    assert found.axis_angle_deg == pytest.approx(90.0, abs=0.02)
-    # The caliper's 0.05 mm of 3 mm is what the scale is worth, whatever the pixels say.
-    assert found.uncertainty["pixels_per_mm"] == pytest.approx(25.0 * 0.05 / 3.0, rel=0.01)
+    calibration = load_calibration(output)
+    assert calibration.pixels_per_mm == pytest.approx(25.0, rel=5e-4)
+    assert calibration.clamp_midpoint_px == pytest.approx(CALIBRATION.clamp_midpoint_px, abs=0.2)
+    assert calibration.axis_angle_deg == pytest.approx(90.0, abs=0.02)
+    # The uncertainty of the scale is that of the caliper, 0.05 mm of 3 mm; that of the pixels is much smaller.
+    assert calibration.uncertainty["pixels_per_mm"] == pytest.approx(25.0 * 0.05 / 3.0, rel=0.01)
     assert run("segment", tmp_path / "nowhere.h5")[0] == 2
 
 
 def thread(angle_deg, width_px=6.0, bob=True):
-    """A dark thread across the benchmark's picture, and the weight at its end."""
+    """Render a dark thread across the picture of the benchmark, with a weight at its end."""
     angle = np.radians(angle_deg)
     along, aside = np.array([np.cos(angle), np.sin(angle)]), 0.5 * np.array([-np.sin(angle), np.cos(angle)])
     middle = np.array([600.0, 480.0])
@@ -161,7 +161,7 @@ def thread(angle_deg, width_px=6.0, bob=True):
 
 
 @pytest.mark.parametrize("hand", [1.0, -1.0])
-def test_a_plumb_line_gives_gravity_and_its_deviation(hand):
+def test_a_plumb_line_gives_gravity_and_its_standard_deviation(hand):
     calibration = CALIBRATION.model_copy(update={"field_angle_deg": 90.0 - 90.0 * hand})
     pulls = []
     for angle_deg, width_px in ((90.0, 6.0), (88.6, 3.0), (91.3, 20.0), (75.0, 6.0), (0.4, 6.0), (178.0, 6.0)):
@@ -173,20 +173,20 @@ def test_a_plumb_line_gives_gravity_and_its_deviation(hand):
     assert up.gravity_angle_deg == pytest.approx(-90.0, abs=0.002)
 
 
-def test_what_is_no_plumb_line_is_refused():
+def test_a_picture_without_a_straight_thread_is_refused():
     curved = thread(90.0)
     bent = np.stack([np.roll(row, int(12 * np.sin(y / 100))) for y, row in enumerate(curved)])
-    for image, told in (
+    for image, message in (
         (photograph(NOMINAL, bend(SPECIMEN, 0.0)), "no thin dark line"),
         (np.full((600, 800), 200, np.uint8), "no thin dark line"),
         (np.zeros((10, 10), np.uint8), "too small"),
         (bent, "straight line"),
     ):
-        with pytest.raises(ValueError, match=told):
+        with pytest.raises(ValueError, match=message):
             measure_plumb_line(image, CALIBRATION, 90.0)
 
 
-def test_clamp_and_gravity_from_pictures_of_their_own(run, tmp_path):
+def test_clamp_and_gravity_from_separate_pictures(run, tmp_path):
     cv2.imwrite(str(tmp_path / "rest.png"), photograph(NOMINAL, bend(SPECIMEN, 5.0)))
     cv2.imwrite(str(tmp_path / "thread.png"), thread(91.3))
     lines = [f"{key} = {value!r}" for key, value in SPECIMEN.specimen.model_dump(exclude_defaults=True).items()]
@@ -197,25 +197,25 @@ def test_clamp_and_gravity_from_pictures_of_their_own(run, tmp_path):
     pictures = ("--beam", tmp_path / "rest.png", "--plumb-line", tmp_path / "thread.png")
     arguments = (tmp_path / "rest.png", *scale, *rough, *pictures)
     assert run("calibrate", *arguments, "--specimen", tmp_path / "specimen.toml", "-o", output) == (0, "")
-    found = load_calibration(output)
-    assert found.clamp_midpoint_px == pytest.approx(CALIBRATION.clamp_midpoint_px, abs=0.2)
-    assert found.gravity_angle_deg == pytest.approx(91.3, abs=0.002)
-    assert found.uncertainty["gravity_angle_deg"] < 0.002
-    assert found.axis_angle_deg == 90.0
+    calibration = load_calibration(output)
+    assert calibration.clamp_midpoint_px == pytest.approx(CALIBRATION.clamp_midpoint_px, abs=0.2)
+    assert calibration.gravity_angle_deg == pytest.approx(91.3, abs=0.002)
+    assert calibration.uncertainty["gravity_angle_deg"] < 0.002
+    assert calibration.axis_angle_deg == 90.0
     status, said = run("calibrate", *arguments, "-o", tmp_path / "other.toml")
     assert (status, "--beam goes with --specimen" in said) == (2, True)
 
 
-def test_a_ruler(run, tmp_path):
+def test_a_ruler_gives_the_scale_and_its_uncertainty(run, tmp_path):
     cv2.imwrite(str(tmp_path / "ruler.png"), np.zeros((100, 400), np.uint8))
     os.utime(tmp_path / "ruler.png", (0, 86400 * 365.25 * 50))
     ends = ("--ruler-px", "10", "50", "260", "50", "--ruler-mm", "20")
     assert run("calibrate", tmp_path / "ruler.png", *ends, *COMMON, "-o", tmp_path / "c.toml") == (0, "")
-    found = load_calibration(tmp_path / "c.toml")
-    assert found.pixels_per_mm == pytest.approx(12.5)
-    assert found.uncertainty["pixels_per_mm"] == pytest.approx(np.sqrt(2) / 20, rel=0.01)
-    assert found.calibrated_on == date(2020, 1, 1)
-    assert found.age_days(datetime(2020, 1, 11, 12, tzinfo=UTC)) == pytest.approx(10.5)
+    calibration = load_calibration(tmp_path / "c.toml")
+    assert calibration.pixels_per_mm == pytest.approx(12.5)
+    assert calibration.uncertainty["pixels_per_mm"] == pytest.approx(np.sqrt(2) / 20, rel=0.01)
+    assert calibration.calibrated_on == date(2020, 1, 1)
+    assert calibration.age_days(datetime(2020, 1, 11, 12, tzinfo=UTC)) == pytest.approx(10.5)
 
 
 BAD = {
@@ -244,10 +244,10 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_a_mistake_gives_one_line_and_no_file(run, tmp_path, case):
     cv2.imwrite(str(tmp_path / "blank.png"), np.full((100, 400), 200, np.uint8))
-    arguments, told = BAD[case]
+    arguments, message = BAD[case]
     status, said = run("calibrate", tmp_path / "blank.png", *COMMON, *arguments, "-o", tmp_path / "c.toml")
     assert (status, said.count("\n")) == (2, 1)
-    assert told in said
+    assert message in said
     assert not (tmp_path / "c.toml").exists()
 
 
@@ -268,14 +268,14 @@ def test_a_board_is_printed_to_scale(run, tmp_path, kind):
     assert box == pytest.approx([0, 0, (36 + 24) * points_per_mm, (28 + 24) * points_per_mm], abs=0.01)
     drawn = b"".join(zlib.decompress(part) for part in re.findall(rb"stream\r?\n(.*?)\r?\nendstream", raw, re.S)[:1])
     x = np.array([float(place) for place in re.findall(rb"(?m)^([-\d.]+) [-\d.]+ [ml]$", drawn)]) / points_per_mm
-    if kind == "circles":  # each path begins at its circle's lowest point, so below the centre
+    if kind == "circles":  # the path of each circle begins at its lowest point, below the centre
         assert {14.0, 46.0} <= set(x.round(3))
     else:
         inside = x[(x > 1) & (x < 59)]
         assert [inside.min(), inside.max()] == pytest.approx([12.0, 48.0], abs=0.01)
 
 
-def test_what_is_printed_is_what_is_looked_for(tmp_path):
+def test_the_printed_board_is_the_one_that_is_found(tmp_path):
     print_board(CHARUCO, tmp_path / "board.pdf")
     assert (tmp_path / "board.pdf").stat().st_size > 1000
     shown = np.kron(np.pad(~CHARUCO.cells(), 10, constant_values=True), np.ones((6, 6))) * 255
@@ -284,6 +284,6 @@ def test_what_is_printed_is_what_is_looked_for(tmp_path):
     np.testing.assert_allclose(image, on_board / 4.0 * 60 + 60 - 0.5, atol=0.05)
 
 
-def test_the_digest_is_of_the_numbers_alone():
+def test_the_digest_depends_on_the_numbers_alone():
     assert CALIBRATION.digest == Calibration.model_validate(CALIBRATION.model_dump()).digest
     assert CALIBRATION.digest != CALIBRATION.model_copy(update={"pixels_per_mm": 25.1}).digest

@@ -1,4 +1,4 @@
-"""Image files as cameras and phones store them, whole and cut short."""
+"""Image files as cameras and phones store them: complete, truncated, turned and of other formats."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ def test_a_truncated_image_is_never_read(
         read_image(path)
 
 
-def test_a_phone_appends_a_film_and_has_a_thumbnail_inside(tmp_path: Path, frame: Callable[..., np.ndarray]) -> None:
+def test_an_appended_film_and_a_thumbnail_do_not_hide_a_truncated_jpeg(
+    tmp_path: Path, frame: Callable[..., np.ndarray]
+) -> None:
     path = tmp_path / "image.jpg"
     whole, small = (cv2.imencode(".jpg", image)[1].tobytes() for image in (frame(1), frame(1)[::4, ::4]))
     thumbnail = b"Exif\0\0" + small
@@ -39,7 +41,7 @@ def test_a_phone_appends_a_film_and_has_a_thumbnail_inside(tmp_path: Path, frame
         read_image(path)
 
 
-def test_pictures_as_phones_store_them_are_named(tmp_path: Path) -> None:
+def test_a_heic_picture_is_refused_with_its_format(tmp_path: Path) -> None:
     heic = b"\0\0\0\x18ftypheic" + bytes(100)
     (tmp_path / "IMG_1.HEIC").write_bytes(heic)
     with pytest.raises(InputError, match=r"holds no images .*; save IMG_1.HEIC and similar files as JPEG or PNG"):
@@ -49,8 +51,8 @@ def test_pictures_as_phones_store_them_are_named(tmp_path: Path) -> None:
         read_image(tmp_path / "renamed.jpg")
 
 
-def test_a_turned_phone_says_so_in_its_pictures(tmp_path: Path) -> None:
-    """Stored lying on its side with Exif's orientation 6 (CIPA DC-008, 4.6.4): seen upright, as viewers show it."""
+def test_the_orientation_of_a_phone_is_obeyed(tmp_path: Path) -> None:
+    """A picture stored on its side with Exif orientation 6 (CIPA DC-008, 4.6.4) is read upright, as viewers show it."""
     upright = np.full((96, 64, 3), 200, np.uint8)
     upright[:20] = (30, 30, 220)
     raw = cv2.imencode(".jpg", cv2.rotate(upright, cv2.ROTATE_90_COUNTERCLOCKWISE))[1].tobytes()

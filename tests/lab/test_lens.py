@@ -1,4 +1,4 @@
-"""A lens that the calibration knows nothing of, seen in the edges."""
+"""Perspective of a lens that the calibration does not state, measured on the edges."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ DEPTH_MM, CENTRE_MM = 5.0, np.array([15.0, 0.0])
 
 @pytest.fixture(scope="module")
 def sides() -> np.ndarray:
-    """(7, 2, n, 2) mm: edges of a beam of silicone in seven fields, those of its middle plane."""
+    """(7, 2, n, 2) mm: edges of the middle plane of a silicone beam in seven fields."""
     model = BeamModel(Specimen(30.0, 3.0, DEPTH_MM, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(np.linspace(0, 8, 7)))
     return points_on(edge_curves(model, shapes)[0], 8)[:, :, 1:-1]
 
 
 def seen(sides: np.ndarray, stand_off_mm: float | None, noise_mm: float) -> EdgeObservation:
-    """The union of the near and the far face's outline: of each pair of points the outer one."""
+    """Return the outline of both faces as a lens images it: the outer point of each pair."""
     if stand_off_mm:
         faces = [np.insert(sides, 2, z, axis=-1) for z in (-0.5 * DEPTH_MM, 0.5 * DEPTH_MM)]
         near, far = map(View(CENTRE_MM, stand_off_mm).seen, faces)
@@ -39,18 +39,18 @@ def seen(sides: np.ndarray, stand_off_mm: float | None, noise_mm: float) -> Edge
 
 
 @pytest.mark.parametrize("stand_off_mm", [150.0, 300.0])
-def test_the_stand_off_of_an_ordinary_lens_is_seen(sides: np.ndarray, stand_off_mm: float) -> None:
-    found = seen_depth(seen(sides, stand_off_mm, 0.003), CENTRE_MM, DEPTH_MM)
-    assert found is not None
-    assert stand_off_mm < found.stand_off_mm < 1.4 * stand_off_mm
+def test_the_stand_off_of_an_ordinary_lens_is_measured(sides: np.ndarray, stand_off_mm: float) -> None:
+    depth = seen_depth(seen(sides, stand_off_mm, 0.003), CENTRE_MM, DEPTH_MM)
+    assert depth is not None
+    assert stand_off_mm < depth.stand_off_mm < 1.4 * stand_off_mm
 
 
 @pytest.mark.parametrize("noise_mm", [0.001, 0.003, 0.02])
-def test_a_telecentric_lens_is_not_mistaken_for_one(sides: np.ndarray, noise_mm: float) -> None:
+def test_a_telecentric_lens_is_not_mistaken_for_an_ordinary_one(sides: np.ndarray, noise_mm: float) -> None:
     assert seen_depth(seen(sides, None, noise_mm), CENTRE_MM, DEPTH_MM) is None
 
 
-def test_a_beam_that_is_cut_wider_toward_its_tip_is_no_lens(sides: np.ndarray) -> None:
+def test_a_beam_that_is_wider_at_its_tip_is_not_mistaken_for_a_lens(sides: np.ndarray) -> None:
     tapered = sides.copy()
     middle = tapered.mean(axis=1, keepdims=True)
     tapered = middle + (tapered - middle) * np.linspace(1.0, 1.1, tapered.shape[2])[:, None]
@@ -58,15 +58,15 @@ def test_a_beam_that_is_cut_wider_toward_its_tip_is_no_lens(sides: np.ndarray) -
 
 
 @pytest.mark.parametrize("stand_off_mm", [None, 200.0])
-def test_a_solid_that_bows_across_its_depth_is_not_mistaken_for_one(stand_off_mm: float | None) -> None:
+def test_a_solid_that_bows_across_its_depth_is_not_mistaken_for_a_lens(stand_off_mm: float | None) -> None:
     model = SolidBeside(Specimen(30.0, 3.0, DEPTH_MM, 1070.0, "solid", Magnet(4.0, 3.0, 3.0, 1.2, 7500.0)), 20, 2)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(np.linspace(0, 7, 16)))
     view = View(CENTRE_MM, stand_off_mm) if stand_off_mm else None
-    found = seen_depth(
+    depth = seen_depth(
         seen(points_on(outline(model, shapes, view)[0], 8)[:, :, 1:-1], None, 0.001), CENTRE_MM, DEPTH_MM
     )
     if stand_off_mm is None:
-        assert found is None
+        assert depth is None
     else:
-        assert found is not None
-        assert 0.5 * stand_off_mm < found.stand_off_mm < 1.5 * stand_off_mm
+        assert depth is not None
+        assert 0.5 * stand_off_mm < depth.stand_off_mm < 1.5 * stand_off_mm

@@ -34,7 +34,7 @@ def test_field_to_the_left_mirrors_y():
     assert frame.field_deg == pytest.approx(90.0)
 
 
-def test_gravity_is_measured_from_x_toward_y_whatever_the_hand():
+def test_gravity_is_measured_from_x_toward_y_in_both_hands():
     # The beam lies to the right; gravity points down in the image, the field up or down.
     assert BeamFrame(calibration(axis=0.0, field=90.0)).gravity_deg == pytest.approx(90.0)
     assert BeamFrame(calibration(axis=0.0, field=-90.0)).gravity_deg == pytest.approx(-90.0)
@@ -56,7 +56,7 @@ def test_round_trip_and_directions(axis, across, mirrored, gravity, x, y):
     def direction(degrees):
         return np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
 
-    # A step along gravity or the field in the image is one along gravity_deg or field_deg in the beam frame.
+    # A step along gravity or the field in the image is a step along gravity_deg or field_deg in the beam frame.
     start = np.array([400.0, 100.0])
     for in_image, in_beam in ((gravity, frame.gravity_deg), (field, frame.field_deg)):
         np.testing.assert_allclose(frame.to_mm([start + 25 * direction(in_image)])[0], direction(in_beam), atol=1e-9)
@@ -83,29 +83,29 @@ def test_lens_distortion_is_the_documented_model():
     x, y = 60.0 / 1500.0, 88.0 / 1500.0
     r2 = x * x + y * y
     radial = 1 + k1 * r2 + k2 * r2**2
-    seen = [
+    distorted_px = [
         640.0 + 1500.0 * (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)),
         512.0 + 1500.0 * (y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y),
     ]
     frame = BeamFrame(calibration(camera_matrix=MATRIX, distortion=DISTORTION, clamp_midpoint_px=(640.0, 512.0)))
-    np.testing.assert_allclose(frame.to_mm([seen]), [[88.0 / 25.0, 60.0 / 25.0]], atol=1e-6)
+    np.testing.assert_allclose(frame.to_mm([distorted_px]), [[88.0 / 25.0, 60.0 / 25.0]], atol=1e-6)
 
 
-def test_no_points():
+def test_empty_arrays_of_points_stay_empty():
     frame = BeamFrame(calibration())
     assert frame.to_mm(np.zeros((0, 2))).shape == (0, 2)
     assert frame.to_px(np.zeros((0, 2))).shape == (0, 2)
 
 
-def test_the_lens_looks_along_its_own_axis() -> None:
-    """At the matrix's principal point, and amid an image without a matrix."""
+def test_the_optical_axis_passes_through_the_principal_point() -> None:
+    """Without a camera matrix it passes through the centre of the image."""
     matrix = ((2000.0, 0.0, 700.0), (0.0, 2000.0, 430.0), (0.0, 0.0, 1.0))
     lens = {"telecentric": False, "stand_off_mm": 200.0}
-    known = BeamFrame(calibration(camera_matrix=matrix, distortion=DISTORTION, **lens))
-    view = known.view(5.0, (1280, 1024))
+    with_matrix = BeamFrame(calibration(camera_matrix=matrix, distortion=DISTORTION, **lens))
+    view = with_matrix.view(5.0, (1280, 1024))
     assert view is not None
-    np.testing.assert_allclose(known.to_px(view.centre_mm), [[700.0, 430.0]], atol=1e-6)
-    plain = BeamFrame(calibration(**lens))
-    view = plain.view(5.0, (1280, 1024))
+    np.testing.assert_allclose(with_matrix.to_px(view.centre_mm), [[700.0, 430.0]], atol=1e-6)
+    without_matrix = BeamFrame(calibration(**lens))
+    view = without_matrix.view(5.0, (1280, 1024))
     assert view is not None
-    np.testing.assert_allclose(plain.to_px(view.centre_mm), [[639.5, 511.5]], atol=1e-6)
+    np.testing.assert_allclose(without_matrix.to_px(view.centre_mm), [[639.5, 511.5]], atol=1e-6)

@@ -1,4 +1,4 @@
-"""The benchmark's other methods do what they are known for, so that the comparison is a fair one."""
+"""The other methods of the benchmark have the errors of other implementations, so that the comparison is fair."""
 
 import numpy as np
 import pytest
@@ -6,14 +6,14 @@ import pytest
 from benchmarks.edge_methods import METHODS
 from benchmarks.edges import NOMINAL, measure, measure_other, overall
 
-# Bias and RMS in px known from the same frames and other implementations.
-KNOWN = {"Otsu + contours": (-0.64, 0.71), "marching squares": (-0.175, 0.18), "Devernay": (0.0, 0.010)}
+# Bias and RMS (px) of other implementations on the same frames.
+OTHER_IMPLEMENTATIONS = {"Otsu + contours": (-0.64, 0.71), "marching squares": (-0.175, 0.18), "Devernay": (0.0, 0.010)}
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_error_of_another_method(name):
+def test_other_methods_have_their_known_errors(name):
     row = measure_other(METHODS[name], NOMINAL, (-40.0, 20.0), seed=1)
-    bias, spread = KNOWN[name]
+    bias, spread = OTHER_IMPLEMENTATIONS[name]
     for side in ("left", "right"):
         assert row[f"{side}_bias"] == pytest.approx(bias, abs=0.12)
         assert row[f"{side}_rms"] == pytest.approx(spread, abs=0.12)

@@ -1,4 +1,4 @@
-"""Edges of rendered beams of known shape: error, order, spacing, stated scatter, corners."""
+"""Edges of rendered beams of known shape: errors, order, spacing, stated deviations and corners."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -65,13 +65,13 @@ def test_error_in_a_poor_image(condition, angle_deg):
 @pytest.mark.parametrize(
     ("condition", "angle_deg"), [("nominal", -110.0), ("nominal", 10.0), ("nominal", 110.0), ("hard", -30.0)]
 )
-def test_stated_deviation_is_that_of_the_scatter(condition, angle_deg):
+def test_the_stated_deviation_matches_the_scatter(condition, angle_deg):
     [row] = measure(CONDITIONS[condition], (angle_deg,), frames=4, seed=3)
     assert 0.8 < row["pull"] < 1.25
 
 
 @pytest.mark.parametrize("spacing_mm", [0.16, 0.5, 1.0, 1.5])
-def test_stated_deviation_at_another_spacing(spacing_mm):
+def test_the_stated_deviation_matches_the_scatter_at_other_spacings(spacing_mm):
     pulls = []
     for seed in range(4):
         image, beam, _ = photograph(-110.0, seed=seed)
@@ -81,8 +81,8 @@ def test_stated_deviation_at_another_spacing(spacing_mm):
     assert 0.8 < rms(np.concatenate(pulls)) < 1.25
 
 
-def test_stated_deviation_of_a_slender_beam():
-    """Thirty times as long as wide: a hundred points a side lie farther apart than a tenth of its width."""
+def test_the_stated_deviation_of_a_slender_beam_matches_the_scatter():
+    """A hundred points on a side of a beam thirty times as long as wide are more than a tenth of its width apart."""
     sizes = {"length_mm": 60.0, "width_mm": 2.0}
     magnet = SPECIMEN.magnet.model_copy(update={"width_mm": 2.0})
     specimen = SpecimenFile(specimen=SPECIMEN.specimen.model_copy(update=sizes), magnet=magnet)
@@ -101,25 +101,25 @@ def test_stated_deviation_of_a_slender_beam():
 @pytest.mark.parametrize("silicone_px", [0.5, 1.5, 3.0, 6.0])
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_thin_silicone_beside_the_magnet(silicone_px, share):
-    """Its own edge lies within every profile there; the outer one is found all the same, with the doubt stated."""
+    """The edge of the magnet lies within every profile; the outer edge is still located, with the right deviation."""
     specimen = with_silicone_beside(silicone_px)
     beam = bend(specimen, 30.0)
     beam = off_middle(beam, share * silicone_px / CALIBRATION.pixels_per_mm)
     scene = make_bent_scene(NOMINAL, CALIBRATION, specimen, beam)
-    found, pulls = [], []
+    outer_errors, pulls = [], []
     for seed in range(3):
         edges = find_edges(expose(scene, np.random.default_rng(seed)), CALIBRATION, specimen)
         assert edges.flags == ()
         for errors, side in zip(errors_px(edges, beam, CALIBRATION), (edges.left, edges.right), strict=True):
-            found.append(errors[-10:])
+            outer_errors.append(errors[-10:])
             pulls.append(errors[-10:] / (side.sigma_mm[-10:] * CALIBRATION.pixels_per_mm))
-    assert abs(np.concatenate(found).mean()) < 0.01
+    assert abs(np.concatenate(outer_errors).mean()) < 0.01
     assert rms(np.concatenate(pulls)) < 1.25
 
 
 @pytest.mark.parametrize("row", ["3 px, silicone 30 %", "0.5 px, hard, 40 000 electrons"])
-def test_stated_deviation_beside_a_narrower_magnet(row):
-    """Neither steps that are hard to part nor light that is uneven within a profile make the edge worse than stated."""
+def test_the_stated_deviation_beside_a_narrower_magnet_matches_the_scatter(row):
+    """The error is no larger than stated where two steps are close together, and where the light is uneven."""
     optics, silicone_px, _ = BESIDE[row]
     magnet_mm = SPECIMEN.magnet.length_mm
     rows = measure(optics, (-75.0, -10.0, 20.0, 90.0), 2, 5, with_silicone_beside(silicone_px), 0.0, magnet_mm)
@@ -128,7 +128,7 @@ def test_stated_deviation_beside_a_narrower_magnet(row):
     assert 0.75 < summary["pull"] < 1.35
 
 
-def test_uneven_light_beside_the_magnet_is_part_of_the_doubt():
+def test_the_stated_deviation_covers_uneven_light_beside_the_magnet():
     optics = replace(NOMINAL, lumps=0.08, silicone_transmission=0.3)
     specimen = with_silicone_beside(0.5)
     pulls = []
@@ -141,8 +141,8 @@ def test_uneven_light_beside_the_magnet_is_part_of_the_doubt():
     assert rms(np.concatenate(pulls)) < 1.25
 
 
-def test_another_body_close_by_is_not_taken_for_uneven_light():
-    """A rod along the beam, 19 px from its left edge: within what is read for the light, beyond every profile."""
+def test_a_body_close_to_the_beam_is_not_taken_for_uneven_light():
+    """A rod lies 19 px from the left edge: beyond every profile, but where the slope of the light is measured."""
     beam = bend(SPECIMEN, 0.0)
     scene = make_bent_scene(NOMINAL, CALIBRATION, SPECIMEN, beam)
     image = expose(scene, np.random.default_rng(0))
@@ -157,8 +157,8 @@ def test_another_body_close_by_is_not_taken_for_uneven_light():
 
 
 @pytest.mark.parametrize("angle_deg", [-15.0, 10.0, 40.0, 75.0])
-def test_a_beam_of_sixteen_pixels_has_a_tip(angle_deg):
-    """Six pixels of it are clear of its corners, in which the edge still has to be found."""
+def test_the_tip_of_a_beam_16_px_wide_is_found(angle_deg):
+    """Only six pixels of the tip are clear of its corners."""
     calibration = CALIBRATION.model_copy(update={"pixels_per_mm": 16 / 3, "clamp_midpoint_px": (320.3, 50.6)})
     beam = bend(SPECIMEN, angle_deg)
     scene = make_bent_scene(replace(NOMINAL, background=0.7), calibration, SPECIMEN, beam, (640, 512))
@@ -170,8 +170,8 @@ def test_a_beam_of_sixteen_pixels_has_a_tip(angle_deg):
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
-def test_a_narrow_beam_out_of_focus_has_plateaus():
-    """Its profiles, which must not reach across it, end within twice the blur: clipping is asked for at their ends."""
+def test_clipping_is_measured_on_a_narrow_beam_out_of_focus():
+    """The profiles must not reach across the beam; they end within twice the blur, where clipping is measured."""
     calibration = CALIBRATION.model_copy(update={"pixels_per_mm": 16 / 3, "clamp_midpoint_px": (320.3, 50.6)})
     optics = replace(NOMINAL, blur_px=3.5, background=0.7)
     scene = make_bent_scene(optics, calibration, SPECIMEN, bend(SPECIMEN, 0.0), (640, 512))
@@ -189,7 +189,7 @@ def test_order_sides_and_ends(angle_deg):
     for side, edge in ((edges.left, beam.left), (edges.right, beam.right)):
         steps = np.hypot(*np.diff(side.points_mm, axis=0).T)
         assert steps.max() < 1.1 * steps.min()
-        # From the clamp to the tip, a few pixels short of both.
+        # The points run from the clamp to the tip, and end a few pixels before both.
         assert 0.1 < np.linalg.norm(side.points_mm[0] - edge[0]) < 0.5
         assert 0.1 < np.linalg.norm(side.points_mm[-1] - edge[-1]) < 0.5
         assert side.sigma_mm.shape == (len(side.points_mm),)
@@ -204,7 +204,7 @@ def test_spacing_is_kept_within_bounds():
     assert len(find_edges(image, CALIBRATION, SPECIMEN, spacing_mm=0.001).left.points_mm) == 100
 
 
-def test_dirt_on_the_points_of_a_wide_spacing_leaves_others():
+def test_dirt_on_every_point_of_a_wide_spacing_leaves_other_points():
     image, _, _ = photograph(0.0)
     clean = find_edges(image, CALIBRATION, SPECIMEN, spacing_mm=3.0).left.points_mm
     dirty = image.copy()
@@ -215,8 +215,8 @@ def test_dirt_on_the_points_of_a_wide_spacing_leaves_others():
     assert len(edges.left.points_mm) > 0.6 * len(clean)
 
 
-def test_a_drawn_picture_without_noise_has_a_deviation():
-    """Its points scatter not at all; a deviation of 0 would be a weight without end in a fit."""
+def test_a_drawn_picture_without_noise_has_a_positive_deviation():
+    """Its points do not scatter; a standard deviation of 0 would be an infinite weight in a fit."""
     x, y = np.meshgrid(np.arange(1280.0), np.arange(1024.0))
     dark = ((np.abs(x - 640.0) < 38.0) & (y < 850.0)) | ((np.abs(x - 640.0) < 150.0) & (y < 100.0))
     drawn = cv2.GaussianBlur(np.where(dark, 20.0, 200.0), (0, 0), 1.2).astype(np.uint8)
@@ -236,7 +236,7 @@ def test_a_drawn_picture_without_noise_has_a_deviation():
         {"pixels_per_mm": 10.0},
     ],
 )
-def test_any_orientation_hand_and_scale(change):
+def test_the_error_is_small_in_any_orientation_hand_and_scale(change):
     calibration = CALIBRATION.model_copy(update=change)
     beam = bend(SPECIMEN, 50.0)
     image = expose(make_bent_scene(NOMINAL, calibration, SPECIMEN, beam), np.random.default_rng(0))
@@ -248,7 +248,7 @@ def test_any_orientation_hand_and_scale(change):
 
 
 @pytest.mark.parametrize("magnet_width_mm", [1.5, 2.4, None])
-def test_narrow_magnet_and_none(magnet_width_mm):
+def test_the_error_is_small_with_a_narrow_magnet_and_without_one(magnet_width_mm):
     magnet = None
     if magnet_width_mm:
         magnet = Magnet.model_validate(SPECIMEN.magnet.model_dump() | {"width_mm": magnet_width_mm})
@@ -261,7 +261,7 @@ def test_narrow_magnet_and_none(magnet_width_mm):
     assert edges.flags == ()
 
 
-def test_through_a_distorting_lens():
+def test_the_error_is_small_through_a_distorting_lens():
     calibration = CALIBRATION.model_copy(
         update={
             "camera_matrix": ((1500.0, 0.0, 640.0), (0.0, 1500.0, 512.0), (0.0, 0.0, 1.0)),
@@ -274,7 +274,7 @@ def test_through_a_distorting_lens():
         assert rms(errors) < 0.02
 
 
-def test_colour_depth_and_mean_of_frames():
+def test_colours_and_bit_depths_keep_the_error_and_a_mean_of_frames_lowers_it():
     image, beam, scene = photograph(30.0)
     rng = np.random.default_rng(3)
     lone = rms(np.concatenate(errors_px(find_edges(image, CALIBRATION, SPECIMEN), beam, CALIBRATION)))
@@ -288,7 +288,7 @@ def test_colour_depth_and_mean_of_frames():
 
 
 @pytest.mark.parametrize("angle_deg", [-40.0, 0.0, 70.0])
-def test_a_lit_beam_before_a_dark_background(angle_deg):
+def test_a_lit_beam_in_front_of_a_dark_background(angle_deg):
     image, beam, _ = photograph(angle_deg)
     edges = find_edges(230 - np.minimum(image, 230), CALIBRATION, SPECIMEN)
     for errors in errors_px(edges, beam, CALIBRATION):
@@ -299,11 +299,11 @@ def test_a_lit_beam_before_a_dark_background(angle_deg):
     assert "SATURATED" in {flag.name for flag in find_edges(clipped, CALIBRATION, SPECIMEN).flags}
 
 
-def test_dark_frame_and_flat_field_take_out_what_is_uneven():
+def test_dark_frame_and_flat_field_correct_uneven_light_and_pixels():
     optics = replace(NOMINAL, gradient=0.6, vignette=0.4, full_well_e=1e6)
     beam = bend(SPECIMEN, 40.0)
     rows, columns = np.indices(SIZE[::-1])
-    dark = 6.0 + 12.0 * (columns % 2)  # a sensor whose columns differ without light
+    dark = 6.0 + 12.0 * (columns % 2)  # the columns of the sensor differ without light
     gain = 1.0 + 0.15 * np.sin(columns / 7.0) * np.sin(rows / 11.0)
     image = dark + gain * make_bent_scene(optics, CALIBRATION, SPECIMEN, beam).mean * 0.8
     nothing = [[-9.0, -9.0], [-8.0, -9.0], [-8.0, -8.0]]
@@ -321,7 +321,7 @@ def test_dark_frame_and_flat_field_take_out_what_is_uneven():
     assert (clipped == 255).all()
 
 
-def test_blur_does_not_draw_a_curved_edge_inward():
+def test_blur_does_not_move_a_curved_edge_inward():
     specimen = SpecimenFile(specimen=SPECIMEN.specimen.model_copy(update={"length_mm": 12.0}))
     beam = bend(specimen, 110.0)  # a radius of 6 mm
     optics = replace(NOMINAL, blur_px=2.4, full_well_e=1e7, bits=16)

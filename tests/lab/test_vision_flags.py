@@ -1,4 +1,4 @@
-"""Every flag has a picture that raises it, and a run of ordinary frames raises none."""
+"""Every flag has a picture that raises it, and ordinary frames raise no flag."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -26,16 +26,12 @@ LISTED = {
 }
 ALONE = set(CASES) - {
     *("LOW_CONTRAST", "EDGE_RESIDUAL", "TOUCHES_FRAME", "CORNER_AMBIGUOUS"),
-    *(
-        "TOO_NARROW",
-        "NOT_FOLLOWED",
-        "ROOT_AMBIGUOUS",
-        "OWN_SHADOW",
-    ),  # of photographs, in which there is no silhouette either
+    # These are flags of photographs, in which there is no silhouette either.
+    *("TOO_NARROW", "NOT_FOLLOWED", "ROOT_AMBIGUOUS", "OWN_SHADOW"),
 }
 
 
-def test_no_flag_is_without_its_picture():
+def test_every_flag_has_one_picture():
     names = {check.name for check in CHECKS}
     assert set(CASES) == names >= LISTED
     assert len({check.finding for check in CHECKS}) == len(CHECKS)
@@ -60,11 +56,11 @@ def test_a_flag_is_one_entry_of_the_table(monkeypatch):
     assert judge({"coil_temperature": 90.0}, {"coil_temperature": 95.0}) == ()
 
 
-def test_how_grave_a_flag_is_and_what_it_adds():
-    """Notes add nothing; doubt adds as much as was measured; beyond a second limit nothing is used."""
+def test_the_severity_of_a_flag_and_the_deviation_it_adds():
+    """A note adds nothing, a doubtful flag adds the measured deviation, and an unusable one adds nothing."""
     [clipped] = judge({"saturated_share": 1.0})
     assert (clipped.severity, leaves_out([clipped])) == (Severity.DOUBTFUL, False)
-    assert clipped.widens_mm(25.0, 3.0, 5.0) > 0.26 / 25.0  # what the table of errors has for a clipped back-light
+    assert clipped.widens_mm(25.0, 3.0, 5.0) > 0.26 / 25.0  # the error of a clipped back-light in docs/why/edges.md
     [bent] = judge({"gamma": 2.2})
     assert bent.widens_mm(25.0, 3.0, 5.0) > 0.45 / 25.0
     words = {"even_turn": "", "twist_effect": ""}
@@ -80,7 +76,7 @@ def test_how_grave_a_flag_is_and_what_it_adds():
     assert judge({"repeated_images": 1}, words={"image": "x"})[0].severity is Severity.UNUSABLE
 
 
-def test_flags_are_stored_with_their_severity_and_old_ones_read():
+def test_flags_are_stored_with_their_severity_and_older_files_are_read():
     flags_found = judge({"saturated_share": 0.5, "blur_px": 9.0})
     assert flags_from_text(flags_to_text(flags_found)) == flags_found
     [old] = flags_from_text(b'[["DEFOCUS", 3.0, 2.5, "Focus."]]')
@@ -88,11 +84,11 @@ def test_flags_are_stored_with_their_severity_and_old_ones_read():
 
 
 @pytest.mark.parametrize("name", sorted(CASES))
-def test_the_picture_raises_its_flag(name):
-    found = {flag.name: flag for flag in CASES[name]().edges().flags}
-    assert name in found
-    assert name not in ALONE or set(found) == {name}
-    flag = found[name]
+def test_the_picture_of_a_flag_raises_it(name):
+    flag_of = {flag.name: flag for flag in CASES[name]().edges().flags}
+    assert name in flag_of
+    assert name not in ALONE or set(flag_of) == {name}
+    flag = flag_of[name]
     assert np.isfinite(flag.value)
     assert flag.value != flag.limit
     assert flag.remedy[0].isupper()
@@ -106,28 +102,28 @@ def test_gamma_and_twist_are_measured():
     assert values["TWIST"] == pytest.approx(2.0, abs=0.15)
 
 
-def test_twist_below_the_limit_is_not_flagged_and_its_effect_is_told():
+def test_twist_is_flagged_above_the_limit_with_its_effect_on_the_modulus():
     assert Case(photograph(beam=twisted(1.0))).edges().flags == ()
     [flag] = CASES["TWIST"]().edges().flags
     assert "a fitted modulus by +0.0" in flag.remedy
-    # A uniform twist of a degree, three wide and five deep: 1/(cos² + 0.36 sin²) - 1, a third of it where it grows.
+    # A uniform turn φ at 3 x 5 mm gives 1/(cos² φ + 0.36 sin² φ) - 1; a linear twist gives a third of it.
     exact = 1 / (np.cos(0.1) ** 2 + 0.36 * np.sin(0.1) ** 2) - 1
     assert stiffening_by_twist(0.0, np.degrees(0.1), 3.0, 5.0) == pytest.approx(exact / 3, rel=0.02)
     assert stiffening_by_twist(*np.degrees([0.1, 0.1]), 3.0, 5.0) == pytest.approx(exact, rel=0.02)
     assert stiffening_by_twist(0.0, 5.0, 3.0, 3.0) == 0.0
 
 
-def test_a_beam_turned_all_along_looks_wide_and_the_effect_is_told():
+def test_a_beam_turned_as_a_whole_looks_wide_and_the_remedy_states_the_effect():
     [flag] = Case(photograph(beam=twisted(3.0, root_deg=3.0))).edges().flags
     assert flag.name == "WIDTH_ANOMALY"
     assert "a turn of 3.0 degrees" in flag.remedy
-    # 1/(cos² + 0.36 sin²) - 1 at three degrees is 0.18 %
-    assert "modulus +0.18 %" in flag.remedy
+    # 1/(cos² φ + 0.36 sin² φ) - 1 is 0.18 % at 3 degrees.
+    assert "a fitted modulus by +0.18 %" in flag.remedy
     [narrow] = CASES["WIDTH_ANOMALY"]().edges().flags
     assert "turn of" not in narrow.remedy
 
 
-def test_clamp_that_moved_since_the_calibration():
+def test_a_clamp_that_moved_since_the_calibration_is_flagged():
     moved = CALIBRATION.model_copy(update={"clamp_midpoint_px": (640.3 + 5.0, 99.6)})  # 0.2 mm
     [flag] = find_edges(photograph(), moved, SPECIMEN).flags
     assert (flag.name, flag.value) == ("CALIBRATION_STALE", pytest.approx(0.2, abs=0.01))
@@ -136,7 +132,7 @@ def test_clamp_that_moved_since_the_calibration():
     assert (flag.name, flag.value) == ("CALIBRATION_STALE", pytest.approx(0.2, abs=0.01))
 
 
-def test_flags_of_a_run():
+def test_lost_repeated_and_moving_frames_are_flagged():
     scene = make_bent_scene(NOMINAL, CALIBRATION, SPECIMEN, BEAM)
     rng = np.random.default_rng(0)
     frames = [Frame(expose(scene, rng), 3 * number, 0.0) for number in range(4)]

@@ -1,4 +1,4 @@
-"""Numbers on the way along a followed beam, and of the colours that it is seen in, against what was drawn."""
+"""Intermediate results of following a beam, and colour projections, compared with what was drawn."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ from eimi_lab.vision.following.working import working_picture
 from eimi_lab.vision.projection import Projection, choose_projection
 
 Array = np.ndarray
-COLOURS = np.array([[40.0, 50.0, 170.0], [150.0, 160.0, 130.0]])  # of a beam and of what is behind it
+COLOURS = np.array([[40.0, 50.0, 170.0], [150.0, 160.0, 130.0]])  # of a beam and of its background
 
 
 def plain(angle_deg: float = 0.0, colours: Array = COLOURS, seed: int = 2) -> Array:
     return photograph("shadow beside", np.random.default_rng(seed), angle_deg, colours).image
 
 
-def asked(**help_given: object) -> object:
+def calibration_with(**help_given: object) -> object:
     return CALIBRATION.model_copy(update={"picture": Picture(**help_given)})
 
 
 def scattered(along: Array, seed: int) -> Array:
-    """Points (n, 2) px of an edge bent like an S and a half, half a pixel off it at random."""
+    """Points (n, 2) px of an edge with the shape of one and a half waves, with a random scatter of half a pixel."""
     rng = np.random.default_rng(seed)
     return np.column_stack([along, 25.0 * np.sin(along / 140.0) + 0.5 * rng.standard_normal(len(along))])
 
 
 @pytest.mark.parametrize("few_of", [0.3, 0.0])
-def test_the_shape_of_an_edge_is_no_scatter_where_points_are_few(few_of: float) -> None:
-    """Every tenth point alone in the first part of it, where something lies on the edge."""
+def test_the_shape_of_an_edge_does_not_count_as_scatter_where_points_are_few(few_of: float) -> None:
+    """Only every tenth point is kept on the first part of the edge."""
     along = np.linspace(0.0, 1000.0, 120)
     along = along[(along > few_of * 1000.0) | (np.arange(120) % 10 == 0)]
     stated = [np.median(estimate_scatter(scattered(along, seed), np.ones(len(along)))[1]) for seed in range(12)]
     assert np.mean(stated) == pytest.approx(0.5, rel=0.12)
 
 
-def test_points_of_something_else_are_left_out_and_make_no_scatter() -> None:
+def test_points_of_another_body_are_left_out_and_do_not_add_scatter() -> None:
     along = np.linspace(0.0, 1000.0, 100)
     points = scattered(along, 1)
     points[40:44, 1] += 8.0
@@ -56,13 +56,13 @@ def test_points_of_something_else_are_left_out_and_make_no_scatter() -> None:
     assert np.median(sigma) == pytest.approx(0.5, rel=0.25)
 
 
-def test_a_point_that_noise_moves_farther_is_stated_so() -> None:
+def test_a_point_that_is_more_sensitive_to_noise_has_a_larger_deviation() -> None:
     along = np.linspace(0.0, 1000.0, 100)
     _, sigma, _ = estimate_scatter(scattered(along, 2), np.where(along < 500.0, 1.0, 2.0))
     assert np.median(sigma[:50]) * 1.9 < np.median(sigma[50:]) < np.median(sigma[:50]) * 2.1
 
 
-def test_a_place_in_the_working_picture_is_that_place_in_the_picture() -> None:
+def test_places_map_between_the_working_picture_and_the_image() -> None:
     image = np.zeros((300, 400, 1), np.float32)
     y, x = np.mgrid[:300, :400]
     image[..., 0] = 200.0 * np.exp(-0.5 * ((x - 211.0) ** 2 + (y - 143.0) ** 2) / 6.0**2)
@@ -76,8 +76,8 @@ def test_a_place_in_the_working_picture_is_that_place_in_the_picture() -> None:
         assert working.from_picture(np.array([211.0, 143.0])) == pytest.approx(middle, abs=0.1 * working.factor)
 
 
-def test_the_blur_of_a_bent_edge_moves_neither_side() -> None:
-    """A blur of 6 px draws the half level of an edge bent so sharply inward by 0.08 px, one side out and one in."""
+def test_blur_moves_neither_edge_of_a_bent_beam() -> None:
+    """Without a correction a blur of 6 px would move one edge outward and the other inward by 0.08 px."""
     photo = photograph("uneven light", np.random.default_rng(3), 110.0, COLOURS)
     blurred = cv2.GaussianBlur(photo.image, (0, 0), 6.0)
     left, right = errors_px(find_edges(blurred, CALIBRATION, SPECIMEN), photo.beam, CALIBRATION)
@@ -85,18 +85,18 @@ def test_the_blur_of_a_bent_edge_moves_neither_side() -> None:
 
 
 @pytest.mark.parametrize("polarity", ["dark", "bright"])
-def test_the_asked_polarity_is_followed(polarity: str) -> None:
-    """A dark and a bright stripe, as wide as the beam, both as far from the clamp."""
+def test_the_beam_of_the_stated_polarity_is_followed(polarity: str) -> None:
+    """A dark and a bright stripe, both as wide as the beam, lie at the same distance from the clamp."""
     image = np.full((720, 960), 120.0)
     image[90:510, 432:474] = 50.0
     image[90:510, 486:528] = 190.0
     image = cv2.GaussianBlur(image, (0, 0), 1.0) + np.random.default_rng(1).normal(0.0, 2.0, image.shape)
-    followed = follow_beam(image.astype(np.uint8), asked(polarity=polarity), SPECIMEN)
+    followed = follow_beam(image.astype(np.uint8), calibration_with(polarity=polarity), SPECIMEN)
     assert (np.median(followed.path_px[:, 0]) > 480.0) == (polarity == "bright")
 
 
-def test_an_earlier_place_does_not_speak_against_the_picture() -> None:
-    """Two stripes beside the clamp: the one at which the beam was before now ends 30 px before the other."""
+def test_an_earlier_state_does_not_outweigh_the_picture() -> None:
+    """Of two stripes beside the clamp, the one that was the beam before now ends 30 px before the other one."""
 
     def two(left_px: int, right_px: int) -> Array:
         image = np.full((720, 960, 3), 120.0)
@@ -106,20 +106,20 @@ def test_an_earlier_place_does_not_speak_against_the_picture() -> None:
         return np.clip(image, 0, 255).astype(np.uint8)
 
     before = find_edges(two(420, 0), CALIBRATION, SPECIMEN)
-    now = find_edges(two(390, 420), CALIBRATION, SPECIMEN, earlier=lambda: before)
-    assert np.median(before.middle_mm[:, 1]) * np.median(now.middle_mm[:, 1]) < 0.0
+    edges_now = find_edges(two(390, 420), CALIBRATION, SPECIMEN, earlier=lambda: before)
+    assert np.median(before.middle_mm[:, 1]) * np.median(edges_now.middle_mm[:, 1]) < 0.0
 
 
-def test_pictures_of_other_depths_are_the_same_picture() -> None:
+def test_pictures_of_other_bit_depths_are_scaled_to_the_same_values() -> None:
     image = plain(20.0)
     for scale, dtype in ((257, np.uint16), (16, np.uint16), (1, np.float32)):
         deep = (image.astype(np.float64) * scale).astype(dtype)
         if scale == 16:
             deep[0, 0] = 4095  # twelve bits
-        assert np.abs(in_255(deep) - image)[1:].max() < 1.0  # what 12 bits leave of the last of 255
+        assert np.abs(in_255(deep) - image)[1:].max() < 1.0  # the rounding of 12 bits in levels of 255
 
 
-def test_light_clipped_at_one_edge_alone_is_told() -> None:
+def test_light_clipped_at_one_edge_is_measured() -> None:
     image = plain()
     beam = follow_beam(image, CALIBRATION, SPECIMEN)
     image[:, 510:] = 255
@@ -128,51 +128,51 @@ def test_light_clipped_at_one_edge_alone_is_told() -> None:
     assert clipped.findings["followed_clipped"] > 0.8
 
 
-def test_the_fainter_edge_is_judged() -> None:
-    """To the right of the beam its surroundings are nearly of its colour."""
+def test_the_contrast_of_the_fainter_edge_is_reported() -> None:
+    """On the right the surroundings have nearly the colour of the beam."""
     image = plain(colours=np.array([[90.0, 90.0, 90.0], [190.0, 190.0, 190.0]]))
     even = follow_beam(image, CALIBRATION, SPECIMEN).findings["followed_contrast"]
     image[95:, 502:] = np.clip(image[95:, 502:].astype(int) - 60, 0, 255)
     assert follow_beam(image, CALIBRATION, SPECIMEN).findings["followed_contrast"] < 0.85 * even
 
 
-def test_a_body_that_goes_on_beyond_the_stated_length_is_doubted() -> None:
+def test_a_body_longer_than_the_stated_length_is_doubtful() -> None:
     short = SPECIMEN.model_copy(update={"specimen": SPECIMEN.specimen.model_copy(update={"length_mm": 21.0})})
     names = {flag.name: flag.severity for flag in find_edges(plain(10.0), CALIBRATION, short).flags}
     assert names.get("LENGTH_ANOMALY") is Severity.DOUBTFUL
 
 
-def test_channels_are_the_colours_of_their_names() -> None:
+def test_each_named_channel_has_its_own_colour() -> None:
     image = np.zeros((8, 8, 3), np.uint8)
     image[:] = (10, 100, 200)  # blue, green, red
     for name, value in (("blue", 10), ("green", 100), ("red", 200)):
-        chosen = choose_projection([image], asked(channel=name), 3.0, 30.0)
+        chosen = choose_projection([image], calibration_with(channel=name), 3.0, 30.0)
         assert chosen.apply(image) == pytest.approx(value, abs=0.01)
 
 
-def test_the_stated_colour_of_a_beam_is_red_green_blue() -> None:
-    """Said of a red beam before grey: seen in what is red, and brighter there than its surroundings."""
+def test_the_stated_colour_of_a_beam_is_in_the_order_red_green_blue() -> None:
+    """A red beam in front of grey is brighter than its surroundings in the projection of its stated colour."""
     image = plain()
-    told = choose_projection([image], asked(beam_colour=(170, 50, 40)), 3.0, 30.0).apply(image)
-    assert float(told[300, 480]) > float(np.median(told)) + 40.0
-    wrong = choose_projection([image], asked(beam_colour=(40, 50, 170)), 3.0, 30.0)
-    assert wrong.weights != choose_projection([image], asked(beam_colour=(170, 50, 40)), 3.0, 30.0).weights
+    values = choose_projection([image], calibration_with(beam_colour=(170, 50, 40)), 3.0, 30.0).apply(image)
+    assert float(values[300, 480]) > float(np.median(values)) + 40.0
+    wrong = choose_projection([image], calibration_with(beam_colour=(40, 50, 170)), 3.0, 30.0)
+    assert wrong.weights != choose_projection([image], calibration_with(beam_colour=(170, 50, 40)), 3.0, 30.0).weights
 
 
-def test_the_asked_channel_is_followed() -> None:
-    """Of a beam that only blue tells from its surroundings nothing is seen in red."""
+def test_the_beam_is_followed_in_the_stated_channel() -> None:
+    """The beam differs from its surroundings only in blue; it is not found in red."""
     image = plain(colours=np.array([[40.0, 120.0, 120.0], [200.0, 120.0, 120.0]]))
-    for channel, seen in (("blue", True), ("red", False)):
-        calibration = asked(channel=channel)
+    for channel, is_found in (("blue", True), ("red", False)):
+        calibration = calibration_with(channel=channel)
         projection = choose_projection([image], calibration, 3.0, 30.0)
         followed = follow_beam(image, calibration, SPECIMEN, projection=projection)
-        assert (followed.findings.get("followed_contrast", 0.0) > 6.0) is seen
+        assert (followed.findings.get("followed_contrast", 0.0) > 6.0) is is_found
 
 
-def test_a_region_is_cut_where_it_is_stated() -> None:
+def test_edges_found_in_a_region_are_those_of_the_whole_picture() -> None:
     image = plain(15.0)
     matrix = ((2000.0, 0.0, 470.0), (0.0, 2000.0, 350.0), (0.0, 0.0, 1.0))
-    calibration = asked(region_px=(240, 20, 480, 600)).model_copy(
+    calibration = calibration_with(region_px=(240, 20, 480, 600)).model_copy(
         update={"camera_matrix": matrix, "distortion": (0.05, 0.0, 0.0, 0.0, 0.0)}
     )
     region = region_of(calibration, image.shape)
@@ -180,16 +180,19 @@ def test_a_region_is_cut_where_it_is_stated() -> None:
     whole = find_edges(image, calibration.model_copy(update={"picture": None}), SPECIMEN)
     part = region.in_picture(find_edges(region.cut(image), region.calibration, SPECIMEN))
     assert len(part.left.points_mm) > 20
-    for own, other in ((whole.left, part.left), (whole.right, part.right)):
-        aside = np.interp(other.points_mm[:, 0], own.points_mm[:, 0], own.points_mm[:, 1]) - other.points_mm[:, 1]
+    for of_whole, of_part in ((whole.left, part.left), (whole.right, part.right)):
+        aside = (
+            np.interp(of_part.points_mm[:, 0], of_whole.points_mm[:, 0], of_whole.points_mm[:, 1])
+            - of_part.points_mm[:, 1]
+        )
         assert float(np.median(np.abs(aside))) < 0.01
 
 
-def test_corners_of_a_region_are_counted_from_the_pictures_own() -> None:
+def test_corners_found_in_a_region_are_in_pixels_of_the_whole_picture() -> None:
     image = np.full((720, 960), 200.0)
     image[91:511, 459:501] = image[:91, 300:660] = 30.0
     image = cv2.GaussianBlur(image, (0, 0), 1.0) + np.random.default_rng(3).normal(0.0, 2.0, image.shape)
-    region = region_of(asked(region_px=(240, 20, 480, 600)), image.shape)
+    region = region_of(calibration_with(region_px=(240, 20, 480, 600)), image.shape)
     assert region is not None
     corners = region.in_picture(find_edges(region.cut(image), region.calibration, SPECIMEN)).corners_px
     assert sorted(map(tuple, corners.tolist())) == [
@@ -198,7 +201,7 @@ def test_corners_of_a_region_are_counted_from_the_pictures_own() -> None:
 
 
 def shadowed(softness_px: float) -> Array:
-    """A grey beam, and at its right the border of a shadow as soft as that, 6 px off."""
+    """A grey beam with the border of a shadow on its right, 6 px away, blurred by `softness_px`."""
     image = np.full((720, 960), 200.0)
     image[95:516, 459:507] = 90.0
     image = cv2.GaussianBlur(image, (0, 0), softness_px)
@@ -208,8 +211,8 @@ def shadowed(softness_px: float) -> Array:
     return np.clip(image, 0, 255).astype(np.uint8)
 
 
-def test_the_softer_edge_is_doubted_to_be_the_border_of_a_shadow() -> None:
-    """In grey nothing else tells them. It is as wide as what it may be off by."""
+def test_an_edge_that_may_be_the_border_of_a_shadow_is_doubtful_by_its_blur() -> None:
+    """In a grey picture the blur is the only difference; the added deviation is at least the blur."""
     alone = find_edges(plain(colours=np.array([[60.0] * 3, [200.0] * 3]), seed=4)[..., 0].copy(), CALIBRATION, SPECIMEN)
     assert "OWN_SHADOW" not in {flag.name for flag in alone.flags}
     for softness_px in (2.0, 4.0):
@@ -236,7 +239,7 @@ def test_the_softer_edge_is_doubted_to_be_the_border_of_a_shadow() -> None:
         ("motion_ratio", 3.0, 40.0),
     ],
 )
-def test_how_far_a_check_may_be_missed_before_a_state_is_left_out(finding: str, doubtful: float, grave: float) -> None:
+def test_a_state_is_unusable_beyond_the_second_limit(finding: str, doubtful: float, grave: float) -> None:
     words = {"even_turn": "", "twist_effect": ""}
     (used,), (left_out,) = judge({finding: doubtful}, words=words), judge({finding: grave}, words=words)
     assert used.severity is not Severity.UNUSABLE
@@ -244,7 +247,7 @@ def test_how_far_a_check_may_be_missed_before_a_state_is_left_out(finding: str, 
     assert left_out.widens == 0.0
 
 
-def test_a_projection_is_on_the_scale_of_the_camera() -> None:
+def test_a_projection_keeps_the_scale_of_the_camera() -> None:
     rng = np.random.default_rng(5)
     image = rng.integers(0, 4096, (20, 30, 3)).astype(np.uint16)
     image[0, 0] = 4095

@@ -1,4 +1,4 @@
-"""Beams followed from their clamp: rendered photographs of known shape, and other people's where they are at hand."""
+"""Beams followed from their clamp: in rendered photographs, and in photographs of other laboratories."""
 
 import cv2
 import numpy as np
@@ -21,7 +21,7 @@ from eimi_lab.vision.following.support import sure_share
 DEVELOPMENT = list(real_pictures.pictures("development"))
 REFUSAL = list(real_pictures.pictures("refusal"))
 
-pictures_at_hand = pytest.mark.skipif(not DEVELOPMENT, reason="../shared/data/pictures is not there")
+pictures_at_hand = pytest.mark.skipif(not DEVELOPMENT, reason="../shared/data/pictures does not exist")
 
 
 def severities(edges):
@@ -39,8 +39,8 @@ def test_a_coloured_beam_on_clutter_is_followed(kind):
         assert outcome.coverage > 0.6
 
 
-@pytest.mark.parametrize("seed", [(5, 24), (11, 22)])  # borders 4 px off the beam's edge and more
-def test_the_border_of_a_shadow_is_no_edge_in_colours_and_doubted_in_grey(seed):
+@pytest.mark.parametrize("seed", [(5, 24), (11, 22)])  # the border lies 4 px or more from the beam's edge
+def test_the_border_of_a_shadow_is_avoided_in_colour_and_doubtful_in_grey(seed):
     photo = photograph("own shadow", np.random.default_rng(seed))
     edges = find_edges(photo.image, CALIBRATION, SPECIMEN)
     outcome = measured(photo, edges, 0.0)
@@ -48,11 +48,13 @@ def test_the_border_of_a_shadow_is_no_edge_in_colours_and_doubted_in_grey(seed):
     assert outcome.rms_px < 0.3
     assert [flag.severity for flag in edges.flags if flag.name == "OWN_SHADOW"] == [Severity.DOUBTFUL]
     grey = find_edges(cv2.cvtColor(photo.image, cv2.COLOR_BGR2GRAY), CALIBRATION, SPECIMEN)
-    told = measured(photo, grey, 0.0)
-    assert not told.usable or (told.rms_px > 1.0 and told.doubtful)  # nothing tells the one from the other
+    outcome_in_grey = measured(photo, grey, 0.0)
+    assert not outcome_in_grey.usable or (
+        outcome_in_grey.rms_px > 1.0 and outcome_in_grey.doubtful
+    )  # grey values do not separate them
 
 
-def test_points_behind_which_a_shadow_takes_over_at_the_tip_are_left_out():
+def test_points_from_where_a_shadow_replaces_the_edge_are_left_out():
     along = np.linspace(0.0, 10.0, 100)
     aside = np.where(along > 9.5, 0.2 * (along - 9.5), 0.0)
     sigma = np.full(100, 0.1)
@@ -64,7 +66,7 @@ def test_points_behind_which_a_shadow_takes_over_at_the_tip_are_left_out():
         assert len(side.points) == len(side.sigma) == len(side.along)
 
 
-def test_a_clipped_reflection_beside_an_edge_is_doubted():
+def test_a_clipped_reflection_on_an_edge_is_flagged():
     photo = photograph(
         "uneven light", np.random.default_rng(2), 0.0, np.array([[40.0, 60.0, 160.0], [90.0, 120.0, 90.0]])
     )
@@ -77,7 +79,7 @@ def test_a_clipped_reflection_beside_an_edge_is_doubted():
 
 
 @pytest.mark.parametrize("number", [0, 9])
-def test_a_lamps_reflection_along_a_beam_does_not_split_it(number):
+def test_the_reflection_of_a_lamp_does_not_split_the_beam(number):
     kind = "glare amid it"
     rng = np.random.default_rng([2, list(lab_photographs.KINDS).index(kind), number])
     image, scene = lab_photographs.lab_photograph(kind, rng)
@@ -86,28 +88,28 @@ def test_a_lamps_reflection_along_a_beam_does_not_split_it(number):
     assert lab_photographs.verdict(kind, scene, edges, calibration)[0] == "good"
 
 
-def test_clipped_light_beside_an_edge_is_doubted():
+def test_clipped_light_beside_an_edge_is_doubtful():
     colours = np.array([[40.0, 60.0, 110.0], [150.0, 160.0, 130.0]])
     photo = photograph("uneven light", np.random.default_rng(4), 20.0, colours)
     brighter = np.clip(2.2 * photo.image.astype(float), 0, 255).astype(np.uint8)
-    told = [
+    flags_of_cases = [
         {flag.severity for flag in find_edges(image, CALIBRATION, SPECIMEN).flags if flag.name == "SATURATED"}
         for image in (photo.image, brighter)
     ]
-    assert told == [set(), {Severity.DOUBTFUL}]
+    assert flags_of_cases == [set(), {Severity.DOUBTFUL}]
 
 
-def test_an_edge_that_is_sure_in_patches_all_along_is_doubted_and_one_with_a_hole_is_not_used():
-    """Half of it is sure both times: every second place of ten, or the first half."""
+def test_an_edge_with_short_gaps_is_doubtful_and_one_with_a_long_gap_unusable():
+    """Half of the edge is sure in both cases: ten of every twenty stations, or the first half."""
     place = np.arange(400)
-    told = []
+    flags_of_cases = []
     for sure in (place % 20 < 10, place < 200):
         [flag] = judge(sure_share(np.stack([sure, np.ones(400, dtype=bool)])))
-        told.append((flag.name, flag.value, flag.severity))
-    assert told == [("NOT_FOLLOWED", 0.5, Severity.DOUBTFUL), ("NOT_FOLLOWED", 0.5, Severity.UNUSABLE)]
+        flags_of_cases.append((flag.name, flag.value, flag.severity))
+    assert flags_of_cases == [("NOT_FOLLOWED", 0.5, Severity.DOUBTFUL), ("NOT_FOLLOWED", 0.5, Severity.UNUSABLE)]
 
 
-def test_the_picture_may_be_turned_and_mirrored():
+def test_a_mirrored_picture_gives_the_same_edges():
     photo = photograph("clutter", np.random.default_rng(3), 50.0)
     upright = find_edges(photo.image, CALIBRATION, SPECIMEN)
     x, y = CALIBRATION.clamp_midpoint_px
@@ -116,10 +118,10 @@ def test_the_picture_may_be_turned_and_mirrored():
         "field_angle_deg": 180.0,
     }
     mirrored = find_edges(photo.image[:, ::-1].copy(), CALIBRATION.model_copy(update=changes), SPECIMEN)
-    for own, other in ((upright.left, mirrored.left), (upright.right, mirrored.right)):
-        nearest = np.abs(own.points_mm[:, None] - other.points_mm).sum(axis=2).min(axis=1)
+    for edge, mirrored_edge in ((upright.left, mirrored.left), (upright.right, mirrored.right)):
+        nearest = np.abs(edge.points_mm[:, None] - mirrored_edge.points_mm).sum(axis=2).min(axis=1)
         assert np.median(nearest) < 0.3
-        assert np.sign(np.median(own.points_mm[:8, 1])) == np.sign(np.median(other.points_mm[:8, 1]))
+        assert np.sign(np.median(edge.points_mm[:8, 1])) == np.sign(np.median(mirrored_edge.points_mm[:8, 1]))
 
 
 def test_nothing_is_followed_where_there_is_no_beam():
@@ -129,12 +131,12 @@ def test_nothing_is_followed_where_there_is_no_beam():
     assert Severity.UNUSABLE in severities(edges)
 
 
-def test_too_narrow_a_beam_is_told_as_such():
+def test_a_beam_that_is_too_narrow_is_flagged_with_its_width():
     photo = photograph("clutter", np.random.default_rng(0))
     thin = SPECIMEN.model_copy(update={"specimen": SPECIMEN.specimen.model_copy(update={"width_mm": 0.3})})
-    told = [flag.remedy for flag in find_edges(photo.image, CALIBRATION, thin).flags if flag.name == "TOO_NARROW"]
-    assert len(told) == 1
-    assert "4.2 px wide and should be at least 6" in told[0]
+    remedies = [flag.remedy for flag in find_edges(photo.image, CALIBRATION, thin).flags if flag.name == "TOO_NARROW"]
+    assert len(remedies) == 1
+    assert "4.2 px wide and should be at least 6" in remedies[0]
 
 
 def test_a_beam_that_leaves_the_picture_keeps_its_long_edges():
@@ -148,7 +150,7 @@ def test_a_beam_that_leaves_the_picture_keeps_its_long_edges():
 
 
 def stripes(*shown, aside_px=0.0):
-    """Red, left of the clamp's middle, and blue, right of it, each as long and wide as the beam of `files`."""
+    """Draw a red stripe left of the clamp's middle and a blue one right of it, of the length and width of the beam."""
     image = np.full((96, 128, 3), 120.0)
     for name, colour, columns in (("red", (40, 60, 200), slice(48, 63)), ("blue", (200, 170, 40), slice(66, 81))):
         if name in shown:
@@ -159,7 +161,7 @@ def stripes(*shown, aside_px=0.0):
 
 
 def followed_in(run, files, *states, aside_px=(0.0,) * 9, workers=1):
-    """Which stripe each state's edges are of, and whether ROOT_AMBIGUOUS says that it may be the other."""
+    """Segment states and name the stripe that each one's edges belong to, and whether ROOT_AMBIGUOUS was raised."""
     pictures, dataset_file = files / f"pictures_{len(states)}", files / f"{len(states)}.h5"
     pictures.mkdir()
     for index, shown in enumerate(states):
@@ -184,19 +186,19 @@ def followed_in(run, files, *states, aside_px=(0.0,) * 9, workers=1):
     return names
 
 
-def test_an_earlier_state_decides_between_equals_and_nothing_else(run, files):
+def test_an_earlier_state_decides_only_between_equally_likely_bodies(run, files):
     both = ("red", "blue")
     alone = followed_in(run, files, both)[0]
     assert alone.endswith(", in doubt")
     other = "blue" if alone.startswith("red") else "red"
-    # The third state is told what was sure in the first, not guessed in the second; the last has one stripe only.
-    # A worker, which sees one state alone, does not decide it.
-    found = followed_in(run, files, (other,), both, both, (alone.split(",")[0],), workers=2)
-    assert found == [other, f"{other}, in doubt", f"{other}, in doubt", alone.split(",")[0]]
+    # The third state follows the first one, which was sure, not the second one, which was ambiguous. The last state has
+    # one stripe only. A worker reads a single state, and leaves the decision to the main process.
+    followed = followed_in(run, files, (other,), both, both, (alone.split(",")[0],), workers=2)
+    assert followed == [other, f"{other}, in doubt", f"{other}, in doubt", alone.split(",")[0]]
 
 
-def test_a_guess_is_not_handed_to_the_next_state(run, files):
-    """A tenth of a pixel aside the picture itself speaks for the other stripe."""
+def test_an_ambiguous_state_does_not_guide_later_states(run, files):
+    """In the second state, a shift of a tenth of a pixel makes the other stripe the better one."""
     both = ("red", "blue")
     guessed, sure = followed_in(run, files, both, both, aside_px=(0.0, -0.1))
     assert guessed.endswith(", in doubt")
@@ -211,7 +213,7 @@ NOT_FOLLOWED = (
     "cable_yellow_wall",
     "wrapped_1",
 )
-"""Pictures that the search does not follow yet: translucent silicone, and cables whose colour is near the wall's."""
+"""Pictures that the search does not follow: translucent silicone, and cables with nearly the colour of the wall."""
 
 
 def _expected(picture):
@@ -222,7 +224,7 @@ def _expected(picture):
 
 @pictures_at_hand
 @pytest.mark.parametrize("picture", [_expected(picture) for picture in DEVELOPMENT])
-def test_other_peoples_pictures(picture):
+def test_photographs_of_other_laboratories_are_followed(picture):
     edges = picture.edges()
     scored = picture.score(edges, picture.calibration)
     used = len(edges.left.points_mm) > 0 and Severity.UNUSABLE not in severities(edges)
@@ -231,7 +233,7 @@ def test_other_peoples_pictures(picture):
 
 
 @pictures_at_hand
-def test_a_gleam_near_the_clamp_does_not_end_the_edge_behind_it():
+def test_a_reflection_near_the_clamp_does_not_end_the_edge_behind_it():
     picture = next(picture for picture in DEVELOPMENT if picture.name == "diffcal_red_2")
     beam = picture.specimen.specimen
     x, y = picture.calibration.clamp_midpoint_px
@@ -247,13 +249,13 @@ def test_a_gleam_near_the_clamp_does_not_end_the_edge_behind_it():
 @pytest.mark.parametrize(
     ("kind", "number", "expected"),
     [
-        ("stripes behind", 1, "good"),  # one of them goes on where an edge ends
-        ("lookalike, stripes", 4, "doubted"),  # a stripe as wide as the beam, of no length
+        ("stripes behind", 1, "good"),  # one of the stripes continues where an edge of the beam ends
+        ("lookalike, stripes", 4, "doubted"),  # a stripe as wide as the beam that has no end
         ("hard shadow", 0, "good"),
         ("7 px wide", 0, "good"),
     ],
 )
-def test_what_benches_have_beside_a_beam(kind, number, expected):
+def test_a_beam_is_followed_beside_objects_of_a_bench(kind, number, expected):
     rng = np.random.default_rng([1, list(lab_photographs.KINDS).index(kind), number])
     image, scene = lab_photographs.lab_photograph(kind, rng)
     calibration, specimen = lab_photographs.stated(scene, rng)
@@ -269,13 +271,13 @@ def test_pictures_without_a_beam_are_refused(picture):
     assert Severity.UNUSABLE in severities(edges)
 
 
-def test_the_benchmark_counts_what_is_wrong():
+def test_the_benchmark_of_photographs_reports_small_errors():
     outcomes = photographs.run(2, seed=3)
     assert [outcome.kind for outcome in outcomes] == list(KINDS[:2])
     assert all(outcome.rms_px < photographs.WRONG_PX for outcome in outcomes)
 
 
-def test_a_failed_overlay_shows_what_is_stated_what_was_followed_and_where_it_ended():
+def test_the_overlay_of_a_failed_search_shows_the_stated_beam_and_the_followed_path():
     case = CASES["NOT_FOLLOWED"]()
     edges = case.edges()
     followed = follow_beam(case.image, case.calibration, case.specimen)
@@ -291,7 +293,7 @@ def test_a_failed_overlay_shows_what_is_stated_what_was_followed_and_where_it_en
     assert (np.abs(picture[clamp_y - 2 : clamp_y + 3, clamp_x - 32] - np.array(STATED_COLOUR)) < 80).all(axis=1).any()
 
 
-def test_the_way_is_explained_in_pictures():
+def test_the_intermediate_results_are_drawn():
     photo = photograph("clutter", np.random.default_rng(6), 20.0)
     pictures = draw_steps(follow_beam(photo.image, CALIBRATION, SPECIMEN))
     assert set(pictures) == {"strip", "unrolled"}

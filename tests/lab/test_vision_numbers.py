@@ -1,4 +1,4 @@
-"""Numbers of the pictures' checks against sums done by hand: corrections, widths, motion, the scale of a board."""
+"""Corrections, widths, motion and the scale of a board, compared with calculations by hand."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from eimi_lab.vision.flags import judge
 from eimi_lab.vision.intensity import FieldCorrection
 
 
-def test_a_dark_frame_is_taken_off_before_the_light_is_evened_out() -> None:
+def test_the_dark_frame_is_subtracted_before_the_flat_field_is_applied() -> None:
     rng = np.random.default_rng(1)
     dark = rng.integers(5, 40, (30, 40)).astype(np.uint8)
     light = np.linspace(100, 200, 40) * np.ones((30, 1))
@@ -21,7 +21,7 @@ def test_a_dark_frame_is_taken_off_before_the_light_is_evened_out() -> None:
     assert corrected == pytest.approx(np.median(light.round()) * scene, abs=2.0)
 
 
-def test_what_is_clipped_stays_clipped_and_nothing_else_does() -> None:
+def test_clipped_pixels_stay_clipped_and_others_are_corrected() -> None:
     flat = np.full((20, 20), 100, np.uint8)
     flat[:, :10] = 200  # twice as much light on the left
     image = np.full((20, 20), 240, np.uint8)
@@ -31,7 +31,7 @@ def test_what_is_clipped_stays_clipped_and_nothing_else_does() -> None:
     assert corrected[0, 0] == pytest.approx(240 * 150 / 200)
 
 
-def test_a_tenth_of_a_beam_may_be_wider_than_the_departure() -> None:
+def test_a_tenth_of_a_beam_may_have_another_width() -> None:
     widths = np.full(100, 3.0)
     widths[:8] = 4.5
     assert width_deviation(widths, 3.0) == 0.0
@@ -41,8 +41,8 @@ def test_a_tenth_of_a_beam_may_be_wider_than_the_departure() -> None:
 
 
 @pytest.mark.parametrize("finding", ["settling_ratio", "motion_ratio"])
-def test_points_of_a_beam_that_moved_are_as_much_less_certain(finding: str) -> None:
-    """A fifth of a pixel gives a ratio of 2.3."""
+def test_motion_adds_its_size_to_the_deviation_of_the_points(finding: str) -> None:
+    """A motion of a fifth of a pixel gives a ratio of 2.3."""
     (flag,) = judge({finding: 2.3})
     assert flag.widens_mm(25.0, 3.0, 5.0) == pytest.approx(0.2 / 25.0, rel=0.1)
     (further,) = judge({finding: 8.0})
@@ -65,18 +65,18 @@ def test_points_of_a_beam_that_moved_are_as_much_less_certain(finding: str) -> N
         ("settling_ratio", 1.1, 1.4),
     ],
 )
-def test_limits_lie_where_pictures_were_found_to_go_wrong(finding: str, below: float, above: float) -> None:
+def test_the_limit_of_each_check_lies_between_a_good_and_a_bad_value(finding: str, below: float, above: float) -> None:
     words = {"even_turn": "", "twist_effect": ""}
     assert judge({finding: below}, words=words) == ()
     assert len(judge({finding: above}, words=words)) == 1
 
 
 @pytest.mark.parametrize("error", [0.0, 1e-3, 5e-3])
-def test_a_scale_is_no_better_than_its_board(error: float) -> None:
+def test_the_uncertainty_of_a_scale_includes_that_of_the_board(error: float) -> None:
     x, y = np.meshgrid(np.arange(6.0), np.arange(5.0))
     board = np.column_stack([x.ravel(), y.ravel()])
-    seen = fit_board_pose((board, 25.0 * board + [100.0, 50.0]), error)
-    assert seen.pixels_per_mm == pytest.approx(25.0)
-    assert seen.pixels_per_mm_sigma == pytest.approx(25.0 * error, abs=1e-6)
+    pose = fit_board_pose((board, 25.0 * board + [100.0, 50.0]), error)
+    assert pose.pixels_per_mm == pytest.approx(25.0)
+    assert pose.pixels_per_mm_sigma == pytest.approx(25.0 * error, abs=1e-6)
     tilted = fit_board_pose((board, board * [25.0, 24.5]), 0.0)
     assert tilted.pixels_per_mm_sigma > 0.2

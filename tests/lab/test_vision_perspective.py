@@ -1,4 +1,4 @@
-"""A specimen with depth before an ordinary lens: what its near and far outlines do to a fitted modulus."""
+"""A specimen with depth in front of an ordinary lens: the effect of its two outlines on a fitted modulus."""
 
 import numpy as np
 import pytest
@@ -20,27 +20,29 @@ from eimi_lab.vision.edges.finding import find_edges
 
 TRUE_PA = 50e3
 FIELDS_MT = (0.0, 3.0, 6.0)
-MESH = (13, 2)  # of both, so that the two outlines alone make a difference
+MESH = (13, 2)  # the same for the virtual beam and the fit, so that only the outlines differ
 CLAMP = [[0.0, -8.0], [0.0, 8.0], [-15.0, 8.0], [-15.0, -8.0]]
 
 
 def photographed_edges(calibration):
-    """Edges of rendered frames of a virtual beam, seen by the calibration's lens."""
+    """Return the edges in rendered frames of a virtual beam, imaged by the lens of the calibration, and its view."""
     frame, specimen = BeamFrame(calibration), SPECIMEN.mechanics()
     material = TrueMaterial(model="neo-hookean", parameters={"mu_Pa": TRUE_PA})
     view = frame.view(specimen.depth_mm, SIZE)
     beam = VirtualBeam(specimen, material, (*MESH, 1), frame.gravity_deg, frame.field_deg, max(FIELDS_MT), view)
     edges = []
     for field in FIELDS_MT:
-        seen, _ = beam.outlines_mm(field)
-        scene = make_scene(NOMINAL, SIZE, frame.to_px(seen), None, frame.to_px(CLAMP), 2)
-        found = find_edges(expose(scene, np.random.default_rng(1)), calibration, SPECIMEN)
-        edges.append((found.left.points_mm, found.left.sigma_mm, found.right.points_mm, found.right.sigma_mm))
+        outline_mm, _ = beam.outlines_mm(field)
+        scene = make_scene(NOMINAL, SIZE, frame.to_px(outline_mm), None, frame.to_px(CLAMP), 2)
+        edge_set = find_edges(expose(scene, np.random.default_rng(1)), calibration, SPECIMEN)
+        edges.append(
+            (edge_set.left.points_mm, edge_set.left.sigma_mm, edge_set.right.points_mm, edge_set.right.sigma_mm)
+        )
     return edges, view
 
 
 def fitted(edges, view):
-    """Shear modulus (Pa) with the least mean error, and that error (mm)."""
+    """Return the shear modulus (Pa) with the smallest mean error, and that error (mm)."""
     frame, model = BeamFrame(CALIBRATION), SolidBeside(SPECIMEN.mechanics(), *MESH)
     loads = Loads.along(list(FIELDS_MT), frame.field_deg, frame.gravity_deg)
     observation = EdgeObservation.from_edges(edges, view)
@@ -68,20 +70,20 @@ def test_the_modulus_with_and_without_the_outlines_of_both_faces():
 
 
 @pytest.mark.parametrize("centre", [(10.0, 1.0), (10.0, -20.0)], ids=["before it", "aside"])
-def test_of_a_flat_section_the_face_that_reaches_farther_out_is_seen(centre):
+def test_the_outline_of_a_flat_section_is_that_of_its_outer_face(centre):
     model = BeamModel(SPECIMEN.mechanics(), *MESH)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[TRUE_PA]]), Loads.along([0.0, 4.0]))
-    flat, seen = outline(model, shapes)[0], outline(model, shapes, View(np.array(centre), 100.0))[0]
+    flat, projected = outline(model, shapes)[0], outline(model, shapes, View(np.array(centre), 100.0))[0]
     depth = model.specimen.depth_mm
     faces = [np.array(centre) + 100 / (100 + z) * (flat - np.array(centre)) for z in (-depth / 2, depth / 2)]
     for k in range(2):
         for side, sign in ((0, -1), (1, 1)):
-            points = seen[k, side, 1:-4, 1]
+            points = projected[k, side, 1:-4, 1]
             out = sign * np.stack([signed_distance(face[k, side], points) for face in faces])
             assert out.min(axis=0) == pytest.approx(0, abs=2e-3)
 
 
-def test_no_view_where_none_is_known():
+def test_a_calibration_without_a_stand_off_has_no_view():
     assert BeamFrame(CALIBRATION).view(5.0, SIZE) is None
     with pytest.raises(ValueError, match="should be more than half of depth_mm"):
         BeamFrame(CALIBRATION.model_copy(update={"stand_off_mm": 2.0})).view(5.0, SIZE)

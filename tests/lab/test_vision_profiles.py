@@ -1,4 +1,4 @@
-"""Sampling, the fitted step, the smooth curve and the grey image."""
+"""Sampling, the fitted step, the smooth curve, and the grey values of an image."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def step_profiles(u, offset, dark, bright, blur):
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.6, 3.0))
-def test_step_fit_recovers_what_made_the_profiles(seed, blur):
+def test_the_step_fit_recovers_the_parameters_of_the_profiles(seed, blur):
     rng = np.random.default_rng(seed)
     u = stations(12.0, 12.0)
     offset, dark = rng.uniform(-1.5, 1.5, 20), rng.uniform(2, 60, 20)
@@ -45,7 +45,7 @@ def test_step_fit_recovers_what_made_the_profiles(seed, blur):
     np.testing.assert_allclose(steps.bright, bright, atol=0.05)
 
 
-def test_stated_sensitivity_is_the_scatter_for_independent_noise():
+def test_the_sensitivity_is_the_scatter_for_independent_noise():
     rng = np.random.default_rng(1)
     u = stations(6.0, 6.0)
     ones = np.ones(4000)
@@ -54,7 +54,7 @@ def test_stated_sensitivity_is_the_scatter_for_independent_noise():
     assert steps.offset_px.std() == pytest.approx((steps.sensitivity * 2.0).mean(), rel=0.05)
 
 
-def test_one_dirty_profile_does_not_set_the_blur():
+def test_one_dirty_profile_does_not_change_the_blur():
     u = stations(8.0, 8.0)
     ones = np.ones(30)
     profiles = step_profiles(u, 0 * ones, 10 * ones, 200 * ones, 1.0)
@@ -71,8 +71,8 @@ def test_flat_and_falling_profiles_are_not_sound():
 
 
 @given(st.floats(0.0, 360.0), st.floats(-0.002, 0.002))
-def test_light_along_profiles_is_the_slope_beside_them(direction_deg, slope):
-    """On a back-light that changes evenly along the normals; one profile in five lies in dirt."""
+def test_the_light_along_profiles_has_the_slope_of_the_light_beside_them(direction_deg, slope):
+    """The back-light changes linearly along the normals, and one profile in five lies in dirt."""
     normal = np.array([np.cos(np.deg2rad(direction_deg)), np.sin(np.deg2rad(direction_deg))])
     x, y = np.meshgrid(np.arange(200.0), np.arange(200.0))
     image = 100.0 * (1.0 + slope * ((x - 100.0) * normal[0] + (y - 100.0) * normal[1]))
@@ -84,20 +84,20 @@ def test_light_along_profiles_is_the_slope_beside_them(direction_deg, slope):
     np.testing.assert_allclose(light, np.tile(1.0 + slope * u, (30, 1)), atol=0.004)
 
 
-def test_light_is_even_where_nothing_beside_is_in_the_picture():
+def test_the_light_is_taken_as_even_if_the_picture_ends_beside_the_profiles():
     points, normals = np.full((3, 1, 2), 10.0), np.tile([1.0, 0.0], (3, 1, 1))
     light = light_along(np.full((20, 20), 50.0), points, normals, stations(7.0, 7.0), [3])
     np.testing.assert_array_equal(light, 1.0)
 
 
-def test_profiles_that_leave_the_frame_say_so():
+def test_profiles_that_leave_the_image_are_marked():
     line = np.array([[[10.0, 10.0]], [[2.0, 10.0]]])
     normal = np.tile([1.0, 0.0], (2, 1, 1))
     _, inside = read_profiles(np.zeros((20, 20), dtype=np.uint8), line, normal, stations(5.0, 5.0))
     assert inside.tolist() == [True, False]
 
 
-def test_curve_through_a_circle():
+def test_a_curve_through_points_of_a_circle_has_its_length_and_tangents():
     angle = np.linspace(0.0, 1.5, 60)
     curve = SmoothCurve(200.0 * np.column_stack([np.cos(angle), np.sin(angle)]), 8)
     assert curve.length == pytest.approx(300.0, abs=0.01)
@@ -116,17 +116,17 @@ def test_grey_takes_the_brightest_channel():
 
 
 @pytest.mark.parametrize("array", [np.zeros(5), np.zeros((2, 2, 2, 2)), np.zeros((0, 4, 3)), 3.0])
-def test_grey_of_what_is_no_image(array):
+def test_an_array_that_is_no_image_has_no_grey_values(array):
     with pytest.raises(ValueError, match="should have the shape"):
         grey(array)
 
 
 @pytest.mark.parametrize(("brightest", "scale"), [(0, 255), (255, 255), (256, 1023), (4095, 4095), (65535, 65535)])
-def test_full_scale(brightest, scale):
+def test_full_scale_is_the_first_bit_depth_that_holds_the_image(brightest, scale):
     assert full_scale(np.array([[brightest]])) == scale
 
 
-def test_state_mean_of_grey_deep_and_colour_frames():
+def test_the_mean_of_a_state_keeps_bit_depth_and_colours():
     rng = np.random.default_rng(0)
     frames = rng.integers(0, 4096, (5, 6, 7), dtype=np.uint16)
     np.testing.assert_allclose(state_mean(frames), frames.mean(axis=0), rtol=1e-6)

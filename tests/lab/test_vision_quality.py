@@ -1,4 +1,4 @@
-"""Pictures with something wrong: the flag that says so, and never an exception."""
+"""Pictures with a fault: each raises its flag, and none raises an exception."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -28,11 +28,11 @@ def photograph(**optics):
 
 
 def flags(image, calibration=CALIBRATION, specimen=SPECIMEN):
-    found = {flag.name: flag for flag in find_edges(image, calibration, specimen).flags}
-    for flag in found.values():
+    raised = {flag.name: flag for flag in find_edges(image, calibration, specimen).flags}
+    for flag in raised.values():
         assert np.isfinite(flag.value)
         assert flag.remedy.endswith(".")
-    return found
+    return raised
 
 
 def specimen(**changes):
@@ -40,21 +40,21 @@ def specimen(**changes):
     return SpecimenFile(specimen=beam, magnet=SPECIMEN.magnet)
 
 
-def test_clipped_back_light():
-    found = flags(photograph(background=1.2))
-    assert set(found) == {"SATURATED"}
-    assert found["SATURATED"].value > 0.9
+def test_a_clipped_back_light_is_flagged():
+    raised = flags(photograph(background=1.2))
+    assert set(raised) == {"SATURATED"}
+    assert raised["SATURATED"].value > 0.9
 
 
-def test_underexposed():
-    found = flags(photograph(background=0.12))
-    assert found["LOW_CONTRAST"].value == pytest.approx(0.11, abs=0.02)
+def test_an_underexposed_picture_is_flagged():
+    raised = flags(photograph(background=0.12))
+    assert raised["LOW_CONTRAST"].value == pytest.approx(0.11, abs=0.02)
 
 
-def test_out_of_focus_reports_the_blur():
-    found = flags(photograph(blur_px=4.0))
-    assert set(found) == {"DEFOCUS"}
-    assert found["DEFOCUS"].value == pytest.approx(4.0, abs=0.1)
+def test_a_picture_out_of_focus_is_flagged_with_its_blur():
+    raised = flags(photograph(blur_px=4.0))
+    assert set(raised) == {"DEFOCUS"}
+    assert raised["DEFOCUS"].value == pytest.approx(4.0, abs=0.1)
 
 
 def test_one_speck_on_an_edge_is_left_out_and_many_are_flagged():
@@ -72,19 +72,19 @@ def test_one_speck_on_an_edge_is_left_out_and_many_are_flagged():
     assert "EDGE_RESIDUAL" in flags(speck)
 
 
-def test_beam_that_leaves_the_frame():
+def test_a_beam_that_leaves_the_picture_is_flagged():
     assert "TOUCHES_FRAME" in flags(photograph()[:700])
 
 
-def test_second_body():
+def test_a_second_body_is_flagged():
     image = photograph().copy()
     cv2.circle(image, (950, 600), 40, 20, -1)
-    found = flags(image)
-    assert set(found) == {"MULTI_CONTOUR"}
-    assert found["MULTI_CONTOUR"].value == 1
+    raised = flags(image)
+    assert set(raised) == {"MULTI_CONTOUR"}
+    assert raised["MULTI_CONTOUR"].value == 1
 
 
-def test_two_beams_in_one_clamp_give_no_edges_of_either():
+def test_two_beams_in_one_clamp_give_no_edges():
     image = photograph()
     shifted = np.minimum(image, np.roll(image, 60, axis=1))  # four fifths of a width beside the first
     edges = find_edges(shifted, CALIBRATION, SPECIMEN)
@@ -92,7 +92,7 @@ def test_two_beams_in_one_clamp_give_no_edges_of_either():
     assert "WIDTH_ANOMALY" in {flag.name for flag in edges.flags}
 
 
-def test_clamp_out_of_sight_or_elsewhere():
+def test_a_clamp_that_is_hidden_or_elsewhere_is_flagged():
     outline = BeamFrame(CALIBRATION).to_px(BEAM.outline)
     bare = expose(make_scene(NOMINAL, SIZE, outline), np.random.default_rng(0))
     assert set(flags(bare)) == {"CLAMP_NOT_FOUND"}
@@ -101,7 +101,7 @@ def test_clamp_out_of_sight_or_elsewhere():
     assert "CLAMP_NOT_FOUND" in flags(np.roll(photograph(), 40, axis=0))
 
 
-def test_round_tip():
+def test_a_round_tip_is_flagged():
     angle = np.linspace(-np.pi / 2, np.pi / 2, 60)
     round_end = np.column_stack([28.5 + 1.5 * np.cos(angle), 1.5 * np.sin(angle)])
     outline = BeamFrame(CALIBRATION).to_px(np.vstack([[0.0, -1.5], round_end, [0.0, 1.5]]))
@@ -118,13 +118,13 @@ def test_round_tip():
         ({"length_mm": 26.0}, "LENGTH_ANOMALY", 30.0 / 26.0 - 1),
     ],
 )
-def test_another_specimen_than_stated(change, name, value):
-    found = flags(photograph(), specimen=specimen(**change))
-    assert set(found) == {name}
-    assert found[name].value == pytest.approx(value, abs=0.01)
+def test_another_size_than_stated_is_flagged(change, name, value):
+    raised = flags(photograph(), specimen=specimen(**change))
+    assert set(raised) == {name}
+    assert raised[name].value == pytest.approx(value, abs=0.01)
 
 
-def test_limits_are_the_callers():
+def test_the_caller_may_change_a_limit():
     edges = find_edges(photograph(), CALIBRATION, SPECIMEN, limits={"blur_px": 0.5})
     assert [flag.name for flag in edges.flags] == ["DEFOCUS"]
 
@@ -145,7 +145,7 @@ BAD_PICTURES = {
 
 
 @pytest.mark.parametrize("name", BAD_PICTURES)
-def test_picture_without_a_beam(name):
+def test_a_picture_without_a_beam_gives_no_edges_and_a_flag(name):
     edges = find_edges(BAD_PICTURES[name], CALIBRATION, SPECIMEN)
     assert edges.left.points_mm.shape == edges.right.points_mm.shape == (0, 2)
     assert np.isnan(edges.corners_px).all()
@@ -181,7 +181,7 @@ SHORT = SpecimenFile.model_validate(
     st.integers(1, 16),
 )
 @example(np.array([[0, 0, 90, 0], [0, 0, 90, 0], [0, 0, 0, 0]], dtype=np.uint8), 15)  # an edge of three points
-def test_no_picture_raises(tiles, enlarged):
+def test_no_picture_raises_an_exception(tiles, enlarged):
     image = np.kron(tiles, np.ones((enlarged, enlarged), dtype=np.uint8))
     edges = find_edges(image, SMALL, SHORT)
     for side in (edges.left, edges.right):
@@ -190,7 +190,7 @@ def test_no_picture_raises(tiles, enlarged):
     assert len(edges.left.points_mm) or edges.flags
 
 
-def test_overlay_shows_edges_and_corners():
+def test_the_overlay_shows_edges_and_corners():
     image = photograph()
     edges = find_edges(image, CALIBRATION, SPECIMEN)
     picture = draw_overlay(image, edges, CALIBRATION)
@@ -206,10 +206,10 @@ def test_overlay_shows_edges_and_corners():
 
 
 @pytest.mark.parametrize("name", ["black", "noise", "one pixel", "not a number"])
-def test_overlay_of_a_bad_picture_names_its_flags(name):
+def test_the_overlay_of_a_bad_picture_names_its_flags(name):
     image = BAD_PICTURES[name]
     edges = find_edges(image, CALIBRATION, SPECIMEN)
     picture = draw_overlay(image, edges, CALIBRATION)
     height, width = image.shape
     assert picture.shape[1] == max(width, 560)
-    assert (picture[height : height + 60, :300, 1] < 100).any()  # red words on white, below the picture
+    assert (picture[height : height + 60, :300, 1] < 100).any()  # red words on white below the picture
