@@ -107,12 +107,14 @@ class Board:
     def _checkerboard(self, shown: NDArray[np.uint8]) -> tuple[Array, Array] | None:
         size = (self.columns - 1, self.rows - 1)
         flags = cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
-        found, corners = cv2.findChessboardCornersSB(shown, size, flags=flags)
-        return (self._grid(*size), np.asarray(corners, np.float64).reshape(-1, 2)) if found else None
+        detected, corners = cv2.findChessboardCornersSB(shown, size, flags=flags)
+        return (self._grid(*size), np.asarray(corners, np.float64).reshape(-1, 2)) if detected else None
 
     def _circles(self, shown: NDArray[np.uint8]) -> tuple[Array, Array] | None:
-        found, centres = cv2.findCirclesGrid(shown, (self.columns, self.rows), flags=cv2.CALIB_CB_SYMMETRIC_GRID)
-        return (self._grid(self.columns, self.rows), np.asarray(centres, np.float64).reshape(-1, 2)) if found else None
+        detected, centres = cv2.findCirclesGrid(shown, (self.columns, self.rows), flags=cv2.CALIB_CB_SYMMETRIC_GRID)
+        return (
+            (self._grid(self.columns, self.rows), np.asarray(centres, np.float64).reshape(-1, 2)) if detected else None
+        )
 
     def _grid(self, columns: int, rows: int) -> Array:
         """Return the points (columns · rows, 2) of a regular grid in mm, row by row."""

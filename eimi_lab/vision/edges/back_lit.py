@@ -160,7 +160,7 @@ class BackLitSearch:
         light = measure_back_light(pixels, self.frame, self.width_mm)
         clamp = find_clamp_line(pixels, self.frame, self.width_mm, light.bright)
         contrast = (light.bright - light.dark) / picture.largest if picture.largest else 0.0
-        self.findings |= {"contrast": contrast, "clamp_seen": clamp.seen}
+        self.findings |= {"contrast": contrast, "clamp_seen": clamp.visible_share}
         # A root that is hardly darker than the light around it is not a beam.
         if light.bright - light.dark < 0.2 * light.bright or light.bright <= 0.0:
             self.findings["contrast"] = 0.0

@@ -28,14 +28,14 @@ class ClampLine:
         A point on the line.
     ahead : ndarray, shape (2,)
         Unit vector perpendicular to the line, away from the clamp.
-    seen : float
+    visible_share : float
         Share of the profiles beside the beam that show the edge of the clamp. Below one half the line is that of the
         calibration.
     """
 
     point_px: Array
     ahead: Array
-    seen: float
+    visible_share: float
 
     def distance_px(self, points_px: Array) -> Array:
         """Return how far points (..., 2) lie ahead of the line, px."""

@@ -5,7 +5,7 @@ The projection is Fisher's linear discriminant of the colours in a window along 
     share = w · (colour - m_out),    w = C⁻¹ (m_in - m_out) / ((m_in - m_out) · C⁻¹ (m_in - m_out)),
 
 with the mean colours m inside and outside and the mean covariance C (R. A. Fisher, "The use of multiple measurements in
-taxonomic problems", Annals of Eugenics 7 (1936) 179). The sign of the contrast needs not be known, and the background
+taxonomic problems", Annals of Eugenics 7 (1936) 179). The sign of the contrast need not be known, and the background
 may change along the beam.
 """
 

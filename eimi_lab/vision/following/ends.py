@@ -39,10 +39,10 @@ def trim_ends(left: StripEdges, right: StripEdges, width_px: float) -> tuple[Str
     left, right : StripEdges
     """
     kept = []
-    for own, other in ((left, right), (right, left)):
-        widths = local_widths(own.points, other.points) / width_px
-        begin = _as_wide_toward_last(own.along[::-1], widths[::-1])[::-1]
-        kept.append(begin & _as_wide_toward_last(own.along, widths))
+    for edge, other_edge in ((left, right), (right, left)):
+        widths = local_widths(edge.points, other_edge.points) / width_px
+        begin = _as_wide_toward_last(edge.along[::-1], widths[::-1])[::-1]
+        kept.append(begin & _as_wide_toward_last(edge.along, widths))
     one, two = (_without(edge, keep) for edge, keep in zip((left, right), kept, strict=True))
     return one, two
 

@@ -30,14 +30,14 @@ _HALF = 0.5  # of the fall of a full step
 _ALONG_IT = 0.2  # of the edge: along a shadow at least this long, every sure place is moved
 
 
-def move_off_shadows(unrolled: UnrolledPicture, found: Seams, noise: float) -> Seams:
+def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: float) -> Seams:
     """Move edges that are borders of the beam's shadow to the beam itself.
 
     Parameters
     ----------
     unrolled : UnrolledPicture
         The picture along the strip. A grey picture has no such colours, and its seams are returned as they are.
-    seams : Seams
+    colour_seams : Seams
         Seams in all colours.
     noise : float
         Standard deviation of a channel, grey levels of 255.
@@ -47,23 +47,27 @@ def move_off_shadows(unrolled: UnrolledPicture, found: Seams, noise: float) -> S
     Seams
     """
     if unrolled.colours.shape[2] == 1:
-        return found
-    body = find_colour_seams(unrolled, found.edge, noise, _TOLERANCES, shadowless=True)
-    shift = np.array(OUTWARD)[:, None] * (found.edge - body.edge)
+        return colour_seams
+    body = find_colour_seams(unrolled, colour_seams.edge, noise, _TOLERANCES, shadowless=True)
+    shift = np.array(OUTWARD)[:, None] * (colour_seams.edge - body.edge)
     window = max(3, round(_WINDOW * unrolled.stations_in_width))
     least = max(_LEAST_SHIFT, _LEAST_SHIFT_PX / float(np.linalg.norm(unrolled.aside[0])))
-    all_colours, these = (np.stack([side.separation for side in seams.projected]) for seams in (found, body))
-    sure = (these > np.maximum(_LEAST_SEPARATION, _AS_SURE * all_colours)) & (body.support > _HALF)
+    separation, shadowless_separation = (
+        np.stack([side.separation for side in seams.projected]) for seams in (colour_seams, body)
+    )
+    sure = (shadowless_separation > np.maximum(_LEAST_SEPARATION, _AS_SURE * separation)) & (body.support > _HALF)
     moved = sure & (median_filter(shift, size=(1, window), mode="nearest") > least)
-    moved &= np.stack([_is_dimmed(unrolled, *seams, window) for seams in zip(body.edge, found.edge, strict=True)])
+    moved &= np.stack(
+        [_is_dimmed(unrolled, *seams, window) for seams in zip(body.edge, colour_seams.edge, strict=True)]
+    )
     moved = binary_opening(moved, np.ones((1, window), dtype=bool))
     if not moved.any():
-        return found
+        return colour_seams
     moved |= sure & (moved.mean(axis=1, keepdims=True) > _ALONG_IT)
-    left, right = (_merged(*sides) for sides in zip(moved, body.projected, found.projected, strict=True))
+    left, right = (_merged(*sides) for sides in zip(moved, body.projected, colour_seams.projected, strict=True))
     return Seams(
-        edge=np.where(moved, body.edge, found.edge),
-        support=np.where(moved, body.support, found.support),
+        edge=np.where(moved, body.edge, colour_seams.edge),
+        support=np.where(moved, body.support, colour_seams.support),
         projected=(left, right),
         shadow=np.where(moved, shift, 0.0),
     )
@@ -77,16 +81,16 @@ def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: in
     half = np.maximum(0.5 * np.abs(border - edge), 0.5 * (unrolled.across[1] - unrolled.across[0]))[:, None]
     light = []
     for mask in (between <= half, (beyond >= OUTSIDE_BAND[0]) & (beyond <= OUTSIDE_BAND[1])):
-        seen = (mask & unrolled.inside)[..., None]
-        total = uniform_filter1d((seen * unrolled.colours).sum(axis=1, dtype=np.float64), window, axis=0)
-        light.append(total / np.maximum(uniform_filter1d(seen.sum(axis=1, dtype=np.float64), window, axis=0), 1e-3))
+        in_image = (mask & unrolled.inside)[..., None]
+        total = uniform_filter1d((in_image * unrolled.colours).sum(axis=1, dtype=np.float64), window, axis=0)
+        light.append(total / np.maximum(uniform_filter1d(in_image.sum(axis=1, dtype=np.float64), window, axis=0), 1e-3))
     return np.asarray((light[0] * light[1]).sum(axis=1) < (light[1] ** 2).sum(axis=1))
 
 
-def _merged(moved: NDArray[np.bool_], own: ColourProjection, other: ColourProjection) -> ColourProjection:
+def _merged(moved: NDArray[np.bool_], where_moved: ColourProjection, elsewhere: ColourProjection) -> ColourProjection:
     """Return the first projection where (n,) the edge was moved, and the second elsewhere."""
     values = {}
-    for field in fields(own):
-        one, two = getattr(own, field.name), getattr(other, field.name)
+    for field in fields(where_moved):
+        one, two = getattr(where_moved, field.name), getattr(elsewhere, field.name)
         values[field.name] = np.where(moved.reshape(-1, *[1] * (one.ndim - 1)), one, two)
     return ColourProjection(**values)
