@@ -88,7 +88,7 @@ class Strip:
 class _Stiffness:
     """Bounds of the curvature.
 
-    bend: change of curvature over a width that is usual, 1/px. most: the largest curvature, 1/px.
+    bend: usual change of the curvature over one beam width, 1/px. most: the largest curvature, 1/px.
     """
 
     bend: float
@@ -149,14 +149,11 @@ def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None)
         middle = angle + 0.5 * bend * along
         place = root + along * np.column_stack([np.cos(middle), np.sin(middle)])
         lines.append(hypothesis.read_across(picture, place[:, 0], place[:, 1], angle + bend * along, wide))
-    colours_of_lines = np.stack(lines)
-    colours = colours_of_lines.mean(axis=0)
+    line_colours = np.stack(lines)
+    colours = line_colours.mean(axis=0)
     template = hypothesis.inside_of(colours)
-    scatter = (
-        ((colours_of_lines - colours) ** 2)[:, :, 3:12].sum(axis=3).mean(axis=(0, 2))
-        * len(colours_of_lines)
-        / (len(colours_of_lines) - 1)
-    )
+    squares = ((line_colours - colours) ** 2)[:, :, 3:12].sum(axis=3).mean(axis=(0, 2))
+    scatter = squares * len(lines) / (len(lines) - 1)
     lateral = template.var(axis=1).sum(axis=1)
     variance = hypothesis.least_variance(picture) + scatter + 0.15 * lateral
     score = hypothesis.side_support(colours, variance) - _NEEDED
@@ -179,10 +176,8 @@ def _extended(
     bend = strips.bend[:, None] + stiffness.bend * _MORE_BEND
     width = strips.width[:, None] * _MORE_WIDTH
     begin_angle, aside = strips.angle[:, None], picture.beam.width_px * _MORE_ASIDE
-    begin_x, begin_y = (
-        strips.place[:, :1] - np.sin(begin_angle) * aside,
-        strips.place[:, 1:] + np.cos(begin_angle) * aside,
-    )
+    begin_x = strips.place[:, :1] - np.sin(begin_angle) * aside
+    begin_y = strips.place[:, 1:] + np.cos(begin_angle) * aside
     lines = max(1, min(3, round(step / (0.5 * picture.beam.width_px))))
     read = []
     for share in (np.arange(lines) + 1.0) / lines:
