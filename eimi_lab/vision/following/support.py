@@ -83,10 +83,10 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
     """
     strip = np.outer(OUTWARD, 0.5 * unrolled.width)
     seams = move_off_shadows(unrolled, find_colour_seams(unrolled, strip, noise, TOLERANCES), noise)
-    edge, sure, projected = seams.edge, seams.support, seams.projected
-    sound = _sound(unrolled, edge, sure, projected)
+    edge, support, projected = seams.edge, seams.support, seams.projected
+    sound = _sound(unrolled, edge, support, projected)
     # The beam ends where the cumulative support of both sides, less 2 · _HALF at each station, is largest.
-    sound[:, int(np.cumsum(sure.sum(axis=0) - 2.0 * _HALF).argmax()) + 1 :] = False
+    sound[:, int(np.cumsum(support.sum(axis=0) - 2.0 * _HALF).argmax()) + 1 :] = False
     scale = float(np.linalg.norm(unrolled.aside[0]))
     lever = round(_LEVER * unrolled.stations_in_width)
     for row in (0, 1):
@@ -95,7 +95,7 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
         sound[row] = _longest_chain(seam, width, sound[row], scale, lever)
     end = _end(unrolled.along, sound, length)
     sound[:, end:] = False
-    return Sides(edge, sure, sound, end, projected, seams.shadow)
+    return Sides(edge, support, sound, end, projected, seams.shadow)
 
 
 def sure_share(sound: Mask) -> dict[str, float]:
