@@ -10,12 +10,14 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 
 import cv2
 import h5py
 import numpy as np
 import pytest
+from packaging.version import Version
 
 import eimi_lab
 from eimi_drivers.emulators.coil_line import RemoteCoil
@@ -151,8 +153,9 @@ def test_ctrl_c_while_the_package_is_imported_ends_in_one_line(tmp_path: Path) -
 
 def test_the_versions_are_those_of_the_project_and_of_what_results_depend_on(tmp_path: Path) -> None:
     first, second = eimi("--version", cwd=tmp_path).stdout.splitlines()
-    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
-    assert first == f"eimi-lab {project['version']}" == f"eimi-lab {eimi_lab.__version__}"
+    assert first == f"eimi-lab {eimi_lab.__version__}" == f"eimi-lab {version('eimi-lab')}"
+    release = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["tool"]["setuptools_scm"]
+    assert Version(eimi_lab.__version__) >= Version(release["fallback_version"])
     for package in (f"python {platform.python_version()}", f"numpy {np.__version__}", f"h5py {h5py.__version__}"):
         assert package in second.split(", ")
     assert [words.split()[0] for words in second.split(", ")][3:] == ["cma", "h5py", "opencv-python-headless"]

@@ -1,0 +1,63 @@
+"""Files that a hosting service reads: they parse, and name versions and commands that exist."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[1]
+FORMS = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml"))
+
+
+def read(path: str) -> Any:
+    return yaml.safe_load((ROOT / path).read_text(encoding="utf-8"))
+
+
+def settings() -> dict[str, Any]:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def test_the_workflow_tests_every_python_and_lets_other_systems_fail() -> None:
+    jobs = read(".github/workflows/ci.yml")["jobs"]
+    oldest = settings()["project"]["requires-python"].removeprefix(">=")
+    assert jobs["tests"]["strategy"]["matrix"]["python"] == [oldest, "3.12", "3.13"]
+    assert jobs["elsewhere"]["continue-on-error"] is True
+    assert jobs["elsewhere"]["strategy"]["matrix"]["system"] == ["windows-latest", "macos-latest"]
+    for job in jobs.values():
+        assert job["timeout-minutes"] <= 90
+        assert all(("uses" in step) != ("run" in step) for step in job["steps"])
+
+
+def test_the_workflow_and_the_hooks_check_what_the_script_checks() -> None:
+    """`.ci/run` is what a maintainer runs; nothing is checked in one place alone."""
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    lint = [step.get("run", "") for step in read(".github/workflows/ci.yml")["jobs"]["lint"]["steps"]]
+    hooks = {hook["entry"].split()[0] for hook in read(".pre-commit-config.yaml")["repos"][0]["hooks"]}
+    checks = {line.removeprefix(".venv/bin/") for line in script.splitlines() if line.startswith(".venv/bin/")}
+    for check in ("ruff check", "ruff format --check", "mypy", "lint-imports"):
+        assert check in checks
+        assert check in lint
+        assert check.split()[0] in hooks
+
+
+@pytest.mark.parametrize("form", [form for form in FORMS if form.name != "config.yml"], ids=lambda form: form.name)
+def test_an_issue_form_asks_for_what_it_labels(form: Path) -> None:
+    asked = yaml.safe_load(form.read_text(encoding="utf-8"))
+    assert {"name", "description", "body"} <= asked.keys()
+    fields = [field for field in asked["body"] if field["type"] != "markdown"]
+    assert len({field["id"] for field in fields}) == len(fields)
+    assert all(field["attributes"]["label"] for field in fields)
+
+
+def test_a_release_is_named_alike_everywhere() -> None:
+    """The newest release of the changelog, the citation, and the version of a clone without tags."""
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    newest, day = re.findall(r"^## \[(\d+\.\d+\.\d+)\] - (\d{4}-\d\d-\d\d)$", changelog, re.M)[0]
+    citation = read("CITATION.cff")
+    assert citation["version"] == newest == settings()["tool"]["setuptools_scm"]["fallback_version"]
+    assert str(citation["date-released"]) == day
