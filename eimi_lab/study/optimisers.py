@@ -9,17 +9,15 @@ the others where their seed says.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
-from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.inference.evidence.experiment import Experiment
-from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_fitting.inference.evidence.objective import Evaluation, Problem
 from eimi_fitting.inference.evidence.unknowns import Unknowns
 from eimi_fitting.inference.searching.polish import polish
@@ -27,7 +25,7 @@ from eimi_fitting.inference.searching.search import search
 from eimi_fitting.laws import LAWS, search_space
 from eimi_lab.study.extent import TRAINED_ON, Extent
 from eimi_lab.study.hidden_materials import MATERIALS
-from eimi_lab.study.observed import NOISE_MM, field_mT, noise_mm, outlines_mm, specimen_of
+from eimi_lab.study.observed import experiment_of, field_mT, noise_mm, outlines_mm, specimen_of
 
 Array = NDArray[np.float64]
 
@@ -130,9 +128,7 @@ def _experiment() -> Experiment:
     fields = field_mT(MATERIALS[key], Extent(states=_STATES))
     edges = outlines_mm(MATERIALS[key], specimen_of(TRAINED_ON), fields)[:, :, ::_EVERY]
     edges = edges + noise_mm(edges.shape, "optimisers")
-    sigma = np.full(edges.shape[2], NOISE_MM)
-    observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in edges])
-    return Experiment(BeamModel(specimen_of(TRAINED_ON)), Loads.along(fields), observed)
+    return replace(experiment_of(TRAINED_ON, edges, fields, "solid"), model=BeamModel(specimen_of(TRAINED_ON)))
 
 
 def _run(optimiser: Callable[[_Counted, int, int], None], problem: Problem, seed: int) -> _Counted:

@@ -111,18 +111,25 @@ def _observed_of(
 class Comparison:
     """P candidates against every experiment.
 
-    error_mm, deviation_mm: (P, K of all experiments); unconverged: (P,) in any state; unstable: (P,) in any state, of
-    those that converged; max_stretch: (P,); shapes, misfits: one an experiment, no shapes where
-    candidates differ in more than the law.
+    unconverged: (P,) in any state; unstable: (P,) in any state, of those that converged; max_stretch: (P,); shapes,
+    misfits: one an experiment, no shapes where candidates differ in more than the law.
     """
 
-    error_mm: Array
-    deviation_mm: Array
     unconverged: NDArray[np.bool_]
     unstable: NDArray[np.bool_]
     max_stretch: Array
     shapes: tuple[Shapes, ...]
     misfits: tuple[Misfit, ...]
+
+    @property
+    def error_mm(self) -> Array:
+        """(P, K of all experiments)."""
+        return np.concatenate([misfit.error_mm for misfit in self.misfits], axis=1)
+
+    @property
+    def deviation_mm(self) -> Array:
+        """(P, K of all experiments)."""
+        return np.concatenate([misfit.deviation_mm for misfit in self.misfits], axis=1)
 
     @property
     def objective_mm(self) -> Array:
@@ -132,15 +139,11 @@ class Comparison:
     def take(self, rows: NDArray[np.intp]) -> Comparison:
         """Some of the candidates."""
         return Comparison(
-            error_mm=self.error_mm[rows],
-            deviation_mm=self.deviation_mm[rows],
             unconverged=self.unconverged[rows],
             unstable=self.unstable[rows],
             max_stretch=self.max_stretch[rows],
             shapes=tuple(shapes.take(rows) for shapes in self.shapes),
-            misfits=tuple(
-                Misfit(m.residuals[rows], m.weights, m.error_mm[rows], m.deviation_mm[rows]) for m in self.misfits
-            ),
+            misfits=tuple(misfit.take(rows) for misfit in self.misfits),
         )
 
 
@@ -155,8 +158,6 @@ def joined(parts: Sequence[tuple[NDArray[np.intp], Comparison]]) -> Comparison:
 
     every = [comparison for _, comparison in parts]
     return Comparison(
-        error_mm=together(c.error_mm for c in every),
-        deviation_mm=together(c.deviation_mm for c in every),
         unconverged=together(c.unconverged for c in every),
         unstable=together(c.unstable for c in every),
         max_stretch=together(c.max_stretch for c in every),
@@ -202,8 +203,6 @@ def compare(
         every_shapes.append(shapes)
         misfits.append(misfit)
     return Comparison(
-        error_mm=np.concatenate([misfit.error_mm for misfit in misfits], axis=1),
-        deviation_mm=np.concatenate([misfit.deviation_mm for misfit in misfits], axis=1),
         unconverged=unconverged,
         unstable=unstable & ~unconverged,
         max_stretch=stretch,

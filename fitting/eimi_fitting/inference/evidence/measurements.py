@@ -91,6 +91,10 @@ class Misfit:
     error_mm: Array
     deviation_mm: Array
 
+    def take(self, rows: NDArray[np.intp]) -> Misfit:
+        """Return the misfit of some of the candidates."""
+        return Misfit(self.residuals[rows], self.weights, self.error_mm[rows], self.deviation_mm[rows])
+
 
 @dataclass(frozen=True)
 class EdgeObservation:

@@ -116,12 +116,7 @@ class Problem:
             own.with_own_change(misfit, other)
             for own, misfit, other in zip(self.experiments, comparison.misfits, before.experiments, strict=True)
         )
-        error, deviation = (
-            np.concatenate([getattr(m, name) for m in misfits], axis=1) for name in ("error_mm", "deviation_mm")
-        )
-        return replace(
-            evaluation, comparison=replace(comparison, error_mm=error, deviation_mm=deviation, misfits=misfits)
-        )
+        return replace(evaluation, comparison=replace(comparison, misfits=misfits))
 
     def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
         """Evaluates candidates that are near those evaluated before, as a polish does."""
