@@ -94,7 +94,10 @@ def _status() -> int:
         from eimi_drivers.interfaces import InstrumentError, SwitchOffFailed, UnusableDriver
 
         if isinstance(error, SwitchOffFailed):
-            return _tell(f"THE COIL MAY STILL BE ON, switch it off by hand: {error}", 1)
+            from eimi_lab.acquisition.event_words import in_words
+            from eimi_lab.acquisition.events import OffNotConfirmed
+
+            return _tell(in_words(OffNotConfirmed(by="run", reason=str(error))), 1)
         if isinstance(error, UnusableDriver):
             return _tell(str(error), 2)
         if isinstance(error, InstrumentError | OSError | OwnFault):

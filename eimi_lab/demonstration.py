@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from eimi_fitting.laws import LAWS
+from eimi_lab.acquisition.event_words import on_terminal
 from eimi_lab.acquisition.open_bench import open_bench
 from eimi_lab.acquisition.run import acquire
 from eimi_lab.config.protocol import Protocol, load_protocol
@@ -108,7 +109,7 @@ def _acquire(protocol: Protocol, beam: SpecimenFile, rig: Rig, output: Path, for
         open_bench(rig, beam, protocol.limits) as bench,
         progress("acquire", len(protocol.currents_A)) as told,
     ):
-        acquire(protocol, beam, rig, bench, output, told, force)
+        acquire(protocol, beam, rig, bench, output, on_terminal(told), force)
 
 
 def _cast(beam: SpecimenFile, material: str) -> SpecimenFile:

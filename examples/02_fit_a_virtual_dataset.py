@@ -3,6 +3,7 @@
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from eimi_lab.acquisition.event_words import on_terminal
 from eimi_lab.acquisition.open_bench import open_bench
 from eimi_lab.acquisition.run import acquire
 from eimi_lab.config.protocol import load_protocol
@@ -17,7 +18,7 @@ def main() -> float:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "run.h5"
         with open_bench(rig, specimen, protocol.limits) as bench:
-            acquire(protocol, specimen, rig, bench, path, print)
+            acquire(protocol, specimen, rig, bench, path, on_terminal(print))
         fit = fit_evidence([load_evidence(path)], "neo-hookean")
         with open_dataset(path) as dataset:  # the truth is for scoring, after the fit
             truth = dataset.truth()

@@ -11,7 +11,6 @@ names the optional members, and what the suite assumes where one is absent.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -114,8 +113,7 @@ class PowerSupply(Protocol):
 
     Every call ends within 5 s: with an answer, or with InstrumentTimeout. Every error is an InstrumentError.
 
-    Optional members: `meanwhile`, see `Interruptible`; a supply without it is never interrupted within a call.
-    `without_contact`, see `SupplyDriver`; the one of the instrument is stored with the dataset.
+    Optional member: `without_contact`, see `SupplyDriver`; the one of the instrument is stored with the dataset.
     """
 
     limits: Limits
@@ -149,26 +147,15 @@ class PowerSupply(Protocol):
         """Release the port. Does not switch off: safe_off does. Closing twice is allowed."""
 
 
-@runtime_checkable
-class Interruptible(Protocol):
-    """An instrument that can be interrupted within a call.
-
-    It calls `meanwhile` between its exchanges with the instrument, when none is under way, and lets through what
-    `meanwhile` raises. The suite puts a function there while a run lasts. The attribute exists from the beginning, with
-    a function that does nothing.
-    """
-
-    meanwhile: Callable[[], None]
-
-
 class SupplyDriver(Protocol):
     """A class or a function that opens a supply. Opening sends nothing: an output that is on stays on.
 
     Optional members:
 
     connect(address) -> Transport
-        Opens the line to the instrument; the driver is then called with the line in place of the address, and every
-        exchange can be recorded (`eimi acquire --transcript`). Absent: the driver is called with the address.
+        Opens the line to the instrument; the driver is then called with the line in place of the address, every
+        exchange can be recorded (`eimi acquire --transcript`), and a second signal is heeded between two messages.
+        Absent: the driver is called with the address, and no call of the supply is ever interrupted.
     bipolar: bool
         Whether negative currents can be set. Absent: False.
     without_contact: str

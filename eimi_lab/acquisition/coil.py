@@ -27,8 +27,7 @@ def never() -> None:
 class Coil:
     """A coil on a supply, set to `asked_A` since `changed_s` on the clock.
 
-    `stop_if_asked` is called between operations, never within one, and may raise. `meanwhile` is to be called again and
-    again while something takes long that may not be broken off.
+    `stop_if_asked` is called between operations, never within one, and may raise.
     """
 
     def __init__(self, supply: PowerSupply, clock: Clock, rule: Ramp, asked_A: float = 0.0) -> None:
@@ -38,7 +37,6 @@ class Coil:
         self.asked_A = asked_A
         self.changed_s = self._asked_s = clock.now()
         self._stepping = threading.Lock()
-        self.meanwhile: Callable[[], None] = never
 
     def keep_in_touch(self) -> None:
         """Ask the supply for faults when it was not asked for a while. Raises what `PowerSupply.check` raises.

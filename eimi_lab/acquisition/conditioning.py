@@ -6,10 +6,11 @@ The first time that a filled rubber or a silicone is stretched it is stiffer tha
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from eimi_lab.acquisition.events import ConditioningDone, ShapeChange
 from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S, wait_until_settled
 from eimi_lab.acquisition.stepping import Stepping
 from eimi_lab.config.protocol import Conditioning
@@ -18,17 +19,14 @@ from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.intensity import mean_grey
 
-SEEN_PX = 0.2
-"""A tip that moves by less is told as one that stayed: its corners are found to about a tenth of a pixel."""
-
 Shape = tuple[int, Moment]
 """The cycle, counted from 1, and the frame of the beam at rest in it."""
 
 
 def condition(run: Stepping, rule: Conditioning, stop_if_asked: Callable[[], None]) -> None:
-    """Go through the cycles; store the beam at rest before them, loaded in the first and last, and after; tell of it.
+    """Go through the cycles; store the beam at rest before them, loaded in the first and last, and after.
 
-    Raises InstrumentError, StorageFailed, Stopped.
+    Sends `ConditioningDone`. Raises InstrumentError, StorageFailed, Stopped.
     """
     shapes = [(1, _at_rest(run, stop_if_asked))]
     for cycle in range(1, rule.cycles + 1):
@@ -39,7 +37,7 @@ def condition(run: Stepping, rule: Conditioning, stop_if_asked: Callable[[], Non
                 shapes.append((cycle, _at_rest(run, stop_if_asked)))
             run.coil.supply.check()
     run.store(CONDITIONING, [cycle for cycle, _ in shapes], [moment for _, moment in shapes])
-    run.remark(_what_changed(run, shapes, stop_if_asked))
+    run.on_event(ConditioningDone(cycles=rule.cycles, changes=tuple(_changes(run, shapes, stop_if_asked))))
 
 
 def _at_rest(run: Stepping, stop_if_asked: Callable[[], None]) -> Moment:
@@ -50,28 +48,23 @@ def _at_rest(run: Stepping, stop_if_asked: Callable[[], None]) -> Moment:
     return Moment(frame, at_s, at_s - run.coil.changed_s, run.coil.asked_A)
 
 
-def _what_changed(run: Stepping, shapes: list[Shape], stop_if_asked: Callable[[], None]) -> str:
-    """How far the last shape is from the first at each current, in words: by the tip, else by the whole image."""
-    words = []
+def _changes(run: Stepping, shapes: list[Shape], stop_if_asked: Callable[[], None]) -> Iterator[ShapeChange]:
+    """Compare the last shape with the first at each current: by the tip, and by the whole image where there is none."""
     for current_A in sorted({moment.set_A for _, moment in shapes}, key=abs, reverse=True):
         of_current = [(cycle, moment.frame) for cycle, moment in shapes if moment.set_A == current_A]
         if len(of_current) < 2:
             continue
         (first, before), (_, after) = of_current[0], of_current[-1]
+        since = first if current_A else 0
         images = mean_grey(before.image), mean_grey(after.image)
         tips = []
         for image in images:
             stop_if_asked()
             tips.append(find_edges(image, run.calibration, run.specimen).corners_px[2:].mean(axis=0))
         moved_px = float(np.hypot(*(tips[1] - tips[0])))
-        then = f"in cycle {first}" if current_A else "before cycle 1"
         if not np.isfinite(moved_px):
-            ratio = run.noise.difference_ratio(*images)
-            told = f"no tip is found; the image differs from that {then} by {ratio:.3g} times what noise alone would"
-        elif moved_px < SEEN_PX:
-            told = f"the tip is where it was {then}, to {SEEN_PX} px"
-        else:
-            moved_mm = float(np.hypot(*np.diff(BeamFrame(run.calibration).to_mm(tips), axis=0)[0]))
-            told = f"the tip is {moved_mm:.3g} mm ({moved_px:.1f} px) from where it was {then}"
-        words.append(f"at {current_A:g} A {told}")
-    return f"conditioning, {shapes[-1][0]} cycles: {'; '.join(words)}"
+            ratio = float(run.noise.difference_ratio(*images))
+            yield ShapeChange(current_A=current_A, since_cycle=since, difference_ratio=ratio)
+            continue
+        moved_mm = float(np.hypot(*np.diff(BeamFrame(run.calibration).to_mm(tips), axis=0)[0]))
+        yield ShapeChange(current_A=current_A, since_cycle=since, tip_moved_px=moved_px, tip_moved_mm=moved_mm)

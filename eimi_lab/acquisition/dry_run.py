@@ -15,13 +15,14 @@ from eimi_drivers.interfaces import Clock, Frame, Identity, Limits
 from eimi_drivers.supplies.supply_names import supply_driver
 from eimi_drivers.supplies.transport import InProcessTransport, Responder
 from eimi_lab.acquisition.coil import without_contact
+from eimi_lab.acquisition.event_words import in_words
+from eimi_lab.acquisition.events import Event, StateStored
 from eimi_lab.acquisition.heating import hottest
 from eimi_lab.acquisition.open_bench import Bench
 from eimi_lab.acquisition.run import acquire
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.process.progress import silent
 
 STAND_IN, BIPOLAR_STAND_IN = "korad", "kepco-bop"  # for a supply that has no wire or no emulator
 FRAME_S = 1 / 30
@@ -125,18 +126,14 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
             f"messages to the supply: not shown, since the driver {driver} comes from another package and has no "
             f"emulator here; the times are those of {language}"
         )
+
+    def say_stored(event: Event) -> None:
+        if isinstance(event, StateStored):
+            say(f"{clock.now():9.2f} s  state {event.state} stored: {in_words(event)}")
+
     with TemporaryDirectory() as folder:
         bench = Bench(supply, _BeamAtRest(clock), clock)
-        stored = iter(range(len(currents)))
-        acquire(
-            protocol,
-            specimen,
-            rig,
-            bench,
-            Path(folder) / "dry_run.h5",
-            lambda words: say(f"{clock.now():9.2f} s  state {next(stored)} stored: {words}"),
-            remark=silent,
-        )
+        acquire(protocol, specimen, rig, bench, Path(folder) / "dry_run.h5", say_stored)
     shortest = clock.now()
     settled = len(currents) + (min(cycles, 2) + 2 if cycles else 0)
     longest = shortest + settled * (protocol.settle.timeout_s - protocol.settle.drift_window_s)

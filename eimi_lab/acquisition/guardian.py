@@ -52,16 +52,23 @@ class Ward:
 class Guardian:
     """A process that is armed while the output may be on. See `guarding`."""
 
-    def __init__(self, ward: Ward) -> None:
-        """Start the process; it gets ready while the run goes on. A session of its own keeps Ctrl-C away from it."""
+    def __init__(self, ward: Ward, events: int | None = None) -> None:
+        """Start the process; it gets ready while the run goes on. A session of its own keeps Ctrl-C away from it.
+
+        events: a descriptor that it writes its events to, as lines of JSON.
+        """
         self._ward = ward
+        inherited = [] if events is None else [os.dup(events)]  # above 2: standard output is its pipe to the run
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", f"{__name__}_process", json.dumps(asdict(ward))],
+            [sys.executable, "-P", "-m", f"{__name__}_process", json.dumps(asdict(ward)), *map(str, inherited)],
+            pass_fds=inherited,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             bufsize=0,
             start_new_session=True,
         )
+        for descriptor in inherited:
+            os.close(descriptor)
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._to, self._from = self._process.stdin, self._process.stdout
@@ -147,9 +154,12 @@ class Guardian:
 
 
 @contextmanager
-def guarding(ward: Ward) -> Iterator[Guardian]:
-    """A guardian for one run. One that was armed and not disarmed switches off when the context is left."""
-    guardian = Guardian(ward)
+def guarding(ward: Ward, events: int | None = None) -> Iterator[Guardian]:
+    """A guardian for one run. One that was armed and not disarmed switches off when the context is left.
+
+    events: see `Guardian`.
+    """
+    guardian = Guardian(ward, events)
     try:
         yield guardian
     finally:

@@ -11,12 +11,15 @@ from typing import Any
 
 from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings
 from eimi_drivers.interfaces import Camera, Clock, InstrumentError, PowerSupply
+from eimi_lab.acquisition.event_words import on_terminal
+from eimi_lab.acquisition.events import OnEvent, Warned
 from eimi_lab.acquisition.guardian import Guardian, Ward, guarding
+from eimi_lab.acquisition.interruption import Interruption
 from eimi_lab.acquisition.playback import Cue
 from eimi_lab.config.protocol import SupplyLimits
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.process.errors import tell
+from eimi_lab.process.progress import silent
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,7 @@ class Bench:
 
     guardian: switches the supply off if the run dies; a virtual one dies with the run.
     camera_settings: what the camera read back after it was set up. cue: where the run says at which state it is.
+    interruption: what supply and camera ask while they take long, so that a signal is heeded then.
     """
 
     supply: PowerSupply
@@ -34,15 +38,24 @@ class Bench:
     guardian: Guardian | None = None
     camera_settings: CameraSettings = NO_SETTINGS
     cue: Cue = field(default_factory=Cue)
+    interruption: Interruption = field(default_factory=Interruption)
 
 
 @contextmanager
 def open_bench(
-    rig: Rig, specimen: SpecimenFile, limits: SupplyLimits, transcript: Path | None = None
+    rig: Rig,
+    specimen: SpecimenFile,
+    limits: SupplyLimits,
+    transcript: Path | None = None,
+    *,
+    on_event: OnEvent | None = None,
+    guardian_events: int | None = None,
 ) -> Iterator[Bench]:
     """Open the rig's instruments within the stricter of the rig's limits and `limits`. Raises InstrumentError.
 
-    transcript: a new file for every exchange with the supply; a virtual one has none.
+    transcript: a new file for every exchange with the supply; a virtual one has none. on_event: hears of a camera that
+    cannot be closed; without it the terminal does. guardian_events: a descriptor that the guardian writes its events to
+    as lines of JSON, beside its words on standard error.
 
     Leaving closes them; it does not switch off: `switching_off` does.
     """
@@ -62,26 +75,26 @@ def open_bench(
     from eimi_lab.acquisition.added_driver import pack
     from eimi_lab.acquisition.cameras import open_rig_camera
 
-    wall, cue = WallClock(), Cue()
+    wall, cue, interruption = WallClock(), Cue(), Interruption()
     driver = rig.supply.driver
     ward = Ward(driver, rig.supply.address, stricter.current_A, stricter.voltage_V, pack(driver))
     with ExitStack() as opened:
-        guardian = opened.enter_context(guarding(ward))
+        guardian = opened.enter_context(guarding(ward, guardian_events))
         try:
+            within = Limits(ward.current_A, ward.voltage_V)
             supply = opened.enter_context(
-                closing(
-                    open_supply(ward.driver, ward.address, Limits(ward.current_A, ward.voltage_V), wall, transcript)
-                )
+                closing(open_supply(ward.driver, ward.address, within, wall, transcript, interruption.between_messages))
             )
             eye = TimedCamera(
                 f"camera {rig.camera.source}",
                 lambda: open_rig_camera(rig, specimen, wall, cue),
                 time.process_time if rig.virtual else time.monotonic,
+                interruption.while_waiting,
             )
-            opened.callback(_close_or_tell, eye)
+            opened.callback(_close_or_tell, eye, on_event or on_terminal(silent))
         except InstrumentDisconnected as error:
             raise InstrumentDisconnected(f"{error}; {_attached()}") from error
-        yield Bench(supply, eye, wall, _truth(rig, specimen), guardian, eye.settings, cue)
+        yield Bench(supply, eye, wall, _truth(rig, specimen), guardian, eye.settings, cue, interruption)
 
 
 def _truth(rig: Rig, specimen: SpecimenFile) -> dict[str, Any] | None:
@@ -93,12 +106,12 @@ def _truth(rig: Rig, specimen: SpecimenFile) -> dict[str, Any] | None:
     return truth_of(rig, specimen)
 
 
-def _close_or_tell(camera: Camera) -> None:
+def _close_or_tell(camera: Camera, on_event: OnEvent) -> None:
     """By now the coil is off and the states are stored: a camera that cannot be closed is no reason to fail."""
     try:
         camera.close()
     except InstrumentError as error:
-        tell(f"warning: {error}")
+        on_event(Warned(message=str(error)))
 
 
 def _attached() -> str:

@@ -13,6 +13,7 @@ import select
 import sys
 from collections.abc import Callable
 
+from eimi_lab.acquisition.events import OnEvent, OutputSwitched, Paused, PauseRequested, Resumed
 from eimi_lab.acquisition.stepping import Stepping
 from eimi_lab.acquisition.switching_off import ramp_down_and_switch_off
 
@@ -42,9 +43,9 @@ def typed_line() -> str | None:
 class Pauses:
     """Whether a person asked for a pause, and the pause itself."""
 
-    def __init__(self, typed: Callable[[], str | None], remark: Callable[[str], None]) -> None:
-        """typed: gives the next line that a person typed, or None. remark: gets what is to be told, a line each."""
-        self._typed, self._remark = typed, remark
+    def __init__(self, typed: Callable[[], str | None], on_event: OnEvent) -> None:
+        """typed: gives the next line that a person typed, or None. on_event: hears of the pause."""
+        self._typed, self._on_event = typed, on_event
         self.asked = False
 
     def heeded_by(self, stop_if_asked: Callable[[], None]) -> Callable[[], None]:
@@ -53,7 +54,7 @@ class Pauses:
         def move_on() -> None:
             if self._typed() == PAUSE_KEY and not self.asked:
                 self.asked = True
-                self._remark("the run pauses as soon as this state is stored")
+                self._on_event(PauseRequested())
             stop_if_asked()
 
         return move_on
@@ -63,21 +64,19 @@ class Pauses:
 
         Raises Stopped, InstrumentError, SwitchOffFailed, StorageFailed.
         """
-        supply = run.coil.supply
-        ramp_down_and_switch_off(run.coil, run.guardian, stop_if_asked)
-        self._remark(
-            f"paused before state {state}: the coil is off, and {state} of {len(run.protocol.currents_A)} states are "
-            f"in {run.writer.path}; Enter goes on, Ctrl-C ends the run"
-        )
+        ramp_down_and_switch_off(run.coil, run.guardian, stop_if_asked, self._on_event)
+        self._on_event(Paused(state=state, states=len(run.protocol.currents_A), dataset=str(run.writer.path)))
         while self._typed() is None:
             stop_if_asked()
             run.clock.sleep(LOOK_EVERY_S)
         self.asked = False
-        self._remark("the run goes on, through the states before")
+        self._on_event(Resumed(state=state))
         if run.guardian:
             run.guardian.arm()
+        supply = run.coil.supply
         supply.set_current(0.0)
         supply.set_voltage(supply.limits.voltage_V)
         supply.set_output(True)
+        self._on_event(OutputSwitched(on=True))
         run.writer.begin_session()
         run.go_back_to(state, stop_if_asked)

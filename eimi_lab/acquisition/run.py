@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
+import logging
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
-from eimi_drivers.cameras.timed import TimedCamera
 from eimi_drivers.interfaces import InstrumentError
 from eimi_drivers.supplies.supply_names import is_bipolar
-from eimi_lab.acquisition.coil import Coil, never, without_contact
+from eimi_lab.acquisition.coil import Coil, without_contact
 from eimi_lab.acquisition.conditioning import condition
-from eimi_lab.acquisition.heating import refuse_overheating
+from eimi_lab.acquisition.event_words import left_behind
+from eimi_lab.acquisition.events import (
+    Event,
+    Fault,
+    OnEvent,
+    OutputSwitched,
+    RunBegun,
+    RunEnded,
+    StateStoredBefore,
+    Warned,
+    unheard,
+)
+from eimi_lab.acquisition.heating import hottest, refuse_overheating
+from eimi_lab.acquisition.interruption import Interruption
 from eimi_lab.acquisition.live_view import Show, WatchedCamera, show_nobody
 from eimi_lab.acquisition.open_bench import Bench
 from eimi_lab.acquisition.pausing import Pauses, nobody_types
@@ -27,10 +43,12 @@ from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.recordings import RELEASE, Moment
 from eimi_lab.dataset.writing import DatasetWriter
-from eimi_lab.process.errors import InputError, tell
+from eimi_lab.process.errors import InputError
 from eimi_lab.process.stopping import Stopped
 from eimi_lab.vision.intensity import mean_grey
 from eimi_lab.vision.settling_statistic import measure_noise
+
+_log = logging.getLogger(__name__)
 
 
 def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
@@ -72,23 +90,22 @@ def acquire(
     rig: Rig,
     bench: Bench,
     path: Path,
-    report: Callable[[str], None],
+    on_event: OnEvent = unheard,
     force: bool = False,
     *,
     resume: bool = False,
     take_over: bool = False,
     note: str = "",
     show: Show = show_nobody,
-    remark: Callable[[str], None] = tell,
     typed: Callable[[], str | None] = nobody_types,
 ) -> Path:
-    """Run the protocol on an open bench into the dataset `path`; `report` gets a line for every state stored.
+    """Run the protocol on an open bench into the dataset `path`; `on_event` hears everything that happens.
 
     Returns where the dataset is: beside `path` where that was taken away meanwhile.
 
     resume: go on with the run that `path` holds. take_over: switch off a supply that is found on, not refuse it.
-    note: what the user has to say of the run. show: is given every frame as it comes. remark: gets what else there is
-    to say in a line, such as what the conditioning changed. typed: gives what a person types, for `pausing`.
+    note: what the user has to say of the run. show: is given every frame as it comes. typed: gives what a person types,
+    for `pausing`.
 
     Ends with the coil off, whatever happens; what was stored until then stays. Raises InputError before anything is
     switched on, InstrumentError, Stopped.
@@ -96,57 +113,120 @@ def acquire(
     check_request(protocol, specimen, rig)
     if not resume:
         refuse_taken(path, force)
-    supply, camera, clock = bench.supply, WatchedCamera(bench.camera, show, bench.cue), bench.clock
-    identities = (supply.identify(), camera.identify())
-    header = Header(
-        specimen,
-        rig.calibration,
-        protocol,
-        rig,
-        identities,
-        bench.truth,
-        note,
-        camera_settings=bench.camera_settings,
-        without_contact="" if bench.truth else without_contact(supply),
-    )
-    _begin_with_output_off(bench, protocol, take_over)
-    supply.check()
-    supply.set_current(0.0)
-    supply.set_voltage(supply.limits.voltage_V)
-    camera.flush()
-    at_rest = [camera.grab(GRAB_TIMEOUT_S) for _ in range(NOISE_FRAMES)]
-    noise = measure_noise([mean_grey(frame.image) for frame in at_rest])
-    begun = take_up(path, header, at_rest[0].image) if resume else UnfinishedRun(0, 0.0)
-    for current in protocol.currents_A[: begun.states]:
-        report(f"{current:g} A, stored before")
-    if begun.states == len(protocol.currents_A):
-        return path
-    coil = Coil(supply, clock, protocol.ramp)
-
-    def beat() -> None:
-        if bench.guardian:
-            bench.guardian.beat()
-        coil.meanwhile()
-
-    with DatasetWriter.resume(path, beat) if resume else DatasetWriter(path, header, at_rest[0], force, beat) as writer:
-        stepping = Stepping(
-            protocol=protocol,
-            specimen=specimen,
-            calibration=rig.calibration,
-            coil=coil,
-            camera=camera,
-            clock=clock,
-            guardian=bench.guardian,
-            noise=noise,
-            writer=writer,
-            began_s=clock.now() - begun.elapsed_s,
-            remark=remark,
+    ending = _Ending(path, len(protocol.currents_A))
+    with _told_from_begin_to_end(_run_begun(protocol, specimen, rig, bench, path, resume), ending, on_event) as heard:
+        supply, camera, clock = bench.supply, WatchedCamera(bench.camera, show, bench.cue), bench.clock
+        identities = (supply.identify(), camera.identify())
+        header = Header(
+            specimen,
+            rig.calibration,
+            protocol,
+            rig,
+            identities,
+            bench.truth,
+            note,
+            camera_settings=bench.camera_settings,
+            without_contact="" if bench.truth else without_contact(supply),
         )
-        _step_through(stepping, begun.states, report, Pauses(typed, remark))
+        _begin_with_output_off(bench, protocol, take_over, heard)
+        supply.check()
+        supply.set_current(0.0)
+        supply.set_voltage(supply.limits.voltage_V)
+        camera.flush()
+        at_rest = [camera.grab(GRAB_TIMEOUT_S) for _ in range(NOISE_FRAMES)]
+        noise = measure_noise([mean_grey(frame.image) for frame in at_rest])
+        begun = take_up(path, header, at_rest[0].image) if resume else UnfinishedRun(0, 0.0)
+        for state, current_A in enumerate(protocol.currents_A[: begun.states]):
+            heard(StateStoredBefore(state=state, current_A=current_A))
+        if begun.states == len(protocol.currents_A):
+            ending.stored = begun.states
+            return path
+
+        def beat() -> None:
+            if bench.guardian:
+                bench.guardian.beat()
+            bench.interruption.while_storing()
+
+        def warn(message: str) -> None:
+            heard(Warned(message=message))
+
+        with (
+            DatasetWriter.resume(path, beat, warn)
+            if resume
+            else DatasetWriter(path, header, at_rest[0], force, beat, warn) as writer
+        ):
+            stepping = Stepping(
+                protocol=protocol,
+                specimen=specimen,
+                calibration=rig.calibration,
+                coil=Coil(supply, clock, protocol.ramp),
+                camera=camera,
+                clock=clock,
+                guardian=bench.guardian,
+                noise=noise,
+                writer=writer,
+                began_s=clock.now() - begun.elapsed_s,
+                on_event=heard,
+            )
+            ending.writer = writer
+            _step_through(stepping, begun.states, bench.interruption, Pauses(typed, heard), ending)
     return writer.path
 
 
-def _step_through(run: Stepping, first: int, report: Callable[[str], None], pauses: Pauses) -> None:
+@dataclass
+class _Ending:
+    """What the last event of a run says: where its dataset is, and how many of its states are in it."""
+
+    path: Path
+    states: int
+    stored: int | None = None
+    writer: DatasetWriter | None = None
+
+    def event(self, status: Literal["completed", "stopped", "failed"], reason: str = "") -> RunEnded:
+        """Return the last event of a run that ends now."""
+        path, stored = (self.writer.path, self.writer.stored) if self.writer else (self.path, self.stored)
+        return RunEnded(status=status, reason=reason, stored=stored, states=self.states, dataset=str(path))
+
+
+def _run_begun(
+    protocol: Protocol, specimen: SpecimenFile, rig: Rig, bench: Bench, path: Path, resume: bool
+) -> RunBegun:
+    return RunBegun(
+        dataset=str(path),
+        protocol=protocol.name,
+        specimen=specimen.specimen.name,
+        rig=rig.name,
+        states=len(protocol.currents_A),
+        currents_A=tuple(protocol.currents_A),
+        resumes=resume,
+        guardian=bench.guardian is not None,
+        without_contact="" if rig.simulated else without_contact(bench.supply),
+        hottest_share=hottest(protocol, rig.coil).share if rig.coil else None,
+    )
+
+
+@contextmanager
+def _told_from_begin_to_end(begun: RunBegun, ending: _Ending, on_event: OnEvent) -> Iterator[OnEvent]:
+    """Yield where the events of a run go: to the log and to `on_event`; send the first and the last ones."""
+
+    def heard(event: Event) -> None:
+        _log.info("%s", event)
+        on_event(event)
+
+    heard(begun)
+    try:
+        yield heard
+    except Stopped as stopped:
+        heard(ending.event("stopped", signal.Signals(stopped.number).name))
+        raise
+    except BaseException as error:
+        heard(Fault(kind=type(error).__name__, message=str(error)))
+        heard(ending.event("failed", type(error).__name__))
+        raise
+    heard(ending.event("completed"))
+
+
+def _step_through(run: Stepping, first: int, interruption: Interruption, pauses: Pauses, ending: _Ending) -> None:
     """The conditioning, every state from `first` on and the release, with the output on; off after it, come what may.
 
     A run that is resumed was conditioned when it began.
@@ -154,41 +234,26 @@ def _step_through(run: Stepping, first: int, report: Callable[[str], None], paus
     protocol, states = run.protocol, len(run.protocol.currents_A)
     released: list[Moment] = []
     try:
-        with switching_off(run.coil, run.guardian) as stop_if_asked, watching(run.camera, stop_if_asked):
+        with switching_off(run.coil, run.guardian, interruption, run.on_event) as stop_if_asked:
             stop_if_asked()
             run.coil.supply.set_output(True)
+            run.on_event(OutputSwitched(on=True))
             if protocol.conditioning and not first:
                 condition(run, protocol.conditioning, stop_if_asked)
             run.go_back_to(first, stop_if_asked)
             for state in range(first, states):
                 if pauses.asked:
                     pauses.wait(run, state, stop_if_asked)
-                report(run.take(state, pauses.heeded_by(stop_if_asked)))
+                run.take(state, pauses.heeded_by(stop_if_asked))
             if protocol.release:
                 released += record_release(run.camera, run.clock, run.coil, protocol.release.seconds, stop_if_asked)
     except Stopped as stopped:
         run.store(RELEASE, [states - 1] * len(released), released)
-        raise Stopped(stopped.number, f"the coil is off; {run.what_is_stored()}") from stopped
-    except InstrumentError:
-        run.remark(run.what_is_stored())
-        raise
+        raise Stopped(stopped.number, left_behind(ending.event("stopped"))) from stopped
     run.store(RELEASE, [states - 1] * len(released), released)
 
 
-@contextmanager
-def watching(camera: WatchedCamera, stop_if_asked: Callable[[], None]) -> Iterator[None]:
-    """The run moves on, and can be stopped, while it waits for the camera."""
-    if not isinstance(camera.watched, TimedCamera):
-        yield
-        return
-    camera.watched.meanwhile = stop_if_asked
-    try:
-        yield
-    finally:
-        camera.watched.meanwhile = never
-
-
-def _begin_with_output_off(bench: Bench, protocol: Protocol, take_over: bool) -> None:
+def _begin_with_output_off(bench: Bench, protocol: Protocol, take_over: bool, on_event: OnEvent) -> None:
     """Refuse a supply that is on, or ramp it down and switch it off. Raises InstrumentError, Stopped."""
     supply = bench.supply
     if not supply.output_on():
@@ -201,5 +266,5 @@ def _begin_with_output_off(bench: Bench, protocol: Protocol, take_over: bool) ->
         )
     limit = supply.limits.current_A
     coil = Coil(supply, bench.clock, protocol.ramp, asked_A=max(-limit, min(found.current_A, limit)))
-    with switching_off(coil, bench.guardian):
+    with switching_off(coil, bench.guardian, bench.interruption, on_event):
         return

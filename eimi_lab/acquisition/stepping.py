@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from eimi_drivers.interfaces import Clock
 from eimi_lab.acquisition.capture import capture
 from eimi_lab.acquisition.coil import Coil
+from eimi_lab.acquisition.events import OnEvent, Settled, StateStored
 from eimi_lab.acquisition.guardian import Guardian
 from eimi_lab.acquisition.live_view import WatchedCamera
 from eimi_lab.acquisition.settling import wait_until_settled
@@ -24,7 +25,7 @@ from eimi_lab.vision.settling_statistic import Noise
 class Stepping:
     """A run that is under way.
 
-    began_s: the clock when the run began, earlier sessions included. remark: gets what is to be told, a line each.
+    began_s: the clock when the run began, earlier sessions included. on_event: hears what happens.
     """
 
     protocol: Protocol
@@ -37,21 +38,22 @@ class Stepping:
     noise: Noise
     writer: DatasetWriter
     began_s: float
-    remark: Callable[[str], None]
+    on_event: OnEvent
 
     def go_back_to(self, state: int, stop_if_asked: Callable[[], None]) -> None:
         """Come to a state through those before it: a beam that remembers has to come the same way again."""
         for current_A in self.protocol.currents_A[:state]:
             self.coil.ramp_to(current_A, stop_if_asked)
 
-    def take(self, state: int, stop_if_asked: Callable[[], None]) -> str:
-        """Take and store the next state; what came of it, in words. Raises InstrumentError, StorageFailed, Stopped."""
+    def take(self, state: int, stop_if_asked: Callable[[], None]) -> None:
+        """Take and store the next state. Raises InstrumentError, StorageFailed, Stopped."""
         current_A, protocol = self.protocol.currents_A[state], self.protocol
         self.camera.at(state, current_A)
         self.coil.ramp_to(current_A, stop_if_asked)
         self.coil.wait_until_reached(stop_if_asked)
         transient = Transient(protocol.transients.frames_per_state, protocol.settle.timeout_s, self.coil)
         settled = wait_until_settled(self.camera, self.clock, protocol.settle, self.noise, stop_if_asked, transient.see)
+        self.on_event(Settled(state=state, waited_s=settled.waited_s, at_rest=not settled.flags))
         self.coil.supply.check()
         taken = capture(
             self.camera, self.clock, protocol.frames_per_state, self.coil.measured_A, self.noise, stop_if_asked
@@ -67,22 +69,13 @@ class Stepping:
             flags=flags,
             transient=self._on_the_run(transient.moments),
         )
-        flagged = "".join(f", {flag.name}" for flag in flags)
-        return f"{current_A:g} A, settled after {settled.waited_s:.1f} s{flagged}"
+        names = tuple(flag.name for flag in flags)
+        self.on_event(StateStored(state=state, current_A=current_A, waited_s=settled.waited_s, flags=names))
 
     def store(self, recording: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
         """Store frames between states, with the state or cycle of each. Raises StorageFailed."""
         if moments:
             self.writer.append_recording(recording, belongs_to, self._on_the_run(moments))
-
-    def what_is_stored(self) -> str:
-        """How many states are in the file, and how the run is gone on with, in words."""
-        total, stored, path = len(self.protocol.currents_A), self.writer.stored, self.writer.path
-        if not stored:
-            return "no state was stored yet, so that there is no file"
-        if stored == total:
-            return f"all {total} states are in {path}"
-        return f"{stored} of {total} states are in {path}, and the same command with --resume goes on from there"
 
     def _on_the_run(self, moments: Sequence[Moment]) -> list[Moment]:
         return [replace(moment, time_s=moment.time_s - self.began_s) for moment in moments]

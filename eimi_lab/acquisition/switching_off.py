@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from types import FrameType
 
-from eimi_drivers.interfaces import InstrumentError, Interruptible
+from eimi_drivers.interfaces import InstrumentError
 from eimi_lab.acquisition.coil import Coil, never
+from eimi_lab.acquisition.events import (
+    OffConfirmed,
+    OffNotConfirmed,
+    OnEvent,
+    OutputSwitched,
+    StopRequested,
+    SuspendRefused,
+    unheard,
+)
 from eimi_lab.acquisition.guardian import Guardian
-from eimi_lab.process.errors import tell
+from eimi_lab.acquisition.interruption import Interruption
 from eimi_lab.process.stopping import TERMINATION, Stopped, raise_if_asked
 
 SIGNALS = (signal.SIGINT, *TERMINATION)
@@ -19,14 +29,86 @@ SUSPEND = getattr(signal, "SIGTSTP", None)
 OFF_WITHIN_S = 30.0
 """Switching off may take so long where the line is bad; then the guardian tries, too."""
 
+_log = logging.getLogger(__name__)
+
 
 class _InHaste(Exception):
     """Asked to stop once more: the ramp down is left out."""
 
 
+class _SignalsHeeded:
+    """The signals that came during a run, and what each step of the run does about them; see `switching_off`."""
+
+    def __init__(self, coil: Coil, guardian: Guardian | None, on_event: OnEvent) -> None:
+        self._coil, self._guardian, self._on_event = coil, guardian, on_event
+        self._noted: list[int] = []
+        self._suspended = self._stop_told = self._off = False
+
+    def note(self, number: int, frame: FrameType | None) -> None:
+        """Handle a signal: remember it, and do no more."""
+        if number == SUSPEND:
+            self._suspended = True
+        else:
+            self._noted.append(number)
+
+    def move_on(self) -> None:
+        """Let the guardian hear that the run moves on, and refuse Ctrl-Z."""
+        if self._guardian:
+            self._guardian.beat()
+        if self._suspended:
+            self._suspended = False
+            self._on_event(SuspendRefused())
+
+    def stop_if_asked(self) -> None:
+        """See `switching_off`."""
+        self.move_on()
+        raise_if_asked()
+        if self._noted:
+            self._tell_of_the_stop()
+            raise Stopped(self._noted[0])
+        if self._guardian:
+            self._guardian.check()
+        self._coil.keep_in_touch()
+
+    def go_on_down(self) -> None:
+        """Between the steps of the ramp down: raise _InHaste after a second signal."""
+        self.move_on()
+        if len(self._noted) > 1:
+            raise _InHaste
+
+    def leave_in_haste(self) -> None:
+        """See `Heeded.leave_in_haste`. A thread beside the main one is not interrupted."""
+        if len(self._noted) > 1 and not self._off and threading.current_thread() is threading.main_thread():
+            raise Stopped(self._noted[0])
+
+    def switch_off_in_haste(self) -> None:
+        """See `Heeded.switch_off_in_haste`."""
+        if len(self._noted) > 1 and not self._off:
+            self._off = True
+            _log.info("a second signal came while a state is stored: the coil is switched off first")
+            if self._guardian:
+                self._guardian.allow(OFF_WITHIN_S)
+            try:
+                self._coil.supply.safe_off()
+            except InstrumentError as error:  # it is tried again on the way out, and told of there
+                _log.info("switching off failed: %s", error)
+            else:
+                _tell_that_it_is_off(self._on_event)
+
+    def _tell_of_the_stop(self) -> None:
+        if not self._stop_told:
+            self._stop_told = True
+            self._on_event(StopRequested(signal=signal.Signals(self._noted[0]).name))
+
+
 @contextmanager
-def switching_off(coil: Coil, guardian: Guardian | None = None) -> Iterator[Callable[[], None]]:
-    """Yields `stop_if_asked`; on leaving, the coil is ramped down and off.
+def switching_off(
+    coil: Coil,
+    guardian: Guardian | None = None,
+    interruption: Interruption | None = None,
+    on_event: OnEvent = unheard,
+) -> Iterator[Callable[[], None]]:
+    """Yield `stop_if_asked`; on leaving, ramp the coil down and switch it off.
 
     `stop_if_asked` is for every step that the run takes: the guardian hears that it moves on, and takes over where it
     does not; the supply is asked for faults now and then. It raises Stopped once a signal has come, and InstrumentError
@@ -35,113 +117,74 @@ def switching_off(coil: Coil, guardian: Guardian | None = None) -> Iterator[Call
     The guardian is armed meanwhile, and disarmed only once the supply says that it is off.
 
     A signal is only noted when it arrives and acted on between operations, so that no exchange with an instrument
-    and no write to a file is cut in two; a second one leaves out the ramp down, and is heeded `_in_haste`. Ctrl-Z is
-    refused, in words: a run that is suspended would leave the coil on. The handlers that were there before are put back
-    afterwards. Outside the main thread, where Python delivers no signals, only the switching off is left. Raises
-    SwitchOffFailed where that failed.
+    and no write to a file is cut in two; a second one leaves out the ramp down, and is heeded within an operation, too,
+    where `interruption` allows it. Ctrl-Z is refused: a run that is suspended would leave the coil on. The handlers
+    that were there before are put back afterwards. Outside the main thread, where Python delivers no signals, only the
+    switching off is left. Raises SwitchOffFailed where that failed.
     """
-    noted: list[int] = []
-    suspended: list[int] = []
-
-    def note(number: int, frame: FrameType | None) -> None:
-        (suspended if number == SUSPEND else noted).append(number)
-
-    def move_on() -> None:
-        if guardian:
-            guardian.beat()
-        if suspended:
-            suspended.clear()
-            tell("Ctrl-Z is refused, since the coil would stay on; Ctrl-C ends the run with the coil off")
-
-    def stop_if_asked() -> None:
-        move_on()
-        raise_if_asked()
-        if noted:
-            raise Stopped(noted[0])
-        if guardian:
-            guardian.check()
-        coil.keep_in_touch()
-
-    def go_on_down() -> None:
-        move_on()
-        if len(noted) > 1:
-            raise _InHaste
-
-    previous = {}
-    if threading.current_thread() is threading.main_thread():
-        # What is ignored stays ignored: a run under nohup outlives its terminal.
-        heeded = [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
-        if SUSPEND is not None:
-            heeded.append(SUSPEND)
-        previous = {number: signal.signal(number, note) for number in heeded}
-    try:
+    heeded = _SignalsHeeded(coil, guardian, on_event)
+    with _noting(heeded):
         if guardian:
             guardian.arm()
         try:
-            with _in_haste(coil, guardian, noted):
-                yield stop_if_asked
+            with (interruption or Interruption()).heeding(heeded):
+                yield heeded.stop_if_asked
         finally:
-            ramp_down_and_switch_off(coil, guardian, go_on_down)
-        stop_if_asked()
+            ramp_down_and_switch_off(coil, guardian, heeded.go_on_down, on_event)
+        heeded.stop_if_asked()
+
+
+@contextmanager
+def _noting(heeded: _SignalsHeeded) -> Iterator[None]:
+    previous = {}
+    if threading.current_thread() is threading.main_thread():
+        # What is ignored stays ignored: a run under nohup outlives its terminal.
+        numbers = [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+        if SUSPEND is not None:
+            numbers.append(SUSPEND)
+        previous = {number: signal.signal(number, heeded.note) for number in numbers}
+    try:
+        yield
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
 
 
-@contextmanager
-def _in_haste(coil: Coil, guardian: Guardian | None, noted: list[int]) -> Iterator[None]:
-    """A second signal is heeded within an operation, too.
-
-    Between two exchanges with the supply the rest is left out: on a slow line the read-backs of a set-point are most of
-    what it takes. A state is stored to its end, with the coil switched off meanwhile.
-    """
-    off: list[bool] = []
-
-    def leave() -> None:
-        if len(noted) > 1 and not off and threading.current_thread() is threading.main_thread():
-            raise Stopped(noted[0])
-
-    def switch_off() -> None:
-        if len(noted) > 1 and not off:
-            off.append(True)
-            if guardian:
-                guardian.allow(OFF_WITHIN_S)
-            with suppress(InstrumentError):  # it is tried again on the way out, and told of there
-                coil.supply.safe_off()
-
-    supply = getattr(coil.supply, "watched", coil.supply)
-    coil.meanwhile = switch_off
-    if isinstance(supply, Interruptible):
-        supply.meanwhile = leave
-    try:
-        yield
-    finally:
-        coil.meanwhile = never
-        if isinstance(supply, Interruptible):
-            supply.meanwhile = never
-
-
 def ramp_down_and_switch_off(
-    coil: Coil, guardian: Guardian | None = None, go_on_down: Callable[[], None] = never
+    coil: Coil,
+    guardian: Guardian | None = None,
+    go_on_down: Callable[[], None] = never,
+    on_event: OnEvent = unheard,
 ) -> None:
     """Ramp down, then zero, off and verify, which the driver does; each is tried whatever became of the others."""
     try:
         coil.ramp_down(go_on_down)
     except _InHaste:
-        _off(coil, guardian)
+        _log.info("a second signal came: the ramp down is left out")
+        _off(coil, guardian, on_event)
     except InstrumentError as error:
-        _off(coil, guardian)
+        _off(coil, guardian, on_event)
         raise InstrumentError(f"the coil is off, but could not be ramped down before: {error}") from error
     except BaseException:
-        _off(coil, guardian)
+        _off(coil, guardian, on_event)
         raise
     else:
-        _off(coil, guardian)
+        _off(coil, guardian, on_event)
 
 
-def _off(coil: Coil, guardian: Guardian | None) -> None:
+def _off(coil: Coil, guardian: Guardian | None, on_event: OnEvent) -> None:
     if guardian:
         guardian.allow(OFF_WITHIN_S)
-    coil.supply.safe_off()
+    try:
+        coil.supply.safe_off()
+    except Exception as error:
+        on_event(OffNotConfirmed(by="run", reason=str(error)))
+        raise
     if guardian:
         guardian.disarm()
+    _tell_that_it_is_off(on_event)
+
+
+def _tell_that_it_is_off(on_event: OnEvent) -> None:
+    on_event(OutputSwitched(on=False))
+    on_event(OffConfirmed(by="run", determined_by="commanded"))

@@ -13,6 +13,8 @@ from eimi_lab.commands.result import Result
 from eimi_lab.commands.shared_options import Force, Output, Specimen
 from eimi_lab.process.errors import InputError, tell
 
+STANDARD_OUTPUT = 1  # the number of its descriptor
+
 
 def instruments() -> Result:
     """List supplies and cameras that are attached, and the driver that would serve each."""
@@ -66,10 +68,15 @@ def acquire(
     transcript: Annotated[
         Path | None, typer.Option(help="write every exchange with the supply into this new file")
     ] = None,
+    events: Annotated[
+        bool, typer.Option("--events", help="print what happens on standard output, a JSON object a line")
+    ] = False,
     force: Force = False,
     watched_by: Annotated[str | None, typer.Option(hidden=True, help="descriptors that a page reads")] = None,
 ) -> Result:
     """Run a protocol: currents, frames, dataset."""
+    from eimi_lab.acquisition.event_lines import heard_by
+    from eimi_lab.acquisition.event_words import on_terminal
     from eimi_lab.acquisition.open_bench import open_bench
     from eimi_lab.acquisition.playback import pictures_needed
     from eimi_lab.acquisition.resuming import refuse_taken
@@ -79,7 +86,7 @@ def acquire(
     from eimi_lab.config.rig import load_rig
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.dataset.file_system import network_file_system
-    from eimi_lab.page.watched_run import watched
+    from eimi_lab.page.watched_run import Descriptors, watched
     from eimi_lab.process.outputs import check_distinct, refuse_existing
     from eimi_lab.process.progress import progress
     from eimi_lab.process.writer_lock import only_writer
@@ -91,6 +98,8 @@ def acquire(
     if words := pictures_needed(chosen, bench_rig):
         tell(words)
     if dry_run:
+        if events:
+            raise InputError("--dry-run begins no run and has no events: leave out --events")
         from eimi_lab.acquisition.dry_run import dry_run as tell_steps
 
         steps: list[str] = []
@@ -111,11 +120,14 @@ def acquire(
         tell(f"warning: {output} is on a network ({kind}): a crash may cost stored states; a local disk is safer")
     if sys.stdin is not None and sys.stdin.isatty():
         tell("p and Enter pause the run, with the coil off; Ctrl-C ends it")
+    page = Descriptors.of(watched_by) if watched_by else None
+    read_at = page.events if page else STANDARD_OUTPUT if events else None
     with (
         only_writer(output),
-        open_bench(bench_rig, beam, chosen.limits, transcript) as bench,
         progress("acquire", len(chosen.currents_A)) as report,
-        watched(watched_by, bench, chosen, bench_rig, report) as seen,
+        heard_by(on_terminal(report), read_at) as on_event,
+        open_bench(bench_rig, beam, chosen.limits, transcript, on_event=on_event, guardian_events=read_at) as bench,
+        watched(page, bench, bench_rig, on_event) as seen,
     ):
         stored = run(
             chosen,
@@ -123,17 +135,17 @@ def acquire(
             bench_rig,
             seen.bench,
             output,
-            seen.report,
+            on_event,
             force,
             resume=resume,
             take_over=take_over,
             note=note,
             show=seen.show,
-            remark=seen.remark,
             typed=seen.typed,
         )
     states = len(chosen.currents_A)
-    return Result([f"{stored}: {states} states"], {"dataset": stored, "states": states})
+    lines = [] if events else [f"{stored}: {states} states"]  # the events alone are on standard output
+    return Result(lines, {"dataset": stored, "states": states})
 
 
 def recover(

@@ -40,7 +40,7 @@ def printing(command: Callable[..., Result]) -> Callable[..., None]:
             result = command(**arguments)
         if as_json:
             print(json.dumps(result.content, indent=1, default=str, ensure_ascii=False))
-        elif not quiet:
+        elif result.lines and not quiet:
             print(*result.lines, sep="\n")
 
     run.__name__, run.__doc__ = command.__name__, command.__doc__

@@ -75,19 +75,30 @@ class StorageFailed(OSError):
         self.reason = reason
 
 
+def _tell_warning(message: str) -> None:
+    tell(f"warning: {message}")
+
+
 class DatasetWriter:
     """Appends one state after another to a file; use as a context manager.
 
     path: where the states are, which is another file from the moment on when the first was taken away.
     beat: called again and again while a state is written, to say that the run moves on.
+    warn: is given what a person should know; standard error unless given.
     Needs a local file system: network file systems do not keep the order of writes.
     """
 
     def __init__(
-        self, path: Path, header: Header, like: Frame, force: bool = False, beat: Callable[[], None] = _nobody
+        self,
+        path: Path,
+        header: Header,
+        like: Frame,
+        force: bool = False,
+        beat: Callable[[], None] = _nobody,
+        warn: Callable[[str], None] = _tell_warning,
     ) -> None:
         """Create the file for frames of the size and depth of `like`. Raises InputError where a file exists."""
-        self._beat = beat
+        self._beat, self._warn = beat, warn
         lock = WriterLock(path)
         try:
             with whole_file(path, force) as temporary:
@@ -98,10 +109,12 @@ class DatasetWriter:
             raise
 
     @classmethod
-    def resume(cls, path: Path, beat: Callable[[], None] = _nobody) -> DatasetWriter:
+    def resume(
+        cls, path: Path, beat: Callable[[], None] = _nobody, warn: Callable[[str], None] = _tell_warning
+    ) -> DatasetWriter:
         """Go on with a file that was closed properly, or recovered. Raises InputError."""
         writer = cls.__new__(cls)
-        writer._beat = beat
+        writer._beat, writer._warn = beat, warn
         lock = WriterLock(path)
         try:
             writer._open(path, lock)
@@ -304,8 +317,8 @@ class DatasetWriter:
             os.close(source)
             old_lock.release()
         self._head = os.pread(self._descriptor, HEAD_BYTES, 0)
-        tell(
-            f"warning: {taken_from} {fate} while the run writes it; its {self._stored} states, and those to come, are "
+        self._warn(
+            f"{taken_from} {fate} while the run writes it; its {self._stored} states, and those to come, are "
             f"in {self.path}"
         )
 

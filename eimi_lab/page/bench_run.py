@@ -1,8 +1,9 @@
-"""A run that the page began, seen from the server: its process, what it tells, and the ways to end it.
+"""A run that the page began, seen from the server: its process, the events that it sends, and the ways to end it.
 
 The run is `eimi acquire` in a process of its own, which ends with its coil off when the page is gone. Stopping goes by
-signals, past everything that carries pictures: two of them, since the second leaves the ramp out. Where the run does
-not say within a moment that the output is off, it is killed, and its guardian switches off.
+signals, past everything that carries pictures: two of them, since the second leaves the ramp out. Where no
+event says within a moment that the coil is off, the run is killed, and its guardian switches off. What is known of the
+run comes from its events and from its guardian's alone; its words on standard error are shown and not read.
 """
 
 from __future__ import annotations
@@ -20,6 +21,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from eimi_lab.acquisition.event_lines import from_line
+from eimi_lab.acquisition.event_words import in_words, off_after
+from eimi_lab.acquisition.events import (
+    ConditioningDone,
+    Event,
+    OffConfirmed,
+    OffNotConfirmed,
+    OutputSwitched,
+    Paused,
+    PauseRequested,
+    Resumed,
+    RunBegun,
+    StateStored,
+    StateStoredBefore,
+    SuspendRefused,
+    Warned,
+)
 from eimi_lab.page.eye import EDGES, FRAMES, SIZES
 from eimi_lab.page.frame_memory import new_memory
 
@@ -28,8 +46,20 @@ CONFIRMED_WITHIN_S = 1.5
 
 CLOSED_WITHIN_S = 10.0
 KEPT_LINES = 40
-GUARDIAN_DONE = "the coil was switched off"
-MAY_BE_ON = "MAY STILL BE ON"
+LONGEST_LINE = 1 << 24  # bytes: the first event of a run holds every current of its protocol
+NOTHING_SWITCHED = "nothing is switched: the coil is simulated"
+SAID = (
+    StateStored,
+    StateStoredBefore,
+    ConditioningDone,
+    PauseRequested,
+    Paused,
+    Resumed,
+    SuspendRefused,
+    Warned,
+)
+"""The events that the page shows in words."""
+
 AT_ONCE = (signal.SIGINT, signal.SIGTERM)  # not the same twice: the kernel would make one of them
 
 
@@ -56,7 +86,7 @@ class Order:
 
 @dataclass
 class Progress:
-    """What is known of the run. coil: off, on, unknown, or off as its guardian says."""
+    """What is known of the run. coil: off, on or unknown."""
 
     dataset: str
     protocol: str
@@ -95,7 +125,6 @@ class BenchRun:
         self._off.set()
         self._ended = asyncio.Event()
         self._taking: tuple[float, int] | None = None
-        self.off_at_s: float | None = None
 
     @property
     def going_on(self) -> bool:
@@ -111,7 +140,7 @@ class BenchRun:
         for_run = (memory, bell, events)
         self._run = await asyncio.create_subprocess_exec(
             *(sys.executable, "-P", "-m", "eimi_lab", *self.order.arguments()[:1]),
-            *(f"--watched-by={','.join(map(str, for_run))}", *self.order.arguments()[1:]),
+            *("--quiet", f"--watched-by={','.join(map(str, for_run))}", *self.order.arguments()[1:]),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.DEVNULL,
             stderr=asyncio.subprocess.PIPE,
@@ -125,7 +154,7 @@ class BenchRun:
         ]
         for descriptor in (memory, bell, events, heard, closed):
             os.close(descriptor)
-        for work in (self._hear_events(told), self._hear_words(), self._see_all(open_while_seen)):
+        for work in (self._hear(told), self._see_all(open_while_seen)):
             self._tasks.append(asyncio.create_task(work))
 
     async def _eye(self, what: str, memory: int, until: int, *files: str) -> asyncio.subprocess.Process:
@@ -185,8 +214,8 @@ class BenchRun:
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._off.wait(), CLOSED_WITHIN_S)
         if self.progress.coil == "off":
-            return f"the coil is off, confirmed after {time.monotonic() - began:.2f} s"
-        return "THE COIL MAY STILL BE ON: switch it off by hand"
+            return off_after(time.monotonic() - began)
+        return in_words(OffNotConfirmed(by="run", reason=""))
 
     def _signal(self, number: int) -> None:
         with suppress(ProcessLookupError):
@@ -208,44 +237,57 @@ class BenchRun:
         else:
             self._off.clear()
 
+    async def _hear(self, events: int) -> None:
+        """Listen until the run has ended, and its guardian where that was left to finish."""
+        await asyncio.gather(self._hear_events(events), self._hear_words())
+        self.progress.status = await self._run.wait()
+        if self.progress.coil == "on":  # it ended without an event of its coil; one that has no guardian is simulated
+            self._coil("unknown" if self.progress.guardian else "off")
+        self._ended.set()
+        self._phase("ended")
+
     async def _hear_events(self, descriptor: int) -> None:
-        reader = asyncio.StreamReader()
+        reader = asyncio.StreamReader(limit=LONGEST_LINE)
         loop = asyncio.get_running_loop()
         transport, _ = await loop.connect_read_pipe(
             lambda: asyncio.StreamReaderProtocol(reader), os.fdopen(descriptor, "rb", buffering=0)
         )
         try:
             while line := await reader.readline():
-                self._heard(json.loads(line))
+                with suppress(ValueError):  # a run that is killed leaves a line unfinished
+                    self.heard(from_line(line))
         finally:
             transport.close()
 
-    def _heard(self, event: dict[str, Any]) -> None:
-        progress, what = self.progress, event["what"]
-        match what:
-            case "begun":
-                for key in ("states", "currents_A", "without_contact", "guardian", "hottest_share"):
-                    setattr(progress, key, event[key])
-            case "output":
-                self._coil("on" if event["on"] else "off")
-                if not event["on"]:
-                    self.off_at_s = event["at_s"]
-                if event["on"] and progress.phase in ("beginning", "paused"):
+    def heard(self, event: Event | None) -> None:
+        """Take note of an event; None is one of a later release."""
+        progress = self.progress
+        match event:
+            case RunBegun():
+                progress.states, progress.currents_A = event.states, list(event.currents_A)
+                progress.guardian, progress.hottest_share = event.guardian, event.hottest_share
+                progress.without_contact = event.without_contact or NOTHING_SWITCHED
+            case OutputSwitched(on=True):
+                self._coil("on")
+                if progress.phase in ("beginning", "paused"):
                     progress.phase = "running"
-                elif not event["on"] and progress.phase == "pausing":
-                    progress.phase = "paused"
-            case "stored":
+            case OffConfirmed():
+                self._coil("off")
+            case OffNotConfirmed():
+                self._coil("unknown")
+            case Paused() if progress.phase == "pausing":
+                progress.phase = "paused"
+            case StateStored():
                 progress.stored += 1
-                progress.said.append(event["words"])
-                self._estimate(event["at_s"], "stored before" in event["words"])
-            case "remark":
-                progress.said.append(event["words"])
+                self._estimate(event.time_s)
+            case StateStoredBefore():
+                progress.stored += 1
+        if isinstance(event, SAID):
+            progress.said.append(in_words(event))
         self._changed()
 
-    def _estimate(self, at_s: float, stored_before: bool) -> None:
+    def _estimate(self, at_s: float) -> None:
         """From the states that were taken; the first one takes the start as well, so it does not count by itself."""
-        if stored_before:
-            return
         if self._taking is None:
             self._taking = at_s, self.progress.stored
             return
@@ -254,23 +296,11 @@ class BenchRun:
         self.progress.left_s = a_state_s * (self.progress.states - self.progress.stored)
 
     async def _hear_words(self) -> None:
-        """Standard error to its end: that of the run, and of its guardian where that was left to finish."""
+        """Keep the last line on standard error for the person."""
         assert self._run.stderr is not None
         async for raw in self._run.stderr:
-            line = raw.decode("utf-8", "replace").strip()
-            if line.startswith("eimi"):
+            if line := raw.decode("utf-8", "replace").strip():
                 self.progress.last_words = line.removeprefix("eimi: ")
-            if GUARDIAN_DONE in line:
-                self._coil("off")
-                self._changed()
-            elif MAY_BE_ON in line:
-                self._coil("unknown")
-                self._changed()
-        self.progress.status = await self._run.wait()
-        if self.progress.coil == "on":  # it ended without a word of the output; one that has no guardian is simulated
-            self._coil("unknown" if self.progress.guardian else "off")
-        self._ended.set()
-        self._phase("ended")
 
     async def _see_all(self, open_while_seen: int) -> None:
         """Until both eyes have ended: that of frames with the run, that of edges after it."""

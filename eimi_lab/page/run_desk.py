@@ -86,8 +86,9 @@ class RunDesk:
 
     async def _stop(self, request: Request) -> Response:
         if self.run is None:
-            return JSONResponse({"words": "no run was begun from this page, so nothing is on by it"})
-        return JSONResponse({"words": await self.run.stop()})
+            return JSONResponse({"words": "no run was begun from this page, so nothing is on by it", "off": True})
+        words = await self.run.stop()
+        return JSONResponse({"words": words, "off": self.run.progress.coil == "off"})
 
     def _under_way(self) -> BenchRun:
         if self.run is None or not self.run.going_on:

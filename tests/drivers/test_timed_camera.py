@@ -99,7 +99,6 @@ def test_the_drivers_own_errors_come_through() -> None:
 
 def test_the_caller_is_asked_meanwhile_and_may_leave() -> None:
     inner = StubbornCamera("grab")
-    camera = TimedCamera("cam 3", lambda: inner)
     asked = []
 
     def leave() -> None:
@@ -107,10 +106,9 @@ def test_the_caller_is_asked_meanwhile_and_may_leave() -> None:
         if len(asked) == 2:
             raise KeyboardInterrupt
 
-    camera.meanwhile = leave
+    camera = TimedCamera("cam 3", lambda: inner, meanwhile=leave)
     with pytest.raises(KeyboardInterrupt):
         camera.grab(30.0)
-    camera.meanwhile = lambda: None
     inner.release.set()
     camera.close()
     assert [what for what, _ in inner.calls] == ["grab", "close"]
@@ -119,7 +117,6 @@ def test_the_caller_is_asked_meanwhile_and_may_leave() -> None:
 def test_a_simulated_camera_is_not_late_for_what_the_host_did_not_compute() -> None:
     """The host's clock runs past every deadline while the camera computes; its own clock stands still."""
     inner = StubbornCamera("grab")
-    camera = TimedCamera("virtual", lambda: inner, seconds=lambda: 0.0)
     waits: list[bool] = []
 
     def wait() -> None:
@@ -127,7 +124,7 @@ def test_a_simulated_camera_is_not_late_for_what_the_host_did_not_compute() -> N
         if len(waits) == 6:  # 0.6 s of the host's, where 0.2 s are allowed
             inner.release.set()
 
-    camera.meanwhile = wait
+    camera = TimedCamera("virtual", lambda: inner, seconds=lambda: 0.0, meanwhile=wait)
     assert camera.grab(0.0).number == 7
     camera.close()
 

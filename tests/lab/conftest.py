@@ -21,6 +21,8 @@ from eimi_drivers.interfaces import Frame, Identity, Limits
 from eimi_drivers.supplies.korad import KoradSupply
 from eimi_drivers.supplies.transport import InProcessTransport
 from eimi_lab import cli
+from eimi_lab.acquisition.event_words import on_terminal
+from eimi_lab.acquisition.events import Event, OnEvent, unheard
 from eimi_lab.acquisition.open_bench import Bench
 from eimi_lab.acquisition.run import acquire
 from eimi_lab.config.calibration import load_calibration
@@ -30,6 +32,7 @@ from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.writing import DatasetWriter
+from eimi_lab.process.errors import tell
 from eimi_lab.vision.check import Flag
 
 SPECIMEN = """
@@ -184,9 +187,16 @@ class Setup:
     rig: Rig
     path: Path
 
-    def run(self, **options: Any) -> list[str]:
+    def run(self, *, remark: Callable[[str], None] = tell, on_event: OnEvent = unheard, **options: Any) -> list[str]:
+        """What a person reads of each state; `remark` is given the other words, `on_event` the events."""
         said: list[str] = []
-        acquire(self.protocol, self.specimen, self.rig, self.bench, self.path, said.append, **options)
+        terminal = on_terminal(said.append, remark)
+
+        def heard(event: Event) -> None:
+            on_event(event)
+            terminal(event)
+
+        acquire(self.protocol, self.specimen, self.rig, self.bench, self.path, heard, **options)
         return said
 
     def is_off(self) -> bool:

@@ -96,7 +96,7 @@ def test_a_region_reaches_the_dataset(setup: Any, recording: Path) -> None:
         rig = rig_with(recording.parent, camera, address)
         with open_bench(rig, setup.specimen, setup.protocol.limits) as bench:
             assert bench.camera_settings == CameraSettings(region=(32, 0, 64, 96))
-            acquire(setup.protocol, setup.specimen, rig, bench, setup.path, lambda words: None)
+            acquire(setup.protocol, setup.specimen, rig, bench, setup.path)
     assert not coil.state.output
     with h5py.File(setup.path) as file:
         assert file["entry/data/frames"].shape[1:] == (96, 64)

@@ -19,11 +19,14 @@ from eimi_drivers.emulators.korad import KoradDialect
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import Frame, Identity, InstrumentError, Limits, Reading
 from eimi_drivers.supplies.base import WATCHDOG_S
+from eimi_drivers.supplies.interruptible import InterruptibleTransport
 from eimi_drivers.supplies.korad import KoradSupply
 from eimi_drivers.supplies.transport import InProcessTransport
 from eimi_lab.acquisition.capture import capture
 from eimi_lab.acquisition.coil import Coil, never
 from eimi_lab.acquisition.dry_run import dry_run
+from eimi_lab.acquisition.events import Event, OffConfirmed, OutputSwitched, StopRequested
+from eimi_lab.acquisition.interruption import Interruption
 from eimi_lab.acquisition.open_bench import open_bench
 from eimi_lab.acquisition.run import check_request
 from eimi_lab.acquisition.settling import wait_until_settled
@@ -259,12 +262,13 @@ class Interrupting(KoradDialect):
         return super().receive(data)
 
 
-def a_korad(clock: SimulatedClock, signals: int = 0) -> tuple[KoradSupply, list[bytes]]:
+def a_korad(clock: SimulatedClock, interruption: Interruption, signals: int = 0) -> tuple[KoradSupply, list[bytes]]:
     """One on an emulator, and every message that it was sent so far."""
     dialect = Interrupting(CoilSupply(clock))
     dialect.signals = signals
-    link = InProcessTransport(dialect, clock)
-    return KoradSupply(link, Limits(current_A=1.0, voltage_V=5.0), clock), link.sent
+    wire = InProcessTransport(dialect, clock)
+    line = InterruptibleTransport(wire, interruption.between_messages)
+    return KoradSupply(line, Limits(current_A=1.0, voltage_V=5.0), clock), wire.sent
 
 
 @pytest.mark.parametrize("shown", [False, True])
@@ -272,14 +276,15 @@ def a_korad(clock: SimulatedClock, signals: int = 0) -> tuple[KoradSupply, list[
 def test_a_second_signal_leaves_the_read_backs_under_way_out(signals: int, asked_on: bool, shown: bool) -> None:
     """They are most of what a set-point takes. What switches off is still read back. shown: by the page."""
     clock = SimulatedClock()
-    supply, sent = a_korad(clock, signals)
-    told: list[str] = []
+    interruption = Interruption()
+    supply, sent = a_korad(clock, interruption, signals)
+    events: list[Event] = []
     rig = load_rig("virtual").model_copy(update={"coil": None})
-    seen: Any = WatchedSupply(supply, clock, rig, lambda what, **more: told.append(what)) if shown else supply
+    seen: Any = WatchedSupply(supply, clock, rig) if shown else supply
 
     def run() -> None:
         coil = Coil(seen, clock, RAMP)
-        with switching_off(coil):
+        with switching_off(coil, None, interruption, events.append):
             coil.step_to(0.7)
 
     with pytest.raises(Stopped):
@@ -287,32 +292,36 @@ def test_a_second_signal_leaves_the_read_backs_under_way_out(signals: int, asked
     after = sent[sent.index(b"ISET1:0.700") + 1 :]
     assert (after[0] == b"ISET1?") is asked_on
     assert after[-6 if asked_on else 0 :] == OFF
-    assert told == (["output"] if shown else [])
+    assert [type(event) for event in events if not isinstance(event, StopRequested)] == [OutputSwitched, OffConfirmed]
     supply.set_current(0.5)  # nothing looks any more
 
 
 def test_a_second_signal_while_a_state_is_stored_switches_off_first() -> None:
     """It is stored to its end all the same. The coil's being off is made sure of once more on the way out."""
     clock = SimulatedClock()
-    supply, sent = a_korad(clock)
-    stored = []
+    interruption = Interruption()
+    supply, sent = a_korad(clock, interruption)
+    stored, confirmed = [], []
+    events: list[Event] = []
 
     def run() -> None:
         coil = Coil(supply, clock, RAMP)
-        with switching_off(coil) as stop_if_asked:
+        with switching_off(coil, None, interruption, events.append) as stop_if_asked:
             coil.step_to(0.5)
             sent.clear()
             for frame in range(4):
                 if frame == 1:
                     signal.raise_signal(signal.SIGINT)
                     signal.raise_signal(signal.SIGTERM)
-                coil.meanwhile()
+                interruption.while_storing()
                 stored.append((frame, list(sent)))
+                confirmed.append(OffConfirmed(by="run", determined_by="commanded") in events)
             stop_if_asked()
 
     with pytest.raises(Stopped):
         run()
     assert stored == [(0, []), (1, OFF), (2, OFF), (3, OFF)]
+    assert confirmed == [False, True, True, True]  # who asked for it hears of it before the state is stored
     assert sent == [*OFF, *OFF]
 
 

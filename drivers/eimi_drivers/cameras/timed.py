@@ -34,11 +34,16 @@ class TimedCamera:
     """A camera whose calls are made by a thread of its own.
 
     One that does not come back in time is an InstrumentTimeout, and so is every call after it: the thread is lost, and
-    the process can end without it. `meanwhile` is called again and again during a call, in the caller's thread, and may
-    raise; the call itself goes on then, and the next one waits for it.
+    the process can end without it.
     """
 
-    def __init__(self, name: str, open_it: Callable[[], Camera], seconds: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        name: str,
+        open_it: Callable[[], Camera],
+        seconds: Callable[[], float] = time.monotonic,
+        meanwhile: Callable[[], None] | None = None,
+    ) -> None:
         """Open the camera.
 
         Parameters
@@ -50,6 +55,9 @@ class TimedCamera:
         seconds : callable
             The clock, in s, that measures the deadlines. A device's time is the host's. A simulated camera's time is
             what it computes, `time.process_time`: a busy host is not its fault.
+        meanwhile : callable, optional
+            Is called again and again during a call, in the caller's thread, and may raise. The call itself goes on
+            then, and the next one waits for it.
 
         Raises
         ------
@@ -57,8 +65,8 @@ class TimedCamera:
             If it is not open within `OPEN_WITHIN_S`; and whatever `open_it` raises.
         """
         self._seconds = seconds
-        self.meanwhile: Callable[[], None] = _nothing
         self._name = name
+        self._meanwhile = meanwhile
         self._lost = ""
         self._calls: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         caller = threading.Thread(target=self._make_calls, name=f"calls of {name}", daemon=True)
@@ -115,12 +123,9 @@ class TimedCamera:
                 if self._seconds() >= until:
                     self._lost = f"{self._name}: its driver did not come back from {what} within {seconds:g} s"
                     raise InstrumentTimeout(self._lost) from None
-                self.meanwhile()
+                if self._meanwhile:
+                    self._meanwhile()
                 continue
             if error is not None:
                 raise error
             return found  # type: ignore[return-value]
-
-
-def _nothing() -> None:
-    """For a call that nobody waits beside."""

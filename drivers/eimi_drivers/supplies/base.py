@@ -55,8 +55,6 @@ class SupplyBase(ABC):
     channels: the first and the last channel that an address may name after `#`; default_channel: the one
     used when it names none. read_backs: how often in a row a read-back must be right to be believed.
     without_contact: what becomes of the output when the cable is pulled or the computer dies, in words.
-    meanwhile: is called before every question, when no exchange is under way, and may raise: on a slow line a
-    set-point's read-backs are most of what it takes.
     """
 
     name: ClassVar[str]
@@ -70,7 +68,6 @@ class SupplyBase(ABC):
 
     def __init__(self, link: Transport, limits: Limits, clock: Clock) -> None:
         """Sends nothing. Raises InstrumentError when the address names a channel that there is not."""
-        self.meanwhile: Callable[[], None] = _nothing
         self.limits = limits
         self._link = link
         self._clock = clock
@@ -225,7 +222,6 @@ class SupplyBase(ABC):
 
         An answer that comes after its time is up must not be taken for the answer to the next question.
         """
-        self.meanwhile()
         if self._unanswered:
             self._clock.sleep(LATE_ANSWER_S)
         self._link.write(message)
@@ -290,10 +286,6 @@ class SupplyBase(ABC):
         return ReplyNotUnderstood(
             f"{self._link.address}: the answer to {question} must be {expected}, but it is {reply!r}"
         )
-
-
-def _nothing() -> None:
-    """For a supply that nobody waits for."""
 
 
 def _text(value: float, step: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from eimi_drivers.installed import Drivers
 from eimi_drivers.interfaces import Clock, Limits, PowerSupply, SupplyDriver, UnusableDriver
 from eimi_drivers.supplies.base import SupplyBase
 from eimi_drivers.supplies.genesys import GenesysSupply
+from eimi_drivers.supplies.interruptible import InterruptibleTransport
 from eimi_drivers.supplies.kepco import KepcoBopSupply
 from eimi_drivers.supplies.korad import KoradSupply
 from eimi_drivers.supplies.scpi import scpi_driver
@@ -52,7 +54,12 @@ def is_bipolar(driver: str) -> bool:
 
 
 def open_supply(
-    driver: str, address: str, limits: Limits, clock: Clock | None = None, transcript: Path | None = None
+    driver: str,
+    address: str,
+    limits: Limits,
+    clock: Clock | None = None,
+    transcript: Path | None = None,
+    between_messages: Callable[[], None] | None = None,
 ) -> PowerSupply:
     """Open the supply at an address. Nothing is sent: a supply that is on stays on.
 
@@ -68,6 +75,9 @@ def open_supply(
         The wall clock unless given.
     transcript : Path, optional
         A new file for every exchange, see `transcript`.
+    between_messages : callable, optional
+        Is called before each message to a supply whose driver has `connect`, and may raise, see
+        `InterruptibleTransport`. A supply without `connect` is never interrupted within a call.
 
     Returns
     -------
@@ -83,11 +93,17 @@ def open_supply(
     InstrumentDisconnected
         The address cannot be opened.
     """
-    return open_with(supply_driver(driver), driver, address, limits, clock or WallClock(), transcript)
+    return open_with(supply_driver(driver), driver, address, limits, clock or WallClock(), transcript, between_messages)
 
 
 def open_with(
-    driver: SupplyDriver, name: str, address: str, limits: Limits, clock: Clock, transcript: Path | None = None
+    driver: SupplyDriver,
+    name: str,
+    address: str,
+    limits: Limits,
+    clock: Clock,
+    transcript: Path | None = None,
+    between_messages: Callable[[], None] | None = None,
 ) -> PowerSupply:
     """Open a supply with a driver that needs no entry in `SUPPLIES`. See `open_supply`; `name` is for messages."""
     check_supply_driver(name, driver)
@@ -101,6 +117,8 @@ def open_with(
             if transcript is not None:
                 opened.callback(link.close)
                 link = RecordingTransport(link, transcript, clock)
+            if between_messages is not None:
+                link = InterruptibleTransport(link, between_messages)
             opened.callback(link.close)
         supply = driver(link, limits, clock)
         check_supply(name, driver, supply)

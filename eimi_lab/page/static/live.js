@@ -62,8 +62,8 @@ async function stop() {
   stopping = true;
   tell("stopping: coil to zero and off …");
   try {
-    const { words } = await post("/api/stop");
-    tell(words, words.includes("MAY STILL BE ON"));
+    const { words, off } = await post("/api/stop");
+    tell(words, !off);
   } catch (error) {
     tell(`STOP was not answered (${error.message}): switch the coil off by hand`, true);
   }

@@ -1,0 +1,36 @@
+"""A line to an instrument that can be left between two messages, when no answer is under way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from eimi_drivers.supplies.transport import Transport
+
+
+class InterruptibleTransport:
+    """A transport that calls `between_messages` before it sends a message over another one.
+
+    That function may raise: the message is not sent then, and the line can be used again at once.
+    """
+
+    def __init__(self, link: Transport, between_messages: Callable[[], None]) -> None:
+        self.address = link.address
+        self._link = link
+        self._between_messages = between_messages
+
+    def write(self, message: bytes) -> None:
+        """See `Transport.write`."""
+        self._between_messages()
+        self._link.write(message)
+
+    def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
+        """See `Transport.read`."""
+        return self._link.read(size, timeout_s, end)
+
+    def reopen(self) -> None:
+        """See `Transport.reopen`."""
+        self._link.reopen()
+
+    def close(self) -> None:
+        """See `Transport.close`."""
+        self._link.close()

@@ -1,0 +1,224 @@
+"""Events in English, for a person: the one place where an event becomes words. No program reads them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import singledispatch
+
+from eimi_lab.acquisition.events import (
+    ConditioningDone,
+    EmulatedSupplyGone,
+    Event,
+    Fault,
+    GuardianTookOver,
+    OffConfirmed,
+    OffNotConfirmed,
+    OnEvent,
+    OutputSwitched,
+    PageGone,
+    Paused,
+    PauseRequested,
+    Resumed,
+    RunBegun,
+    RunEnded,
+    RunKilled,
+    Settled,
+    ShapeChange,
+    StateStored,
+    StateStoredBefore,
+    StopRequested,
+    SuspendRefused,
+    Takeover,
+    Warned,
+)
+from eimi_lab.acquisition.guardian import STILL_FOR_S
+from eimi_lab.process.errors import tell
+
+SEEN_PX = 0.2
+"""A tip that moves by less is said to have stayed: its corners are found to about a tenth of a pixel."""
+
+_TAKEOVER: dict[Takeover, str] = {
+    "run_died": "the run died",
+    "run_stood_still": f"the run stood still for more than {STILL_FOR_S:g} s",
+    "run_could_not_switch_off": "the run could not switch off itself",
+}
+
+
+_REMARKS = (ConditioningDone, PauseRequested, Paused, Resumed, SuspendRefused, PageGone, Warned)
+
+
+def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = tell) -> OnEvent:
+    """Return a listener that gives `report` the words of each state, and `remark` what else a person should know.
+
+    An error that ends the run, and a coil that may be on, are told by whoever catches the exception.
+    """
+
+    def listen(event: Event) -> None:
+        if isinstance(event, StateStored | StateStoredBefore):
+            report(in_words(event))
+        elif isinstance(event, _REMARKS) or _left_unfinished(event):
+            remark(in_words(event))
+
+    return listen
+
+
+def _left_unfinished(event: Event) -> bool:
+    return isinstance(event, RunEnded) and event.status == "failed" and event.stored is not None
+
+
+@singledispatch
+def in_words(event: Event) -> str:
+    """Return a sentence, without a full stop, that says the event to a person."""
+    raise TypeError(f"no words for {type(event).__name__}")
+
+
+@in_words.register
+def _(event: RunBegun) -> str:
+    how = "goes on" if event.resumes else "begins"
+    return f"the run {how}: {event.protocol} on {event.specimen} with rig {event.rig}, {event.states} states"
+
+
+@in_words.register
+def _(event: OutputSwitched) -> str:
+    return f"the output was switched {'on' if event.on else 'off'}"
+
+
+@in_words.register
+def _(event: ConditioningDone) -> str:
+    return f"conditioning, {event.cycles} cycles: {'; '.join(map(_change, event.changes))}"
+
+
+def _change(change: ShapeChange) -> str:
+    then = f"in cycle {change.since_cycle}" if change.since_cycle else "before cycle 1"
+    if change.tip_moved_px is None:
+        shape = (
+            f"no tip is found; the image differs from that {then} by {change.difference_ratio:.3g} times what noise "
+            "alone would"
+        )
+    elif change.tip_moved_px < SEEN_PX:
+        shape = f"the tip is where it was {then}, to {SEEN_PX} px"
+    else:
+        shape = f"the tip is {change.tip_moved_mm:.3g} mm ({change.tip_moved_px:.1f} px) from where it was {then}"
+    return f"at {change.current_A:g} A {shape}"
+
+
+@in_words.register
+def _(event: Settled) -> str:
+    how = "settled after" if event.at_rest else "did not settle within"
+    return f"state {event.state}: the beam {how} {event.waited_s:.1f} s"
+
+
+@in_words.register
+def _(event: StateStored) -> str:
+    return ", ".join((f"{event.current_A:g} A", f"settled after {event.waited_s:.1f} s", *event.flags))
+
+
+@in_words.register
+def _(event: StateStoredBefore) -> str:
+    return f"{event.current_A:g} A, stored before"
+
+
+@in_words.register
+def _(event: PauseRequested) -> str:
+    return "the run pauses as soon as this state is stored"
+
+
+@in_words.register
+def _(event: Paused) -> str:
+    return (
+        f"paused before state {event.state}: the coil is off, and {event.state} of {event.states} states are in "
+        f"{event.dataset}; Enter goes on, Ctrl-C ends the run"
+    )
+
+
+@in_words.register
+def _(event: Resumed) -> str:
+    return "the run goes on, through the states before"
+
+
+@in_words.register
+def _(event: StopRequested) -> str:
+    return f"asked to stop by {event.signal}"
+
+
+@in_words.register
+def _(event: SuspendRefused) -> str:
+    return "Ctrl-Z is refused, since the coil would stay on; Ctrl-C ends the run with the coil off"
+
+
+@in_words.register
+def _(event: PageGone) -> str:
+    return "the page is gone; the run ends, coil off"
+
+
+@in_words.register
+def _(event: Warned) -> str:
+    return f"warning: {event.message}"
+
+
+@in_words.register
+def _(event: Fault) -> str:
+    return event.message
+
+
+@in_words.register
+def _(event: OffConfirmed) -> str:
+    measured = "" if event.current_A is None else f", {event.current_A:.3g} A measured"
+    measured += "" if event.limit_A is None or not measured else f" (at most {event.limit_A:.3g} A counts as off)"
+    if event.takeover is None:
+        return f"the coil is off{measured}{event.remark}"
+    return (
+        f"{_why(event.takeover, event.run_killed)}; {event.address}: the coil was switched off{measured}{event.remark}"
+    )
+
+
+@in_words.register
+def _(event: OffNotConfirmed) -> str:
+    why = f"{_why(event.takeover, event.run_killed)}; " if event.takeover else ""
+    words = f"{why}THE COIL MAY STILL BE ON, switch it off by hand"
+    if event.trying_process is not None:
+        words += f"; process {event.trying_process} goes on trying"
+    elif event.takeover:
+        words += ", nobody tries any more"
+    return f"{words}: {event.reason}" if event.reason else words
+
+
+@in_words.register
+def _(event: GuardianTookOver) -> str:
+    return f"{_why(event.takeover)}; {event.address}: its guardian switches the coil off"
+
+
+@in_words.register
+def _(event: RunKilled) -> str:
+    return f"{_why('run_stood_still')} and holds the line to {event.address}: it is ended ({event.reason})"
+
+
+@in_words.register
+def _(event: EmulatedSupplyGone) -> str:
+    return f"{_why(event.takeover)}; {event.address} is gone, and the emulated supply with it"
+
+
+@in_words.register
+def _(event: RunEnded) -> str:
+    if not event.stored:
+        return "no state was stored yet, so that there is no file"
+    if event.stored == event.states:
+        return f"all {event.states} states are in {event.dataset}"
+    return (
+        f"{event.stored} of {event.states} states are in {event.dataset}, and the same command with --resume goes on "
+        "from there"
+    )
+
+
+def left_behind(ended: RunEnded) -> str:
+    """Return what a run that was asked to stop leaves behind, for the words of `Stopped`."""
+    return f"the coil is off; {in_words(ended)}"
+
+
+def off_after(seconds: float) -> str:
+    """Return the answer to a person who asked for the coil to be switched off."""
+    return f"the coil is off, confirmed after {seconds:.2f} s"
+
+
+def _why(takeover: Takeover, run_killed: bool = False) -> str:
+    return _TAKEOVER[takeover] + (" and was ended" if run_killed else "")
