@@ -92,7 +92,9 @@ class ArrudaBoyce(InvariantLaw):
                 return CardConstants(
                     "uncoupled hyperelastic",
                     {"W": " + ".join(f"({c})*(I1^{i}-{3**i})" for c, i in terms)},
-                    notes=["as an energy expression: FEBio's own Arruda-Boyce material has another stress"],
+                    notes=[
+                        "written as an energy expression, because FEBio's own Arruda-Boyce material has another stress"
+                    ],
                 )
             case "sofa":
                 raise NotInSolver("sofa's arruda-boyce law has one fixed length of chains: lambda_m has no place in it")

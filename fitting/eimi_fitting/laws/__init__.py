@@ -1,15 +1,19 @@
-"""Hyperelastic laws: one file a law holds all of it, and `LAWS` has them by name.
+"""Hyperelastic laws, one file for each; the dictionary `LAWS` maps a law's name to the law.
 
-law               what every law gives: energy, stability, bounds of a search, tensile fit, constants of cards
-neo_hookean, mooney_rivlin, yeoh, ogden
-sum_of_terms      a law of any of several terms, in which it is linear
-invariants        what laws in I1 and I2 have in common
-stability         Drucker's criterion; stable_cells proves it, cell by cell, for an energy such as Ogden's
-search_space      a law's coordinates between 0 and 1, with the bulk modulus or without
-tensile           engineering stress, and least squares on a tensile test
-cards             what a material card of each program looks like
+law            the interface `Law` that every law implements, and the values that pass through it
+neo_hookean    the Neo-Hookean law, one parameter
+mooney_rivlin  the Mooney-Rivlin law, two parameters
+yeoh           the Yeoh law, three parameters
+ogden          the Ogden law of three terms, six parameters
+sum_of_terms   a law that is a sum of chosen terms and linear in its coefficients
+invariants     base classes for laws that are functions of the invariants I1 and I2
+stability      Drucker's stability criterion and the largest stretch up to which a law fulfils it
+stable_cells   proof of stability over cells of stretches, for Ogden's law
+search_space   conversion from the unit cube, in which the search moves, to a law's parameters
+tensile        engineering stress in uniaxial tension, and the least-squares fit of a tensile test
+cards          material cards for finite-element programs
 
-A law from elsewhere joins by ``LAWS[law.name] = law``.
+To add a law from outside the package, assign it: ``LAWS[law.name] = law``.
 """
 
 from __future__ import annotations

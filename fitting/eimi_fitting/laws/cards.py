@@ -1,20 +1,20 @@
-"""Material cards: an identified law in the words of a finite-element program.
+"""Material cards: an identified law in the input format of a finite-element program.
 
-Each program writes the same energies with other constants; every law converts its own (`Law.card`), from the canonical
-form of its docstring, and refuses a program that lacks it: no term is ever dropped. What a program's card looks like
-stands here. Volume terms, with K the bulk modulus:
+The programs define the constants of the same energy differently. Each law converts its parameters from the energy in
+its docstring (`Law.card`), and refuses a program that lacks the law; no term is ever dropped. This module writes the
+constants in the format of each program. The volume terms, with the bulk modulus K, are:
 
-abaqus, calculix   (J-1)^2/D1, D1 = 2/K
-ansys              (J-1)^2/d, d = 2/K
-comsol             K/2 (J-1)^2
-febio              K/2 (J-1)^2, which is pressure_model 2
-sofa               K/2 ln(J)^2
+    abaqus, calculix   (J-1)^2/D1, D1 = 2/K
+    ansys              (J-1)^2/d, d = 2/K
+    comsol             K/2 (J-1)^2
+    febio              K/2 (J-1)^2, FEBio's pressure_model 2
+    sofa               K/2 ln(J)^2
+
+Moduli are in MPa (lengths in mm, forces in N). In COMSOL's card each value carries its unit.
 
 Sources: Abaqus Analysis User's Guide, hyperelastic behavior of rubberlike materials; CalculiX CrunchiX User's Manual,
 *HYPERELASTIC; ANSYS Material Reference, TB,HYPER; COMSOL Structural Mechanics Module User's Guide, hyperelastic
 materials; FEBio User's Manual, uncoupled materials; SOFA, TetrahedronHyperelasticityFEMForceField.
-
-Moduli are in MPa (lengths in mm, forces in N) except in COMSOL's card, where each value carries its own unit.
 """
 
 from __future__ import annotations
@@ -34,9 +34,26 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Material:
-    """What a card is made of: parameters (n,) in Pa and 1 in the law's order; bulk_modulus_Pa is the user's choice.
+    """An identified material, as a material card needs it.
 
-    name: letters, digits, `_` and `-`; origin: lines on where the numbers came from and the strains they hold for.
+    Parameters
+    ----------
+    law
+        The law.
+    parameters
+        (n,) parameters in the law's order, moduli in Pa.
+    bulk_modulus_Pa
+        Bulk modulus, chosen by the user.
+    name
+        Name of the material in the program: letters, digits, ``_`` and ``-``.
+    origin
+        Lines that state where the parameters came from and for which strains they are valid.
+
+    Examples
+    --------
+    >>> from eimi_fitting.laws import LAWS
+    >>> Material(LAWS["neo-hookean"], np.array([46e3]), 92e6, "SILICONE", ()).named_MPa()
+    {'mu': 0.046}
     """
 
     law: Law
@@ -46,44 +63,45 @@ class Material:
     origin: tuple[str, ...]
 
     def named_Pa(self) -> dict[str, float]:
-        """Parameters by name, moduli in Pa."""
+        """Return the parameters by name, moduli in Pa."""
         return self._named(self.parameters)
 
     def named_MPa(self) -> dict[str, float]:
-        """Parameters by name, moduli in MPa."""
+        """Return the parameters by name, moduli in MPa."""
         return self._named(moduli_in_MPa(self.parameters, self.law.units))
 
     def _named(self, parameters: Array) -> dict[str, float]:
-        # Zero added: no negative zeros.
+        # Adding zero turns a negative zero into a positive one.
         return {name: float(x) + 0.0 for name, x in zip(self.law.parameter_names, parameters, strict=True)}
 
-    def in_words_of(self, solver: str) -> CardConstants:
-        """What a card in MPa holds. Raises NotInSolver."""
+    def constants_for(self, solver: str) -> CardConstants:
+        """Return the law's constants in a program, in MPa; raise NotInSolver if the program lacks the law."""
         return self.law.card(solver, self.named_MPa(), MPA_PER_PA * self.bulk_modulus_Pa)
 
 
 def material_card(solver: str, material: Material) -> str:
-    """The text of a material card.
+    """Write the material card of a finite-element program.
 
     Parameters
     ----------
     solver
         One of `SOLVERS`: abaqus, calculix, ansys, comsol, febio or sofa.
     material
-        The law, its parameters in Pa, the bulk modulus chosen for the card, and where the numbers came from.
+        The law, its parameters and the bulk modulus chosen for the card.
 
     Returns
     -------
-    The card, moduli in MPa (in COMSOL's each with its unit).
+    str
+        The text of the card. Moduli are in MPa; in COMSOL's card each value carries its unit.
 
     Raises
     ------
     NotInSolver
-        The program has no such law, or not in full, or the law has no stiffness at rest.
+        If the program lacks the law or cannot represent it completely, or if the law has no stiffness at rest.
     KeyError
-        For an unknown solver.
+        If the solver is unknown.
     ValueError
-        The bulk modulus is not above two thirds of the initial shear modulus: Poisson's ratio would be below zero.
+        If the bulk modulus is not above two thirds of the initial shear modulus; Poisson's ratio would be negative.
 
     Examples
     --------
@@ -94,7 +112,7 @@ def material_card(solver: str, material: Material) -> str:
     """
     modulus = float(material.law.initial_shear_modulus(material.parameters))
     if not modulus > 0:
-        raise NotInSolver(f"its initial shear modulus is {modulus:.4g} Pa: no program can use such a law")
+        raise NotInSolver(f"its initial shear modulus is {modulus:.4g} Pa, but a program needs a positive one")
     if not material.bulk_modulus_Pa > 2 * modulus / 3:
         raise ValueError(
             f"a bulk modulus of {material.bulk_modulus_Pa:.4g} Pa should be above two thirds of the initial shear "
@@ -104,17 +122,17 @@ def material_card(solver: str, material: Material) -> str:
 
 
 def plain_number(value: float) -> str:
-    """Ten significant digits without an exponent, for a formula in a card."""
+    """Format a number with ten significant digits and without an exponent, for a formula in a card."""
     return np.format_float_positional(value, precision=10, fractional=False, trim="0")
 
 
 def _number(value: float | str) -> str:
-    """Ten significant digits in plain or scientific notation; an expression as it is."""
+    """Format a number with ten significant digits; return an expression unchanged."""
     return value if isinstance(value, str) else f"{value:.10g}"
 
 
 def _notes(material: Material, units: str, volume: str, *more: str) -> list[str]:
-    """What every card says, in lines for its comments."""
+    """Return the lines that every card has as comments: the material, its law, its moduli and its units."""
     modulus = float(material.law.initial_shear_modulus(material.parameters))
     values = ", ".join(f"{name} = {_number(value)}" for name, value in material.named_MPa().items())
     notes = [
@@ -129,25 +147,25 @@ def _notes(material: Material, units: str, volume: str, *more: str) -> list[str]
         *material.origin,
         *more,
     ]
-    return [" ".join(note.split()) for note in notes]  # each is one line of a comment
+    return [" ".join(note.split()) for note in notes]  # a line break would end the comment
 
 
 _MPA = "mm, N, MPa, tonne, s"
 
 
 def _rows(constants: CardConstants, length: int) -> list[list[str]]:
-    """The values, so many a line."""
+    """Return the formatted constants, at most ``length`` in a row."""
     values = [_number(value) for value in constants.constants.values()]
     return [values[i : i + length] for i in range(0, len(values), length)]
 
 
 def _keyword_card(solver: str, material: Material, advice: str) -> str:
-    """*MATERIAL with *HYPERELASTIC, eight values a line, as Abaqus and CalculiX read it. keyword: the law's name."""
-    words = material.in_words_of(solver)
-    volume = words.volume or "(J - 1)^2/D1, D1 = 2/K"
-    lines = [f"** {note}" for note in _notes(material, _MPA, volume, *words.notes, advice)]
-    lines += [f"*MATERIAL, NAME={material.name}", f"*HYPERELASTIC, {words.keyword}"]
-    return "\n".join(lines + [", ".join(row) for row in _rows(words, 8)]) + "\n"
+    """Write *MATERIAL and *HYPERELASTIC for Abaqus and CalculiX, with eight values in a line."""
+    constants = material.constants_for(solver)
+    volume = constants.volume or "(J - 1)^2/D1, D1 = 2/K"
+    lines = [f"** {note}" for note in _notes(material, _MPA, volume, *constants.notes, advice)]
+    lines += [f"*MATERIAL, NAME={material.name}", f"*HYPERELASTIC, {constants.keyword}"]
+    return "\n".join(lines + [", ".join(row) for row in _rows(constants, 8)]) + "\n"
 
 
 def _abaqus(material: Material) -> str:
@@ -160,52 +178,57 @@ def _calculix(material: Material) -> str:
 
 
 def _ansys(material: Material) -> str:
-    """keyword: the whole TB line. TBDATA takes six constants."""
-    words = material.in_words_of("ansys")
-    lines = [f"! {note}" for note in _notes(material, _MPA, words.volume or "(J - 1)^2/d, d = 2/K", *words.notes)]
-    lines.append(words.keyword)
-    lines += [f"TBDATA,{6 * i + 1},{','.join(row)}" for i, row in enumerate(_rows(words, 6))]
+    """Write the TB command, which is the law's keyword, and TBDATA commands with six constants each."""
+    constants = material.constants_for("ansys")
+    volume = constants.volume or "(J - 1)^2/d, d = 2/K"
+    lines = [f"! {note}" for note in _notes(material, _MPA, volume, *constants.notes)]
+    lines.append(constants.keyword)
+    lines += [f"TBDATA,{6 * i + 1},{','.join(row)}" for i, row in enumerate(_rows(constants, 6))]
     return "\n".join(lines) + "\n"
 
 
 def _comsol(material: Material) -> str:
-    """A table for Parameters, Load from File: name, expression, description. What it says of itself is a row too."""
-    words = material.law.card("comsol", material.named_Pa(), material.bulk_modulus_Pa)
+    """Write a table for COMSOL's Parameters, Load from File: name, expression, description.
+
+    The format has no comments, so the row ``eimi_origin`` holds them as its description.
+    """
+    constants = material.law.card("comsol", material.named_Pa(), material.bulk_modulus_Pa)
     rows = [
-        (name, _number(value) + ("" if name in words.dimensionless else "[Pa]"), words.meaning.get(name, name))
-        for name, value in words.constants.items()
+        (name, _number(value) + ("" if name in constants.dimensionless else "[Pa]"), constants.meaning.get(name, name))
+        for name, value in constants.constants.items()
     ]
     rows.append(
         ("kappa", f"{_number(material.bulk_modulus_Pa)}[Pa]", "bulk modulus, nearly incompressible formulation")
     )
-    volume = words.volume or "kappa/2 (J - 1)^2, the quadratic one"
-    notes = _notes(material, "with each value", volume, *words.notes)
+    volume = constants.volume or "kappa/2 (J - 1)^2, the quadratic one"
+    notes = _notes(material, "with each value", volume, *constants.notes)
     rows.append(("eimi_origin", "1", ". ".join(notes).replace('"', "'")))
     return "".join(f'{name} {value} "{description}"\n' for name, value, description in rows)
 
 
 def _comment(notes: Sequence[str]) -> str:
-    # Two hyphens would end an XML comment.
+    # An XML comment must not contain two hyphens in a row.
     return "<!--\n" + "\n".join(f"  {note.replace('--', '- -')}" for note in notes) + "\n-->\n"
 
 
 def _febio(material: Material) -> str:
-    """keyword: the material's type; a constant is a tag."""
-    words = material.in_words_of("febio")
-    tags = {**words.constants, "k": MPA_PER_PA * material.bulk_modulus_Pa, "pressure_model": "2"}
+    """Write a <material> element: its type is the law's keyword, and each constant is a child element."""
+    constants = material.constants_for("febio")
+    tags = {**constants.constants, "k": MPA_PER_PA * material.bulk_modulus_Pa, "pressure_model": "2"}
     lines = [f"  <{tag}>{_number(value)}</{tag}>" for tag, value in tags.items()]
-    head = f'<material id="1" name="{escape(material.name)}" type="{words.keyword}">'
-    volume = words.volume or "k/2 (J - 1)^2, which is pressure_model 2"
-    notes = _notes(material, _MPA, volume, "for FEBio 4, uncoupled materials", *words.notes)
+    head = f'<material id="1" name="{escape(material.name)}" type="{constants.keyword}">'
+    volume = constants.volume or "k/2 (J - 1)^2, which is pressure_model 2"
+    notes = _notes(material, _MPA, volume, "for FEBio 4, uncoupled materials", *constants.notes)
     return _comment(notes) + "\n".join([head, *lines, "</material>"]) + "\n"
 
 
 def _sofa(material: Material) -> str:
-    """keyword: the materialName; the constants, that of the volume term too, are its ParameterSet."""
-    words = material.in_words_of("sofa")
-    parameters = " ".join(_number(value) for value in words.constants.values())
-    field = f'<TetrahedronHyperelasticityFEMForceField name="{escape(material.name)}" materialName="{words.keyword}"'
-    notes = _notes(material, _MPA, words.volume or "k0/2 ln(J)^2", *words.notes)
+    """Write a force field: materialName is the law's keyword, ParameterSet holds all constants with the volume's."""
+    constants = material.constants_for("sofa")
+    parameters = " ".join(_number(value) for value in constants.constants.values())
+    name, keyword = escape(material.name), constants.keyword
+    field = f'<TetrahedronHyperelasticityFEMForceField name="{name}" materialName="{keyword}"'
+    notes = _notes(material, _MPA, constants.volume or "k0/2 ln(J)^2", *constants.notes)
     return _comment(notes) + f'{field} ParameterSet="{parameters}"/>\n'
 
 

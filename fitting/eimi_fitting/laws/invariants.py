@@ -1,4 +1,8 @@
-"""Laws in the isochoric invariants: from the derivatives of W(I1, I2) to all that a law has to give."""
+"""Base classes for laws W(I1, I2): the chain rule from derivatives of W to the quantities that a `Law` returns.
+
+I1 and I2 are the first and second invariants of the isochoric right Cauchy-Green tensor. A subclass gives W and its
+derivatives; the classes here give planar and principal energies, stability and tensile fits.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 class _Invariant(NamedTuple):
-    """An invariant of a planar state and its derivatives in (a, J)."""
+    """An invariant of a planar state and its derivatives in a and J; the second derivative in a is zero."""
 
     value: Array
     a: Array
@@ -27,7 +31,7 @@ class _Invariant(NamedTuple):
 
 
 def _first_invariant(a: Array, J: Array, section: Section) -> _Invariant:
-    """First isochoric invariant of a planar state."""
+    """Return the first isochoric invariant of a planar state."""
     if section == "plane-stress":
         s = 1 / J**2
         return _Invariant(a + s, np.ones_like(a), -2 * s / J, np.zeros_like(a), 6 * s**2)
@@ -37,7 +41,7 @@ def _first_invariant(a: Array, J: Array, section: Section) -> _Invariant:
 
 
 def _second_invariant(a: Array, J: Array, section: Section) -> _Invariant:
-    """Second isochoric invariant of a planar state."""
+    """Return the second isochoric invariant of a planar state."""
     if section == "plane-stress":
         s = 1 / J**2
         return _Invariant(J**2 + a * s, s, 2 * J - 2 * a * s / J, -2 * s / J, 2 + 6 * a * s**2)
@@ -52,16 +56,30 @@ def _second_invariant(a: Array, J: Array, section: Section) -> _Invariant:
 
 
 class InvariantEnergy(ABC):
-    """An energy that is a function of I1 - 3 and I2 - 3: subclasses give W and its derivatives."""
+    """An energy W(x, y) of x = I1 - 3 and y = I2 - 3 that is linear in y and has no mixed term.
 
-    needs_second = False  # whether I2 enters at all
+    Attributes
+    ----------
+    needs_second
+        Whether the energy depends on I2.
+    """
+
+    needs_second = False
 
     @abstractmethod
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """W, W_x, W_y, W_xx at x = I1 - 3, y = I2 - 3; W_xy and W_yy are zero for every law of this kind."""
+        """Return W, dW/dx, dW/dy and d²W/dx².
+
+        Parameters
+        ----------
+        parameters
+            (..., n) parameters.
+        x, y
+            (...) I1 - 3 and I2 - 3. If ``needs_second`` is False, ``y`` may be a scalar zero.
+        """
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
-        """Energy density and derivatives of a planar state."""
+        """Return the energy density of planar states and its derivatives, see `Law.planar`."""
         i1 = _first_invariant(a, J, section)
         if not self.needs_second:
             w, w1, _, w11 = self.coefficients(parameters, i1.value - 3, np.zeros(()))
@@ -81,7 +99,7 @@ class InvariantEnergy(ABC):
         )
 
     def principal(self, parameters: Array, stretches: Array) -> tuple[Array, Array, Array]:
-        """Energy, gradient (..., 3) and Hessian (..., 3, 3) in the logarithms of the isochoric principal stretches."""
+        """Return energy, gradient and Hessian in the logarithms of the principal stretches, see `Law.principal`."""
         q, r = stretches**2, stretches**-2
         w, w1, w2, w11 = self.coefficients(parameters, q.sum(-1) - 3, r.sum(-1) - 3)
         gradient = 2 * w1[..., None] * q - 2 * w2[..., None] * r
@@ -91,14 +109,15 @@ class InvariantEnergy(ABC):
 
 
 class InvariantLaw(InvariantEnergy):
-    """A law with such an energy.
+    """A complete law whose energy is a function of the invariants.
 
-    Stability is scanned for, a tensile curve is fitted within the bounds of the search, and no program has the law:
-    a subclass that knows better says so.
+    A subclass gives its energy, its initial shear modulus and its search coordinates. By default, stability is found
+    by a scan, a tensile curve is fitted within the bounds of the search, and no program offers the law. A subclass
+    overrides these methods where it can do better.
 
     Examples
     --------
-    Gent's law (Gent 1996, Rubber Chem. Technol. 69:59), psi = -mu Jm/2 ln(1 - (I1 - 3)/Jm), whole:
+    Gent's law, psi = -mu Jm/2 ln(1 - (I1 - 3)/Jm) (Gent 1996, Rubber Chem. Technol. 69:59), complete:
 
     >>> from dataclasses import dataclass
     >>> @dataclass(frozen=True)
@@ -132,20 +151,20 @@ class InvariantLaw(InvariantEnergy):
 
     @abstractmethod
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """(..., n) -> (...): 2 (W_x + W_y) at rest."""
+        """Return 2 (dW/dI1 + dW/dI2) at rest, see `Law.initial_shear_modulus`."""
 
     @abstractmethod
     def from_coordinates(self, x: Array) -> Array:
-        """Coordinates (P, m) to parameters (P, n), whose moduli are in proportion to the first coordinate."""
+        """Convert coordinates of the search (P, m) into parameters (P, n), see `Law.from_coordinates`."""
 
-    def drucker_limit(self, parameters: Array, most: Array) -> Array:
-        """`scanned_limit`."""
-        return scanned_limit(self, parameters, most)
+    def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
+        """Return the largest stable stretch as `laws.stability.scanned_limit` finds it."""
+        return scanned_limit(self, parameters, largest_stretch)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """`bounded_least_squares`."""
+        """Fit a tensile curve with `laws.tensile.bounded_least_squares`."""
         return bounded_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Refused."""
+        """Raise NotInSolver: no program is known to offer the law."""
         raise NotInSolver(f"{solver} has no {self.name} law here")

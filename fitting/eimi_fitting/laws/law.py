@@ -1,13 +1,15 @@
-"""What a law is, to everything that uses one: an interface, and the values that pass through it.
+"""The interface of a hyperelastic law, and the values that pass through it.
 
-A planar deformation enters an isotropic energy through two numbers only: a = F:F and J = det F of the in-plane
-deformation gradient. What a planar element needs is therefore psi(a, J) with its five derivatives, for two sections:
+The energy of an isotropic law in a planar deformation depends on two numbers only: a = F:F and J = det F, where F is
+the in-plane deformation gradient. A planar element therefore needs psi(a, J) and its five first and second
+derivatives. There are two sections:
 
-plane strain   third stretch 1; isochoric invariants I1 = J^(-2/3) (a + 1), I2 = J^(-4/3) (a + J^2);
-               the volume term is the element's (a pressure unknown).
-plane stress   incompressible, third stretch 1/J: I1 = a + J^-2, I2 = J^2 + a J^-2; no pressure is left.
+plane strain   The third principal stretch is 1. The isochoric invariants are I1 = J^(-2/3) (a + 1) and
+               I2 = J^(-4/3) (a + J^2). The element adds the volume term, with the pressure as an unknown.
+plane stress   The material is incompressible and the third principal stretch is 1/J, so I1 = a + J^-2 and
+               I2 = J^2 + a J^-2. No pressure is needed.
 
-Stability, tensile tests and three-dimensional elements ask for the energy in principal stretches instead.
+Stability, tensile tests and three-dimensional elements use the energy as a function of the principal stretches.
 """
 
 from __future__ import annotations
@@ -23,11 +25,21 @@ Array = NDArray[np.float64]
 
 Section = Literal["plane-strain", "plane-stress"]
 
-SHEAR_MODULUS_PA = (1e3, 1e6)  # casting silicones, with room to spare; a search takes its bounds from the data
+SHEAR_MODULUS_PA = (1e3, 1e6)  # wider than the range of casting silicones; a search narrows these bounds to its data
 
 
 class PlanarEnergy(NamedTuple):
-    """psi(a, J) and its derivatives, each an array of the shape of a."""
+    """The planar energy density psi(a, J) and its derivatives.
+
+    Parameters
+    ----------
+    value
+        psi, in the unit of the moduli. All six arrays have the shape of ``a``.
+    a, J
+        First derivatives, d psi/d a and d psi/d J.
+    aa, aJ, JJ
+        Second derivatives.
+    """
 
     value: Array
     a: Array
@@ -39,7 +51,15 @@ class PlanarEnergy(NamedTuple):
 
 @dataclass(frozen=True)
 class Coordinate:
-    """What a search moves, and between which bounds. Bounds are this project's own choice unless a source stands."""
+    """One coordinate of a search.
+
+    Parameters
+    ----------
+    name
+        Name for messages and reports.
+    lower, upper
+        Bounds of the search. They are this project's own choice unless a source is cited.
+    """
 
     name: str
     lower: float
@@ -48,11 +68,22 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class StressFit:
-    """Least squares on a tensile curve.
+    """Result of a least-squares fit to a tensile curve of m rows.
 
-    parameters: (n,); intervals: (n, 2), 95 %; held_by_bounds: (n,) whether only the search's bounds hold a parameter;
-    modulus_half_width: of the interval of the initial shear modulus, Pa; correlation_rows: how many rows count as one;
-    correlation: (n, n) of the parameters' errors.
+    Parameters
+    ----------
+    parameters
+        (n,) fitted parameters, moduli in the unit of the stress.
+    intervals
+        (n, 2) lower and upper ends of the 95 % intervals.
+    held_by_bounds
+        (n,) True where the bounds of the search, and not the data, limit the parameter.
+    modulus_half_width
+        Half the width of the 95 % interval of the initial shear modulus, in the unit of the stress.
+    correlation_rows
+        tau, the number of correlated rows that carry as much information as one independent row.
+    correlation
+        (n, n) correlation matrix of the parameters' errors.
     """
 
     parameters: Array
@@ -65,11 +96,22 @@ class StressFit:
 
 @dataclass(frozen=True)
 class CardConstants:
-    """A law in the words of one program, see `laws.cards` for what each writes.
+    """A law's constants as one finite-element program defines them; `laws.cards` writes them into a card.
 
-    constants: name to value, or to an expression, in the program's order; dimensionless: those that are no moduli;
-    meaning: words for a constant whose name says too little; volume: the energy of a change of volume where it is not
-    the program's usual one; notes: what a reader of the card must know.
+    Parameters
+    ----------
+    keyword
+        The program's name of the law.
+    constants
+        Value of each constant by name, in the program's order. A string is an expression.
+    dimensionless
+        Names of the constants that are not moduli.
+    meaning
+        Description of each constant whose name does not explain it.
+    volume
+        The volumetric energy as a formula; None if it is the usual one of the program.
+    notes
+        Lines that the reader of the card must know.
     """
 
     keyword: str
@@ -81,18 +123,19 @@ class CardConstants:
 
 
 class CannotFit(Exception):
-    """The window holds too few rows, or stresses that the law cannot have."""
+    """The window holds too few rows, or the law cannot produce stresses of this sign."""
 
 
 class NotInSolver(Exception):
-    """The program has no such law, or not in full."""
+    """The program lacks the law, or cannot represent it completely."""
 
 
 class Law(Protocol):
-    """A hyperelastic law. Parameters come as (..., n) arrays whose leading axes broadcast against the states.
+    """A hyperelastic law with n parameters.
 
-    Moduli may be in any one unit of stress; the energy is then in that unit too. `laws.invariants.InvariantLaw` has all
-    of it but the energy for a law in the invariants.
+    Parameters are arrays of shape (..., n) whose leading axes broadcast against the states. Moduli may have any unit of
+    stress, the same one for all; energies then have that unit. A law that is a function of the invariants can inherit
+    everything but its energy from `laws.invariants.InvariantLaw`.
 
     Examples
     --------
@@ -107,47 +150,136 @@ class Law(Protocol):
 
     @property
     def name(self) -> str:
-        """As the command line has it."""
+        """The name used on the command line."""
 
     @property
     def formula(self) -> str:
-        """The energy, in a line for people."""
+        """The strain energy as one line of text."""
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """In the order of the parameter arrays."""
+        """The parameters' names, in the order of the parameter arrays."""
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Pa or 1, one a parameter."""
+        """The unit of each parameter: ``"Pa"`` or ``"1"``."""
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """What a search moves: the initial shear modulus in Pa (by its logarithm), then numbers without a unit."""
+        """The coordinates of a search: the initial shear modulus (Pa), then dimensionless numbers.
+
+        The search moves the logarithm of the initial shear modulus, and the other coordinates linearly.
+        """
 
     def from_coordinates(self, x: Array) -> Array:
-        """Coordinates (P, m) to parameters (P, n), whose moduli are in proportion to the first coordinate."""
+        """Convert coordinates of the search into parameters.
+
+        Parameters
+        ----------
+        x
+            (P, m) coordinates of P candidates, in the order of `coordinates`.
+
+        Returns
+        -------
+        Array
+            (P, n) parameters. Every modulus is proportional to the first coordinate.
+        """
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """(..., n) -> (...): shear modulus at zero strain, in the unit of the moduli."""
+        """Return the shear modulus at zero strain.
+
+        Parameters
+        ----------
+        parameters
+            (..., n) parameters.
+
+        Returns
+        -------
+        Array
+            (...) shear moduli, in the unit of the parameters' moduli.
+        """
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
-        """Energy density and derivatives of a planar state."""
+        """Return the energy density of planar states and its derivatives.
+
+        Parameters
+        ----------
+        parameters
+            (..., n) parameters.
+        a, J
+            (...) F:F and det F of the in-plane deformation gradient F.
+        section
+            Plane strain or plane stress.
+
+        Returns
+        -------
+        PlanarEnergy
+            psi(a, J) with its first and second derivatives.
+        """
 
     def principal(self, parameters: Array, stretches: Array) -> tuple[Array, Array, Array]:
-        """Energy, gradient (..., 3) and Hessian (..., 3, 3) in the logarithms of the isochoric principal stretches."""
+        """Return the energy of isochoric states and its derivatives in the logarithms of the principal stretches.
 
-    def drucker_limit(self, parameters: Array, most: Array) -> Array:
-        """(P, n) and (P,) >= 1 -> (P,): the stretch up to which a law is stable, see `laws.stability`.
+        Parameters
+        ----------
+        parameters
+            (..., n) parameters.
+        stretches
+            (..., 3) isochoric principal stretches; their product is 1.
 
-        Nothing beyond ``most`` need be looked at: any larger number says that no limit was met. 0 at rest already.
+        Returns
+        -------
+        energy, gradient, hessian
+            Arrays of shape (...), (..., 3) and (..., 3, 3).
+        """
+
+    def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
+        """Return the largest stretch up to which each candidate is stable; `laws.stability` defines stability.
+
+        Parameters
+        ----------
+        parameters
+            (P, n) parameters of P candidates.
+        largest_stretch
+            (P,) stretches, at least 1. Larger stretches need not be examined.
+
+        Returns
+        -------
+        Array
+            (P,) limits: 0 if the candidate is unstable already at rest, any number above ``largest_stretch`` if no
+            limit was met up to it.
         """
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Least squares on ``weight`` times the engineering stress, all (m,). Raises CannotFit."""
+        """Fit the law to a uniaxial tensile curve by weighted least squares.
+
+        Parameters
+        ----------
+        strain, stress
+            (m,) engineering strains and engineering stresses.
+        weight
+            (m,) factors of the residuals.
+
+        Raises
+        ------
+        CannotFit
+            If the law cannot produce such stresses.
+        """
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """What a card for one of `laws.cards.SOLVERS` holds; p: parameters by name, moduli in the unit of ``bulk``.
+        """Return the constants of the law in a finite-element program.
 
-        Raises NotInSolver for a program that has no such law: also for one that this law has never heard of.
+        Parameters
+        ----------
+        solver
+            Name of the program, usually one of `laws.cards.SOLVERS`.
+        p
+            Parameters by name.
+        bulk
+            Bulk modulus, in the unit of the moduli in ``p``.
+
+        Raises
+        ------
+        NotInSolver
+            If the program lacks the law, or if this law does not know the program.
         """

@@ -1,13 +1,16 @@
-"""Mooney-Rivlin: linear in both invariants (Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5).
+"""The Mooney-Rivlin law: an energy that is linear in both invariants.
 
-Stability is exact. With q_i = lambda_i^2 and q1 q2 q3 = 1 the determinant of the restricted Hessian of
-`laws.stability` is, up to a positive factor,
+Source: Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5.
 
-    C10^2 I2 + C01^2 I1 + C10 C01 (I1 I2 - 3)
+The stability limit is exact. Let q_i = lambda_i^2 with q1 q2 q3 = 1. The determinant of the restricted Hessian (defined
+in `laws.stability`) is, up to a positive factor,
 
-A negative C01 or C10 makes it fall with I1 and I2 wherever it could vanish. I1 and I2 are convex in the logarithmic
-stretches, and no state of a given I1 has a larger I2, or a smaller largest stretch, than the equibiaxial one. So
-stability is lost in equibiaxial tension first, and what is left is the smallest root of a polynomial in one unknown.
+    D = C10^2 I2 + C01^2 I1 + C10 C01 (I1 I2 - 3).
+
+If C01 or C10 is negative, D decreases with I1 and I2 wherever it could become zero. I1 and I2 are convex functions of
+the logarithmic stretches. Among all states of equal I1, the equibiaxial one has the largest I2 and the smallest
+largest stretch. Stability is therefore lost first in equibiaxial tension, and the limit is the smallest root of a
+polynomial in one unknown.
 """
 
 from __future__ import annotations
@@ -25,13 +28,13 @@ from eimi_fitting.laws.tensile import linear_least_squares
 
 Array = NDArray[np.float64]
 
-# C10 (q^3 + 2) + C01 (2 q^4 + q) in s = q - 1: the slope of the stress in equibiaxial tension.
+# Coefficients in s = q - 1 of C10 (q^3 + 2) + C01 (2 q^4 + q), the slope of the stress in equibiaxial tension.
 _STIFFNESS = np.array([[3.0, 3.0], [3.0, 9.0], [3.0, 12.0], [1.0, 8.0], [0.0, 2.0]])
 
 
 @dataclass(frozen=True)
 class MooneyRivlin(InvariantLaw):
-    """psi = C10 (I1 - 3) + C01 (I2 - 3); the initial shear modulus is 2 (C10 + C01)."""
+    """The Mooney-Rivlin law, psi = C10 (I1 - 3) + C01 (I2 - 3); its initial shear modulus is 2 (C10 + C01)."""
 
     needs_second = True
     name: str = "mooney-rivlin"
@@ -44,35 +47,39 @@ class MooneyRivlin(InvariantLaw):
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """The modulus is shared out between the two."""
+        """Divide half the initial shear modulus between C10 and C01."""
         mu0, share = x[:, 0], x[:, 1]
         return np.column_stack([0.5 * mu0 * (1 - share), 0.5 * mu0 * share])
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """2 (C10 + C01)."""
+        """Return 2 (C10 + C01)."""
         return 2 * (parameters[..., 0] + parameters[..., 1])
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """psi = C10 x + C01 y."""
+        """Return psi = C10 x + C01 y and its derivatives."""
         c10, c01 = parameters[..., 0], parameters[..., 1]
         zero = np.zeros_like(x)
         return c10 * x + c01 * y, c10 + zero, c01 + zero, zero
 
-    def drucker_limit(self, parameters: Array, most: Array) -> Array:
-        """In equibiaxial tension the stress falls (C01 < 0), or equal stretches part: C10 q + C01/q = 0 (C10 < 0)."""
+    def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
+        """Return the stretch in equibiaxial tension at which stability is lost.
+
+        If C01 < 0, the stress reaches its maximum there. If C10 < 0, the two equal stretches bifurcate into unequal
+        ones, at C10 q + C01/q = 0.
+        """
         c10, c01 = parameters.T
         limit = np.full(len(parameters), np.inf)
-        parting, falling = c10 < 0, c01 < 0
-        limit[parting] = np.abs(c01[parting] / c10[parting]) ** 0.25
-        limit[falling] = np.sqrt(1 + smallest_positive_root(parameters[falling] @ _STIFFNESS.T))
+        bifurcating, softening = c10 < 0, c01 < 0
+        limit[bifurcating] = np.abs(c01[bifurcating] / c10[bifurcating]) ** 0.25
+        limit[softening] = np.sqrt(1 + smallest_positive_root(parameters[softening] @ _STIFFNESS.T))
         return np.where(c10 + c01 > 0, limit, 0.0)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """The stress is linear in both."""
+        """Fit a tensile curve by linear least squares: the stress is linear in both parameters."""
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """In every program."""
+        """Return the constants of the law; every program of `laws.cards.SOLVERS` has it."""
         c10, c01 = p["C10"], p["C01"]
         match solver:
             case "abaqus" | "calculix":

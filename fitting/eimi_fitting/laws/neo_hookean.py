@@ -1,4 +1,7 @@
-"""Neo-Hookean: Gaussian chains, one modulus (Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5)."""
+"""The Neo-Hookean law: a network of Gaussian chains with one modulus.
+
+Source: Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class NeoHookean(InvariantLaw):
-    """psi = mu/2 (I1 - 3); the initial shear modulus is mu."""
+    """The Neo-Hookean law, psi = mu/2 (I1 - 3); its initial shear modulus is mu."""
 
     name: str = "neo-hookean"
     formula: str = "W = mu/2 (I1 - 3)"
@@ -26,29 +29,29 @@ class NeoHookean(InvariantLaw):
     coordinates: tuple[Coordinate, ...] = (Coordinate("mu", *SHEAR_MODULUS_PA),)
 
     def from_coordinates(self, x: Array) -> Array:
-        """The modulus itself."""
+        """Return the shear modulus, which is the only coordinate and the only parameter."""
         return x[:, :1]
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """mu."""
+        """Return mu."""
         return parameters[..., 0]
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """psi = mu/2 x."""
+        """Return psi = mu/2 x and its derivatives."""
         half = 0.5 * parameters[..., 0]
         zero = np.zeros_like(x)
         return half * x, half + zero, zero, zero
 
-    def drucker_limit(self, parameters: Array, most: Array) -> Array:
-        """Everywhere or nowhere."""
+    def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
+        """Return infinity for a positive modulus, zero otherwise."""
         return np.where(parameters[:, 0] > 0, np.inf, 0.0)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """The stress is linear in mu."""
+        """Fit a tensile curve by linear least squares: the stress is linear in mu."""
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """In every program."""
+        """Return the constants of the law; every program of `laws.cards.SOLVERS` has it."""
         mu = p["mu"]
         match solver:
             case "abaqus" | "calculix":
@@ -65,7 +68,7 @@ class NeoHookean(InvariantLaw):
                     "NeoHookean",
                     {"mu": mu, "lambda": bulk - 2 * mu / 3},
                     volume="-mu ln(J) + lambda/2 ln(J)^2, lambda = K - 2 mu/3",
-                    notes=["I1 is not isochoric in this law of SOFA: the same where J is 1"],
+                    notes=["SOFA uses the full invariant I1 here, not the isochoric one; both are equal at J = 1"],
                 )
             case _:
                 raise NotInSolver(f"{solver} has no neo-hookean law here")

@@ -1,16 +1,18 @@
-"""Ogden: three powers of the principal stretches (Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5).
+"""The Ogden law: three powers of the principal stretches.
 
-The in-plane stretches enter a planar energy as lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) cosh(alpha/2 arccosh c)
-with c = a/(2 J).
+Source: Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5.
 
-Stability: the Hessian of `laws.stability` is diagonal, f(ln lambda_i) with f(e) = sum of mu_p alpha_p exp(alpha_p e),
-and the restricted form only grows with each entry. Lower bounds of f on intervals therefore prove stability of whole
-cells of the triangle (tangents below the convex terms, chords below the concave ones); cells that are not proved are
-divided. An unstable pocket cannot hide between points; what remains unproved counts as unstable.
+Planar energy. With c = a/(2 J), the in-plane stretches enter as
+lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) cosh(alpha/2 arccosh c).
 
-Tensile curves: each term's share mu_p alpha_p / 2 of the initial shear modulus is kept non-negative, Hill's sufficient
-condition for stability, and the exponents stay in the ranges in which the identification searches: without both,
-three terms fitted to one curve are not unique (Ogden, Saccomandi, Sgura 2004, Comput. Mech. 34:484).
+Stability. The Hessian (defined in `laws.stability`) is diagonal with the entries f(ln lambda_i), where
+f(e) = sum over p of mu_p alpha_p exp(alpha_p e). The restricted quadratic form increases with each entry, so a lower
+bound of f on intervals proves that a whole cell of states is stable; `laws.stable_cells` does this. No unstable state
+between sampled points can be overlooked. A cell that cannot be proved stable counts as unstable.
+
+Tensile curves. Each term's share mu_p alpha_p / 2 of the initial shear modulus is kept non-negative, which is Hill's
+sufficient condition for stability. The exponents stay in the ranges of the identification. Without both restrictions
+the three terms are not unique (Ogden, Saccomandi and Sgura 2004, Comput. Mech. 34:484).
 """
 
 from __future__ import annotations
@@ -40,12 +42,13 @@ Array = NDArray[np.float64]
 
 _STARTS_EACH = 2  # starting values of each exponent of a tensile fit
 
-_SERIES_TO = 0.1  # c - 1, and
-_SERIES_PRODUCT = 2.0  # nu^2 (c - 1), up to which ten terms are enough
+# The series with ten terms is used while c - 1 and nu^2 (c - 1) are below these limits.
+_SERIES_TO = 0.1
+_SERIES_PRODUCT = 2.0
 
 
-def _terms(nu2: float, z: float) -> int:
-    """How many terms of the series reach rounding for the second derivative, at most ten."""
+def _number_of_terms(nu2: float, z: float) -> int:
+    """Return how many terms of the series the second derivative needs for full precision, at most ten."""
     z = min(z, _SERIES_TO, _SERIES_PRODUCT / nu2)
     term = 1.0
     for k in range(10):
@@ -56,21 +59,22 @@ def _terms(nu2: float, z: float) -> int:
 
 
 def _cosh_of_scaled_angle(nu: Array, c: Array) -> tuple[Array, Array, Array]:
-    """g(c) = cosh(nu arccosh c) for c >= 1 with its first two derivatives in c.
+    """Return g(c) = cosh(nu arccosh c) for c >= 1 and its first two derivatives in c.
 
-    (lambda1^alpha + lambda2^alpha) = 2 J^(alpha/2) g with nu = alpha/2 and c = a / (2 J) = cosh of the logarithm of
-    lambda1/lambda2. Near c = 1 (equal stretches) the closed forms are 0/0; g is the Chebyshev function T_nu there,
-    whose series in c - 1 has the coefficient ratio (nu^2 - k^2) / ((2k + 1)(k + 1)) (Abramowitz and Stegun 15.4.3).
+    With nu = alpha/2 and c = a/(2 J) = cosh(ln(lambda1/lambda2)), lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) g(c).
+    Near c = 1 (equal stretches) the closed forms of the derivatives are 0/0. There g is evaluated as the Chebyshev
+    function T_nu, by its series in c - 1 with the coefficient ratio (nu^2 - k^2) / ((2k + 1)(k + 1)) (Abramowitz and
+    Stegun, 15.4.3).
     """
     z = np.maximum(c - 1.0, 0.0)
     nu2 = nu * nu
-    n_terms = _terms(float(np.abs(nu2).max(initial=1.0)), float(z.max(initial=0.0)))
+    n_terms = _number_of_terms(float(np.abs(nu2).max(initial=1.0)), float(z.max(initial=0.0)))
     coefficients = [np.ones_like(nu2)]
     for k in range(n_terms):
         coefficients.append(coefficients[-1] * (nu2 - k * k) / ((2 * k + 1) * (k + 1)))
     g = np.zeros_like(z + nu2)
     g1, g2 = g.copy(), g.copy()
-    for k in range(n_terms, -1, -1):  # Horner for the value, its derivative and half the second at once, in place
+    for k in range(n_terms, -1, -1):  # Horner's scheme in place for the value, the slope and half the second derivative
         g2 *= z
         g2 += g1
         g1 *= z
@@ -93,11 +97,11 @@ def _cosh_of_scaled_angle(nu: Array, c: Array) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True)
 class Ogden:
-    """psi = sum over p = 1..3 of mu_p/alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3).
+    """The Ogden law, psi = sum over p = 1..3 of mu_p/alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3).
 
-    The initial shear modulus is half the sum of mu_p alpha_p (Holzapfel's Eq. 6.120). A term with alpha_p = 0 is
-    refused by its bounds. Ranges of the exponents do not overlap: the terms keep their names. Positive mu_p alpha_p in
-    every term is Hill's sufficient condition for stability (Hill 1970, J. Mech. Phys. Solids 18:457).
+    The initial shear modulus is half the sum of mu_p alpha_p (Holzapfel's Eq. 6.120). The bounds of the exponents
+    exclude zero. They do not overlap, so that no two terms can exchange their roles in a search. If mu_p alpha_p is
+    positive in every term, the law is stable everywhere (Hill 1970, J. Mech. Phys. Solids 18:457).
     """
 
     name: str = "ogden"
@@ -114,7 +118,7 @@ class Ogden:
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """The modulus is shared out among the terms, mu_p alpha_p = 2 mu0 share_p."""
+        """Divide the initial shear modulus mu0 among the terms: mu_p alpha_p = 2 mu0 share_p."""
         first = x[:, 1]
         shares = np.column_stack([first, (1 - first) * x[:, 2], (1 - first) * (1 - x[:, 2])])
         alpha = x[:, 3:6]
@@ -122,18 +126,18 @@ class Ogden:
         return np.stack([mu, alpha], axis=-1).reshape(len(x), 6)
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """Half the sum of mu_p alpha_p."""
+        """Return half the sum of mu_p alpha_p."""
         return 0.5 * np.sum(parameters[..., 0::2] * parameters[..., 1::2], axis=-1)
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
-        """Energy density and derivatives of a planar state; equal stretches are no special case."""
+        """Return the energy density of planar states and its derivatives, also at equal stretches."""
         over_J = 1 / J
         c = 0.5 * a * over_J
         log_J = np.log(J)
-        value, by_a, by_J, by_aa, by_aJ, by_JJ = (np.zeros_like(c) for _ in range(6))  # without their powers of J
+        value, by_a, by_J, by_aa, by_aJ, by_JJ = (np.zeros_like(c) for _ in range(6))  # powers of J follow
         for p in range(3):
             mu, alpha = parameters[..., 2 * p], parameters[..., 2 * p + 1]
-            # In-plane terms are 2 J^beta g(c), the third stretch gives J^-gamma.
+            # The in-plane stretches contribute 2 J^beta g(c), the third stretch contributes J^-gamma.
             beta, gamma = (alpha / 2, alpha) if section == "plane-stress" else (alpha / 6, alpha / 3)
             g, g1, g2 = _cosh_of_scaled_angle(alpha / 2, c)
             scale = mu / alpha
@@ -154,7 +158,7 @@ class Ogden:
         )
 
     def principal(self, parameters: Array, stretches: Array) -> tuple[Array, Array, Array]:
-        """Energy, gradient (..., 3) and Hessian (..., 3, 3) in the logarithms of the isochoric principal stretches."""
+        """Return energy, gradient and Hessian in the logarithms of the principal stretches, see `Law.principal`."""
         mu, alpha = parameters[..., None, 0::2], parameters[..., None, 1::2]
         powers = stretches[..., :, None] ** alpha
         energy = np.sum(mu / alpha * (powers - 1), axis=(-1, -2))
@@ -162,22 +166,24 @@ class Ogden:
         diagonal = np.sum(mu * alpha * powers, axis=-1)
         return energy, gradient, diagonal[..., None] * np.eye(3)
 
-    def drucker_limit(self, parameters: Array, most: Array) -> Array:
-        """Everywhere with positive mu_p alpha_p, else as far as is proved."""
+    def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
+        """Return infinity if every mu_p alpha_p is positive, else the stretch up to which stability is proved."""
         alpha = parameters[:, 1::2]
         weight = parameters[:, 0::2] * alpha
         limit = np.where(weight.sum(axis=1) > 0, np.inf, 0.0)
         doubtful = np.flatnonzero((limit > 0) & (weight < 0).any(axis=1))
         if len(doubtful):
-            limit[doubtful] = np.exp(proved_stable(weight[doubtful], alpha[doubtful], np.log(most[doubtful])))
+            limit[doubtful] = np.exp(
+                proved_stable(weight[doubtful], alpha[doubtful], np.log(largest_stretch[doubtful]))
+            )
         return limit
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """The exponents are searched, the moduli follow."""
+        """Fit a tensile curve: search the exponents, and solve linear least squares for the moduli."""
         return _least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """In every program but SOFA, which has a single term."""
+        """Return the constants of the law; SOFA has only one term, the other programs have all three."""
         values = list(p.values())
         terms = list(enumerate(zip(values[0::2], values[1::2], strict=True), 1))
         match solver:
@@ -197,10 +203,10 @@ class Ogden:
                     tags |= {f"c{i}": mu * alpha, f"m{i}": alpha}
                 return CardConstants("Ogden", tags, notes=["card: W = sum c_i/m_i^2 (...), c_i = mu_p alpha_p"])
             case "sofa":
-                there = [(mu, alpha) for _, (mu, alpha) in terms if mu != 0]
-                if len(there) != 1:
-                    raise NotInSolver(f"sofa has one ogden term, and this law {len(there)}: none can be left out")
-                (mu, alpha) = there[0]
+                nonzero = [(mu, alpha) for _, (mu, alpha) in terms if mu != 0]
+                if len(nonzero) != 1:
+                    raise NotInSolver(f"sofa has one ogden term, and this law has {len(nonzero)}: none may be dropped")
+                (mu, alpha) = nonzero[0]
                 return CardConstants(
                     "Ogden",
                     {"mu1": mu * alpha, "alpha1": alpha, "k0": bulk},
@@ -211,7 +217,7 @@ class Ogden:
 
 
 def _stress_of_terms(law: Law, exponents: Array, strain: Array) -> Array:
-    """(m, 3): engineering stress of each term for a share mu_p alpha_p / 2 of one."""
+    """Return the engineering stress (m, 3) of each term with the share mu_p alpha_p / 2 = 1."""
     parameters = np.zeros((3, 6))
     parameters[:, 1::2] = exponents
     parameters[np.arange(3), 2 * np.arange(3)] = 2 / exponents
@@ -219,8 +225,8 @@ def _stress_of_terms(law: Law, exponents: Array, strain: Array) -> Array:
 
 
 def _least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
-    """The exponents are searched from several starts; the moduli are the least-squares ones for those exponents."""
-    from scipy import optimize  # slow to load, and of no use to a beam
+    """Search the exponents from several starts, with non-negative least squares for the moduli at each step."""
+    from scipy import optimize  # imported here because it loads slowly and beam models do not need it
 
     lower = np.array([c.lower for c in law.coordinates[-3:]])
     upper = np.array([c.upper for c in law.coordinates[-3:]])
@@ -236,7 +242,7 @@ def _least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> Str
 
     scale = np.linalg.norm(target)
     fractions = (np.arange(_STARTS_EACH) + 0.5) / _STARTS_EACH
-    found = [
+    searches = [
         optimize.least_squares(
             lambda exponents: shares_of(exponents)[1] / scale,
             lower + np.array(start) * (upper - lower),
@@ -246,44 +252,47 @@ def _least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> Str
         )
         for start in product(fractions, repeat=3)
     ]
-    exponents: Array = min(found, key=lambda result: float(result.cost)).x
+    exponents: Array = min(searches, key=lambda result: float(result.cost)).x
     shares, residual = shares_of(exponents)
     if not shares.any():
         raise CannotFit("no stable ogden law has stresses of this sign")
     parameters = np.column_stack([2 * shares / exponents, exponents]).ravel()
-    return _worth(law, parameters, strain, residual, weight, np.column_stack([lower, upper]))
+    return _with_intervals(law, parameters, strain, residual, weight, np.column_stack([lower, upper]))
 
 
-def _worth(law: Law, parameters: Array, strain: Array, residual: Array, weight: Array, ranges: Array) -> StressFit:
-    """Intervals of an Ogden fit.
+def _with_intervals(
+    law: Law, parameters: Array, strain: Array, residual: Array, weight: Array, ranges: Array
+) -> StressFit:
+    """Return the fit with its 95 % intervals.
 
-    Shares and exponents of the terms that are there are linearised; the range of an exponent enters as a normal prior
-    of its variance. A term without a share leaves its exponent free; its modulus is what the data would not notice.
+    The stress is linearised in the shares and exponents of the terms with a positive share. The range of an exponent
+    enters as a normal prior of the variance of a uniform distribution. If a share is zero, the data do not determine
+    the term's exponent, and the interval of its modulus reaches up to the value that the noise would hide.
     """
     exponents = parameters[1::2]
     shares = 0.5 * parameters[0::2] * exponents
-    there = np.flatnonzero(shares > 0)
+    present = np.flatnonzero(shares > 0)
     terms = weight[:, None] * _stress_of_terms(law, exponents, strain)
-    step = 1e-5  # of an exponent, about 1
+    step = 1e-5  # small beside an exponent, which is about 1
     slopes = (
         weight[:, None]
         * shares
         * (_stress_of_terms(law, exponents + step, strain) - _stress_of_terms(law, exponents - step, strain))
         / (2 * step)
     )
-    k = len(there)
+    k = len(present)
     prior_variance = (ranges[:, 1] - ranges[:, 0]) ** 2 / 12
-    information = np.diag(np.concatenate([np.zeros(k), 1 / prior_variance[there]]))
-    covariance, t, tau = covariance_of(np.column_stack([terms[:, there], slopes[:, there]]), residual, information)
+    information = np.diag(np.concatenate([np.zeros(k), 1 / prior_variance[present]]))
+    covariance, t, tau = covariance_of(np.column_stack([terms[:, present], slopes[:, present]]), residual, information)
     spread = np.sqrt(np.diag(covariance))
     intervals = np.empty((6, 2))
     held = [True] * 6
     intervals[1::2] = ranges
-    for place, p in enumerate(there):
+    for place, p in enumerate(present):
         low, high = exponents[p] + t * spread[k + place] * np.array([-1, 1])
         intervals[2 * p + 1] = max(low, ranges[p, 0]), min(high, ranges[p, 1])
         held[2 * p + 1] = bool(low <= ranges[p, 0] and high >= ranges[p, 1])
-        # mu = 2 share / alpha, linearised.
+        # Linearise mu = 2 share / alpha.
         slope = np.zeros(2 * k)
         slope[place], slope[k + place] = 2 / exponents[p], -2 * shares[p] / exponents[p] ** 2
         half = t * np.sqrt(slope @ covariance @ slope)
@@ -291,13 +300,13 @@ def _worth(law: Law, parameters: Array, strain: Array, residual: Array, weight: 
         held[2 * p] = False
     variance_of_row = residual @ residual / max(len(residual) - 2 * k, 1)
     for p in np.flatnonzero(shares == 0):
-        unnoticed = t * np.sqrt(tau * variance_of_row / (terms[:, p] @ terms[:, p]))
-        intervals[2 * p] = np.sort([0.0, 2 * unnoticed / exponents[p]])
+        undetectable_share = t * np.sqrt(tau * variance_of_row / (terms[:, p] @ terms[:, p]))
+        intervals[2 * p] = np.sort([0.0, 2 * undetectable_share / exponents[p]])
     total = np.concatenate([np.ones(k), np.zeros(k)])
-    # From shares and exponents to moduli and exponents.
-    turn = np.zeros((6, 2 * k))
-    for place, p in enumerate(there):
-        turn[2 * p, place], turn[2 * p, k + place] = 2 / exponents[p], -2 * shares[p] / exponents[p] ** 2
-        turn[2 * p + 1, k + place] = 1.0
-    correlation = correlation_of(turn @ covariance @ turn.T)
+    # Jacobian of (moduli, exponents) in (shares, exponents).
+    jacobian = np.zeros((6, 2 * k))
+    for place, p in enumerate(present):
+        jacobian[2 * p, place], jacobian[2 * p, k + place] = 2 / exponents[p], -2 * shares[p] / exponents[p] ** 2
+        jacobian[2 * p + 1, k + place] = 1.0
+    correlation = correlation_of(jacobian @ covariance @ jacobian.T)
     return StressFit(parameters, intervals, held, float(t * np.sqrt(total @ covariance @ total)), tau, correlation)

@@ -1,12 +1,16 @@
-"""The coordinates in which the search moves: each between 0 and 1, moduli by their logarithm.
+"""Conversion from the unit cube, in which the search moves, to the parameters of a law.
 
-Every law is described by its initial shear modulus and by ratios, `Law.coordinates`: what a bending test fixes well is
-then one coordinate, and what it fixes badly is the others.
+The search moves coordinates between 0 and 1. They map to the law's coordinates (`Law.coordinates`): the initial shear
+modulus on a logarithmic scale, and dimensionless ratios on a linear scale. A bending test determines the initial shear
+modulus well and the ratios poorly, so the well-determined quantity is one coordinate.
 
-The bulk modulus is a search coordinate where asked for, as log10 of its ratio to the initial shear modulus. Bending in
-plane strain sees E / (1 - nu^2) = 4 mu (3 K + mu) / (3 K + 4 mu) above all: a quarter of that, which is mu for an
-incompressible material, is then the first coordinate. Above a ratio of a hundred hardly anything else depends on K: the
-interval reaches the upper bound.
+The bulk modulus K can be added as a last coordinate, log10(K/mu) with the initial shear modulus mu. The bending
+stiffness in plane strain is governed by
+
+    E / (1 - nu^2) = 4 mu (3 K + mu) / (3 K + 4 mu).
+
+A quarter of it then replaces mu as the first coordinate; it equals mu for an incompressible material. Above K/mu = 100
+the shapes hardly depend on K, and the interval of K/mu reaches the upper bound.
 """
 
 from __future__ import annotations
@@ -20,16 +24,23 @@ from eimi_fitting.laws.law import Law
 
 Array = NDArray[np.float64]
 
-BULK_NAME, BULK_DECADES = "log10 K/mu", (0.5, 4.0)  # of bulk over shear modulus: 4 is what incompressible means here
+BULK_NAME, BULK_DECADES = "log10 K/mu", (0.5, 4.0)  # a ratio of 10^4 counts as incompressible
 STIFFNESS_NAME = "a quarter of E/(1-nu^2)"
 
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """Bounds of the physical search coordinates of one law; the first is the initial shear modulus (Pa).
+    """The search coordinates of one law and their bounds; `search_space` creates it.
 
-    Where ``with_bulk`` has put the bulk modulus last, the first is a quarter of the plane-strain modulus.
-    `search_space` makes one.
+    Parameters
+    ----------
+    law
+        The law.
+    names
+        Names of the m physical coordinates. The first one is the initial shear modulus (Pa). If the last one is the
+        bulk modulus, the first one is a quarter of the plane-strain modulus (Pa).
+    lower, upper
+        Bounds of the physical coordinates.
     """
 
     law: Law
@@ -39,31 +50,31 @@ class SearchSpace:
 
     @property
     def has_bulk(self) -> bool:
-        """Whether the bulk modulus is one of the coordinates."""
+        """Return whether the bulk modulus is a coordinate."""
         return self.names[-1] == BULK_NAME
 
     def with_bulk(self) -> SearchSpace:
-        """The same space with the bulk modulus as its last coordinate."""
+        """Return this search space with the bulk modulus as an additional last coordinate."""
         low, high = BULK_DECADES
         names = (STIFFNESS_NAME, *self.names[1:], BULK_NAME)
         return replace(self, names=names, lower=(*self.lower, low), upper=(*self.upper, high))
 
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
-        """(P, n) in 0..1 -> (P,); None where it is not a coordinate."""
+        """Return the bulk moduli (P,) in Pa at points (P, m) of the unit cube; None if K is not a coordinate."""
         if not self.has_bulk:
             return None
         x = self.physical(unit)
         return np.asarray(self._shear_modulus(x) * 10.0 ** x[:, -1])
 
     def _shear_modulus(self, x: Array) -> Array:
-        """(P,) of physical coordinates (P, n)."""
+        """Return the initial shear moduli (P,) in Pa of physical coordinates (P, m)."""
         if not self.has_bulk:
             return x[:, 0]
         three = 3 * 10.0 ** x[:, -1]  # 3 K / mu
         return np.asarray(x[:, 0] * (three + 4) / (three + 1))
 
     def physical(self, unit: Array) -> Array:
-        """(P, n) in 0..1 -> (P, n) physical coordinates."""
+        """Convert points (P, m) of the unit cube into physical coordinates (P, m)."""
         unit = np.atleast_2d(unit)
         lower, upper = np.array(self.lower), np.array(self.upper)
         x = lower + unit * (upper - lower)
@@ -71,23 +82,24 @@ class SearchSpace:
         return x
 
     def parameters(self, unit: Array) -> Array:
-        """(P, n) in 0..1 -> the law's own parameters (P, n_parameters)."""
+        """Convert points (P, m) of the unit cube into parameters (P, n) of the law."""
         x = self.physical(unit)
-        own = len(self.law.coordinates)
-        return self.law.from_coordinates(np.column_stack([self._shear_modulus(x), x[:, 1:own]]))
+        coordinates_of_law = len(self.law.coordinates)
+        return self.law.from_coordinates(np.column_stack([self._shear_modulus(x), x[:, 1:coordinates_of_law]]))
 
 
 def search_space(law: Law) -> SearchSpace:
-    """The space in which a law is searched.
+    """Return the search space of a law, without the bulk modulus.
 
     Parameters
     ----------
     law
-        One of `LAWS`, or any other.
+        One of `LAWS`, or any other law.
 
     Returns
     -------
-    Its coordinates with their bounds; `SearchSpace.with_bulk` adds the bulk modulus.
+    SearchSpace
+        The law's coordinates with their bounds; `SearchSpace.with_bulk` adds the bulk modulus.
 
     Examples
     --------

@@ -1,4 +1,9 @@
-"""How far an energy whose Hessian is diagonal is proved stable: bounds over cells of Drucker's triangle."""
+"""Proof of Drucker stability over cells of the triangle of states, for an energy with a diagonal Hessian.
+
+`laws.stability` defines the criterion and the triangle. For an energy such as Ogden's, the Hessian in the logarithmic
+stretches e_i is diagonal with the entries f(e_i), where f(e) = sum over p of weight_p exp(alpha_p e). A lower bound of
+f on an interval therefore proves that every state of a cell is stable.
+"""
 
 from __future__ import annotations
 
@@ -7,34 +12,47 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_ROWS, _COLUMNS = 8, 12  # cells of the triangle to begin with
-_SPLITS = 16  # of a cell, at most: the limit is then found within 4e-6 in its logarithm
+_ROWS, _COLUMNS = 8, 12  # number of cells before the first division
+_SPLITS = 16  # largest number of divisions of a cell; the logarithm of the limit is then accurate to 4e-6
 _MOST_CELLS = 100_000
 
 
-def proved_stable(weight: Array, alpha: Array, most: Array) -> Array:
-    """(P, 3), (P, 3), (P,) -> (P,): logarithm of the stretch up to which every cell of the triangle is proved stable.
+def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
+    """Return the logarithm of the stretch up to which every cell of the triangle is proved stable.
 
-    A state is (l, l s, -l (1 + s)) with the largest stretch l and s from -1/2 (uniaxial tension) over 0 (planar) to 1
-    (equibiaxial); cells are intervals of both, split into four until they are proved or no longer matter.
+    The logarithmic stretches of a state are (l, l s, -l (1 + s)). Here l is the largest one, and s runs from -1/2
+    (uniaxial tension) through 0 (planar tension) to 1 (equibiaxial tension). A cell is an interval of l times an
+    interval of s. A cell is divided into four until it is proved stable or lies above a state known to be unstable.
+
+    Parameters
+    ----------
+    weight, alpha
+        (P, 3) weights and exponents of f for P candidates.
+    log_stretch
+        (P,) logarithm of the largest stretch to examine.
+
+    Returns
+    -------
+    Array
+        (P,) logarithms of the stretches, at log_stretch ``log_stretch``.
     """
-    p = len(most)
+    p = len(log_stretch)
     owner = np.repeat(np.arange(p), _ROWS * _COLUMNS)
-    row = np.tile(np.repeat(np.arange(_ROWS), _COLUMNS), p) / _ROWS * most[owner]
+    row = np.tile(np.repeat(np.arange(_ROWS), _COLUMNS), p) / _ROWS * log_stretch[owner]
     share = np.tile(np.arange(_COLUMNS), p * _ROWS) * (1.5 / _COLUMNS) - 0.5
-    height, width = most / _ROWS, 1.5 / _COLUMNS
-    refuted = most.copy()
+    height, width = log_stretch / _ROWS, 1.5 / _COLUMNS
+    refuted = log_stretch.copy()
     for _ in range(_SPLITS):
         w, a = weight[owner], alpha[owner]
         start, end, left, right = row, row + height[owner], share, share + width
-        proved = _definite(
-            _least(w, a, start, end),
-            _least(w, a, np.minimum(start * left, end * left), np.maximum(start * right, end * right)),
-            _least(w, a, -end * (1 + right), -start * (1 + left)),
+        proved = _is_positive_definite(
+            _lower_bound(w, a, start, end),
+            _lower_bound(w, a, np.minimum(start * left, end * left), np.maximum(start * right, end * right)),
+            _lower_bound(w, a, -end * (1 + right), -start * (1 + left)),
         )
         middle, s = 0.5 * (start + end), 0.5 * (left + right)
         points = (middle, middle * s, -middle * (1 + s))
-        unstable = ~_definite(*((w * np.exp(a * e[:, None])).sum(axis=1) for e in points))
+        unstable = ~_is_positive_definite(*((w * np.exp(a * e[:, None])).sum(axis=1) for e in points))
         np.minimum.at(refuted, owner[unstable], middle[unstable])
         open_cells = np.flatnonzero(~proved & (row < refuted[owner]))
         if not len(open_cells) or len(open_cells) > _MOST_CELLS:
@@ -44,15 +62,16 @@ def proved_stable(weight: Array, alpha: Array, most: Array) -> Array:
         row = (row[open_cells] + np.array([[0], [0], [1], [1]]) * height[owner[: len(open_cells)]]).ravel()
         share = (share[open_cells] + np.array([[0], [1], [0], [1]]) * width).ravel()
         open_cells = np.arange(len(owner))
-    low = most.copy()
-    np.minimum.at(low, owner[open_cells], row[open_cells])
-    return low
+    limit = log_stretch.copy()
+    np.minimum.at(limit, owner[open_cells], row[open_cells])
+    return limit
 
 
-def _least(weight: Array, alpha: Array, start: Array, end: Array) -> Array:
-    """Lower bound of the sum of weight exp(alpha e) over e from start to end: (n, 3) and (n,) -> (n,).
+def _lower_bound(weight: Array, alpha: Array, start: Array, end: Array) -> Array:
+    """Return a lower bound (n,) of f(e) = sum of weight exp(alpha e) for e between start and end.
 
-    Tangents below the convex terms and chords below the concave ones add up to a line, which is least at an end.
+    A tangent lies below each convex term and a chord below each concave term. Their sum is a straight line, which has
+    its minimum at one end of the interval.
     """
     start, end = start[..., None], end[..., None]
     first, last = weight * np.exp(alpha * start), weight * np.exp(alpha * end)
@@ -65,6 +84,6 @@ def _least(weight: Array, alpha: Array, start: Array, end: Array) -> Array:
     return np.asarray(np.maximum(line, np.minimum(first, last).sum(axis=-1)))
 
 
-def _definite(a: Array, b: Array, c: Array) -> NDArray[np.bool_]:
-    """Whether diag(a, b, c) is positive definite on the increments whose sum is zero."""
+def _is_positive_definite(a: Array, b: Array, c: Array) -> NDArray[np.bool_]:
+    """Return whether diag(a, b, c) is positive definite on the increments whose sum is zero."""
     return np.asarray((a + b + c > 0) & (a * b + b * c + c * a > 0))

@@ -1,16 +1,16 @@
-"""A law that is a sum of terms, each with one coefficient: what a discovery chooses among.
+"""A law that is a sum of terms with one coefficient each; `eimi_fitting.discovery` selects the terms.
 
-Terms, with x = I1 - 3 and y = I2 - 3 of the isochoric invariants:
+Terms, with x = I1 - 3 and y = I2 - 3 of the isochoric invariants and the principal stretches l1, l2, l3:
 
-i1, i2           mu/2 x and mu/2 y (Mooney 1940, J. Appl. Phys. 11:582)
-i1^2, i1^3       C x^2 and C x^3, of the generalised Mooney-Rivlin series (Rivlin and Saunders 1951, Phil. Trans. A
-                 243:251); no stiffness at rest
-gent=Jm          -mu Jm/2 ln(1 - x/Jm) (Gent 1996, Rubber Chem. Technol. 69:59)
-fung=b           mu/(2b) (exp(b x) - 1) (after Fung 1967, Am. J. Physiol. 213:1532)
-ogden=alpha      2 mu/alpha^2 (l1^alpha + l2^alpha + l3^alpha - 3) (Ogden 1972, Proc. R. Soc. A 326:565)
+    i1, i2           mu/2 x and mu/2 y (Mooney 1940, J. Appl. Phys. 11:582)
+    i1^2, i1^3       C x^2 and C x^3 of the generalised Mooney-Rivlin series (Rivlin and Saunders 1951, Phil. Trans. A
+                     243:251); they have no stiffness at rest
+    gent=Jm          -mu Jm/2 ln(1 - x/Jm) (Gent 1996, Rubber Chem. Technol. 69:59)
+    fung=b           mu/(2b) (exp(b x) - 1) (after Fung 1967, Am. J. Physiol. 213:1532)
+    ogden=alpha      2 mu/alpha^2 (l1^alpha + l2^alpha + l3^alpha - 3) (Ogden 1972, Proc. R. Soc. A 326:565)
 
-mu is the term's share of the initial shear modulus. Jm, b and alpha are numbers of the term and no unknowns: the law is
-linear in all its parameters. With non-negative coefficients every term, and so the sum, is stable.
+The coefficient mu is the term's share of the initial shear modulus. Jm, b and alpha are fixed numbers, so the law is
+linear in all its parameters. If no coefficient is negative, every term is stable, and so is the sum.
 """
 
 from __future__ import annotations
@@ -39,16 +39,23 @@ from eimi_fitting.laws.tensile import linear_least_squares
 
 Array = NDArray[np.float64]
 
-_PLAIN = {"i1": "I1 - 3", "i2": "I2 - 3", "i1^2": "(I1 - 3)^2", "i1^3": "(I1 - 3)^3"}
-_AT_REST_NOTHING = ("i1^2", "i1^3")
-_NUMBERS = {"gent": "Jm", "fung": "b", "ogden": "alpha"}
-_BEYOND = 1e-9  # of room that a Gent term leaves beyond its last stretch: a huge stress, and no NaN
-_IDLE = (2.0, 2.0)  # Ogden terms that are not there: zero modulus, some exponent
+_TERMS_WITHOUT_NUMBER = {"i1": "I1 - 3", "i2": "I2 - 3", "i1^2": "(I1 - 3)^2", "i1^3": "(I1 - 3)^3"}
+_WITHOUT_MODULUS = ("i1^2", "i1^3")
+_NAME_OF_NUMBER = {"gent": "Jm", "fung": "b", "ogden": "alpha"}
+_SMALLEST_ROOM = 1e-9  # lower limit of Jm - x in a Gent term: beyond it the stress is huge but finite
+_UNUSED_EXPONENT = 2.0  # exponent of an Ogden term with zero modulus; any non-zero number would do
 
 
 @dataclass(frozen=True)
 class Term:
-    """kind: of the list above; number: of gent, fung and ogden.
+    """One term of the energy.
+
+    Parameters
+    ----------
+    kind
+        ``"i1"``, ``"i2"``, ``"i1^2"``, ``"i1^3"``, ``"gent"``, ``"fung"`` or ``"ogden"``.
+    number
+        Jm of a Gent term, b of a Fung term or alpha of an Ogden term; None for the other kinds.
 
     Examples
     --------
@@ -62,28 +69,39 @@ class Term:
     number: float | None = None
 
     @staticmethod
-    def of(words: str) -> Term:
-        """From its name. Raises ValueError that says what would be right."""
-        kind, _, number = words.strip().lower().partition("=")
-        if kind in _PLAIN and not number:
+    def of(name: str) -> Term:
+        """Create a term from its name.
+
+        Parameters
+        ----------
+        name
+            Such as ``"i1^2"`` or ``"gent=20"``.
+
+        Raises
+        ------
+        ValueError
+            If no such term exists; the message lists the possible names.
+        """
+        kind, _, number = name.strip().lower().partition("=")
+        if kind in _TERMS_WITHOUT_NUMBER and not number:
             return Term(kind)
         try:
             value = float(number)
         except ValueError:
             value = float("nan")
-        if kind not in _NUMBERS or not np.isfinite(value) or value == 0 or (value < 0 and kind != "ogden"):
-            known = [*_PLAIN, *(f"{own}={of}" for own, of in _NUMBERS.items())]
-            raise ValueError(f"{words}: should be one of {', '.join(known)}, with Jm and b above 0, alpha not 0")
+        if kind not in _NAME_OF_NUMBER or not np.isfinite(value) or value == 0 or (value < 0 and kind != "ogden"):
+            possible = [*_TERMS_WITHOUT_NUMBER, *(f"{kind}={symbol}" for kind, symbol in _NAME_OF_NUMBER.items())]
+            raise ValueError(f"{name}: should be one of {', '.join(possible)}, with Jm and b above 0, alpha not 0")
         return Term(kind, value)
 
     @property
     def name(self) -> str:
-        """As `of` reads it."""
+        """The name from which `of` creates the term."""
         return self.kind if self.number is None else f"{self.kind}={self.number:g}"
 
     @property
     def formula(self) -> str:
-        """For people."""
+        """The energy of the term as text."""
         match self.kind:
             case "gent":
                 return f"-mu {self.number:g}/2 ln(1 - (I1 - 3)/{self.number:g})"
@@ -92,30 +110,30 @@ class Term:
             case "ogden":
                 return f"2 mu/({self.number:g})^2 (sum of l^{self.number:g} - 3)"
             case _ if self.has_modulus:
-                return f"mu/2 ({_PLAIN[self.kind]})"
+                return f"mu/2 ({_TERMS_WITHOUT_NUMBER[self.kind]})"
             case _:
-                return f"C {_PLAIN[self.kind]}"
+                return f"C {_TERMS_WITHOUT_NUMBER[self.kind]}"
 
     @property
     def has_modulus(self) -> bool:
-        """Whether its coefficient is a share of the initial shear modulus."""
-        return self.kind not in _AT_REST_NOTHING
+        """Whether the coefficient is a share of the initial shear modulus."""
+        return self.kind not in _WITHOUT_MODULUS
 
     @property
     def largest_x(self) -> float:
-        """I1 - 3 must stay below."""
+        """The value of I1 - 3 at which the stress becomes infinite; infinity if the term has no such limit."""
         return float(self.number) if self.kind == "gent" and self.number else np.inf
 
 
 @dataclass(frozen=True)
 class _Invariants(InvariantEnergy):
-    """The terms in the invariants, coefficients of all terms in; the others count as nothing."""
+    """The sum of the terms that are functions of the invariants; Ogden terms contribute nothing here."""
 
     terms: tuple[Term, ...]
     needs_second = True
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Energy and derivatives."""
+        """Return the energy and its derivatives, see `InvariantEnergy.coefficients`."""
         energy, w1, w2, w11 = (np.zeros(np.broadcast_shapes(np.shape(x), parameters.shape[:-1])) for _ in range(4))
         for i, term in enumerate(self.terms):
             c, number = parameters[..., i], term.number or 1.0
@@ -129,7 +147,7 @@ class _Invariants(InvariantEnergy):
                 case "i1^3":
                     energy, w1, w11 = energy + c * x**3, w1 + 3 * c * x**2, w11 + 6 * c * x
                 case "gent":
-                    room = np.maximum(number - x, _BEYOND)
+                    room = np.maximum(number - x, _SMALLEST_ROOM)
                     energy = energy - 0.5 * c * number * np.log(room / number)
                     w1, w11 = w1 + 0.5 * c * number / room, w11 + 0.5 * c * number / room**2
                 case "fung":
@@ -141,7 +159,12 @@ class _Invariants(InvariantEnergy):
 
 @dataclass(frozen=True)
 class SumOfTerms:
-    """The sum; parameters are the terms' coefficients in Pa, in their order.
+    """A law whose energy is a sum of terms.
+
+    Parameters
+    ----------
+    terms
+        The terms. The law's parameters are their coefficients (Pa), in the same order.
 
     Examples
     --------
@@ -156,32 +179,32 @@ class SumOfTerms:
 
     @staticmethod
     def of(*names: str) -> SumOfTerms:
-        """By the terms' names. Raises ValueError."""
+        """Create the law from the names of its terms; `Term.of` raises ValueError for an unknown name."""
         return SumOfTerms(tuple(Term.of(name) for name in names))
 
     @property
     def name(self) -> str:
-        """The terms' names."""
+        """The names of the terms, joined by plus signs."""
         return " + ".join(term.name for term in self.terms)
 
     @property
     def formula(self) -> str:
-        """In a line."""
+        """The strain energy as one line of text."""
         return "W = " + " + ".join(term.formula for term in self.terms)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """One a term."""
+        """One name for each term."""
         return tuple(f"{'mu' if term.has_modulus else 'C'} of {term.name}" for term in self.terms)
 
     @property
     def units(self) -> tuple[str, ...]:
-        """All Pa."""
+        """The unit Pa for each parameter."""
         return ("Pa",) * len(self.terms)
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """The modulus, and what each further term has of it; a term without modulus has C instead."""
+        """The initial shear modulus mu0 (Pa), then mu/mu0 or C/mu0 of every term but the first one with a modulus."""
         further = tuple(Coordinate(f"{term.name} over the modulus", 0.0, 1.0) for term in self._others)
         return (Coordinate("initial shear modulus", *SHEAR_MODULUS_PA), *further)
 
@@ -194,7 +217,7 @@ class SumOfTerms:
         return [term for i, term in enumerate(self.terms) if i != self._first]
 
     def from_coordinates(self, x: Array) -> Array:
-        """The first term with a modulus has what the others leave of it."""
+        """Convert coordinates into parameters; the first term with a modulus takes the remainder of mu0."""
         shares = np.insert(x[:, 1:], self._first, 0.0, axis=1)
         shares[:, self._first] = 1 - shares @ self._has_modulus
         return np.asarray(x[:, :1] * shares)
@@ -204,7 +227,7 @@ class SumOfTerms:
         return np.array([float(term.has_modulus) for term in self.terms])
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """The sum of the shares."""
+        """Return the sum of the coefficients mu."""
         return np.asarray(parameters @ self._has_modulus)
 
     @cached_property
@@ -216,42 +239,45 @@ class SumOfTerms:
         return [i for i, term in enumerate(self.terms) if term.kind == "ogden"]
 
     def _ogden_parameters(self, parameters: Array) -> list[Array]:
-        """(..., 6) each, for as many laws of three terms as hold all; mu_p = 2 mu/alpha."""
-        found = []
+        """Return the parameters (..., 6) of Ogden laws of three terms that together hold all Ogden terms.
+
+        The coefficient mu of a term becomes Ogden's mu_p = 2 mu/alpha.
+        """
+        laws = []
         for first in range(0, len(self._ogden), 3):
-            own = np.zeros((*parameters.shape[:-1], 6))
-            own[..., 1::2] = _IDLE[0]
+            three_terms = np.zeros((*parameters.shape[:-1], 6))
+            three_terms[..., 1::2] = _UNUSED_EXPONENT
             for place, i in enumerate(self._ogden[first : first + 3]):
                 alpha = cast(float, self.terms[i].number)
-                own[..., 2 * place], own[..., 2 * place + 1] = 2 * parameters[..., i] / alpha, alpha
-            found.append(own)
-        return found
+                three_terms[..., 2 * place], three_terms[..., 2 * place + 1] = 2 * parameters[..., i] / alpha, alpha
+            laws.append(three_terms)
+        return laws
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
-        """Energy density and derivatives of a planar state."""
+        """Return the energy density of planar states and its derivatives, see `Law.planar`."""
         parts = [self._invariants.planar(parameters, a, J, section)]
-        parts += [Ogden().planar(own, a, J, section) for own in self._ogden_parameters(parameters)]
+        parts += [Ogden().planar(three_terms, a, J, section) for three_terms in self._ogden_parameters(parameters)]
         return PlanarEnergy(*(np.asarray(sum(of)) for of in zip(*parts, strict=True)))
 
     def principal(self, parameters: Array, stretches: Array) -> tuple[Array, Array, Array]:
-        """Energy, gradient (..., 3) and Hessian (..., 3, 3) in the logarithms of the isochoric principal stretches."""
+        """Return energy, gradient and Hessian in the logarithms of the principal stretches, see `Law.principal`."""
         parts = [self._invariants.principal(parameters, stretches)]
-        parts += [Ogden().principal(own, stretches) for own in self._ogden_parameters(parameters)]
+        parts += [Ogden().principal(three_terms, stretches) for three_terms in self._ogden_parameters(parameters)]
         energy, gradient, hessian = (np.asarray(sum(of)) for of in zip(*parts, strict=True))
         return energy, gradient, hessian
 
-    def drucker_limit(self, parameters: Array, most: Array) -> Array:
-        """Without a limit where no coefficient is negative, else `scanned_limit`; zero without stiffness at rest."""
+    def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
+        """Return infinity if no coefficient is negative, else `laws.stability.scanned_limit`."""
         stable = (parameters >= 0).all(axis=1) & (self.initial_shear_modulus(parameters) > 0)
         limit = np.full(len(parameters), np.inf)
         if not stable.all():
-            limit[~stable] = scanned_limit(self, parameters[~stable], most[~stable])
+            limit[~stable] = scanned_limit(self, parameters[~stable], largest_stretch[~stable])
         return limit
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """The stress is linear in all coefficients."""
+        """Fit a tensile curve by linear least squares: the stress is linear in all coefficients."""
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Refused: no program has such a sum."""
+        """Raise NotInSolver: no program offers such a sum."""
         raise NotInSolver(f"{solver} has no {self.name} law here")

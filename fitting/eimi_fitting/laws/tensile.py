@@ -1,14 +1,19 @@
-"""The conventional route: a law fitted to a uniaxial tensile test by least squares on the engineering stress.
+"""The conventional identification: a least-squares fit of a law to a uniaxial tensile test.
 
-In incompressible uniaxial tension the logarithmic strains are (h, -h/2, -h/2), so the engineering stress is
-dW/dlambda = (g1 - (g2 + g3) / 2) / lambda, with g the gradient of the energy in the logarithmic stretches.
+Stress. In incompressible uniaxial tension with the stretch lambda, the logarithmic strains are (h, -h/2, -h/2) with
+h = ln(lambda). The engineering stress is therefore
 
-All laws are linear in their moduli. One that is linear in every parameter is a linear least-squares problem, without
-constraints. For any other the modulus is the least-squares one for the ratios, and the ratios are searched from several
-starts within the bounds in which the identification searches.
+    s = dW/dlambda = (g1 - (g2 + g3)/2) / lambda,
 
-Intervals come from the linearised covariance. Residuals of a tensile curve are mostly the law's misfit and so
-correlated along the curve: n rows count as n / tau, as in `eimi_fitting.correlation`.
+where g is the gradient of the energy W in the logarithmic stretches.
+
+Fit. The stress of every law is linear in its moduli. If it is linear in every parameter, the fit is a linear
+least-squares problem without constraints. For any other law the ratios (`Law.coordinates`) are searched from several
+starts within their bounds, and the modulus is the least-squares one for the ratios.
+
+Intervals. They come from the linearised covariance. The residuals of a tensile curve are mostly the misfit of the law
+and are correlated along the curve, so n rows carry the information of n/tau independent rows
+(`eimi_fitting.correlation`).
 """
 
 from __future__ import annotations
@@ -28,17 +33,38 @@ from eimi_fitting.laws.stability import stable_up_to
 Array = NDArray[np.float64]
 
 _STARTS_EACH = 2  # starting values of each ratio
-_STEP = 1e-5  # of a coordinate, as a share of its range: half the digits of the modulus are left
+_STEP = 1e-5  # step of a central difference, relative to the range of the coordinate
 
 
 @dataclass(frozen=True)
 class TensileFit:
-    """A law fitted to one window of a tensile curve, stresses and moduli in Pa.
+    """A law fitted to one window of a tensile curve.
 
-    parameters: (n,) and intervals: (n, 2) in the law's own order; rmse_Pa: of the engineering stress over the rows
-    used; max_strain: largest engineering strain among them; correlation_rows: tau; correlation: (n, n) of the
-    parameters' errors; not_fixed: parameters whose interval holds zero or is that of the search; stable_to: largest
-    stretch up to which the law is stable (None: no limit met).
+    Parameters
+    ----------
+    law
+        The law.
+    parameters
+        (n,) fitted parameters in the law's order, moduli in Pa.
+    intervals
+        (n, 2) ends of their 95 % intervals.
+    initial_shear_modulus_Pa, initial_shear_modulus_interval_Pa
+        Initial shear modulus and its 95 % interval.
+    rmse_Pa
+        Root mean square error of the engineering stress over the rows used.
+    rows, rows_left_out
+        Number of rows used, and of rows in the window that were left out.
+    max_strain
+        Largest engineering strain among the rows used.
+    correlation_rows
+        tau, the number of correlated rows that carry as much information as one independent row.
+    correlation
+        (n, n) correlation matrix of the parameters' errors.
+    not_fixed
+        Names of the parameters that the data do not determine: the interval contains zero, or the bounds of the search
+        limit it.
+    stable_to
+        Largest stretch up to which the fitted law is stable; None if no limit was met (`laws.stability.stable_up_to`).
     """
 
     law: Law
@@ -57,20 +83,21 @@ class TensileFit:
 
 
 def engineering_stress(law: Law, parameters: Array, strain: Array) -> Array:
-    """Engineering stress of an incompressible law in uniaxial tension.
+    """Return the engineering stress of an incompressible law in uniaxial tension.
 
     Parameters
     ----------
     law
-        One of `LAWS`, or any other.
+        One of `LAWS`, or any other law.
     parameters
-        (..., n), one candidate or many.
+        (..., n) parameters of one candidate or of many.
     strain
         (m,) engineering strains above -1.
 
     Returns
     -------
-    (..., m) stresses in the unit of the moduli.
+    Array
+        (..., m) engineering stresses, in the unit of the moduli.
 
     Examples
     --------
@@ -97,22 +124,23 @@ def fit_tensile(
     Parameters
     ----------
     law
-        One of `LAWS`, or any other.
+        One of `LAWS`, or any other law.
     strain, stress_Pa
         (m,) engineering strains, and engineering stresses in Pa.
     largest_strain
-        Rows beyond it are not looked at.
+        End of the window: rows with a larger strain are ignored.
     relative
-        Divide each residual by its measured stress, and leave out rows without a positive stress.
+        Divide each residual by the measured stress, and leave out rows whose stress is not positive.
 
     Returns
     -------
-    Parameters in Pa with their 95 % intervals, and what the fit is worth.
+    TensileFit
+        Parameters in Pa with their 95 % intervals, the misfit and the stability.
 
     Raises
     ------
     CannotFit
-        There are no more rows than parameters, or the law cannot have such stresses.
+        If the window has no more rows than the law has parameters, or if the law cannot produce such stresses.
 
     Examples
     --------
@@ -155,13 +183,13 @@ def fit_tensile(
 
 
 def linear_least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
-    """`Law.fit_stress` of a law that is linear in all its parameters: without bounds or constraints."""
+    """Fit a law whose stress is linear in all its parameters, without bounds; see `Law.fit_stress`."""
     columns = _columns(law, strain, weight)
     size = np.linalg.norm(columns, axis=0)
     parameters = np.linalg.lstsq(columns / size, weight * stress, rcond=None)[0] / size
     covariance, t, tau = covariance_of(columns, columns @ parameters - weight * stress)
     half = t * np.sqrt(np.diag(covariance))
-    # The initial shear modulus is linear in the parameters too.
+    # The initial shear modulus is also linear in the parameters.
     slope = law.initial_shear_modulus(np.eye(len(parameters)))
     return StressFit(
         parameters,
@@ -174,15 +202,16 @@ def linear_least_squares(law: Law, strain: Array, stress: Array, weight: Array) 
 
 
 def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
-    """`Law.fit_stress` of any law: its modulus by linear least squares, its other coordinates within their bounds.
+    """Fit any law: its modulus by linear least squares, its other coordinates by a search; see `Law.fit_stress`.
 
-    In the intervals the range of a coordinate enters as a normal prior of its variance. A number without a unit goes
-    from one end of its coordinates' intervals to the other, no further than their bounds.
+    For the intervals, the range of a coordinate enters as a normal prior with the variance of a uniform distribution.
+    The interval of a dimensionless parameter holds its values at the ends of the coordinates' intervals, which are cut
+    off at the bounds.
     """
-    from scipy import optimize  # slow to load, and of no use to a beam
+    from scipy import optimize  # imported here because it loads slowly and beam models do not need it
 
-    ratios = law.coordinates[1:]
-    lower, upper = np.array([c.lower for c in ratios]), np.array([c.upper for c in ratios])
+    bounded = law.coordinates[1:]
+    lower, upper = np.array([c.lower for c in bounded]), np.array([c.upper for c in bounded])
     target = weight * stress
     if not target.any():
         raise CannotFit("every stress is zero")
@@ -190,82 +219,99 @@ def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array)
     def curve(x: Array) -> Array:
         return weight * engineering_stress(law, law.from_coordinates(x[None]), strain)[0]
 
-    def modulus_of(at: Array) -> tuple[float, Array]:
-        unit = curve(np.concatenate([[1.0], at]))
+    def modulus_and_residual(ratios: Array) -> tuple[float, Array]:
+        unit = curve(np.concatenate([[1.0], ratios]))
         modulus = max(float(unit @ target / (unit @ unit)), 0.0)
         return modulus, modulus * unit - target
 
     fractions = (np.arange(_STARTS_EACH) + 0.5) / _STARTS_EACH
-    found = [
+    searches = [
         optimize.least_squares(
-            lambda at: modulus_of(at)[1] / np.linalg.norm(target),
+            lambda ratios: modulus_and_residual(ratios)[1] / np.linalg.norm(target),
             lower + np.array(start) * (upper - lower),
             bounds=(lower, upper),
             x_scale=upper - lower,
             max_nfev=100,
         )
-        for start in product(fractions, repeat=len(ratios))
+        for start in product(fractions, repeat=len(bounded))
     ]
-    best: Array = min(found, key=lambda result: float(result.cost)).x
-    modulus, residual = modulus_of(best)
+    best: Array = min(searches, key=lambda result: float(result.cost)).x
+    modulus, residual = modulus_and_residual(best)
     if modulus == 0.0:
         raise CannotFit(f"no {law.name} law within the bounds of the search has stresses of this sign")
-    return _bounded_worth(law, np.concatenate([[modulus], best]), curve, residual, lower, upper)
+    return _with_intervals(law, np.concatenate([[modulus], best]), curve, residual, lower, upper)
 
 
-def _bounded_worth(
+def _with_intervals(
     law: Law, x: Array, curve: Callable[[Array], Array], residual: Array, lower: Array, upper: Array
 ) -> StressFit:
-    """Intervals about coordinates (m,), from the covariance of coordinates turned into that of parameters."""
+    """Return the fit at the coordinates x (m,) with its 95 % intervals, from the covariance of the coordinates."""
 
-    def parameters_at(at: Array) -> Array:
-        return law.from_coordinates(at[None])[0]
+    def parameters_at(coordinates: Array) -> Array:
+        return law.from_coordinates(coordinates[None])[0]
 
-    # Differences within the bounds: beyond them the law may not exist.
+    # Central differences stay within the bounds, because the law may not exist beyond them.
     step = _STEP * np.concatenate([x[:1], upper - lower])
     centre = np.concatenate([x[:1], np.clip(x[1:], lower + step[1:], upper - step[1:])])
     pairs = [(centre + row, centre - row) for row in np.diag(step)]
     jacobian = np.column_stack([(curve(up) - curve(down)) / (2 * s) for (up, down), s in zip(pairs, step, strict=True)])
-    turn = np.column_stack(
+    to_parameters = np.column_stack(  # Jacobian of the parameters in the coordinates
         [(parameters_at(up) - parameters_at(down)) / (2 * s) for (up, down), s in zip(pairs, step, strict=True)]
     )
     information = np.diag(np.concatenate([[0.0], 12 / (upper - lower) ** 2]))
     covariance, t, tau = covariance_of(jacobian, residual, information)
     half_x = t * np.sqrt(np.diag(covariance))
     loose = np.concatenate([[False], (x[1:] - half_x[1:] <= lower) & (x[1:] + half_x[1:] >= upper)])
-    parameters, own = parameters_at(x), turn @ covariance @ turn.T
-    half = t * np.sqrt(np.diag(own))
+    parameters, covariance_of_parameters = parameters_at(x), to_parameters @ covariance @ to_parameters.T
+    half = t * np.sqrt(np.diag(covariance_of_parameters))
     ends = zip(np.maximum((x - half_x)[1:], lower), np.minimum((x + half_x)[1:], upper), strict=True)
     corners = law.from_coordinates(np.array([[x[0], *corner] for corner in product(*ends)]))
-    plain = np.array([unit == "1" for unit in law.units])
-    low = np.where(plain, corners.min(axis=0), parameters - half)
-    high = np.where(plain, corners.max(axis=0), parameters + half)
-    from_bounds = turn[:, loose] ** 2 @ np.diag(covariance)[loose]  # variance that only the bounds limit
+    dimensionless = np.array([unit == "1" for unit in law.units])
+    low = np.where(dimensionless, corners.min(axis=0), parameters - half)
+    high = np.where(dimensionless, corners.max(axis=0), parameters + half)
+    # Part of each parameter's variance that comes from coordinates limited by their bounds alone.
+    from_bounds = to_parameters[:, loose] ** 2 @ np.diag(covariance)[loose]
     return StressFit(
         parameters=parameters,
         intervals=np.column_stack([low, high]),
-        held_by_bounds=[bool(held) for held in from_bounds > 0.5 * np.diag(own)],
+        held_by_bounds=[bool(held) for held in from_bounds > 0.5 * np.diag(covariance_of_parameters)],
         modulus_half_width=float(half_x[0]),
         correlation_rows=tau,
-        correlation=correlation_of(own),
+        correlation=correlation_of(covariance_of_parameters),
     )
 
 
 def _columns(law: Law, strain: Array, weight: Array) -> Array:
-    """(m, n): weighted engineering stress for a unit of each parameter of a law that is linear in all of them."""
+    """Return the weighted engineering stress (m, n) for a unit value of each parameter of a linear law."""
     return weight[:, None] * engineering_stress(law, np.eye(len(law.parameter_names)), strain).T
 
 
 def covariance_of(jacobian: Array, residual: Array, information: Array | None = None) -> tuple[Array, float, float]:
-    """Covariance (n, n), the t factor of a 95 % interval, and tau, from weighted (m, n) and (m,).
+    """Return the covariance of least-squares parameters with correlated residuals.
 
-    ``information`` (n, n) is what is known of the parameters beside the data.
+    With the Jacobian J, the residual r, the variance s² = r·r/(m - n) and the prior information P, the covariance is
+    (JᵀJ/(tau s²) + P)⁻¹.
+
+    Parameters
+    ----------
+    jacobian
+        (m, n) weighted derivatives of the residuals in the parameters.
+    residual
+        (m,) weighted residuals at the optimum.
+    information
+        (n, n) inverse covariance of prior knowledge of the parameters; None without prior knowledge.
+
+    Returns
+    -------
+    covariance, t, tau
+        The covariance (n, n), the factor of Student's t for a 95 % interval with m/tau - n degrees of freedom, and the
+        correlation length tau in rows.
     """
     tau = correlation_length(residual[None], np.ones((1, len(residual))))
     n = jacobian.shape[1]
     freedom = max(len(residual) / tau - n, 1.0)
     variance = max(float(residual @ residual) / max(len(residual) - n, 1), np.finfo(float).tiny)
-    # Columns of unit length: a Yeoh fit's differ by ten orders of magnitude.
+    # Scale the columns to unit length: those of a Yeoh fit differ by ten orders of magnitude.
     size = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian / size
     normal = scaled.T @ scaled / (tau * variance)
@@ -276,9 +322,9 @@ def covariance_of(jacobian: Array, residual: Array, information: Array | None = 
 
 
 def correlation_of(covariance: Array) -> Array:
-    """(n, n) of a covariance (n, n); a parameter without a variance is correlated with itself alone."""
+    """Return the correlation matrix of a covariance matrix (n, n); without a variance, correlations are zero."""
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    known = np.where(spread > 0, spread, 1.0)
-    correlation = covariance / np.outer(known, known)
+    divisor = np.where(spread > 0, spread, 1.0)
+    correlation = covariance / np.outer(divisor, divisor)
     np.fill_diagonal(correlation, 1.0)
     return np.asarray(correlation)

@@ -1,10 +1,16 @@
-"""Yeoh: a cubic in the first invariant (Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5).
+"""The Yeoh law: a cubic polynomial in the first invariant.
 
-Stability is exact. With q_i = lambda_i^2 and q1 q2 q3 = 1 the determinant of the restricted Hessian of
-`laws.stability` is, up to a positive factor, W' (W' I2 + W'' (I1 I2 - 9)): a negative W'' makes it fall with I2 at a
-given I1. I1 and I2 are convex in the logarithmic stretches, and no state of a given I1 has a larger I2, or a smaller
-largest stretch, than the equibiaxial one. So stability is lost in equibiaxial tension first, and what is left is the
-smallest root of a polynomial in one unknown.
+Source: Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5.
+
+The stability limit is exact. Let q_i = lambda_i^2 with q1 q2 q3 = 1. The determinant of the restricted Hessian (defined
+in `laws.stability`) is, up to a positive factor,
+
+    D = W' (W' I2 + W'' (I1 I2 - 9)),
+
+where a prime is the derivative in I1. If W'' is negative, D decreases with I2 at a fixed I1. I1 and I2 are convex
+functions of the logarithmic stretches. Among all states of equal I1, the equibiaxial one has the largest I2 and the
+smallest largest stretch. Stability is therefore lost first in equibiaxial tension, and the limit is the smallest root
+of a polynomial in one unknown.
 """
 
 from __future__ import annotations
@@ -26,9 +32,10 @@ Array = NDArray[np.float64]
 
 
 def _stiffness() -> Array:
-    """(10, 3): coefficients in s = q - 1 of W' I2 + W'' (I1 I2 - 9), times q^5, in equibiaxial tension.
+    """Return the polynomial q^5 (W' I2 + W'' (I1 I2 - 9)) in equibiaxial tension.
 
-    There I1 - 3 = X/q^2 with X = 2 q^3 - 3 q^2 + 1, I2 = (q^3 + 2)/q and I1 I2 - 9 = 2 (q^3 - 1)^2/q^3.
+    In equibiaxial tension I1 - 3 = X/q^2 with X = 2 q^3 - 3 q^2 + 1, I2 = (q^3 + 2)/q and
+    I1 I2 - 9 = 2 (q^3 - 1)^2/q^3. The result (10, 3) holds the coefficients in s = q - 1 for each parameter.
     """
     q = Polynomial([1.0, 1.0])
     x = 2 * q**3 - 3 * q**2 + 1
@@ -46,7 +53,7 @@ _STIFFNESS = _stiffness()
 
 @dataclass(frozen=True)
 class Yeoh(InvariantLaw):
-    """psi = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3; the initial shear modulus is 2 C10."""
+    """The Yeoh law, psi = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3; its initial shear modulus is 2 C10."""
 
     name: str = "yeoh"
     formula: str = "W = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3"
@@ -59,15 +66,15 @@ class Yeoh(InvariantLaw):
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """C10 and its ratios."""
+        """Return C10, and C20 and C30 as multiples of C10."""
         return 0.5 * x[:, :1] * np.column_stack([np.ones(len(x)), x[:, 1], x[:, 2]])
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """2 C10."""
+        """Return 2 C10."""
         return 2 * parameters[..., 0]
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """psi = C10 x + C20 x^2 + C30 x^3."""
+        """Return psi = C10 x + C20 x^2 + C30 x^3 and its derivatives."""
         c10, c20, c30 = parameters[..., 0], parameters[..., 1], parameters[..., 2]
         return (
             x * (c10 + x * (c20 + x * c30)),
@@ -76,19 +83,19 @@ class Yeoh(InvariantLaw):
             2 * c20 + 6 * x * c30,
         )
 
-    def drucker_limit(self, parameters: Array, most: Array) -> Array:
-        """In equibiaxial tension the stress falls."""
+    def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
+        """Return the stretch at which the stress in equibiaxial tension reaches its maximum."""
         limit = np.full(len(parameters), np.inf)
         doubtful = (parameters[:, 1:] < 0).any(axis=1)
         limit[doubtful] = np.sqrt(1 + smallest_positive_root(parameters[doubtful] @ _STIFFNESS.T))
         return np.where(parameters[:, 0] > 0, limit, 0.0)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """The stress is linear in all three."""
+        """Fit a tensile curve by linear least squares: the stress is linear in all three parameters."""
         return linear_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """In every program but SOFA."""
+        """Return the constants of the law; every program of `laws.cards.SOLVERS` but SOFA has it."""
         c10, c20, c30 = p["C10"], p["C20"], p["C30"]
         match solver:
             case "abaqus" | "calculix":
@@ -101,15 +108,15 @@ class Yeoh(InvariantLaw):
                     "", {"c1": c10, "c2": c20, "c3": c30}, meaning={"c1": "C10", "c2": "C20", "c3": "C30"}
                 )
             case "febio":
-                # FEBio's own Yeoh material leaves the factor i out of the stress of c_i (I1 - 3)^i.
+                # FEBio's own Yeoh material omits the factor i in the stress of c_i (I1 - 3)^i.
                 powers = (f"({plain_number(c)})*(I1-3)^{i}" for i, c in enumerate((c10, c20, c30), 1))
                 note = "the stress of FEBio's own Yeoh material is not the derivative of its energy"
                 return CardConstants(
                     "uncoupled hyperelastic",
                     {"W": " + ".join(powers)},
-                    notes=[f"as an energy expression: {note}"],
+                    notes=[f"written as an energy expression, because {note}"],
                 )
             case "sofa":
-                raise NotInSolver("sofa has no yeoh law; neo-hookean, mooney-rivlin and one-term ogden are there")
+                raise NotInSolver("sofa has no yeoh law; it has neo-hookean, mooney-rivlin and one-term ogden")
             case _:
                 raise NotInSolver(f"{solver} has no yeoh law here")

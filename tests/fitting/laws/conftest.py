@@ -1,4 +1,4 @@
-"""Every law that the tests of this room ask of: a test with the argument ``row`` runs once for each row of ROWS."""
+"""The laws under test: a test with the argument ``row`` runs once for each row of ROWS."""
 
 from __future__ import annotations
 
@@ -15,12 +15,25 @@ from examples.arruda_boyce import ArrudaBoyce
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A law and what the tests must know of it.
+    """A law and the values that its tests need.
 
-    energy: parameters in MPa, far from linear; silicone: in Pa, every constant there and stable everywhere; candidates:
-    parameters of any sign; recovered: how near a tensile fit comes to parameters whose curve it is given, None where
-    only the curve is to be had; refused: programs without the law; volume_pressure: of the cards of Abaqus and
-    CalculiX, from the bulk modulus and J.
+    Parameters
+    ----------
+    law
+        The law under test.
+    energy
+        Parameters in MPa for which the stress is far from linear.
+    silicone
+        Parameters in Pa, all of them non-zero, for which the law is stable everywhere.
+    candidates
+        Hypothesis strategy for parameters of any sign.
+    recovered
+        Relative tolerance to which a tensile fit recovers parameters from their own curve; None if the fit recovers
+        only the curve.
+    refused
+        Programs without the law.
+    volume_pressure
+        Pressure as a function of the bulk modulus and J, from the volume term of the cards of Abaqus and CalculiX.
     """
 
     law: Law
@@ -60,7 +73,7 @@ ROWS = [
         energy=[0.03, 1.7, 0.001, 8.0, -0.01, -2.5],
         silicone=[20e3, 1.7, 300.0, 5.0, -6e3, -2.0],
         candidates=st.tuples(coefficient, exponent, coefficient, exponent, coefficient, exponent),
-        recovered=None,  # its terms are hardly to be told apart
+        recovered=None,  # a curve does not distinguish the terms
         refused=("sofa",),
     ),
     Row(
@@ -68,7 +81,7 @@ ROWS = [
         energy=[0.02, 0.002, 0.006, 0.01, 0.004, 0.003],
         silicone=[20e3, 2e3, 6e3, 10e3, 4e3, 3e3],
         candidates=st.tuples(*[coefficient] * 6),
-        recovered=1e-4,  # six terms of one curve are much alike
+        recovered=1e-4,  # the stresses of the six terms are nearly linearly dependent
         refused=SOLVERS,
     ),
     Row(

@@ -1,4 +1,4 @@
-"""The walk of CONTRIBUTING.md: a law from outside the package is registered, and everything takes it."""
+"""A law from outside the package is registered as CONTRIBUTING.md describes, and every part of the suite accepts it."""
 
 from __future__ import annotations
 
@@ -48,14 +48,14 @@ def test_a_beam_and_a_tensile_curve_are_fitted_together(law: ArrudaBoyce) -> Non
     print(fit.parameters, fit.initial_shear_modulus.value, (low, high))
     assert fit.initial_shear_modulus.value == pytest.approx(modulus, rel=0.01)
     assert low < fit.initial_shear_modulus.value < high
-    assert [found.value for found in fit.parameters.values()] == pytest.approx(TRUTH, rel=0.02)
+    assert [estimate.value for estimate in fit.parameters.values()] == pytest.approx(TRUTH, rel=0.02)
     assert fit.error_mm.mean() == pytest.approx(NOISE_MM, rel=0.3)
     assert fit.stable_to is None
 
 
-def test_a_virtual_specimen_can_be_made_of_it_and_cards_are_written(law: ArrudaBoyce) -> None:
-    made_of = TrueMaterial(model=law.name, parameters={"mu_Pa": 40e3, "lambda_m": 2.5})
-    assert made_of.values == (40e3, 2.5)
+def test_a_virtual_specimen_and_material_cards_accept_the_new_law(law: ArrudaBoyce) -> None:
+    true_material = TrueMaterial(model=law.name, parameters={"mu_Pa": 40e3, "lambda_m": 2.5})
+    assert true_material.values == (40e3, 2.5)
     material = Material(law, TRUTH, 1e8, "S", ())
     card = material_card("abaqus", material)
     assert "*HYPERELASTIC, ARRUDA-BOYCE\n0.04, 2.5, 0.02\n" in card
@@ -66,7 +66,7 @@ def test_a_virtual_specimen_can_be_made_of_it_and_cards_are_written(law: ArrudaB
 
 
 @pytest.mark.parametrize("truth", [[40e3, 2.5], [40e3, 6.0]])
-def test_intervals_of_a_tensile_fit_hold_the_truth(law: ArrudaBoyce, truth: list[float]) -> None:
+def test_intervals_of_a_tensile_fit_contain_the_truth(law: ArrudaBoyce, truth: list[float]) -> None:
     strain, rng = np.linspace(0.02, 1.0, 60), np.random.default_rng(1)
     clean, modulus = engineering_stress(law, np.array(truth), strain), float(law.initial_shear_modulus(np.array(truth)))
     inside = np.zeros(2)
@@ -75,10 +75,10 @@ def test_intervals_of_a_tensile_fit_hold_the_truth(law: ArrudaBoyce, truth: list
         low, high = fit.initial_shear_modulus_interval_Pa
         inside += low <= modulus <= high, fit.intervals[1, 0] <= truth[1] <= fit.intervals[1, 1]
     print(truth, inside)
-    assert np.all(inside >= 35)  # 38 on the average
+    assert np.all(inside >= 35)  # 38 of 40 are expected
 
 
-def test_a_tensile_curve_that_it_cannot_follow_is_refused(law: ArrudaBoyce) -> None:
+def test_a_tensile_curve_with_stresses_that_the_law_cannot_produce_is_refused(law: ArrudaBoyce) -> None:
     strain = np.linspace(0.1, 1.0, 10)
     with pytest.raises(CannotFit, match="no arruda-boyce law within the bounds of the search has stresses of this"):
         fit_tensile(law, strain, -1e4 * strain)
@@ -87,8 +87,8 @@ def test_a_tensile_curve_that_it_cannot_follow_is_refused(law: ArrudaBoyce) -> N
             fit_tensile(nonlinear, strain, 0.0 * strain)
 
 
-def test_a_parameter_that_only_the_bounds_hold_is_said_to_be_not_fixed(law: ArrudaBoyce) -> None:
-    # Chains far from locking are Gaussian: a short curve does not tell where they would lock.
+def test_a_parameter_limited_only_by_the_bounds_is_reported_as_not_fixed(law: ArrudaBoyce) -> None:
+    # Chains far from locking are Gaussian, so a short curve does not determine the locking stretch.
     strain = np.linspace(0.02, 0.2, 30)
     noise = np.random.default_rng(0).normal(0, 500.0, 30)
     fit = fit_tensile(law, strain, engineering_stress(law, np.array([40e3, 9.0]), strain) + noise)
@@ -96,7 +96,7 @@ def test_a_parameter_that_only_the_bounds_hold_is_said_to_be_not_fixed(law: Arru
     assert fit.intervals[1] == pytest.approx([0.7**-0.5, 10.0])
 
 
-def test_its_initial_modulus_is_the_published_series(law: ArrudaBoyce) -> None:
+def test_the_initial_modulus_equals_the_published_series(law: ArrudaBoyce) -> None:
     # Abaqus Analysis User's Guide, Arruda-Boyce form.
     locking = 1.7
     series = 1 + 3 / (5 * locking**2) + 99 / (175 * locking**4) + 513 / (875 * locking**6)

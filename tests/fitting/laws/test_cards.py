@@ -1,4 +1,4 @@
-"""Material cards: exact conversions, refusals, and CalculiX itself as the judge of its card."""
+"""Material cards: exact conversions, refusals, and runs of CalculiX with the cards written for it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from eimi_fitting.laws.cards import SOLVERS, Material, NotInSolver, material_car
 from eimi_fitting.laws.tensile import engineering_stress
 from tests.patience import PATIENCE_S
 
-PARAMETERS = {  # Pa; of the size of a soft silicone, every constant there
+PARAMETERS = {  # Pa; typical of a soft silicone, no constant is zero
     "neo-hookean": [46e3],
     "mooney-rivlin": [20e3, 4e3],
     "yeoh": [19.5e3, 3e3, 400.0],
@@ -46,7 +46,7 @@ def numbers(lines: list[str]) -> list[float]:
 
 
 def keyword_constants(card: str) -> list[float]:
-    """The constants below *HYPERELASTIC."""
+    """Return the constants below *HYPERELASTIC."""
     return numbers(card.partition("*HYPERELASTIC")[2].splitlines()[1:])
 
 
@@ -65,11 +65,11 @@ UNIT_CUBE = """*NODE, NSET=ALL
 2, 3, 6, 7
 """
 STRETCHES = np.array([1.2, 1.5, 2.0])
-HELD = {1: (1, 4, 5, 8), 2: (1, 2, 5, 6), 3: (1, 2, 3, 4)}  # axis: nodes of the face that may only slide
+HELD = {1: (1, 4, 5, 8), 2: (1, 2, 5, 6), 3: (1, 2, 3, 4)}  # axis: nodes of the face that is fixed along the axis
 
 
 def calculix_reactions(folder: Path, chosen: Material) -> np.ndarray:
-    """Force in MPa mm² that pulls a cube of 1 mm to the stretches."""
+    """Run CalculiX and return the forces (MPa mm²) that pull a cube of 1 mm to STRETCHES."""
     held = "".join(f"{node}, {axis}\n" for axis, face in HELD.items() for node in face)
     steps = "".join(
         "*STEP, NLGEOM, INC=1000\n*STATIC\n0.05, 1.0, 1e-5, 0.1\n*BOUNDARY\n"
@@ -88,7 +88,7 @@ def calculix_reactions(folder: Path, chosen: Material) -> np.ndarray:
 
 
 @NEEDS_CCX
-def test_calculix_pulls_as_the_incompressible_law_does(tmp_path: Path, row) -> None:
+def test_calculix_reproduces_the_stress_of_the_incompressible_law(tmp_path: Path, row) -> None:
     if "calculix" in row.refused:
         pytest.skip("has no such law")
     chosen = card_of(row.law, row.silicone, ratio=1e4)
@@ -110,7 +110,7 @@ def test_calculix_has_the_volume_term_that_the_card_states(tmp_path: Path, row) 
 
 
 def compressible_force(chosen: Material, pressure: Callable[[float, float], float], stretch: float) -> float:
-    """Uniaxial engineering stress in Pa with the pressure of the card's volume term, the sides being free."""
+    """Return the uniaxial engineering stress (Pa) with free sides and the pressure of the card's volume term."""
 
     def kirchhoff(side: float) -> np.ndarray:
         stretches = np.array([stretch, side, side])
@@ -126,7 +126,7 @@ def test_abaqus_constants() -> None:
     mu, c = 46e-3, 2 / (2000 * 46e-3)
     assert keyword_constants(material_card("abaqus", material("neo-hookean"))) == pytest.approx([mu / 2, c])
     card = material_card("abaqus", material("ogden"))
-    # W = sum 2 mu_i/alpha_i^2 (...): its initial shear modulus is the sum of mu_i.
+    # Abaqus writes W = sum 2 mu_i/alpha_i^2 (...), so the initial shear modulus is the sum of mu_i.
     values = keyword_constants(card)
     assert "*HYPERELASTIC, OGDEN, N=3" in card
     assert values[:6] == pytest.approx([17e-3, 1.7, 0.75e-3, 5.0, 6e-3, -2.0])
@@ -177,7 +177,7 @@ def test_sofa_constants_and_refusals() -> None:
     assert parameters(material("mooney-rivlin")) == pytest.approx([20e-3, 4e-3, 96])
     one_term = material("ogden", [20e3, 1.7, 0.0, 5.0, -0.0, -2.0])
     assert parameters(one_term) == pytest.approx([34e-3, 1.7, 34])
-    with pytest.raises(NotInSolver, match="sofa has one ogden term, and this law 3"):
+    with pytest.raises(NotInSolver, match="sofa has one ogden term, and this law has 3"):
         material_card("sofa", material("ogden"))
     with pytest.raises(NotInSolver, match="sofa has no yeoh law"):
         material_card("sofa", material("yeoh"))
@@ -186,19 +186,19 @@ def test_sofa_constants_and_refusals() -> None:
 @pytest.mark.parametrize("solver", SOLVERS)
 @settings(max_examples=25)
 @given(mu=st.floats(1e2, 1e7), ratio=st.floats(2, 1e5))
-def test_every_card_says_what_it_is_and_keeps_nine_digits(solver: str, mu: float, ratio: float) -> None:
+def test_every_card_names_its_law_and_units_and_keeps_nine_digits(solver: str, mu: float, ratio: float) -> None:
     chosen = Material(LAWS["neo-hookean"], np.array([mu]), ratio * mu, "S", ("from a -- b", "line\nbreak"))
     card = material_card(solver, chosen)
     for words in ("neo-hookean", "mu/2 (I1 - 3)", "units: ", "bulk modulus", "chosen for this card", "line break"):
         assert words in card
     if solver in ("febio", "sofa"):
         ET.fromstring(card)
-    found = [float(x) for x in re.findall(r"(?<![\w.])[0-9]+(?:\.[0-9]+)?(?:e[-+]?[0-9]+)?", card)]
-    assert min(abs(np.array(found) / (mu * 1e-6) - 1)) < 1e-9
+    numbers_in_card = [float(x) for x in re.findall(r"(?<![\w.])[0-9]+(?:\.[0-9]+)?(?:e[-+]?[0-9]+)?", card)]
+    assert min(abs(np.array(numbers_in_card) / (mu * 1e-6) - 1)) < 1e-9
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_a_program_has_the_law_in_full_or_it_is_refused_by_name(solver: str, row) -> None:
+def test_a_program_gets_the_complete_law_or_the_refusal_names_the_program(solver: str, row) -> None:
     chosen = card_of(row.law, row.silicone)
     if solver in row.refused:
         with pytest.raises(NotInSolver, match=solver):
@@ -215,7 +215,7 @@ def test_a_program_has_the_law_in_full_or_it_is_refused_by_name(solver: str, row
         assert eval(energy.replace("^", "**"), {"I1": first}) == pytest.approx(1e-6 * expected, rel=1e-8)
 
 
-def test_a_program_that_a_law_has_never_heard_of_is_refused(row) -> None:
+def test_a_program_unknown_to_the_law_is_refused(row) -> None:
     with pytest.raises(NotInSolver, match=re.escape(f"elmer has no {row.law.name} law here")):
         row.law.card("elmer", dict(zip(row.law.parameter_names, row.silicone, strict=True)), 1e8)
 

@@ -1,4 +1,4 @@
-"""Derivatives, limits and equivalences of the laws."""
+"""Energies of the laws: derivatives, limits, and equivalences between laws."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SECTIONS = get_args(Section)
 
 
 def random_parameters(row, seed: int) -> np.ndarray:
-    """An example with every parameter moved by up to a half."""
+    """Return the row's parameters, each multiplied by a random factor between 0.5 and 1.5."""
     example = np.array(row.energy)
     return example * np.random.default_rng(seed).uniform(0.5, 1.5, example.shape)
 
@@ -28,7 +28,7 @@ def test_derivatives_match_central_differences(row, section, stretch, J, seed):
     law, parameters = row.law, random_parameters(row, seed)
     a = np.array(stretch**2 + (J / stretch) ** 2)
     J = np.array(J)
-    a = np.maximum(a, 2 * J * (1 + 1e-3))  # a >= 2 J for real stretches; leave room for the differences
+    a = np.maximum(a, 2 * J * (1 + 1e-3))  # real stretches need a >= 2 J, also in the central differences
     h = 1e-5
 
     def energy(da, dJ):
@@ -47,7 +47,7 @@ def test_derivatives_match_central_differences(row, section, stretch, J, seed):
 
 
 @pytest.mark.parametrize("section", SECTIONS)
-def test_reference_is_free_of_energy_and_stress(row, section):
+def test_energy_and_stress_vanish_at_rest(row, section):
     law, parameters = row.law, np.array(row.energy)
     e = law.planar(parameters, np.array(2.0), np.array(1.0), section)
     assert e.value == pytest.approx(0, abs=1e-15)
@@ -89,7 +89,7 @@ def test_ogden_is_smooth_through_equal_stretches(excess):
     parameters = OGDEN
     e = law.planar(parameters, np.array(2 * (1 + excess)), np.array(1.0), "plane-strain")
     assert all(np.isfinite(x).all() for x in e)
-    # Against the energy written in the stretches themselves.
+    # Compare with the energy as a function of the stretches.
     c = 1 + excess
     l1 = np.sqrt(c + np.sqrt(c * c - 1))
     direct = sum(m / al * (l1**al + l1**-al + 1 - 3) for m, al in zip(parameters[0::2], parameters[1::2], strict=True))
@@ -108,7 +108,7 @@ def test_principal_form_agrees_with_the_planar_one(row, log_stretch, seed):
 
 @settings(max_examples=30)
 @given(logs=st.tuples(st.floats(-0.6, 0.6), st.floats(-0.6, 0.6)), seed=st.integers(0, 10**6))
-def test_principal_derivatives_match_central_differences_and_no_stretch_is_special(row, logs, seed):
+def test_principal_derivatives_match_central_differences_and_are_symmetric_in_the_stretches(row, logs, seed):
     law, parameters = row.law, random_parameters(row, seed)
     logs = np.array([*logs, -sum(logs)])
     energy, gradient, hessian = law.principal(parameters, np.exp(logs))

@@ -1,4 +1,4 @@
-"""What the docstrings of the laws show is what happens."""
+"""The examples in the docstrings of the laws give the results that they show."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A law of one's own that bends in the first invariant and has the second: its derivatives, in every section."""
+"""A user's law that is nonlinear in I1 and linear in I2: planar derivatives in both sections."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from eimi_fitting.laws.law import Coordinate
 
 @dataclass(frozen=True)
 class Both(InvariantLaw):
-    """W = a x + b x² + c y with x = I1 - 3 and y = I2 - 3."""
+    """The law W = a x + b x² + c y with x = I1 - 3 and y = I2 - 3."""
 
     name: str = "both"
     formula: str = "W = a (I1 - 3) + b (I1 - 3)^2 + c (I2 - 3)"
@@ -42,7 +42,7 @@ def test_planar_derivatives_match_central_differences(section):
         return law.planar(parameters, a + da * h, J + dj * h, section)
 
     here = at(0, 0)
-    for found, up, down in (
+    for derivative, up, down in (
         (here.a, at(1, 0)[0], at(-1, 0)[0]),
         (here.J, at(0, 1)[0], at(0, -1)[0]),
         (here.aa, at(1, 0).a, at(-1, 0).a),
@@ -50,4 +50,4 @@ def test_planar_derivatives_match_central_differences(section):
         (here.aJ, at(1, 0).J, at(-1, 0).J),
         (here.JJ, at(0, 1).J, at(0, -1).J),
     ):
-        assert found == pytest.approx((up - down) / (2 * h), rel=1e-6, abs=1e-8)
+        assert derivative == pytest.approx((up - down) / (2 * h), rel=1e-6, abs=1e-8)

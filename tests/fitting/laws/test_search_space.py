@@ -1,4 +1,4 @@
-"""From the unit cube to parameters."""
+"""Conversion of points of the unit cube into parameters of a law."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def test_search_space_covers_its_bounds_and_keeps_the_modulus(row):
     unit = rng.uniform(size=(200, len(space.names)))
     parameters = space.parameters(unit)
     assert parameters.shape == (200, len(law.parameter_names))
-    # The first coordinate is the initial shear modulus, whatever the others are.
+    # The first coordinate is the initial shear modulus for any values of the others.
     assert law.initial_shear_modulus(parameters) == pytest.approx(space.physical(unit)[:, 0], rel=1e-12)
     corners = space.physical(np.array([np.zeros(len(space.names)), np.ones(len(space.names))]))
     assert corners[0] == pytest.approx(space.lower)
@@ -29,7 +29,7 @@ def test_moduli_are_in_proportion_to_the_first_coordinate(row):
     assert twice == pytest.approx(factor * law.from_coordinates(x), rel=1e-12)
 
 
-def test_a_freed_bulk_modulus_keeps_the_stiffness_in_bending(row):
+def test_the_bulk_modulus_coordinate_leaves_the_bending_stiffness_unchanged(row):
     space = search_space(row.law).with_bulk()
     unit = np.random.default_rng(2).uniform(size=(50, len(space.names)))
     mu, bulk = row.law.initial_shear_modulus(space.parameters(unit)), space.bulk_modulus_Pa(unit)

@@ -1,4 +1,4 @@
-"""Drucker's criterion on laws whose limits are known by hand, and against a dense grid of all isochoric states."""
+"""Drucker's criterion, compared with limits derived by hand and with a dense grid of isochoric states."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ BASIS = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, -2.0]]) / np.sqrt([[2.0], [6.0]])
 
 
 def definite(law: Law, parameters: np.ndarray, log_stretches: np.ndarray) -> np.ndarray:
-    """Straight from the definition: parameters (n,) at states (..., 3) -> (...)."""
+    """Return whether the restricted Hessian is positive definite at states (..., 3), by its eigenvalues."""
     _, _, hessian = law.principal(parameters, np.exp(log_stretches))
     projected = np.einsum("ai,...ij,bj->...ab", BASIS, hessian, BASIS)
     return np.linalg.eigvalsh(projected)[..., 0] > 0
 
 
 def grid_limit(law: Law, parameters: np.ndarray, most: float) -> tuple[float, float]:
-    """Last stretch of a grid of states below which all are stable, and the next one (infinite behind the last)."""
+    """Return the last stretch of a grid up to which all states are stable, and the first one with an unstable state."""
     largest = np.linspace(0, np.log(most), GRID)[:, None]
     share = np.linspace(-0.5, 1, SHARES)
     states = np.stack(np.broadcast_arrays(largest, largest * share, -largest * (1 + share)), axis=-1)
@@ -35,7 +35,7 @@ def grid_limit(law: Law, parameters: np.ndarray, most: float) -> tuple[float, fl
 
 @settings(max_examples=40)
 @given(data=st.data())
-def test_the_limit_is_the_one_of_a_dense_grid(row, data):
+def test_the_limit_agrees_with_a_dense_grid(row, data):
     law, parameters = row.law, np.array(data.draw(row.candidates))
     most = 4.0
     limit = stable_stretch(law, parameters, np.array([most]))[0]
@@ -43,15 +43,15 @@ def test_the_limit_is_the_one_of_a_dense_grid(row, data):
         assert limit == 0.0
         return
     last_stable, first_unstable = grid_limit(law, parameters, most)
-    # Never beyond a state that is not stable. Short of the grid's own limit only where the grid nearly misses a pocket:
-    # there the smallest eigenvalue must be all but zero.
+    # The limit never lies beyond an unstable state. It may lie below the grid's limit only if the grid overlooks a
+    # narrow unstable range. The smallest eigenvalue is then nearly zero.
     assert limit <= first_unstable * (1 + 1e-9)
     if limit < last_stable * (1 - 1e-5):
         assert smallest_stiffness_near(law, parameters, limit) < 1e-3
 
 
 def smallest_stiffness_near(law: Law, parameters: np.ndarray, limit: float) -> float:
-    """Smallest eigenvalue over the largest one, over states whose largest stretch is the limit or 1 % beyond."""
+    """Return the smallest ratio of eigenvalues among states whose largest stretch is at most 1 % beyond the limit."""
     largest = np.log(max(limit, 1.0)) + np.linspace(0, 0.01, 40)[:, None]
     share = np.linspace(-0.5, 1, 4001)
     states = np.stack(np.broadcast_arrays(largest, largest * share, -largest * (1 + share)), axis=-1)
@@ -62,8 +62,8 @@ def smallest_stiffness_near(law: Law, parameters: np.ndarray, limit: float) -> f
 
 @settings(max_examples=100)
 @given(ratio=st.floats(0.02, 0.98))
-def test_mooney_rivlin_with_negative_c01_ends_where_equibiaxial_stress_falls(ratio):
-    # C10 (q^3 + 2) = -C01 (2 q^4 + q), q the squared stretch.
+def test_mooney_rivlin_with_negative_c01_is_stable_up_to_the_maximum_equibiaxial_stress(ratio):
+    # At the limit C10 (q^3 + 2) = -C01 (2 q^4 + q) with the squared stretch q.
     limit = stable_stretch(LAWS["mooney-rivlin"], np.array([1e4, -ratio * 1e4]), np.array([50.0]))[0]
     q = limit**2
     assert (q**3 + 2) / (2 * q**4 + q) == pytest.approx(ratio, rel=1e-9)
@@ -71,13 +71,13 @@ def test_mooney_rivlin_with_negative_c01_ends_where_equibiaxial_stress_falls(rat
 
 @settings(max_examples=100)
 @given(ratio=st.floats(0.02, 0.98))
-def test_mooney_rivlin_with_negative_c10_ends_where_equal_stretches_part(ratio):
-    # A square sheet under equal forces ceases to stay square where C10 + C01 / stretch^4 = 0.
+def test_mooney_rivlin_with_negative_c10_is_stable_up_to_the_bifurcation_of_equal_stretches(ratio):
+    # A square sheet under equal forces stays square until C10 + C01 / stretch^4 = 0.
     limit = stable_stretch(LAWS["mooney-rivlin"], np.array([-ratio * 1e4, 1e4]), np.array([50.0]))[0]
     assert limit == pytest.approx(ratio**-0.25, rel=1e-12)
 
 
-def test_yeoh_with_negative_c20_ends_where_the_equibiaxial_stress_is_largest():
+def test_yeoh_with_negative_c20_is_stable_up_to_the_maximum_equibiaxial_stress():
     c10, c20 = 1e4, -2e3
     limit = stable_up_to(LAWS["yeoh"], np.array([c10, c20, 0.0]))
 
@@ -95,9 +95,9 @@ def test_yeoh_with_negative_c20_ends_where_the_equibiaxial_stress_is_largest():
 
 
 def narrow_pocket() -> tuple[np.ndarray, float]:
-    """Yeoh whose equibiaxial stress falls for a moment only: C30 just too small to lift it."""
+    """Return Yeoh parameters whose equibiaxial stress falls over a very narrow range of stretches, and its start."""
     law, c20 = LAWS["yeoh"], -0.1
-    stiff, soft = 0.1, 0.001  # C30 that is enough, and that is not
+    stiff, soft = 0.1, 0.001  # C30 that makes the law stable everywhere, and C30 that does not
     for _ in range(40):
         c30 = 0.5 * (stiff + soft)
         if stable_up_to(law, np.array([1.0, c20, c30])) is None:
@@ -110,7 +110,7 @@ def narrow_pocket() -> tuple[np.ndarray, float]:
     return parameters, limit
 
 
-def test_a_pocket_between_the_points_of_a_grid_is_found():
+def test_an_unstable_range_between_the_points_of_a_grid_is_found():
     parameters, limit = narrow_pocket()
     law = LAWS["yeoh"]
 
@@ -126,8 +126,8 @@ def test_a_pocket_between_the_points_of_a_grid_is_found():
     assert np.log(limit) == pytest.approx(np.log(limit) + np.linspace(0, 0.01, 2001)[np.argmax(unstable)], abs=1e-5)
 
 
-def test_ogden_finds_a_narrow_pocket_too_and_its_limit_is_safe():
-    # f(e) = exp(2 e) + exp(-2 e) - c exp(e): too large a c makes a range of states unstable, the less the smaller.
+def test_a_narrow_unstable_range_of_ogden_is_found_and_every_state_below_the_limit_is_stable():
+    # f(e) = exp(2 e) + exp(-2 e) - c exp(e): above a critical c, a range of states is unstable; it grows with c.
     law, most = LAWS["ogden"], np.array([3.0])
 
     def parameters(c):
@@ -141,15 +141,15 @@ def test_ogden_finds_a_narrow_pocket_too_and_its_limit_is_safe():
         else:
             harmless = c
     for excess in (1e-1, 1e-3, 1e-5):
-        given = parameters(harmful * (1 + excess))
-        limit = stable_stretch(law, given, most)[0]
+        unstable_law = parameters(harmful * (1 + excess))
+        limit = stable_stretch(law, unstable_law, most)[0]
         assert 1.0 < limit < 3.0
         rng = np.random.default_rng(0)
         largest, share = np.log(limit) * rng.uniform(0, 1, 20000), rng.uniform(-0.5, 1, 20000)
-        assert definite(law, given, np.stack([largest, largest * share, -largest * (1 + share)], axis=-1)).all()
+        assert definite(law, unstable_law, np.stack([largest, largest * share, -largest * (1 + share)], axis=-1)).all()
         beyond, share = np.log(limit) + 1e-4, np.linspace(-0.5, 1, 40001)
         states = np.stack([beyond + 0 * share, beyond * share, -beyond * (1 + share)], axis=-1)
-        assert not definite(law, given, states).all()
+        assert not definite(law, unstable_law, states).all()
 
 
 def test_positive_moduli_are_stable_everywhere():
@@ -173,12 +173,12 @@ def test_positive_moduli_are_stable_everywhere():
         ("ogden", [-1e4, 2.0, 10.0, 3.0, 10.0, -1.0]),
     ],
 )
-def test_a_law_that_is_not_stable_at_rest_is_stable_nowhere(name, parameters):
+def test_a_law_that_is_unstable_at_rest_is_stable_nowhere(name, parameters):
     assert stable_stretch(LAWS[name], np.array([parameters]), np.array([1.01])) == pytest.approx([0.0])
     assert stable_up_to(LAWS[name], np.array(parameters)) == 1.0
 
 
-def test_candidates_do_not_feel_their_neighbours():
+def test_the_limit_of_a_candidate_does_not_depend_on_the_other_candidates():
     rng = np.random.default_rng(3)
     reached = rng.uniform(1.0, 3.0, 30)
     for name in ("mooney-rivlin", "yeoh", "ogden"):
@@ -191,22 +191,22 @@ def test_candidates_do_not_feel_their_neighbours():
         assert np.ptp(together) > 0.1
 
 
-def test_values_beyond_numbers_are_stable_nowhere_beyond_rest():
+def test_parameters_that_overflow_are_stable_nowhere_beyond_rest():
     for name, parameters in (("yeoh", [1e-320, -1e300, 1.0]), ("ogden", [1.0, 2.0, -1e-3, 900.0, 1.0, -2.0])):
         assert stable_stretch(LAWS[name], np.array([parameters]), np.array([2.0]))[0] <= 1.0 + 1e-6
 
 
 @pytest.mark.parametrize("name", ["neo-hookean", "mooney-rivlin", "yeoh", "ogden"])
-def test_a_scan_finds_what_algebra_finds(name):
+def test_a_scan_agrees_with_the_exact_limit(name):
     law, rng = LAWS[name], np.random.default_rng(0)
     size = np.array([3.0 if unit == "1" else 0.3 for unit in law.units])
     parameters = rng.normal(0, size, (60, len(size))) + np.eye(len(size))[0]
     most = rng.uniform(1.0, 4.0, 60)
-    known = np.minimum(law.drucker_limit(parameters, most), most)
+    exact = np.minimum(law.drucker_limit(parameters, most), most)
     with np.errstate(all="ignore"):
         scanned = np.minimum(scanned_limit(law, parameters, most), most)
-    assert (scanned == 0).tolist() == (known == 0).tolist()
-    # A scan steps over pockets between its states and is never the more careful of the two.
-    assert np.all(scanned >= known * (1 - 1e-4))
-    assert np.mean(np.abs(scanned / np.maximum(known, 1e-9) - 1)[known > 0] < 1e-3) > 0.9
-    assert name == "neo-hookean" or ((known > 1) & (known < most)).sum() > 5
+    assert (scanned == 0).tolist() == (exact == 0).tolist()
+    # A scan may overlook unstable states between its own, so its limit is never below the exact one.
+    assert np.all(scanned >= exact * (1 - 1e-4))
+    assert np.mean(np.abs(scanned / np.maximum(exact, 1e-9) - 1)[exact > 0] < 1e-3) > 0.9
+    assert name == "neo-hookean" or ((exact > 1) & (exact < most)).sum() > 5

@@ -1,4 +1,4 @@
-"""The conventional route: stresses against closed forms, recovery, intervals, and published-data reference values."""
+"""Tensile fits: stresses in closed form, recovery of parameters, intervals, and reference values for published data."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_engineering_stress_has_its_closed_forms(stretch: float, c: tuple[float,
 
 
 @pytest.mark.parametrize("relative", [False, True])
-def test_a_curve_of_the_law_itself_gives_the_law_back(row, relative: bool) -> None:
+def test_a_fit_to_a_curve_of_the_law_recovers_its_parameters(row, relative: bool) -> None:
     law, truth = row.law, np.array(row.silicone)
     fit = fit_tensile(law, STRAIN, engineering_stress(law, truth, STRAIN), relative=relative)
     modulus = float(law.initial_shear_modulus(truth))
@@ -55,8 +55,8 @@ def test_a_curve_of_the_law_itself_gives_the_law_back(row, relative: bool) -> No
 
 @pytest.mark.parametrize("model", ["neo-hookean", "mooney-rivlin", "yeoh"])
 @pytest.mark.parametrize("rows_alike", [1, 5])
-def test_intervals_hold_the_truth(model: str, rows_alike: int) -> None:
-    """Fresh noise 200 times, white or the same over five neighbours: 95 % intervals hold the truth 88 to 99 %."""
+def test_intervals_contain_the_truth(model: str, rows_alike: int) -> None:
+    """In 200 repetitions with white or correlated noise, 88 to 99 % of the 95 % intervals contain the truth."""
     law, truth = LAWS[model], np.array(EXAMPLES[model])
     strain = np.linspace(0.02, 1.0, 200)
     clean = engineering_stress(law, truth, strain)
@@ -72,7 +72,7 @@ def test_intervals_hold_the_truth(model: str, rows_alike: int) -> None:
 
 
 @pytest.mark.parametrize("model", ["mooney-rivlin", "yeoh"])
-def test_the_correlation_of_parameters_is_that_of_repeated_fits(model: str) -> None:
+def test_the_correlation_of_parameters_equals_that_of_repeated_fits(model: str) -> None:
     law, truth = LAWS[model], np.array(EXAMPLES[model])
     clean = engineering_stress(law, truth, STRAIN)
     rng = np.random.default_rng(1)
@@ -81,16 +81,16 @@ def test_the_correlation_of_parameters_is_that_of_repeated_fits(model: str) -> N
     assert fits[0].correlation == pytest.approx(repeated, abs=0.05)
 
 
-def test_the_correlation_of_an_ogden_fit_is_one() -> None:
-    found = fit_tensile(
+def test_the_correlation_of_an_ogden_fit_is_a_correlation_matrix() -> None:
+    correlation = fit_tensile(
         LAWS["ogden"], STRAIN, engineering_stress(LAWS["ogden"], np.array(EXAMPLES["ogden"]), STRAIN)
     ).correlation
-    assert found == pytest.approx(found.T)
-    assert np.diag(found) == pytest.approx(1.0)
-    assert np.linalg.eigvalsh(found).min() > -1e-9
+    assert correlation == pytest.approx(correlation.T)
+    assert np.diag(correlation) == pytest.approx(1.0)
+    assert np.linalg.eigvalsh(correlation).min() > -1e-9
 
 
-def test_a_window_and_relative_error_choose_the_rows() -> None:
+def test_the_window_and_relative_residuals_select_the_rows() -> None:
     stress = 46e3 * ((1 + STRAIN) - (1 + STRAIN) ** -2)
     stress[0] = -10.0
     window = STRAIN <= 0.5
@@ -106,8 +106,8 @@ def test_a_window_and_relative_error_choose_the_rows() -> None:
         fit_tensile(LAWS["ogden"], STRAIN, -stress)
 
 
-# Least squares on engineering stress of the rows up to the window, from an independent script.
-# material and window: mu [RMSE]; C10, C01 [RMSE]; C10, C20, C30 [RMSE], all in kPa.
+# Least-squares fits to the engineering stress of the rows in the window, computed by an independent script. Each line:
+# material and window (%): mu [RMSE]; C10, C01 [RMSE]; C10, C20, C30 [RMSE], all in kPa.
 REFERENCE = """
 dragon_skin_10_medium 20: 40.80 [1.41]; 69.0 -55.5 [0.95]; 13.02 124.9 -594.7 [0.85]
 dragon_skin_10_medium 50: 46.39 [1.96]; 40.68 -23.55 [0.70]; 19.53 7.410 -3.117 [0.77]
@@ -121,7 +121,7 @@ ecoflex_00-50 full: 87.18 [223]; 62.40 -220.8 [123]; 13.86 0.1109 -8.76e-5 [4.8]
 
 
 def as_printed(value: float, printed: str) -> bool:
-    """Whether a value rounds to the digits given, either way at a tie."""
+    """Return whether a value rounds to the printed digits; a tie may round up or down."""
     mantissa, _, exponent = printed.partition("e")
     last = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
     return abs(value - float(printed)) <= 0.51 * last

@@ -1,4 +1,4 @@
-"""How wide the intervals of a tensile fit are, against sums done by hand: level, alike rows, degrees of freedom."""
+"""Widths of the intervals of a tensile fit against direct calculation: level, correlation, degrees of freedom."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LAW, MU = LAWS["neo-hookean"], np.array([46e3])
 @pytest.mark.parametrize("rows", [4, 8, 40])
 @pytest.mark.parametrize("alike", [1, 4], ids=["white", "alike"])
 def test_the_half_width_is_that_of_linear_least_squares(rows: int, alike: int) -> None:
-    """Of one parameter: t(n/tau - 1) sigma sqrt(tau) / |slope|, sigma² the sum of squares over n - 1."""
+    """The half width is t(n/tau - 1) sigma sqrt(tau)/|slope|, where sigma² is the sum of squares over n - 1."""
     strain = np.linspace(0.1, 0.8, rows)
     slope = engineering_stress(LAW, np.ones(1), strain)
     noise = np.random.default_rng(rows).normal(0, 500, rows)
@@ -32,12 +32,12 @@ def test_the_half_width_is_that_of_linear_least_squares(rows: int, alike: int) -
     low, high = fit.intervals[0]
     assert 0.5 * (high - low) == pytest.approx(half, rel=1e-6)
     assert 0.5 * (low + high) == pytest.approx(fit.parameters[0])
-    assert fit.initial_shear_modulus_interval_Pa == pytest.approx((low, high))  # which is mu
+    assert fit.initial_shear_modulus_interval_Pa == pytest.approx((low, high))  # mu is the initial shear modulus
     assert fit.rmse_Pa == pytest.approx(np.sqrt(np.mean(residual**2)))
 
 
-def test_a_term_that_is_not_there_could_still_be() -> None:
-    """An Ogden fit of a curve of two terms: the third's modulus is what the data would not notice, and no zero."""
+def test_an_absent_ogden_term_has_a_modulus_interval_of_finite_width() -> None:
+    """The curve has one term; the intervals of the absent terms' moduli reach as far as the noise would hide them."""
     law = LAWS["ogden"]
     strain = np.linspace(0.02, 0.5, 25)
     truth = np.array([30e3, 2.0, 0.0, 6.0, 0.0, -2.0])
@@ -51,14 +51,14 @@ def test_a_term_that_is_not_there_could_still_be() -> None:
         assert low <= 0 <= high
         assert high - low > 1.0
         assert law.parameter_names[2 * term] in fit.not_fixed
-    # What holds zero, or the whole range, is not fixed by these data; the others are.
+    # A parameter whose interval contains zero is reported as not fixed by the data.
     for name, (low, high) in zip(law.parameter_names, fit.intervals, strict=True):
         if low <= 0 <= high:
             assert name in fit.not_fixed
 
 
-def test_exponents_that_the_data_leave_open_are_held_by_their_range() -> None:
-    """At small strains exponents are hardly felt; the modulus is known all the same."""
+def test_exponents_that_the_data_do_not_determine_are_limited_by_their_range() -> None:
+    """Small strains hardly depend on the exponents, but they determine the initial shear modulus."""
     law = LAWS["ogden"]
     strain = np.linspace(0.005, 0.06, 30)
     noise = np.random.default_rng(6).normal(0, 40, 30)
@@ -67,6 +67,6 @@ def test_exponents_that_the_data_leave_open_are_held_by_their_range() -> None:
         if not name.startswith("mu"):
             continue
         low, high = fit.intervals[place]
-        assert high - low < 4e5, name  # a range of exponents is a factor, not orders of magnitude
+        assert high - low < 4e5, name  # the range of an exponent changes a modulus by a factor below ten
     low, high = fit.initial_shear_modulus_interval_Pa
     assert 0.001 * MU[0] < high - low < 0.2 * MU[0]

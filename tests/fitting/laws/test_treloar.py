@@ -1,9 +1,9 @@
-"""Ogden's law on Treloar's rubber, in simple tension.
+"""Ogden's law and Treloar's measurements of rubber in simple tension.
 
-L. R. G. Treloar 1944, Trans. Faraday Soc. 40:59: vulcanised rubber, nominal stress in kgf/cm², as the documentation of
-FElupe tabulates it (after P. Neff's group, Universität Duisburg-Essen). The three-term constants are Ogden's (1972,
-Proc. R. Soc. Lond. A 326:565), chosen for simple tension, equibiaxial tension and pure shear at once. Sets of
-constants are not unique (Ogden, Saccomandi and Sgura 2004, Comput. Mech. 34:484): the curve is what can be compared.
+Data: L. R. G. Treloar 1944, Trans. Faraday Soc. 40:59, vulcanised rubber, nominal stress in kgf/cm², as tabulated in
+the documentation of FElupe (after P. Neff's group, Universität Duisburg-Essen). Constants of the three terms: Ogden
+1972, Proc. R. Soc. Lond. A 326:565, chosen for simple tension, equibiaxial tension and pure shear together. Sets of
+constants are not unique (Ogden, Saccomandi and Sgura 2004, Comput. Mech. 34:484), so the tests compare the curves.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ STRESS_PA = KGF_PER_CM2 * 9.80665e4
 
 
 def test_ogdens_constants_give_treloars_curve():
-    # Within 14 % up to a stretch of 7.4; the fit gives away the first bend and the last upturn.
+    # Within 14 % up to a stretch of 7.4; Ogden's constants miss the first bend and the last upturn.
     used = STRETCH <= 7.4
     ratio = engineering_stress(OGDEN, OGDEN_1972_PA, STRETCH[used] - 1) / STRESS_PA[used]
     assert np.all(np.abs(ratio - 1) < 0.14)
     assert np.sqrt(np.mean((ratio - 1) ** 2)) < 0.06
 
 
-def test_the_tensile_fit_comes_nearer_with_constants_of_its_own():
+def test_the_tensile_fit_is_closer_to_the_curve_than_ogdens_constants():
     fits = [fit_tensile(OGDEN, STRETCH - 1, STRESS_PA, relative=relative) for relative in (False, True)]
     curves = np.array([engineering_stress(OGDEN, fit.parameters, STRETCH - 1) for fit in fits])
     assert np.abs(curves / STRESS_PA - 1).max() < 0.04
     assert curves[0] == pytest.approx(curves[1], rel=0.03)
     one, other = (fit.parameters for fit in fits)
-    assert np.abs(one / other - 1).max() > 0.2  # not unique
+    assert np.abs(one / other - 1).max() > 0.2  # the constants are not unique
 
 
-def test_the_element_stretches_as_the_law_says():
-    # A strip in plane stress pulled by the law's own nominal stress, up to a stretch of 5.
+def test_a_strip_of_elements_reaches_the_stretch_that_belongs_to_its_stress():
+    # A strip in plane stress is pulled by the law's nominal stress, up to a stretch of 5.
     mesh = mapped_mesh(2, 1, lambda s, t: (2 * s, t))
     fixed = np.zeros((len(mesh.nodes), 2), bool)
     fixed[mesh.column(0), 0] = True
