@@ -123,8 +123,8 @@ def stated() -> tuple[StatedSource, ...]:
     """What the bench examples state, of the sources that a telecentric camera has."""
     rig = load_rig("bench_example")
     every = (
-        *load_specimen("bench_example").stated(),
-        *rig.calibration.stated(),
+        *load_specimen("bench_example").stated_sources(),
+        *rig.calibration.stated_sources(),
         *stated_by_rig(rig.text, "bench_example", rig.calibration.coil_constant_mT_per_A),
     )
     return tuple(s for s in every if SOURCES[s.source].lens is None)

@@ -281,7 +281,7 @@ def segment(
     from eimi_lab.dataset.reading import open_dataset
     from eimi_lab.dataset.restating import restate
     from eimi_lab.dataset.segmentation import segment as find
-    from eimi_lab.dataset.segmentation import why_none, write_csv, write_explained, write_overlays
+    from eimi_lab.dataset.segmentation import explain_missing_beam, write_csv, write_explained, write_overlays
     from eimi_lab.process.outputs import whole_folder, write_file
     from eimi_lab.process.progress import progress
     from eimi_lab.process.workers import executor_for
@@ -316,7 +316,7 @@ def segment(
             write_explained(unfinished[explain], dataset)
     without = [index for index, found in enumerate(edge_sets) if not len(found.left.sigma_mm)]
     if without:
-        words, picture = why_none(dataset, without[0])
+        words, picture = explain_missing_beam(dataset, without[0])
         shown = dataset.with_name(f"{dataset.stem}_where.png")
         write_file(shown, picture, force=True)
         tell(f"state {without[0]}: no beam was found; {words} {shown} shows where it was looked for")

@@ -1,6 +1,16 @@
-"""The TOML files that a person edits, as checked values: specimen, protocol, rig, calibration.
+"""The TOML files that a person edits, as validated values.
 
-Every file has its own module with a pydantic model and a `load_…` function that takes a path, or the name of a shipped
-file. Whatever is wrong in a file becomes one `InputError` that names the file, the key, the value and what would be
-right. The models keep the text that they came from, so that a dataset can store it comments and all.
+Each file has a module with a pydantic model and a function ``load_…`` that takes a path or the name of a shipped file.
+Any fault in a file raises one `InputError` that names the file, the key, the value and what would be right. Each model
+keeps the text from which it was read, so that a dataset can store the text with its comments.
+
+specimen          specimen.toml: the beam, its magnet and the point where a tip force acts
+protocol          protocol.toml: the currents of a run and the conditions at each of them
+rig               rig.toml: the supply, the camera and the coil of a bench
+calibration       calibration.toml: scale, orientation and lens of the camera, and the coil constant
+materials         materials.toml: the true materials of a virtual rig's specimens
+simulated_optics  the table [virtual.optics] of a rig: back-light, lens and sensor of the virtual camera
+uncertainty       the table [uncertainty] of specimens, calibrations and rigs
+rig_uncertainty   the uncertainty of the current, read from the text of a rig that a dataset stores
+toml              validation of TOML text against a model, with one-line error messages
 """

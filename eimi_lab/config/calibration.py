@@ -1,4 +1,4 @@
-"""calibration.toml: where the beam is in the image, how large a millimetre is, and what an ampere does."""
+"""calibration.toml: position and scale of the beam in the image, and the field per ampere."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from pydantic import Field, model_validator
 
 from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_lab.config.toml import Document, Table, check, locate, parse_table, read_text, to_toml
-from eimi_lab.config.uncertainty import OfCalibration, check_sizes, keys_of, stated_of
+from eimi_lab.config.uncertainty import OfCalibration, check_sizes, keys_of, stated_sources
 
-# TOML has lists only; in strict mode a tuple has to be told that a list will do.
+# TOML has lists but no tuples; strict=False lets pydantic turn a list into a tuple.
 Pair = Annotated[tuple[float, float], Field(strict=False)]
 Triple = Annotated[tuple[float, float, float], Field(strict=False)]
 Quad = Annotated[tuple[int, int, int, int], Field(strict=False)]
@@ -23,27 +23,22 @@ Matrix = Annotated[tuple[Triple, Triple, Triple], Field(strict=False)]
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
 Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 
-# Lengths of the coefficient vectors that OpenCV's camera model knows (its documentation, "Camera Calibration and 3D
-# Reconstruction").
+# Numbers of distortion coefficients that OpenCV's camera model accepts (OpenCV documentation, "Camera Calibration and
+# 3D Reconstruction").
 DISTORTION_LENGTHS = (4, 5, 8, 12, 14)
 
 
 class Picture(Table):
-    """What a person says of the pictures, where the search for the beam would else have to find out by itself.
-
-    region_px: left, top, width and height of the part of the picture in which the beam is; what is outside is not
-    looked at. polarity: whether the beam is darker or brighter than what is beside it. channel: the colour in which it
-    differs most. beam_colour: its own, as red, green and blue from 0 to 255.
-    """
+    """Information that helps the search for the beam in the pictures; without it, the search determines each value."""
 
     region_px: Quad | None = None
-    """Left, top, width and height: what is outside is not looked at."""
+    """Left, top, width and height of the part of the picture to search; the rest is ignored."""
     polarity: Literal["dark", "bright"] | None = None
-    """The beam against what is beside it."""
+    """Whether the beam is darker or brighter than its surroundings."""
     channel: Literal["red", "green", "blue", "grey"] | None = None
     """The colour in which beam and surroundings differ most."""
     beam_colour: Triple | None = None
-    """The beam's own red, green and blue, 0 to 255; in place of channel."""
+    """Red, green and blue of the beam, 0 to 255; use it instead of channel."""
 
     @model_validator(mode="after")
     def _sensible(self) -> Picture:
@@ -59,44 +54,41 @@ class Picture(Table):
 
 
 class Calibration(Document):
-    """Image frame: x right, y down, pixel centres at integer coordinates; angles clockwise from +x, in degrees.
+    """The contents of calibration.toml.
 
-    gravity = false switches the weight off, for a beam that bends in a horizontal plane or whose places are measured
-    from those under its weight; gravity_angle_deg is then no more than the direction of tip forces that have none of
-    their own. camera_matrix and distortion are OpenCV's; stand_off_mm is the distance from the lens's entrance pupil to
-    the beam's middle plane, which a telecentric lens does not need. calibrated_on is the day on which the numbers were
-    measured, and uncertainty how well, as standard uncertainties under the same keys (clamp_midpoint_px in either
-    direction; focal_length_px beside them); a file written by hand may leave them out. picture helps to find the beam.
+    The image frame has x to the right, y down and pixel centres at integer coordinates. Angles are in degrees,
+    clockwise from +x. The uncertainty of clamp_midpoint_px holds for either direction; the uncertainty of the focal
+    length has the key focal_length_px.
     """
 
     pixels_per_mm: float = Field(gt=0)
-    """At the beam's middle plane."""
+    """Scale of the image in the middle plane of the beam."""
     coil_constant_mT_per_A: float = Field(gt=0)
-    """At the magnet, from a Hall probe; 1.0 where there is no coil."""
+    """Field per current at the magnet, measured with a Hall probe; 1.0 without a coil."""
     clamp_midpoint_px: Pair
     """Middle of the line where the beam leaves its clamp; x to the right, y down."""
     axis_angle_deg: Angle
-    """Of the undeformed beam, away from the clamp; clockwise from the image's +x, so that 90 hangs down."""
+    """Direction of the undeformed beam away from the clamp, clockwise from the image's +x; 90 points down."""
     gravity_angle_deg: Angle
-    """Where down is; 90 where it is down in the picture."""
+    """Direction of gravity, clockwise from the image's +x; 90 points down in the picture."""
     gravity: bool = True
-    """false for a beam that bends in a horizontal plane: the angle is then only the direction of tip forces."""
+    """false if the weight does not act, as for a beam that bends in a horizontal plane; tip forces keep the angle."""
     field_angle_deg: Angle
-    """Direction of the field of a positive current, across the beam."""
+    """Direction of the field of a positive current, across the beam; clockwise from the image's +x."""
     camera_matrix: Matrix | None = None
-    """OpenCV's, with its distortion."""
+    """OpenCV's camera matrix; give it together with distortion."""
     distortion: Numbers | None = None
-    """OpenCV's, 4, 5, 8, 12 or 14 numbers."""
+    """OpenCV's distortion coefficients: 4, 5, 8, 12 or 14 numbers."""
     stand_off_mm: float | None = Field(default=None, gt=0)
-    """From the lens's entrance pupil to the beam's middle plane."""
+    """Distance from the entrance pupil of the lens to the middle plane of the beam."""
     telecentric: bool = False
-    """true for a telecentric lens, which has no stand-off."""
+    """true for a telecentric lens, which needs no stand-off."""
     calibrated_on: date | None = None
     """The day on which the numbers were measured."""
     uncertainty: OfCalibration | None = None
-    """Standard uncertainties under the keys of the values. 0 is exact, absent is not known."""
+    """Standard uncertainties under the keys of the values. 0 means exact, an absent key means unknown."""
     picture: Picture | None = None
-    """Help where the search for the beam goes wrong."""
+    """Information that helps the search for the beam."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Calibration:
@@ -113,32 +105,41 @@ class Calibration(Document):
         if self.telecentric and self.stand_off_mm is not None:
             raise ValueError(f"stand_off_mm = {self.stand_off_mm:g} has no meaning beside telecentric = true")
         sizes = {key: (key, getattr(self, key)) for key in ("pixels_per_mm", "coil_constant_mT_per_A", "stand_off_mm")}
-        check_sizes(self.uncertainty or {}, sizes, largest=0.5)  # half: a lens from a few views tells its place badly
+        check_sizes(
+            self.uncertainty or {}, sizes, largest=0.5
+        )  # a lens calibrated from few views has a poorly known stand-off
         return self
 
-    def keys_that_count(self) -> tuple[str, ...]:
-        """Keys whose values this calibration has."""
+    def uncertain_keys(self) -> tuple[str, ...]:
+        """Return the keys that have a value here and may have an uncertainty."""
         return tuple(key for key in keys_of("calibration") if getattr(self, key) is not None)
 
-    def stated(self) -> tuple[StatedSource, ...]:
-        """How uncertain its numbers are. Those of one calibration err together, and those of one coil constant."""
+    def stated_sources(self) -> tuple[StatedSource, ...]:
+        """Return the uncertainties that the file states.
+
+        Datasets with the same calibration share its errors. Datasets with the same coil constant share its error.
+        """
         coil = f"coil of {self.coil_constant_mT_per_A:g} mT/A"
         numbers = self.model_dump_json(exclude={"picture"})
-        own = f"calibration {hashlib.sha256(numbers.encode()).hexdigest()[:16]}"
+        this_calibration = f"calibration {hashlib.sha256(numbers.encode()).hexdigest()[:16]}"
         in_units = {
             "pixels_per_mm": 1 / self.pixels_per_mm,
             "coil_constant_mT_per_A": 1 / self.coil_constant_mT_per_A,
             "clamp_midpoint_px": 1 / self.pixels_per_mm,
         }
-        return stated_of("calibration", self.uncertainty, lambda key: coil if key.startswith("coil") else own, in_units)
+
+        def shared_by(key: str) -> str:
+            return coil if key.startswith("coil") else this_calibration
+
+        return stated_sources("calibration", self.uncertainty, shared_by, in_units)
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the numbers, whatever the file's layout and comments."""
+        """SHA-256 of the values; it does not depend on the file's layout and comments."""
         return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
 
     def age_days(self, taken: datetime) -> float | None:
-        """Days from the calibration to a moment; None where its day is not known."""
+        """Return the days from the calibration to ``taken``; None if ``calibrated_on`` is not stated."""
         if self.calibrated_on is None:
             return None
         begin = datetime(self.calibrated_on.year, self.calibrated_on.month, self.calibrated_on.day, tzinfo=UTC)
@@ -146,24 +147,43 @@ class Calibration(Document):
 
 
 PLACES = ("clamp_midpoint_px", "axis_angle_deg")
-"""What only a person who looks at the pictures can tell, who may have left it out."""
+"""Keys whose values a person reads from the pictures; a file may leave them out until then."""
 
 Changes = Mapping[str, Any]
-"""Values in place of a calibration's own, by its keys; under "picture" a table of such values."""
+"""Values that replace those of a calibration, by key; the key "picture" holds a table of such values."""
 
 
-_ONE_OF = frozenset({"channel", "beam_colour"})  # the one that is given anew takes the place of the other
+_ONE_OF = frozenset({"channel", "beam_colour"})  # a new value of one of them removes the other
 
 
 def load_calibration(path: str | Path, changes: Changes | None = None) -> Calibration:
-    """Read a calibration file, with values in place of its own. Raises InputError."""
+    """Read a calibration file.
+
+    Parameters
+    ----------
+    path
+        Path of the file, or the name of a shipped calibration.
+    changes
+        Values that replace those in the file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is not a valid calibration.
+    """
     file = locate(path, "rigs")
     text = read_text(file)
     return _changed(parse_table(text, file), changes, text, file)
 
 
 def missing_places(path: str | Path, changes: Changes) -> tuple[str, ...]:
-    """Which of `PLACES` neither a file nor the changes tell. Raises InputError for whatever else is wrong with them."""
+    """Return the keys of `PLACES` that are neither in the file nor in the changes.
+
+    Raises
+    ------
+    InputError
+        If the file and the changes would not be a valid calibration even with these keys.
+    """
     file = locate(path, "rigs")
     table = parse_table(read_text(file), file)
     missing = tuple(place for place in PLACES if place not in table.keys() | changes.keys())
@@ -176,7 +196,7 @@ def missing_places(path: str | Path, changes: Changes) -> tuple[str, ...]:
 
 
 def changed_calibration(calibration: Calibration, changes: Changes) -> Calibration:
-    """A calibration with other values, which its text has too. Raises InputError."""
+    """Return a calibration with some values replaced, also in its text; raise InputError if it is not valid."""
     table = calibration.model_dump(exclude_unset=True, exclude_none=True)
     return _changed(table, changes, calibration.text, "calibration")
 
@@ -184,12 +204,11 @@ def changed_calibration(calibration: Calibration, changes: Changes) -> Calibrati
 def _changed(table: dict[str, Any], changes: Changes | None, text: str, origin: str | Path) -> Calibration:
     if not changes:
         return check(Calibration, table, text, origin)
-    before = table.get("picture")
+    picture = table.get("picture")
     merged = {**table, **changes}
-    if "picture" in changes and isinstance(before, dict):
-        kept = {
-            key: value for key, value in before.items() if key not in _ONE_OF or not _ONE_OF & changes["picture"].keys()
-        }
+    if "picture" in changes and isinstance(picture, dict):
+        replaced = _ONE_OF if _ONE_OF & changes["picture"].keys() else frozenset()
+        kept = {key: value for key, value in picture.items() if key not in replaced}
         merged["picture"] = {**kept, **changes["picture"]}
     calibration = check(Calibration, merged, "", origin)
     return check(Calibration, merged, to_toml(calibration), origin)

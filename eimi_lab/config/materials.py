@@ -1,4 +1,4 @@
-"""materials.toml of a virtual rig: what its specimens are really made of."""
+"""materials.toml of a virtual rig: the true materials of its specimens."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from eimi_lab.config.toml import Document, Table, parse, read_text
 
 
 class TrueMaterial(Table):
-    """What a virtual specimen is made of: a model's parameters, with `_Pa` on those in pascal."""
+    """The true material of a virtual specimen."""
 
     model: str
-    """neo-hookean, mooney-rivlin, yeoh or ogden."""
+    """Name of the law: neo-hookean, mooney-rivlin, yeoh or ogden."""
     parameters: dict[str, float]
-    """The law's, with _Pa on those in pascal."""
+    """Parameters of the law; a name ends with _Pa if the value is in pascal."""
 
     @model_validator(mode="after")
     def _complete(self) -> TrueMaterial:
@@ -42,12 +42,12 @@ class TrueMaterial(Table):
 
 
 class TrueMaterials(Document):
-    """A whole materials.toml, by the name that a specimen gives its material."""
+    """The contents of materials.toml."""
 
     silicone: dict[str, TrueMaterial]
-    """One table for each material, under the name that a specimen gives it."""
+    """One table for each material, under the name that specimen.material has."""
 
 
 def load_materials(path: Path) -> TrueMaterials:
-    """Read a materials file. Raises InputError."""
+    """Read a materials file; raise InputError if it is not valid."""
     return parse(TrueMaterials, read_text(path), path)

@@ -1,4 +1,4 @@
-"""protocol.toml: the currents that a run goes through, and what has to hold at each of them."""
+"""protocol.toml: the currents of a run, and the conditions that must hold at each of them."""
 
 from __future__ import annotations
 
@@ -10,31 +10,32 @@ from pydantic import Field, field_validator, model_validator
 
 from eimi_lab.config.toml import Document, Table, locate, parse, read_text
 
-MOST_STATES = 1000  # more is a slip of the pen
+MOST_STATES = 1000  # a larger number is assumed to be a typing error
 MOST_FRAMES = 10_000  # of one state
-LONGEST_WAY_OUT_S = 60.0
-FINEST_STEP_A = 1e-4  # of a ramp; supplies set milliamperes
+LONGEST_RAMP_DOWN_S = 60.0
+FINEST_STEP_A = 1e-4  # of a ramp; supplies resolve about a milliampere
 
 
 class Currents(Table):
-    """Set-points: start_A, stop_A and step_A, or an explicit list values_A; up_and_down goes back the same way.
+    """The set-points of a run: a range with a step, or an explicit list.
 
-    `exact` holds them as typed in decimal, so that the fourth step of 0.1 is 0.3 and not 0.30000000000000004.
+    `set_points_A` computes the range in decimal arithmetic, so that the fourth set-point of a step of 0.1 is 0.3 and
+    not 0.30000000000000004.
     """
 
     start_A: float | None = None
     """The first set-point."""
     stop_A: float | None = None
-    """The last one."""
+    """The last set-point."""
     step_A: float | None = Field(default=None, gt=0)
-    """Between neighbours; has to divide the range."""
+    """Difference between neighbouring set-points; the range must be a multiple of it."""
     values_A: Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=MOST_STATES)] | None = None
-    """In place of the three: the set-points in their order."""
+    """All set-points in their order, instead of start_A, stop_A and step_A."""
     up_and_down: bool = False
-    """Whether the run goes back the same way."""
+    """Whether the run returns through the same set-points to the first one."""
 
     @model_validator(mode="after")
-    def _one_way(self) -> Currents:
+    def _range_or_list(self) -> Currents:
         ends = (self.start_A, self.stop_A, self.step_A)
         if (self.values_A is None) != all(end is not None for end in ends) or (
             self.values_A is not None and any(end is not None for end in ends)
@@ -43,7 +44,7 @@ class Currents(Table):
         if self.values_A is None:
             start, stop, step = (Decimal(str(end)) for end in ends)
             if start == stop:
-                raise ValueError(f"stop_A = {stop} is start_A: a run needs at least two states")
+                raise ValueError(f"stop_A = {stop} is equal to start_A; a run needs at least two states")
             if abs(stop - start) / step >= MOST_STATES:
                 raise ValueError(f"step_A = {step} gives more than {MOST_STATES} states from {start} to {stop} A")
             if (stop - start) % step:
@@ -51,17 +52,18 @@ class Currents(Table):
         return self
 
     @property
-    def exact(self) -> tuple[float, ...]:
-        there = self._one_way_exact()
-        return there + there[-2::-1] if self.up_and_down else there
+    def set_points_A(self) -> tuple[float, ...]:
+        """The set-points in the order of the run."""
+        forward = self._forward_A()
+        return forward + forward[-2::-1] if self.up_and_down else forward
 
     def key_of(self, current_A: float) -> str:
-        """The key that brought a set-point at an end of the range about."""
+        """Return the key in the file that defines a set-point at an end of the range."""
         if self.values_A is not None:
             return "values_A"
         return "start_A" if current_A == self.start_A else "stop_A"
 
-    def _one_way_exact(self) -> tuple[float, ...]:
+    def _forward_A(self) -> tuple[float, ...]:
         if self.values_A is not None:
             return self.values_A
         start, stop, step = (Decimal(str(end)) for end in (self.start_A, self.stop_A, self.step_A))
@@ -71,47 +73,44 @@ class Currents(Table):
 
 
 class Ramp(Table):
-    """How fast the current moves between states, and how close the measured current must come to the set one.
-
-    down_within_s: on the way out it is at zero by then, faster than the rate if need be.
-    """
+    """How the current moves between states, and how exactly it must reach its set-point."""
 
     rate_A_per_s: float = Field(gt=0)
-    """How fast the current moves between states."""
+    """Rate of the current between states."""
     step_A: float = Field(ge=FINEST_STEP_A)
-    """Set-points sent along the ramp are no further apart."""
+    """Largest difference between consecutive set-points that are sent during a ramp."""
     tolerance_A: float = Field(gt=0)
-    """Measured against set current at each state; the run stops beyond it."""
-    down_within_s: float = Field(default=2.0, gt=0, le=LONGEST_WAY_OUT_S)
-    """On the way out the current is at zero by then, faster than the rate if need be."""
+    """Largest difference between measured and set current at a state; the run stops if it is exceeded."""
+    down_within_s: float = Field(default=2.0, gt=0, le=LONGEST_RAMP_DOWN_S)
+    """Longest time in which the current returns to zero when the run ends; the rate is exceeded if necessary."""
 
 
 class SupplyLimits(Table):
-    """The largest current and voltage that may ever be asked for."""
+    """The largest current and voltage that the supply is ever set to."""
 
     current_A: float = Field(gt=0)
-    """The largest current that may ever be asked for."""
+    """The largest current that the supply is ever set to."""
     voltage_V: float = Field(gt=0)
-    """The largest voltage."""
+    """The largest voltage that the supply is ever set to."""
 
     def stricter(self, other: SupplyLimits) -> SupplyLimits:
-        """The smaller of each of two sets of limits."""
+        """Return the smaller current limit and the smaller voltage limit of the two."""
         return SupplyLimits(
             current_A=min(self.current_A, other.current_A), voltage_V=min(self.voltage_V, other.voltage_V)
         )
 
 
 class Settle(Table):
-    """When the beam counts as at rest: see `eimi_lab.acquisition.settling`."""
+    """The criterion for a beam at rest, see `eimi_lab.acquisition.settling`."""
 
     noise_ratio: float = Field(gt=1)
-    """Mean squared difference of consecutive frames over camera noise: 1 at rest."""
+    """Limit of the mean squared difference of two frames, relative to camera noise alone; a beam at rest has 1."""
     pairs: int = Field(ge=1)
-    """So many consecutive pairs in a row have to be at rest."""
+    """Number of successive pairs of frames that must be below the limit."""
     drift_window_s: float = Field(gt=0)
-    """And no more difference than that over this long: silicone creeps."""
+    """Two frames this far apart in time must also be below the limit, because silicone creeps."""
     timeout_s: float = Field(gt=0)
-    """Then the frames are taken anyway and the state is marked NOT_SETTLED."""
+    """If the beam is not at rest after this time, the frames are taken and the state is flagged NOT_SETTLED."""
 
     @model_validator(mode="after")
     def _long_enough(self) -> Settle:
@@ -123,63 +122,64 @@ class Settle(Table):
 
 
 class Transients(Table):
-    """Frames that are kept while the beam settles, log-spaced in time; 0 keeps none."""
+    """Frames that are stored while the beam settles, at logarithmically spaced times."""
 
     frames_per_state: int = Field(ge=0, le=MOST_FRAMES)
-    """At most so many are kept of each state."""
+    """Largest number of frames stored while the beam settles at a state; 0 stores none."""
 
 
 class Conditioning(Table):
-    """Cycles from zero to a current and back before the run, since silicone softens where it is first stretched.
+    """Cycles of the current from zero to a maximum and back before the run.
 
-    The Mullins effect: L. Mullins, Rubber Chem. Technol. 42 (1969) 339.
+    Silicone softens when it is stretched for the first time (the Mullins effect: L. Mullins, Rubber Chem. Technol. 42
+    (1969) 339).
     """
 
     cycles: int = Field(ge=1, le=1000)
-    """How often."""
+    """Number of cycles."""
     current_A: float
-    """The far end of a cycle; the largest current of the run, as a rule."""
+    """Current at the far end of a cycle; usually the largest current of the run."""
 
     @field_validator("current_A")
     @classmethod
     def _moves(cls, current_A: float) -> float:
         if current_A == 0:
-            raise ValueError("moves nothing; leave the conditioning out, or give the largest current of the run")
+            raise ValueError("does not move the beam; use the largest current of the run, or omit the conditioning")
         return current_A
 
 
 class Release(Table):
-    """The current goes to zero in one step after the last state, and the camera records for so long."""
+    """A step of the current to zero after the last state, recorded by the camera."""
 
     seconds: float = Field(gt=0, le=600)
-    """How long the camera records."""
+    """Duration of the recording."""
 
 
 class Protocol(Document):
-    """A whole protocol.toml."""
+    """The contents of protocol.toml."""
 
     name: str = Field(min_length=1)
-    """What the protocol is called."""
+    """Name of the protocol."""
     material: str = Field(min_length=1)
-    """Has to be the specimen's material."""
+    """Material of the specimen; specimen.material must be the same."""
     frames_per_state: int = Field(ge=1, le=MOST_FRAMES)
-    """Frames kept once the beam is at rest."""
+    """Number of frames stored at each state when the beam is at rest."""
     current: Currents
     """The set-points: start, stop and step, or a list."""
     ramp: Ramp
-    """Between states and on the way out."""
+    """How the current moves between states, and to zero when the run ends."""
     limits: SupplyLimits
-    """The rig has limits too; the stricter of the two holds."""
+    """Limits of the supply; the rig also has limits, and the stricter ones apply."""
     settle: Settle
-    """When the beam counts as at rest."""
+    """The criterion for a beam at rest."""
     tip_force_N: float = Field(default=0.0, ge=0)
-    """Of a weight that hangs at the specimen's tip throughout the run; 0.00981 for a gram."""
+    """Force of a weight that hangs at the specimen's tip during the run; 0.00981 for one gram."""
     transients: Transients = Transients(frames_per_state=12)
-    """Frames that are kept while the beam settles, log-spaced in time; 0 keeps none."""
+    """Frames that are stored while the beam settles, at logarithmically spaced times."""
     conditioning: Conditioning | None = None
-    """Cycles before the run, since silicone softens where it is first stretched."""
+    """Cycles of the current before the run, because silicone softens when it is first stretched."""
     release: Release | None = None
-    """After the last state the current goes to zero in one step, and every frame is kept."""
+    """A step of the current to zero after the last state, of which every frame is stored."""
 
     @model_validator(mode="after")
     def _within_limits(self) -> Protocol:
@@ -192,18 +192,18 @@ class Protocol(Document):
 
     @property
     def extremes_A(self) -> tuple[tuple[str, float], ...]:
-        """The lowest and the highest current of run and conditioning, each with the key that asks for it."""
+        """The lowest and the highest current of the run and that of the conditioning, each with its key in the file."""
         ends = [(f"current.{self.current.key_of(end)}", end) for end in (min(self.currents_A), max(self.currents_A))]
-        before = [("conditioning.current_A", self.conditioning.current_A)] if self.conditioning else []
-        return (*ends, *before)
+        conditioning = [("conditioning.current_A", self.conditioning.current_A)] if self.conditioning else []
+        return (*ends, *conditioning)
 
     @property
     def currents_A(self) -> tuple[float, ...]:
         """The set-points in the order of the run."""
-        return self.current.exact
+        return self.current.set_points_A
 
 
 def load_protocol(name: str | Path) -> Protocol:
-    """Read a protocol, or a shipped one by its name ("dragon_skin_10"). Raises InputError."""
+    """Read a protocol from a path, or a shipped one by its name ("dragon_skin_10"); raise InputError if invalid."""
     file = locate(name)
     return parse(Protocol, read_text(file), file)

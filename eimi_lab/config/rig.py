@@ -1,4 +1,4 @@
-"""rig.toml: which supply and which camera, where they are, and how the camera sees the beam."""
+"""rig.toml: the supply, the camera and the coil of a bench, with their addresses and the camera's calibration."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ PLAYER = "opencv"
 """The driver that plays recordings."""
 
 
-def _one_of(driver: str, known: list[str]) -> str:
-    if driver not in known:
-        raise ValueError(f"is not a driver; there are {', '.join(known)}{did_you_mean(driver, known)}")
+def _one_of(driver: str, drivers: list[str]) -> str:
+    if driver not in drivers:
+        raise ValueError(f"is not a driver; there are {', '.join(drivers)}{did_you_mean(driver, drivers)}")
     return driver
 
 
 class Supply(Table):
-    """The coil's power supply; an address is a serial port or a VISA resource, whichever the driver takes."""
+    """The coil's power supply."""
 
     driver: str
-    """Which driver serves it; `eimi instruments` lists what is connected."""
+    """Name of the driver; `eimi instruments` lists what is connected."""
     address: str = Field(min_length=1)
-    """A serial port or a VISA resource, as the driver takes it; a channel follows after #."""
+    """A serial port or a VISA resource, as the driver requires; a channel number follows after #."""
     limits: SupplyLimits
-    """What the coil bears; the protocol has limits too, the stricter of the two holds."""
+    """Limits that the coil tolerates; the protocol also has limits, and the stricter ones apply."""
 
     @field_validator("driver")
     @classmethod
@@ -49,56 +49,45 @@ class Supply(Table):
 
 
 class CoilRating(Table):
-    """What the coil bears: a current for ever, and how slowly it warms up and cools down.
-
-    See `eimi_lab.acquisition.heating`.
-    """
+    """Thermal rating of the coil, see `eimi_lab.acquisition.heating`."""
 
     continuous_current_A: float = Field(gt=0)
-    """Borne for ever."""
+    """Current that the coil tolerates without limit of time."""
     thermal_time_constant_s: float = Field(gt=0)
-    """After so long at another current 63 % of the change in temperature is done."""
+    """Time in which 63 % of the temperature change after a change of current takes place."""
 
 
 class Playback(Table):
-    """How a recording plays the camera.
-
-    picture_a_state: the first picture is held until the second state begins, and so on; otherwise every frame that is
-    asked for is the next picture. loop: begins again after the last.
-    """
+    """How a recording replaces the camera."""
 
     picture_a_state: bool = False
-    """Each picture is held for a whole state; else every frame is the next picture."""
+    """true: one picture serves for a whole state. false: every frame is the next picture."""
     loop: bool = False
-    """Begins again after the last."""
+    """Whether the recording starts again after its last picture."""
 
 
 NO_PLAYBACK = Playback()
 
 
 class Camera(Table):
-    """The side camera; source is the number of a device, or a path, as the driver takes it.
-
-    The settings are `CameraSettings`, by the same names and in the same units; one that is left out stays as the
-    camera has it. With a region, pixels of the calibration count from its upper left corner.
-    """
+    """The side camera. Settings that are absent keep the value that the camera has."""
 
     driver: str
-    """opencv, basler, virtual, or one of a package of your own."""
+    """opencv, basler, virtual, or the name of a driver from another package."""
     source: int | str
-    """The number of a device, a path, or where an emulated coil is."""
+    """The number of a device, a path, or the address of an emulated coil."""
     exposure_s: float | None = Field(default=None, gt=0)
-    """What is left out stays as the camera has it; what is set is read back."""
+    """Exposure time. A setting is written to the camera and read back; an absent one is left unchanged."""
     gain: float | None = None
-    """dB on Basler cameras, the device's own unit through OpenCV."""
+    """Gain: in dB for Basler cameras, in the device's own unit through OpenCV."""
     gamma: float | None = Field(default=None, gt=0)
-    """The exponent on Basler cameras, the device's own unit through OpenCV."""
+    """Gamma: the exponent for Basler cameras, in the device's own unit through OpenCV."""
     region: Annotated[tuple[int, int, int, int], Field(strict=False)] | None = None
-    """Left, top, width, height in pixels; the calibration then counts from its corner."""
+    """Left, top, width and height in pixels; pixels of the calibration count from its upper left corner."""
     bit_depth: int | None = Field(default=None, ge=8, le=16)
-    """Of a pixel, 8 to 16."""
+    """Bits per pixel, 8 to 16."""
     playback: Playback = NO_PLAYBACK
-    """How a folder of pictures or a video plays the camera."""
+    """How a folder of pictures or a video replaces the camera."""
 
     @field_validator("driver")
     @classmethod
@@ -113,42 +102,42 @@ class Camera(Table):
         return region
 
     @model_validator(mode="after")
-    def _virtual_as_it_is(self) -> Camera:
+    def _no_settings_of_a_virtual_camera(self) -> Camera:
         if self.driver == VIRTUAL and (names := ", ".join(self.settings.chosen())):
-            raise ValueError(f"has no {names} to set with driver = 'virtual'; [virtual] says what that camera sees")
+            raise ValueError(f"has no {names} to set with driver = 'virtual'; [virtual] describes that camera")
         return self
 
     @model_validator(mode="after")
-    def _recorded(self) -> Camera:
+    def _playback_of_a_recording(self) -> Camera:
         if self.playback != NO_PLAYBACK and (self.driver != PLAYER or str(self.source).isdecimal()):
             raise ValueError(f"playback is for recordings, with driver = {PLAYER!r} and a folder or a file as source")
         return self
 
     @property
     def settings(self) -> CameraSettings:
-        """What to set on the camera before the first frame."""
+        """The settings to write to the camera before the first frame."""
         return CameraSettings(self.exposure_s, self.gain, self.gamma, self.region, self.bit_depth)
 
 
 class Virtual(Table):
-    """The virtual rig behind the driver interfaces: coil, beam and optics, all from one seed."""
+    """The virtual rig: a simulated coil, beam and camera behind the driver interfaces."""
 
-    model_config = ConfigDict(strict=False)  # a dataclass cannot be filled from a table in strict mode
+    model_config = ConfigDict(strict=False)  # pydantic cannot create a dataclass from a table in strict mode
 
     seed: int = Field(ge=0)
-    """Of all that is random."""
+    """Seed of all random numbers."""
     coil_time_constant_s: float = Field(gt=0)
-    """Of the coil's current."""
+    """Time constant with which the coil's current follows its set-point."""
     current_noise_A: float = Field(ge=0)
-    """Standard deviation of the read-back."""
+    """Standard deviation of the measured current."""
     frame_size_px: tuple[int, int]
-    """Width and height."""
+    """Width and height of the frames."""
     mesh: tuple[int, int, int]
-    """Elements along and across, and times as many in depth."""
+    """Number of elements along and across the beam, and the refinement factor in depth."""
     optics: Optics = Optics()
     """Back-light, lens and sensor."""
     materials: TrueMaterials
-    """Name of the file beside the rig that says what virtual specimens are made of; no fit reads it."""
+    """Name of the file beside the rig with the true materials of virtual specimens; no fit reads it."""
 
     @model_validator(mode="after")
     def _positive(self) -> Virtual:
@@ -159,12 +148,14 @@ class Virtual(Table):
 
 
 class Rig(Document):
-    """A whole rig.toml. In the file, `calibration` is the name of a file beside it, and so is `virtual.materials`:
-    a dataset keeps the rig's text, and the hidden material must not be in it. uncertainty: of the supply's current_A.
+    """The contents of rig.toml.
+
+    In the file, ``calibration`` and ``virtual.materials`` are names of files beside it. The true materials are in a
+    separate file because a dataset stores the rig's text, which must not reveal them.
     """
 
     name: str = Field(min_length=1)
-    """What the bench is called: datasets of one name share the error of its current."""
+    """Name of the bench; datasets with the same name share the error of its current."""
     supply: Supply
     """The coil's power supply."""
     camera: Camera
@@ -172,37 +163,44 @@ class Rig(Document):
     calibration: Calibration
     """Name of the calibration file beside this one."""
     coil: CoilRating | None = None
-    """What the coil bears: a protocol that would overheat it is refused."""
+    """Thermal rating of the coil; a protocol that would overheat it is refused."""
     virtual: Virtual | None = None
-    """The virtual rig; belongs with the virtual camera."""
+    """The virtual rig; required with the virtual camera and allowed only there."""
     uncertainty: OfRig | None = None
-    """Standard uncertainty of the current's zero. 0 is exact, absent is not known."""
+    """Standard uncertainty of the current's zero. 0 means exact, an absent key means unknown."""
 
     @model_validator(mode="after")
-    def _virtual_as_a_whole(self) -> Rig:
-        seen = self.camera.driver == VIRTUAL
-        if self.simulated and not seen:
+    def _consistently_virtual(self) -> Rig:
+        virtual_camera = self.camera.driver == VIRTUAL
+        if self.simulated and not virtual_camera:
             raise ValueError(
-                f"camera.driver = {self.camera.driver!r} sees nothing of supply.driver = 'virtual', whose seconds are "
-                "simulated; it must be 'virtual', too, or take an emulated supply, which `eimi emulate` serves"
+                f"camera.driver = {self.camera.driver!r} cannot see the simulated coil of supply.driver = 'virtual'; "
+                "it must be 'virtual' too; or use an emulated supply, which `eimi emulate` serves"
             )
-        if seen and not self.simulated and not ADDRESS.fullmatch(str(self.camera.source)):
+        if virtual_camera and not self.simulated and not ADDRESS.fullmatch(str(self.camera.source)):
             raise ValueError(
-                f"camera.source = {self.camera.source!r} must be where an emulated coil is, TCPIP::HOST::PORT::SOCKET "
-                f"as `eimi emulate` tells it, for a virtual beam beside supply.driver = {self.supply.driver!r}"
+                f"camera.source = {self.camera.source!r} must be the address of an emulated coil, "
+                "TCPIP::HOST::PORT::SOCKET as `eimi emulate` prints it, for a virtual beam beside "
+                f"supply.driver = {self.supply.driver!r}"
             )
-        if seen != (self.virtual is not None):
+        if virtual_camera != (self.virtual is not None):
             raise ValueError("the table [virtual] belongs with camera.driver = 'virtual', and only there")
         return self
 
     @property
     def simulated(self) -> bool:
-        """Whether the supply is virtual as well as the camera, so that seconds are simulated."""
+        """Whether the supply is virtual as well as the camera, so that time is simulated."""
         return self.supply.driver == VIRTUAL
 
 
 def load_rig(name: str | Path) -> Rig:
-    """Read a rig, or a shipped one by its name ("virtual"), with its calibration. Raises InputError."""
+    """Read a rig with its calibration from a path, or a shipped rig by its name ("virtual").
+
+    Raises
+    ------
+    InputError
+        If the rig, its calibration or its materials cannot be read or are not valid.
+    """
     file = locate(name, "rigs")
     text = read_text(file)
     table = parse_table(text, file)
@@ -213,12 +211,12 @@ def load_rig(name: str | Path) -> Rig:
 
 
 def _replace_by_file(table: dict[str, Any], key: str, rig: Path, load: Callable[[Path], Document]) -> None:
-    """Put what the file beside the rig says in the place of its name."""
-    beside = table.get(key)
-    if isinstance(beside, str):
-        path = rig.parent / beside
+    """Replace the name of a file beside the rig by the file's contents."""
+    name = table.get(key)
+    if isinstance(name, str):
+        path = rig.parent / name
         if not path.is_file():
-            raise InputError(f"{rig}: {key} = {beside!r}: no such file beside the rig")
+            raise InputError(f"{rig}: {key} = {name!r}: no such file beside the rig")
         table[key] = load(path)
-    elif beside is not None:
+    elif name is not None:
         raise InputError(f"{rig}: {key} should be the name of a file beside the rig")

@@ -1,6 +1,6 @@
-"""How uncertain a bench's current is, by the text of the rig.toml that a dataset keeps.
+"""The uncertainty of a bench's current, read from the text of the rig.toml that a dataset stores.
 
-Apart from `config.rig`, which knows every driver: a fit of a stored dataset wants none of them.
+This module is separate from `config.rig`, which imports every driver: a fit of a stored dataset needs no driver.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from pydantic import ConfigDict
 
 from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_lab.config.toml import Document, parse, parse_table
-from eimi_lab.config.uncertainty import OfRig, stated_of
+from eimi_lab.config.uncertainty import OfRig, stated_sources
 
 
-class _Stated(Document):
-    """What of a rig says how well its numbers are known, whatever else it holds."""
+class _RigUncertainty(Document):
+    """The table [uncertainty] of a rig; all other keys are ignored."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -21,7 +21,28 @@ class _Stated(Document):
 
 
 def stated_by_rig(text: str, origin: str, coil_constant_mT_per_A: float) -> tuple[StatedSource, ...]:
-    """How uncertain the current is, as a field, by the text of a rig that a dataset keeps. Raises InputError."""
-    found = parse(_Stated, text, origin)
+    """Return the uncertainty of the current, converted into a field.
+
+    Parameters
+    ----------
+    text
+        The rig.toml as a dataset stores it.
+    origin
+        Name of the text in error messages.
+    coil_constant_mT_per_A
+        Field per current.
+
+    Returns
+    -------
+    tuple of StatedSource
+        The stated uncertainties. Datasets of one rig share the error of its supply.
+
+    Raises
+    ------
+    InputError
+        If the table [uncertainty] is not valid.
+    """
+    rig = parse(_RigUncertainty, text, origin)
+    supply = f"supply of {parse_table(text, origin).get('name')}"
     in_units = {"current_A": coil_constant_mT_per_A}
-    return stated_of("rig", found.uncertainty, lambda _: f"supply of {parse_table(text, origin).get('name')}", in_units)
+    return stated_sources("rig", rig.uncertainty, lambda _: supply, in_units)

@@ -7,37 +7,30 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Optics:
-    """Back-light, lens and sensor.
-
-    blur_px: standard deviation of the Gaussian point spread. full_well_e: electrons at full scale.
-    background: the brightest place of the back-light as a share of full scale. vignette: loss in the corners;
-    gradient: loss from one corner to the opposite one; lumps: largest deviation of smooth irregular patches;
-    all as shares of the light. Transmissions are shares of the light behind the body. bits: depth of the
-    image, 8 to 16. gamma: the camera stores light to the power 1 / gamma; 1 is what measurements need.
-    """
+    """Back-light, lens and sensor of the virtual camera. The text below a field describes it."""
 
     blur_px: float = 1.0
-    """Standard deviation of the point spread."""
+    """Standard deviation of the Gaussian point spread function."""
     full_well_e: float = 10_000.0
-    """Electrons at full scale: sets the shot noise."""
+    """Electrons at full scale; they determine the shot noise."""
     background: float = 0.85
-    """The brightest place of the back-light, as a share of full scale."""
+    """Brightness of the back-light at its brightest point, as a fraction of full scale."""
     vignette: float = 0.15
-    """Loss in the corners, as a share of the light."""
+    """Loss of light in the corners, as a fraction of the light."""
     gradient: float = 0.10
-    """Loss from one corner to the opposite one."""
+    """Loss of light from one corner to the opposite one, as a fraction of the light."""
     lumps: float = 0.0
-    """Largest deviation of smooth irregular patches."""
+    """Largest deviation of smooth irregular patches of the back-light, as a fraction of the light."""
     silicone_transmission: float = 0.06
-    """Share of the light behind the body."""
+    """Fraction of the back-light that passes through the silicone."""
     magnet_transmission: float = 0.01
-    """Share of the light behind the body."""
+    """Fraction of the back-light that passes through the magnet."""
     clamp_transmission: float = 0.0
-    """Share of the light behind the body."""
+    """Fraction of the back-light that passes through the clamp."""
     bits: int = 8
-    """Depth of the image, 8 to 16."""
+    """Bit depth of the image, 8 to 16."""
     gamma: float = 1.0
-    """The camera stores light to the power 1 / gamma; 1 is what measurements need."""
+    """The camera stores the light to the power 1/gamma; measurements need 1."""
 
     def __post_init__(self) -> None:
         shares = ("vignette", "gradient", "lumps", "silicone_transmission", "magnet_transmission")

@@ -1,4 +1,4 @@
-"""specimen.toml: a beam of soft material, perhaps with a magnet at its tip."""
+"""specimen.toml: a beam of soft material, with or without a magnet at its tip."""
 
 from __future__ import annotations
 
@@ -11,78 +11,74 @@ from pydantic import Field, model_validator
 import eimi_fitting.beam.specimen as mechanics
 from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_lab.config.toml import Document, Table, locate, parse, read_text
-from eimi_lab.config.uncertainty import OfSpecimen, check_sizes, stated_of
+from eimi_lab.config.uncertainty import OfSpecimen, check_sizes, stated_sources
 
-STRONGEST_kA_PER_M = 1600.0  # a remanence of 2 T, more than any magnetic powder has
+STRONGEST_kA_PER_M = 1600.0  # a remanence of 2 T, more than that of any magnetic powder
 
 
 class Beam(Table):
-    """The beam as cast. length_mm runs from the clamp to the tip, the magnet included; width_mm is what is imaged.
-
-    measured_with is the instrument that measured the lengths: specimens that name the same one share its error.
-    magnetisation_kA_per_m is that of silicone cast with magnetic powder, along and across the beam at rest.
-    """
+    """The beam as cast."""
 
     name: str = Field(min_length=1)
-    """What the specimen is called: datasets of one name share its dimensions and their errors."""
+    """Name of the specimen; datasets with the same name share its dimensions and their errors."""
     material: str = Field(min_length=1)
-    """What it is made of; a protocol has to name the same."""
+    """Material of the beam; the protocol's material must be the same."""
     length_mm: float = Field(gt=0)
-    """From the clamp to the tip, a magnet included."""
+    """Length from the clamp to the tip, including a magnet."""
     width_mm: float = Field(gt=0)
-    """Across the beam, as the camera sees it; the stiffness goes with its cube."""
+    """Width across the beam, as the camera sees it; the bending stiffness grows with its cube."""
     depth_mm: float = Field(gt=0)
-    """Along the camera's view."""
+    """Depth along the camera's line of sight."""
     density_kg_m3: float = Field(gt=0)
-    """Of the silicone."""
+    """Density of the silicone."""
     section: mechanics.Section = "solid"
-    """What is taken of the depth: the solid that the beam is, or a planar assumption."""
+    """Model of the depth: the solid beam, or one of two planar approximations."""
     magnetisation_kA_per_m: Annotated[tuple[float, float], Field(strict=False)] = (0.0, 0.0)
-    """Of silicone cast with magnetic powder, along and across the beam at rest."""
+    """Magnetisation of silicone cast with magnetic powder, along and across the beam at rest."""
     measured_with: str | None = Field(default=None, min_length=1)
-    """The instrument that measured the lengths: specimens that name the same one share its error."""
+    """Instrument that measured the lengths; specimens that name the same one share its error."""
 
 
 class Magnet(Table):
-    """A block magnet magnetised along the beam toward the tip, at the distal end or tip_offset_mm before it."""
+    """A block magnet at the tip or ``tip_offset_mm`` before it, magnetised along the beam toward the tip."""
 
     length_mm: float = Field(gt=0)
-    """Along the beam."""
+    """Length along the beam."""
     width_mm: float = Field(gt=0)
-    """Across the beam; at most the specimen's."""
+    """Width across the beam; at most that of the specimen."""
     depth_mm: float = Field(gt=0)
-    """Along the camera's view; at most the specimen's."""
+    """Depth along the camera's line of sight; at most that of the specimen."""
     remanence_T: float = Field(gt=0, le=2.0)
-    """Of the data sheet: 1.17 to 1.21 T for N35, 1.32 to 1.37 T for N45."""
+    """Remanence from the data sheet: 1.17 to 1.21 T for N35, 1.32 to 1.37 T for N45."""
     density_kg_m3: float = Field(gt=0)
-    """Of the magnet; 7500 kg/m³ for NdFeB."""
+    """Density of the magnet; 7500 kg/m³ for NdFeB."""
     tip_offset_mm: float = Field(default=0.0, ge=0)
-    """Silicone between the magnet and the tip."""
+    """Length of silicone between the magnet and the tip."""
 
 
 class TipLoad(Table):
-    """Where a tip force acts, in the beam frame."""
+    """The point at which a tip force acts, in the beam frame."""
 
     x_mm: float
-    """Along the beam at rest, from the clamp."""
+    """Position along the beam at rest, from the clamp."""
     y_mm: float
-    """Across it, from the middle."""
+    """Position across the beam at rest, from its middle."""
 
 
 class SpecimenFile(Document):
-    """A whole specimen.toml. uncertainty: standard uncertainties, of the magnet's sizes as magnet_width_mm."""
+    """The contents of specimen.toml."""
 
     specimen: Beam
     """The beam as cast."""
     magnet: Magnet | None = None
-    """A block magnet magnetised along the beam toward the tip; without one leave the table out."""
+    """A block magnet magnetised along the beam toward the tip; omit the table if there is none."""
     tip_load: TipLoad | None = None
-    """Where a tip force acts; the middle of the tip unless given."""
+    """Point at which a tip force acts; by default the middle of the tip."""
     uncertainty: OfSpecimen | None = None
-    """Standard uncertainties under the keys of the values, the magnet's as magnet_width_mm. 0 is exact."""
+    """Standard uncertainties under the keys of the values, such as magnet_width_mm for the magnet. 0 means exact."""
 
     @model_validator(mode="after")
-    def _fits(self) -> SpecimenFile:
+    def _consistent(self) -> SpecimenFile:
         beam = self.specimen
         if math.hypot(*beam.magnetisation_kA_per_m) > STRONGEST_kA_PER_M:
             x, y = beam.magnetisation_kA_per_m
@@ -119,7 +115,7 @@ class SpecimenFile(Document):
         return self
 
     def _values(self) -> dict[str, tuple[str, float | None]]:
-        """What an uncertainty is a share of, by its key: where it stands, and its value; an offset may be zero."""
+        """Return, for each key of [uncertainty] that is checked against a value, the value's key and the value."""
         beam, magnet = self.specimen, self.magnet
         sizes = ("length_mm", "width_mm", "depth_mm", "density_kg_m3")
         return {
@@ -128,22 +124,25 @@ class SpecimenFile(Document):
             "remanence_T": ("magnet.remanence_T", getattr(magnet, "remanence_T", None)),
         }
 
-    def keys_that_count(self) -> tuple[str, ...]:
-        """Keys whose values this specimen has."""
+    def uncertain_keys(self) -> tuple[str, ...]:
+        """Return the keys that have a value here and may have an uncertainty."""
         return tuple(key for key, (_, value) in self._values().items() if value is not None)
 
-    def stated(self) -> tuple[StatedSource, ...]:
-        """How uncertain its numbers are; lengths by one instrument and all numbers of one specimen err together."""
-        own = f"specimen {self.specimen.name}"
+    def stated_sources(self) -> tuple[StatedSource, ...]:
+        """Return the uncertainties that the file states.
+
+        Datasets of one specimen share its errors. Lengths measured with one instrument share the instrument's error.
+        """
+        this_specimen = f"specimen {self.specimen.name}"
         instrument = self.specimen.measured_with
 
-        def of(key: str) -> str:
-            return f"instrument {instrument}" if instrument and key.endswith("_mm") else own
+        def shared_by(key: str) -> str:
+            return f"instrument {instrument}" if instrument and key.endswith("_mm") else this_specimen
 
-        return stated_of("specimen", self.uncertainty, of, {})
+        return stated_sources("specimen", self.uncertainty, shared_by, {})
 
     def mechanics(self) -> mechanics.Specimen:
-        """The specimen as the mechanics sees it."""
+        """Return the specimen as the finite-element model needs it, in the units of `eimi_fitting.beam.specimen`."""
         beam = self.specimen
         along, across = beam.magnetisation_kA_per_m
         return mechanics.Specimen(
@@ -159,6 +158,6 @@ class SpecimenFile(Document):
 
 
 def load_specimen(name: str | Path) -> SpecimenFile:
-    """Read a specimen file, or a shipped one by its name ("type1"). Raises InputError."""
+    """Read a specimen from a path, or a shipped one by its name ("type1"); raise InputError if it is not valid."""
     file = locate(name, "specimens")
     return parse(SpecimenFile, read_text(file), file)

@@ -1,4 +1,4 @@
-"""From a TOML file to a checked model, and from whatever is wrong with it to one line."""
+"""Validation of TOML text against a pydantic model, with one line of text for the first fault."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from eimi_lab.process.errors import InputError
 
 
 class Table(BaseModel):
-    """A TOML table: no unknown keys, no text where a number belongs, no infinities, not changed after reading."""
+    """Base class of a TOML table: immutable, without unknown keys, type conversions and infinite numbers."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class Document(Table):
-    """A whole TOML file; `text` is what it was read from, empty for one that was made in Python."""
+    """Base class of the contents of a TOML file."""
 
     _text: str = PrivateAttr(default="")
 
     @property
     def text(self) -> str:
+        """The text from which the document was read; empty if it was created in Python."""
         return self._text
 
 
@@ -38,9 +39,19 @@ AnyDocument = TypeVar("AnyDocument", bound=Document)
 
 
 def locate(name: str | Path, folder: str = "") -> Path:
-    """The file that a path, or the name of a shipped file in `protocols/<folder>`, stands for.
+    """Return the path of a file that is given by its path or by the name of a shipped file.
 
-    A bare name without an ending is looked up among the shipped files; anything else is a path. Raises InputError.
+    Parameters
+    ----------
+    name
+        A path, or the bare name of a shipped file with or without ``.toml``.
+    folder
+        Folder of the shipped files in ``protocols``.
+
+    Raises
+    ------
+    InputError
+        If there is no such file; the message lists the shipped files.
     """
     path = Path(name)
     if path.is_file():
@@ -52,13 +63,13 @@ def locate(name: str | Path, folder: str = "") -> Path:
             return candidate
     if path.is_dir():
         raise InputError(f"{name}: is a folder, not a TOML file")
-    known = ", ".join(sorted(file.stem for file in shipped.glob("*.toml")))
-    raise InputError(f"{name}: no such file, and no shipped file of that name; shipped are {known}")
+    stems = ", ".join(sorted(file.stem for file in shipped.glob("*.toml")))
+    raise InputError(f"{name}: no such file, and no shipped file of that name; shipped are {stems}")
 
 
 def read_text(path: Path) -> str:
-    """The text of a UTF-8 file. Raises InputError."""
-    if path.exists() and not (path.is_file() or path.is_dir()):  # one that never ends, or for whose writer to wait
+    """Return the text of a UTF-8 file; raise InputError if it cannot be read."""
+    if path.exists() and not (path.is_file() or path.is_dir()):  # reading it might never end
         raise InputError(f"{path}: is no file but a device or a pipe")
     try:
         return path.read_text(encoding="utf-8")
@@ -71,12 +82,27 @@ def read_text(path: Path) -> str:
 
 
 def parse(model: type[AnyDocument], text: str, origin: str | Path) -> AnyDocument:
-    """Check TOML text against a model; `origin` is the file's name for error messages. Raises InputError."""
+    """Validate TOML text against a model.
+
+    Parameters
+    ----------
+    model
+        The model of the file.
+    text
+        TOML text.
+    origin
+        Name of the file in error messages.
+
+    Raises
+    ------
+    InputError
+        If the text is not valid TOML, or does not agree with the model.
+    """
     return check(model, parse_table(text, origin), text, origin)
 
 
 def to_toml(document: Document) -> str:
-    """A document as TOML text that reads back as the same, without what nobody stated."""
+    """Write a document as TOML text; keys with default values that were not set are omitted."""
     table = document.model_dump(exclude_unset=True, exclude_none=True)
     return "\n".join(_lines(table, "")) + "\n"
 
@@ -97,7 +123,7 @@ def _toml(value: Any) -> str:
 
 
 def parse_table(text: str, origin: str | Path) -> dict[str, Any]:
-    """TOML text as a dictionary. Raises InputError."""
+    """Parse TOML text into a dictionary; raise InputError if it is not valid TOML."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -105,7 +131,7 @@ def parse_table(text: str, origin: str | Path) -> dict[str, Any]:
 
 
 def differences(before: str, after: str) -> tuple[str, ...]:
-    """What another TOML text says otherwise, a line a key; comments and the order of keys are no difference."""
+    """Return one line for each key whose value differs between two TOML texts; comments and order are ignored."""
     old, new = _flat(tomllib.loads(before), ""), _flat(tomllib.loads(after), "")
     return tuple(
         f"{key} was {_stated(old, key)}, and is {_stated(new, key)} now"
@@ -115,17 +141,17 @@ def differences(before: str, after: str) -> tuple[str, ...]:
 
 
 def _flat(table: dict[str, Any], prefix: str) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for key, value in table.items():
-        found |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
-    return found
+        values |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+    return values
 
 
 def _stated(table: dict[str, Any], key: str) -> str:
     return _toml(table[key]) if key in table else "absent"
 
 
-# What only one kind of file has, by the name of its model.
+# A key that only one kind of file has: the name of the file's model, and of the kind.
 _KINDS = {
     "specimen": ("SpecimenFile", "a specimen"),
     "pixels_per_mm": ("Calibration", "a calibration"),
@@ -135,26 +161,26 @@ _KINDS = {
 
 
 def check(model: type[AnyDocument], table: dict[str, Any], text: str, origin: str | Path) -> AnyDocument:
-    """Check a table against a model and let the result remember its text. Raises InputError."""
+    """Validate a table against a model and keep the text in the result; raise InputError as `parse` does."""
     try:
         document = model.model_validate(table)
     except ValidationError as error:
         for key, (name, kind) in _KINDS.items():
             if key in table and key not in model.model_fields and name != model.__name__:
-                raise InputError(f"{origin}: is {kind}, and was given in another file's place") from error
+                raise InputError(f"{origin}: is {kind}, but a different kind of file is needed here") from error
         raise InputError(f"{origin}: {_one_line(model, error)}") from error
     document._text = text
     return document
 
 
-LONGEST_SHOWN = 20  # values of a list
+LONGEST_SHOWN = 20  # a message shows a list up to this number of values
 
-# An unknown key in a table that is a pydantic model, and in one that is a dataclass.
+# Pydantic's error types for an unknown key: in a model and in a dataclass.
 UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 
 
 def _one_line(model: type[BaseModel], error: ValidationError) -> str:
-    """The one fault worth telling first: a misspelt key explains the missing one beside it."""
+    """Describe one fault in one line; an unknown key comes first, since it usually is the missing key misspelt."""
     faults = error.errors(include_url=False)
     fault = next((f for f in faults if f["type"] in UNKNOWN), faults[0])
     location = tuple(str(part) for part in fault["loc"])
@@ -166,9 +192,9 @@ def _one_line(model: type[BaseModel], error: ValidationError) -> str:
         case "missing" if isinstance(fault["loc"][-1], int):
             return f"{'.'.join(location[:-1])} should have more values than {location[-1]}"
         case "too_long":
-            most, found = fault["ctx"]["max_length"], fault["ctx"]["actual_length"]
+            largest, actual = fault["ctx"]["max_length"], fault["ctx"]["actual_length"]
             shown = _shown(value) if len(value) <= LONGEST_SHOWN else "a list"
-            return f"{key} = {shown} should have at most {most} values, not {found}"
+            return f"{key} = {shown} should have at most {largest} values, not {actual}"
         case "tuple_type":
             return f"{key} = {_shown(value)} should be a list in brackets"
         case "missing":
@@ -194,20 +220,20 @@ def _missing(model: type[BaseModel], location: tuple[int | str, ...]) -> str:
     return f"the table [{'.'.join(parts)}]" if _known_keys(model, parts) else ".".join(parts)
 
 
-def _near(key: str, known: list[str]) -> str:
-    near = difflib.get_close_matches(key, known, n=1)
-    return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+def _near(key: str, keys: list[str]) -> str:
+    near = difflib.get_close_matches(key, keys, n=1)
+    return f"did you mean {near[0]}?" if near else f"known are {', '.join(keys)}"
 
 
 def _shown(value: object) -> str:
-    """A value as TOML writes it."""
+    """Format a value for a message, as TOML writes it."""
     if isinstance(value, dict):
         return "a table"
     return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
 def _known_keys(table: Any, location: tuple[str, ...]) -> list[str]:
-    """The keys of the table at a location below a model; none where there is no table."""
+    """Return the keys of the table at a location below a model; an empty list if no table is there."""
     for part in location:
         field = table.model_fields.get(part) if isinstance(table, type) and issubclass(table, BaseModel) else None
         annotation = field.annotation if field else None

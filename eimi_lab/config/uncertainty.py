@@ -1,7 +1,7 @@
-"""[uncertainty] of specimen, calibration and rig: standard uncertainties under the keys of the values.
+"""The table [uncertainty] of specimens, calibrations and rigs: standard uncertainties under the keys of the values.
 
-0 says that a number is exact; a key that is absent, that nobody knows how good it is. The keys are those of
-`eimi_fitting.inference.evidence.sources.SOURCES`.
+An uncertainty of 0 means that the value is exact; an absent key means that the uncertainty is unknown. The keys are
+those of `eimi_fitting.inference.evidence.sources.SOURCES`.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ from pydantic import AfterValidator
 
 from eimi_fitting.inference.evidence.sources import SOURCES, File, StatedSource
 
-LARGEST_SHARE = 0.1  # of a value that has no zero of its own: more is a slip in a digit or a unit
+LARGEST_SHARE = 0.1  # a larger relative uncertainty is assumed to be a typing error or a wrong unit
 
 FOCAL_LENGTH = "focal_length_px"
-"""What a calibration states beside its own keys: the focal length is in its camera matrix."""
+"""Key for the uncertainty of the focal length, whose value is in the camera matrix and has no key of its own."""
 
 Table = dict[str, float]
 
 
 def keys_of(file: File) -> dict[str, str]:
-    """The keys under which a file states uncertainties, and the source that each is of."""
+    """Return the keys of a file's table [uncertainty], each with the name of its source of uncertainty."""
     return {source.key: name for name, source in SOURCES.items() if source.stated_in == file}
 
 
-def _checked(file: File, *others: str) -> Callable[[Table], Table]:
-    known = [*keys_of(file), *others]
+def _validator(file: File, *further_keys: str) -> Callable[[Table], Table]:
+    keys = [*keys_of(file), *further_keys]
 
     def check(table: Table) -> Table:
         for key, value in table.items():
-            if key not in known:
-                near = difflib.get_close_matches(key, known, n=1)
+            if key not in keys:
+                near = difflib.get_close_matches(key, keys, n=1)
                 raise ValueError(
                     f"{key} is not a known key; "
-                    + (f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}")
+                    + (f"did you mean {near[0]}?" if near else f"known are {', '.join(keys)}")
                 )
             if not 0 <= value < math.inf:
                 raise ValueError(f"{key} = {value:g} should be a standard uncertainty: 0 (exact) or above")
@@ -46,22 +46,34 @@ def _checked(file: File, *others: str) -> Callable[[Table], Table]:
     return check
 
 
-OfSpecimen = Annotated[Table, AfterValidator(_checked("specimen"))]
-OfCalibration = Annotated[Table, AfterValidator(_checked("calibration", FOCAL_LENGTH))]
-OfRig = Annotated[Table, AfterValidator(_checked("rig"))]
+OfSpecimen = Annotated[Table, AfterValidator(_validator("specimen"))]
+OfCalibration = Annotated[Table, AfterValidator(_validator("calibration", FOCAL_LENGTH))]
+OfRig = Annotated[Table, AfterValidator(_validator("rig"))]
 
 
 def check_sizes(table: Table, values: Mapping[str, tuple[str, float | None]], largest: float = LARGEST_SHARE) -> None:
-    """Raises ValueError for an uncertainty of a value that is not there, or is too large a share of it.
+    """Check the uncertainties of quantities with a natural zero, such as lengths, against their values.
 
-    values: by the same keys, of those that have no zero of their own: where each stands in the file, and what it is.
+    Parameters
+    ----------
+    table
+        The table [uncertainty].
+    values
+        For each key: the key of the value in the file, and the value; None if the file has no such value.
+    largest
+        Largest uncertainty allowed, as a fraction of the value.
+
+    Raises
+    ------
+    ValueError
+        If the file has no value for an uncertainty, or if the uncertainty is too large a fraction of the value.
     """
     for key, uncertainty in table.items():
         if key not in values:
             continue
         place, value = values[key]
         if value is None:
-            raise ValueError(f"[uncertainty] {key} = {uncertainty:g}: there is no {place} that it could be of")
+            raise ValueError(f"[uncertainty] {key} = {uncertainty:g}: there is no {place} to which it could belong")
         if uncertainty > largest * value:
             raise ValueError(
                 f"[uncertainty] {key} = {uncertainty:g} should be at most {largest:g} of {place} = {value:g}"
@@ -69,23 +81,32 @@ def check_sizes(table: Table, values: Mapping[str, tuple[str, float | None]], la
 
 
 def missing_keys(everything: str, table: Table | None, keys: Sequence[str]) -> tuple[str, ...]:
-    """Of the keys that count, those of which nobody says how good they are; one word for all without a table."""
+    """Return the keys without a stated uncertainty; without a table, only the name ``everything``."""
     if table is None:
         return (everything,)
     return tuple(key for key in keys if key not in table)
 
 
-def stated_of(
-    file: File, table: Table | None, of: Callable[[str], str], in_units: Mapping[str, float]
+def stated_sources(
+    file: File, table: Table | None, shared_by: Callable[[str], str], in_units: Mapping[str, float]
 ) -> tuple[StatedSource, ...]:
-    """What a file states, as the inference takes it.
+    """Convert a table [uncertainty] into the sources of uncertainty that the inference uses.
 
-    of: what a key is a number of: see `StatedSource`;
-    in_units: factors from a key's unit to its source's, 1 unless given.
+    Parameters
+    ----------
+    file
+        The kind of file.
+    table
+        The table [uncertainty]; None if the file has none.
+    shared_by
+        Function that names the object (an instrument, a specimen) whose error a key describes. Datasets with the same
+        object share the error.
+    in_units
+        Factors from the unit of a key to the unit of its source; 1 if absent.
     """
     names = keys_of(file)
     return tuple(
-        StatedSource(names[key], value * in_units.get(key, 1.0), of(key))
+        StatedSource(names[key], value * in_units.get(key, 1.0), shared_by(key))
         for key, value in (table or {}).items()
         if key in names
     )

@@ -1,16 +1,29 @@
 """The dataset: one NeXus HDF5 file that holds a run and everything needed to understand it.
 
-layout      where things are in the file
-writing     `DatasetWriter`: appends a state at a time; what it acknowledged survives a crash
-recordings  frames between the states: transients, release, conditioning
-file_system whether a folder lies on a network
-points      datasets of tracked material points instead of frames
-reading     `open_dataset`: finished, live and crashed files alike
-state       one loading, as a dataset tells it; labelled makes an xarray.Dataset of all
-stored_edges what segmentation found, stored beside the frames
-default_plots, plotting, upright    what viewers and notebooks draw of it, the beam as it hangs
-dark_and_flat the dark frame and the flat field that correct the frames, stored beside them
-restating   specimen and calibration corrected after a run; the former ones stay in the file
-recovery    a crashed file made whole again; the folder repair puts flipped bits right
-importing   frames or tracked points that a lab already has; csv_tables and videos read them
+layout            groups, columns and attributes of the file
+writing           `DatasetWriter`, which appends one state after another; a stored state survives a crash
+recordings        frames between the states: transients, release and conditioning
+state             the value `State`: the loads and flags of one state
+points            datasets of tracked material points instead of frames
+tip_force_angles  directions of tip forces in the file
+reading           `open_dataset`, for finished files, for files in use and for crashed files
+containment       check that a file holds all its data itself and claims no absurd amounts
+rewriting         safe change of a finished file by way of a copy
+restating         correction of specimen and calibration after a run; the former ones stay in the file
+segmentation      search for the edges of every state
+stored_edges      the edges in the file
+dark_and_flat     the dark frame and the flat field in the file, which correct the frames
+labelled          edges and tracked points as an xarray.Dataset
+default_plots     the plots that a viewer of NeXus files shows first
+plotting          edges and tracked points as a figure for a notebook
+upright           rotation from the beam frame to the orientation in which the beam is seen
+importing         datasets from the images or the video of a laboratory
+listing           the pictures that a table of states lists
+state_loads       the loads of each state in a table of states
+csv_tables        CSV tables written by a person, with exact error messages
+videos            frames and times of a video file
+tracked           import of tracked points in the formats of tracking programs
+recovery          repair of crashed or damaged files
+repair            correction of flipped bits by HDF5's checksums
+file_system       check whether a folder is on a network file system
 """

@@ -1,4 +1,4 @@
-"""CSV tables that a person made: every fault is told with file, row, column and value."""
+"""CSV tables written by a person: an error message names the file, the row, the column and the value."""
 
 from __future__ import annotations
 
@@ -15,7 +15,17 @@ from eimi_lab.process.errors import InputError
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table, for people: what is in it, a cell, and what an absent or empty one stands for."""
+    """Documentation of a column.
+
+    Parameters
+    ----------
+    meaning
+        Description of the values.
+    example
+        An example of a cell.
+    default
+        Meaning of an empty cell or an absent column; empty if the column is required.
+    """
 
     meaning: str
     example: str
@@ -24,9 +34,18 @@ class Column:
 
 @dataclass(frozen=True)
 class Row:
-    """One row; `line` is its line in the file, the header's being 1.
+    """One row of a table.
 
-    decimal_comma: whether a number may have one, for the cells are not separated by commas.
+    Parameters
+    ----------
+    path
+        The file.
+    line
+        Number of the line in the file; the header is line 1.
+    cells
+        Text of each cell by column.
+    decimal_comma
+        Whether numbers may have a decimal comma; True if the cells are not separated by commas.
     """
 
     path: Path
@@ -35,17 +54,17 @@ class Row:
     decimal_comma: bool = False
 
     def fault(self, column: str, wanted: str) -> InputError:
-        """The error for a cell that is not what it should be."""
+        """Return the error for a cell whose value should be something else."""
         return InputError(f"{self.path}: row {self.line}: {column} = {self.cells[column]!r} should be {wanted}")
 
     def text(self, column: str) -> str:
-        """A cell that is not empty. Raises InputError."""
+        """Return the text of a cell; raise InputError if it is empty."""
         if not self.cells[column]:
             raise self.fault(column, "filled in")
         return self.cells[column]
 
     def number(self, column: str) -> float:
-        """A finite number. Raises InputError."""
+        """Return a cell as a number; raise InputError if it is not a finite number."""
         cell = self.cells[column]
         if self.decimal_comma and cell.count(",") == 1 and "." not in cell:
             cell = cell.replace(",", ".")
@@ -58,18 +77,30 @@ class Row:
         return value
 
     def count(self, column: str) -> int:
-        """A whole number, 0 or more. Raises InputError."""
+        """Return a cell as an integer; raise InputError if it is not an integer of 0 or more."""
         if not (self.cells[column].isascii() and self.cells[column].isdigit()):
             raise self.fault(column, "a whole number, 0 or more")
         return int(self.cells[column])
 
 
 def read_table(path: Path, required: Iterable[str], optional: Iterable[str] = ()) -> list[Row]:
-    """The rows below the header; empty lines are passed over. Raises InputError.
+    """Read a CSV table with a header; empty lines are skipped.
 
-    The header may hold the columns in any order. A column that is neither required nor optional is refused: a
-    misspelt optional column would else be ignored in silence. Cells are separated by commas; or by semicolons or tabs,
-    as a spreadsheet does where numbers have a decimal comma, which is then read as well.
+    Cells are separated by commas, semicolons or tabs. With semicolons or tabs, numbers may have a decimal comma, as
+    many spreadsheets write them.
+
+    Parameters
+    ----------
+    path
+        The file.
+    required, optional
+        Names of the columns, in any order. Any other column is refused, because a misspelt optional column would
+        otherwise be ignored without notice.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or if its header or a row is wrong.
     """
     text = read_text(path).removeprefix("\ufeff").splitlines()
     separator = _separator(next((line for line in text if line.strip()), ""))
@@ -85,9 +116,9 @@ def read_table(path: Path, required: Iterable[str], optional: Iterable[str] = ()
     rows = []
     for line, cells in body:
         if len(cells) != len(header):
-            commas = "; numbers with a decimal comma want semicolons between the cells" if separator == "," else ""
-            told = f"has {len(cells)} cells; the header has {len(header)} columns"
-            raise InputError(f"{path}: row {line}: {told}{commas if len(cells) > len(header) else ''}")
+            commas = "; numbers with a decimal comma need semicolons between the cells" if separator == "," else ""
+            fault = f"has {len(cells)} cells; the header has {len(header)} columns"
+            raise InputError(f"{path}: row {line}: {fault}{commas if len(cells) > len(header) else ''}")
         rows.append(Row(path, line, dict(zip(header, cells, strict=True)), decimal_comma=separator != ","))
     if not rows:
         raise InputError(f"{path}: has a header but no rows")
@@ -95,18 +126,18 @@ def read_table(path: Path, required: Iterable[str], optional: Iterable[str] = ()
 
 
 def _separator(header: str) -> str:
-    """What separates the columns' names, of which none has any of these signs in it."""
+    """Return the separator; no column name contains a comma, a semicolon or a tab."""
     return max(",;\t", key=header.count)
 
 
 def _check_header(path: Path, header: list[str], required: Iterable[str], optional: Iterable[str]) -> None:
-    known = [*required, *optional]
+    columns = [*required, *optional]
     for column in header:
         if header.count(column) > 1:
             raise InputError(f"{path}: row 1: the column {column} appears twice")
-        if column not in known:
-            near = difflib.get_close_matches(column, known, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+        if column not in columns:
+            near = difflib.get_close_matches(column, columns, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(columns)}"
             raise InputError(f"{path}: row 1: {column!r} is not a known column; {hint}")
     if missing := [column for column in required if column not in header]:
         words = f"column {missing[0]} is" if len(missing) == 1 else f"columns {', '.join(missing)} are"

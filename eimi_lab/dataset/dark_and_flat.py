@@ -1,4 +1,4 @@
-"""Dark frame and flat field, kept beside the frames that they correct, so that no later segmentation forgets them."""
+"""The dark frame and the flat field of a dataset, stored beside the frames that every segmentation corrects by them."""
 
 from __future__ import annotations
 
@@ -17,15 +17,17 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.vision.intensity import FieldCorrection, in_channels
 
 GROUP = "correction"
-BRIGHTEST_DARK = 0.5  # of the back-light's counts; what a dark frame has beyond that is light
+BRIGHTEST_DARK = 0.5  # a dark frame brighter than this fraction of the back-light was taken with light
 
 Images = Mapping[str, NDArray[Any]]
-"""Images (H, W) or (H, W, 3) under the names "dark" and "flat", either or both or none."""
+"""Images (H, W) or (H, W, 3) under the names "dark" and "flat"; either may be absent."""
 
 
 def read_correction_images(dark: Path | None, flat: Path | None) -> dict[str, NDArray[Any]]:
-    """Read a dark frame and a flat field from files. Raises InputError for images that can correct nothing."""
-    from eimi_lab.vision.image_files import read_image  # OpenCV is slow to load, and a fit of stored edges does without
+    """Read a dark frame and a flat field from files; raise InputError if they cannot serve as a correction."""
+    from eimi_lab.vision.image_files import (
+        read_image,
+    )  # OpenCV loads slowly, and a fit of stored edges does not need it
 
     images = {name: read_image(path) for name, path in (("dark", dark), ("flat", flat)) if path is not None}
     try:
@@ -36,13 +38,13 @@ def read_correction_images(dark: Path | None, flat: Path | None) -> dict[str, ND
 
 
 def correction_by(images: Images) -> FieldCorrection | None:
-    """What these images correct; None for none. Raises ValueError for images that can correct nothing."""
+    """Return the correction by these images, None without images; raise ValueError if they cannot serve as one."""
     return FieldCorrection(images.get("dark"), images.get("flat")) if images else None
 
 
 def check_like(images: Images, frame: NDArray[Any]) -> None:
-    """Raise InputError where an image differs from a frame in size or depth, or a dark frame was taken with light."""
-    from eimi_lab.vision.image_files import describe_image  # see above
+    """Raise InputError if an image differs from a frame in size or depth, or if a dark frame was taken with light."""
+    from eimi_lab.vision.image_files import describe_image  # imports OpenCV, see above
 
     for name, image in images.items():
         if (image.shape, image.dtype) != (frame.shape, frame.dtype):
@@ -56,9 +58,14 @@ def check_like(images: Images, frame: NDArray[Any]) -> None:
 
 
 def store_correction(path: str | Path, images: Images) -> None:
-    """Keep images in a dataset of frames, each in place of an earlier one of its name.
+    """Store a dark frame and a flat field in a dataset of frames.
 
-    Edges that were found without them are removed. Raises InputError for images that do not fit the frames.
+    An earlier image of the same name is replaced. Stored edges are removed, since they were found without the images.
+
+    Raises
+    ------
+    InputError
+        If the dataset has no frames, or if the images do not fit its frames.
     """
     path = Path(path)
     with rewritten(path, 2 * sum(image.nbytes for image in images.values())) as entry:
@@ -80,13 +87,13 @@ def store_correction(path: str | Path, images: Images) -> None:
 
 
 def forget_correction(path: str | Path) -> None:
-    """Remove dark frame and flat field from a dataset, and the edges found with them. Raises InputError."""
+    """Remove the dark frame and the flat field from a dataset, and the edges that were found with them."""
     with rewritten(Path(path)) as entry:
         _remove(entry)
 
 
 def stored_correction(entry: h5py.Group) -> dict[str, NDArray[Any]]:
-    """The images that a dataset keeps."""
+    """Return the dark frame and the flat field that a dataset holds."""
     return {name: to_stored(image[()]) for name, image in entry[GROUP].items()} if GROUP in entry else {}
 
 

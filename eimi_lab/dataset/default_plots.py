@@ -1,7 +1,7 @@
-"""What a viewer of NeXus files shows of a dataset by itself: the tip against the field, and the edges.
+"""The plots that a viewer of NeXus files shows when it opens a dataset: the tip against the field, and the edges.
 
-`default` leads from the file to the first of them (https://manual.nexusformat.org/datarules.html, "Find the plottable
-data"); both are NXdata with one signal along one axis, which every viewer draws as a curve.
+The attribute `default` leads a viewer from the file to the first plot (https://manual.nexusformat.org/datarules.html,
+"Find the plottable data"). Each plot is an NXdata with one signal along one axis, which a viewer draws as a curve.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from eimi_lab.vision.edges.edge_set import EdgeSet
 
 
 def write_plots(entry: h5py.Group, process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
-    """Add `tip` and `outline` to the group of the edges and make them the default plots, the first one of the file."""
+    """Add the plots `tip` and `outline` to the group of the edges, and make `tip` the default plot of the file."""
     _write_tip(process, entry["states/field"][()], edge_sets)
     if "calibration" in entry:
         _write_outline(process, parse(Calibration, get_text(entry["calibration"], "data"), "calibration"), edge_sets)
@@ -28,7 +28,7 @@ def write_plots(entry: h5py.Group, process: h5py.Group, edge_sets: Sequence[Edge
 
 
 def _write_tip(process: h5py.Group, field_mT: np.ndarray, edge_sets: Sequence[EdgeSet]) -> None:
-    """How far across the beam at rest the last places amid both edges are; NaN where no beam was found."""
+    """Write the deflection of the tip, the last point of the middle line; NaN for a state without edges."""
     middles = [edges.middle_mm for edges in edge_sets]
     across = np.array([middle[-1, 1] if len(middle) else np.nan for middle in middles])
     order = np.argsort(field_mT[: len(across)], kind="stable")
@@ -40,14 +40,17 @@ def _write_tip(process: h5py.Group, field_mT: np.ndarray, edge_sets: Sequence[Ed
 
 
 def _write_outline(process: h5py.Group, calibration: Calibration, edge_sets: Sequence[EdgeSet]) -> None:
-    """Both edges of every state as the camera sees them, NaN between one edge and the next, so that they are apart."""
+    """Write both edges of every state as the camera sees them, with NaN between the edges to separate the curves."""
     gap = np.full((1, 2), np.nan)
     parts = [
-        part for own in edge_sets for side in (own.left, own.right) for part in (side.points_mm.reshape(-1, 2), gap)
+        part
+        for edges in edge_sets
+        for side in (edges.left, edges.right)
+        for part in (side.points_mm.reshape(-1, 2), gap)
     ]
-    seen = np.concatenate([gap, *parts]) @ turn(calibration, None).T
+    places = np.concatenate([gap, *parts]) @ turn(calibration, None).T
     plot = group(process, "outline", "NXdata")
-    plot["right"], plot["up"] = seen.T
+    plot["right"], plot["up"] = places.T
     _describe(plot, "up", "right", "Edges of all states")
     plot["right"].attrs.update(units="mm", long_name="to the right, mm")
     plot["up"].attrs.update(units="mm", long_name="up, mm")

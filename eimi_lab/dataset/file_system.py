@@ -1,4 +1,7 @@
-"""Whether a folder lies on a network: such file systems do not keep the order of writes, as a crash would show."""
+"""Check whether a folder is on a network file system.
+
+A network file system does not preserve the order of writes, so a dataset there may be unreadable after a crash.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +15,27 @@ MOUNTS = Path("/proc/self/mounts")
 
 
 def network_file_system(folder: Path, mounts: Path = MOUNTS) -> str | None:
-    """The kind of network file system that a folder lies on; None for a local one, and where no table of mounts is.
+    """Return the type of the network file system that holds a folder.
 
-    The table is Linux's (proc(5)): device, place and kind of each mount, a space in a place written as \\040.
+    Parameters
+    ----------
+    folder
+        The folder.
+    mounts
+        Linux's table of mounts (manual page proc(5)), with device, mount point and type in each line. A space in a
+        mount point is written as ``\\040``.
+
+    Returns
+    -------
+    str or None
+        The type; None for a local file system, or if the system has no table of mounts.
     """
     if not mounts.is_file():
         return None
     kind, depth = "", -1
     for line in mounts.read_text().splitlines():
-        place, found = line.split()[1:3]
+        place, type_of_mount = line.split()[1:3]
         at = Path(place.replace("\\040", " "))
-        if folder.resolve().is_relative_to(at) and len(at.parts) >= depth:  # of two at one place the later one counts
-            kind, depth = found, len(at.parts)
+        if folder.resolve().is_relative_to(at) and len(at.parts) >= depth:  # a later mount hides an earlier one
+            kind, depth = type_of_mount, len(at.parts)
     return kind if kind in NETWORK else None

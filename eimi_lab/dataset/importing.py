@@ -1,4 +1,4 @@
-"""Datasets from what a lab already has: images or a video, and a table of states."""
+"""Datasets from the images or the video that a laboratory already has, and a table of states."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ from eimi_lab.vision.image_files import describe_image
 from eimi_lab.vision.intensity import in_channels, is_coloured
 
 LOSSLESS = frozenset({".png", ".tif", ".tiff", ".bmp", ".pgm"})
-MANY_FRAMES = 50  # from here on progress is shown
-MOST_DIAGONALS = 2.0  # of the picture that a beam can be long, however it is coiled up
+MANY_FRAMES = 50  # progress is shown from this number of frames
+MOST_DIAGONALS = 2.0  # largest length of a beam in diagonals of the picture; a coiled beam may be longer than one
 
 
 Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
@@ -52,12 +52,39 @@ def import_frames(
     progress: Progress | None = None,
     correction: Images | None = None,
 ) -> int:
-    """Make a dataset of images or of a video; returns the number of states. Raises InputError.
+    """Make a dataset from the images in a folder or from a video.
 
-    Images are taken in natural order, the listed ones alone, and so are the frames of a video. Colours are kept.
-    Neighbours under the same load are frames of one state: kept, or averaged into one. What the frames of a state
-    say against one another becomes its flags. progress: is shown where there are many frames.
-    correction: dark frame and flat field to keep with them.
+    Only listed pictures are imported, images in the natural order of their names. Consecutive pictures with the same
+    load are the frames of one state. Differences between the frames of a state become its flags.
+
+    Parameters
+    ----------
+    source
+        A folder of images, an image or a video.
+    states
+        The table of states: the load of each picture.
+    specimen, calibration
+        The specimen and the calibration of the pictures.
+    path
+        The dataset to write.
+    force
+        Whether an existing file is overwritten.
+    average
+        Whether the frames of a state are stored as their mean.
+    progress
+        Function that shows the progress; it is used if there are many frames.
+    correction
+        Dark frame and flat field to store with the frames.
+
+    Returns
+    -------
+    int
+        The number of states.
+
+    Raises
+    ------
+    InputError
+        If the table, a picture or the calibration is wrong.
     """
     with whole_file(path, force) as temporary:
         listing = list_frames(source, states)
@@ -66,7 +93,7 @@ def import_frames(
         coloured = any(map(is_coloured, listing.images()))
         first = in_channels(next(listing.images()), coloured)
         _check_prompts(listing.frames[0].path, specimen, calibration, first.shape[1], first.shape[0])
-        # A mean of 8 bits is stored as 16: so are the images that correct it.
+        # The mean of 8-bit frames is stored with 16 bits, so the dark frame and the flat field are converted too.
         stored = (lambda image: _mean([image])) if average else np.asarray
         correcting = {name: stored(in_channels(image, coloured)) for name, image in (correction or {}).items()}
         check_like(correcting, stored(first))
@@ -79,12 +106,12 @@ def import_frames(
             ):
                 images = (in_channels(image, coloured) for image in listing.images())
                 _append_states(writer, by_state, images, first, average, report)
-        except StorageFailed as error:  # of the temporary file, and no run to go on with
+        except StorageFailed as error:  # its message speaks of the temporary file and of resuming a run
             raise OSError(f"{path}: cannot be written: {error.reason}") from error
         store_tip_force_angles(temporary, [load.tip_force_angle_deg for load, _ in by_state])
         if correcting:
             store_correction(temporary, correcting)
-    _tell_left_out(listing, states)
+    _report_unlisted(listing, states)
     return len(by_state)
 
 
@@ -105,7 +132,7 @@ def _append_states(
             if image.shape != first.shape or image.dtype != first.dtype:
                 raise InputError(
                     f"{name}: is {describe_image(image)}; {first_frame.path.name} is {describe_image(first)}; pictures "
-                    f"of one dataset have one size and depth: {_mended(image, first)}"
+                    f"of one dataset have one size and depth: {_remedy(image, first)}"
                 )
         flags = _flags(names, taken, last)
         last = taken[-1]
@@ -124,33 +151,32 @@ def _append_states(
         report(f"{len(names)} frames at {load.field_mT:g} mT")
 
 
-def _mended(image: NDArray[Any], first: NDArray[Any]) -> str:
-    """What to do with an image that is not like the first."""
+def _remedy(image: NDArray[Any], first: NDArray[Any]) -> str:
+    """Return advice for an image whose size or depth differs from the first one's."""
     if image.shape[:2] == first.shape[1::-1] and image.dtype == first.dtype:
-        return "turn it by a quarter, or leave it out of states.csv"
-    return "export them alike, or leave it out of states.csv"
+        return "rotate it by 90 degrees, or remove it from states.csv"
+    return "export all pictures in the same way, or remove it from states.csv"
 
 
 def _oldest(listing: Listing) -> str:
-    """When the oldest of the files was written."""
+    """Return when the oldest file was last written, as ISO 8601."""
     seconds = min(file.stat().st_mtime for file in listing.files())
     return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="seconds")
 
 
-def _tell_left_out(listing: Listing, states: Path) -> None:
+def _report_unlisted(listing: Listing, states: Path) -> None:
     if listing.left_out:
         names = some([image.name for image in listing.left_out])
-        tell(f"note: left out, for {states} does not list them: {names}")
+        tell(f"note: left out, because {states} does not list them: {names}")
 
 
 def _flags(names: list[Path], images: list[NDArray[Any]], last: NDArray[Any] | None) -> tuple[Flag, ...]:
-    """What a state's images say against one another, and against the last image of the state before."""
-    numbers = [last_number(name.stem) for name in names]
-    known = [number for number in numbers if number is not None]
-    if len(known) < len(names) or any(later <= earlier for earlier, later in pairwise(known)):
-        known = list(range(len(names)))
+    """Return the flags that follow from comparing a state's images with each other and with the image before them."""
+    numbers = [number for name in names if (number := last_number(name.stem)) is not None]
+    if len(numbers) < len(names) or any(later <= earlier for earlier, later in pairwise(numbers)):
+        numbers = list(range(len(names)))
     lossless = all(name.suffix.lower() in LOSSLESS for name in names)
-    frames = [Frame(image, number, 0.0) for image, number in zip(images, known, strict=True)]
+    frames = [Frame(image, number, 0.0) for image, number in zip(images, numbers, strict=True)]
     flags = state_flags(frames, lossless)
     if last is not None and np.array_equal(last, images[0]):
         flags += judge({"repeated_images": 1}, words={"image": names[0].name})
@@ -158,19 +184,19 @@ def _flags(names: list[Path], images: list[NDArray[Any]], last: NDArray[Any] | N
 
 
 def _mean(images: list[NDArray[Any]]) -> NDArray[np.uint16]:
-    """The mean of images as 16 bits; of 8 bits it is 257 times as much, so that the full scales agree."""
+    """Return the mean of images with 16 bits; 8-bit values are multiplied by 257, so that the full scales agree."""
     scale = 257.0 if images[0].dtype == np.uint8 else 1.0
     return np.rint(scale * np.mean(images, axis=0, dtype=np.float64)).astype(np.uint16)
 
 
 def _check_prompts(image: Path, specimen: SpecimenFile, calibration: Calibration, width: int, height: int) -> None:
-    """Raise InputError for a clamp or a scale that no picture of this size can have; tell what may be wrong."""
+    """Raise InputError for a clamp or a scale that pictures of this size cannot have; warn if the beam leaves them."""
     beam, scale = specimen.specimen, calibration.pixels_per_mm
     clamp, size = np.array(calibration.clamp_midpoint_px), f"{width} x {height} px"
     if (clamp < -0.5).any() or (clamp > [width - 0.5, height - 0.5]).any():
         raise InputError(
             f"{image}: is {size}; clamp_midpoint_px = {list(calibration.clamp_midpoint_px)} is not in it; "
-            "x counts from the left and y from the top, and a picture that was cropped or made smaller counts anew"
+            "x counts from the left and y from the top of the picture, also after it was cropped or scaled"
         )
     long_px, wide_px, diagonal_px = beam.length_mm * scale, beam.width_mm * scale, float(np.hypot(width, height))
     if wide_px > min(width, height) or long_px > MOST_DIAGONALS * diagonal_px:
@@ -186,6 +212,5 @@ def _check_prompts(image: Path, specimen: SpecimenFile, calibration: Calibration
         tell(
             f"warning: {image}: the straight beam, {long_px:.0f} px long, would leave the picture of {size} "
             f"from clamp_midpoint_px = {list(calibration.clamp_midpoint_px)} at axis_angle_deg = "
-            f"{calibration.axis_angle_deg:g}; no harm where the bent one stays inside; else check length, scale, clamp "
-            "and axis"
+            f"{calibration.axis_angle_deg:g}; if the bent beam also leaves it, check length, scale, clamp and axis"
         )

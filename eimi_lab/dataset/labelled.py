@@ -1,4 +1,4 @@
-"""What was measured, as an xarray.Dataset: every state along one dimension, with its current, field and tip force."""
+"""Edges or tracked points as an xarray.Dataset, with the current, the field and the tip force of each state."""
 
 from __future__ import annotations
 
@@ -16,9 +16,19 @@ _MM = {"units": "mm"}
 
 
 def labelled_points(states: Sequence[State], tracked: Sequence[TrackedPoints], attributes: Mapping[str, str]) -> Any:
-    """xarray.Dataset of tracked points (state, point, axis) in mm, one element of ``tracked`` a state.
+    """Return tracked points as an xarray.Dataset with the dimensions (state, point, axis), in mm.
 
-    States with fewer points are filled up with NaN. Raises ImportError without xarray.
+    Parameters
+    ----------
+    states, tracked
+        The states, and the tracked points of each. A state with fewer points than another is padded with NaN.
+    attributes
+        Attributes of the result.
+
+    Raises
+    ------
+    ImportError
+        If xarray is not installed.
     """
     coordinates = _coordinates(states)
     if len({p.names for p in tracked}) == 1:
@@ -32,9 +42,19 @@ def labelled_points(states: Sequence[State], tracked: Sequence[TrackedPoints], a
 
 
 def labelled_edges(states: Sequence[State], edges: Sequence[EdgeSet], attributes: Mapping[str, str]) -> Any:
-    """xarray.Dataset of edges (state, side, point, axis) in mm, one edge set a state.
+    """Return edges as an xarray.Dataset with the dimensions (state, side, point, axis), in mm.
 
-    Sides with fewer points are filled up with NaN. Raises ImportError without xarray.
+    Parameters
+    ----------
+    states, edges
+        The states, and the edges of each. A side with fewer points than another is padded with NaN.
+    attributes
+        Attributes of the result.
+
+    Raises
+    ------
+    ImportError
+        If xarray is not installed.
     """
     coordinates = _coordinates(states)
     coordinates["side"] = ["left", "right"]
@@ -60,9 +80,9 @@ def _coordinates(states: Sequence[State]) -> dict[str, Any]:
 
 
 def _filled(arrays: Sequence[Any]) -> Any:
-    """Arrays (n_i, ...) as one (len, max n_i, ...), NaN where there is nothing."""
-    most = max((len(a) for a in arrays), default=0)
-    filled = np.full((len(arrays), most, *np.shape(arrays[0])[1:]), np.nan)
+    """Stack arrays of shape (n_i, ...) into one of shape (len(arrays), max n_i, ...), padded with NaN."""
+    longest = max((len(a) for a in arrays), default=0)
+    filled = np.full((len(arrays), longest, *np.shape(arrays[0])[1:]), np.nan)
     for row, values in zip(filled, arrays, strict=True):
         row[: len(values)] = values
     return filled

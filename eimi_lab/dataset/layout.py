@@ -1,22 +1,22 @@
-"""Where things are in a dataset file. NeXus base classes throughout (https://manual.nexusformat.org/classes/base_classes).
+"""The layout of a dataset file, in NeXus base classes (https://manual.nexusformat.org/classes/base_classes).
 
 /entry                      NXentry
   title, start_time, end_time, program_name
   sample                    NXsample
   instrument                NXinstrument: detector (NXdetector), supply (NXcollection of two NXlog)
-  instrument/detector/settings    NXcollection: exposure, gain and what else the camera read back
-  specimen, calibration, protocol, rig    NXnote: the TOML texts as they were
-  former                    NXcollection of NXnote with a date: specimens and calibrations that others took the place of
-  host                      NXnote: time zone and versions of what wrote the file
-  user_note                 NXnote: what the user had to say
-  data                      NXdata: frames (n, H, W), or (n, H, W, 3: red, green, blue), or tracked points, with columns
-  states                    NXcollection: one row a state; its attributes tell the format and the kind
-  transients, release, conditioning    NXdata: frames between the states, see `recordings`; where the protocol asks
-  sessions                  NXcollection: one row for every time that the run was begun or resumed
-  correction                NXcollection: dark frame and flat field, where somebody gave them
-  segmentation              NXprocess: edges, once they were found; how colours were projected for that; and tip and
-                            outline (NXdata), which a viewer then shows first
-  truth                     NXnote: what a virtual rig was made of; for scoring alone
+  instrument/detector/settings    NXcollection: exposure, gain and other settings that were read back from the camera
+  specimen, calibration, protocol, rig    NXnote: the TOML texts of the run
+  former                    NXcollection of NXnote with a date: specimens and calibrations that were replaced later
+  host                      NXnote: time zone, and versions of the programs that wrote the file
+  user_note                 NXnote: the note that the user gave with --note
+  data                      NXdata: frames (n, H, W) or (n, H, W, 3: red, green, blue), or tracked points, with columns
+  states                    NXcollection: one row for each state; its attributes hold the format and the kind
+  transients, release, conditioning    NXdata: frames between the states, if the protocol asks for them (`recordings`)
+  sessions                  NXcollection: one row for each time that the run was started or resumed
+  correction                NXcollection: dark frame and flat field, if the user gave them
+  segmentation              NXprocess: the edges after segmentation; the projection of colours used for them; and the
+                            plots tip and outline (NXdata), which a viewer shows first
+  truth                     NXnote: the true materials of a virtual rig, which are used only to score results
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import Document
 from eimi_lab.vision.check import Flag, Severity
 
-if TYPE_CHECKING:  # what knows every driver is slow to load, and who reads a dataset does without
+if TYPE_CHECKING:  # these modules import every driver, which is slow, and reading a dataset does not need them
     from eimi_drivers.cameras.settings import CameraSettings
     from eimi_lab.config.protocol import Protocol
     from eimi_lab.config.rig import Rig
@@ -50,7 +50,7 @@ PROGRAM = "eimi-lab"
 
 Kind = Literal["frames", "points"]
 
-# One row a state. `index` is written last: its length is the number of states that are complete.
+# One row for each state. `index` is written last, so its length is the number of complete states.
 STATE_COLUMNS: dict[str, tuple[str, str | None]] = {
     "current": ("f8", "A"),
     "field": ("f8", "mT"),
@@ -58,9 +58,9 @@ STATE_COLUMNS: dict[str, tuple[str, str | None]] = {
     "flags": ("S4096", None),
     "index": ("i8", None),
 }
-# One row for each time that a run was begun or resumed.
+# One row for each time that a run was started or resumed.
 SESSION_COLUMNS: dict[str, tuple[str, str | None]] = {"start": ("S40", None), "first_state": ("i8", None)}
-# One row a frame, beside the frames themselves.
+# One row for each frame.
 FRAME_COLUMNS: dict[str, tuple[str, str | None]] = {
     "state": ("i8", None),
     "number": ("i8", None),
@@ -74,10 +74,24 @@ FRAME_COLUMNS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class Header:
-    """What a dataset says of itself. A quantity that an imported dataset does not know is None.
+    """The description of a run that is written before its first state; None for a value that an import does not know.
 
-    taken: when the first frame was taken, ISO 8601; None where that is now. camera_settings: as read back.
-    without_contact: what would have become of the coil where the cable was pulled or the computer died, in words.
+    Parameters
+    ----------
+    specimen, calibration, protocol, rig
+        The files of the run.
+    instruments
+        Identities of the supply and the camera.
+    truth
+        True materials of a virtual rig.
+    note
+        The user's note.
+    taken
+        Time of the first frame in ISO 8601; None for the present time.
+    camera_settings
+        Settings as they were read back from the camera.
+    without_contact
+        What would happen to the coil if the cable were pulled or the computer stopped, in words.
     """
 
     specimen: SpecimenFile
@@ -93,7 +107,7 @@ class Header:
 
     @property
     def documents(self) -> dict[str, Document | None]:
-        """The TOML documents by the names under which a dataset keeps their texts."""
+        """The TOML documents, by the names of the groups that hold their texts."""
         return {
             "specimen": self.specimen,
             "calibration": self.calibration,
@@ -103,7 +117,7 @@ class Header:
 
 
 def write_header(file: h5py.File, header: Header) -> h5py.Group:
-    """Create everything that is known before the first state; returns the entry."""
+    """Write the description of a run into a new file and return the group `entry`."""
     file.attrs["default"] = "entry"
     entry = group(file, "entry", "NXentry")
     entry.attrs["default"] = "data"
@@ -134,17 +148,20 @@ def write_header(file: h5py.File, header: Header) -> h5py.Group:
 
 
 def to_stored(image: NDArray[Any]) -> NDArray[Any]:
-    """An image (H, W) or (H, W, 3) in the order of colours of a file, red first as NeXus has it, not blue; and back."""
+    """Convert an image between the program's order of colours (blue, green, red) and the file's (red, green, blue).
+
+    The function is its own inverse. An image (H, W) without colours is returned unchanged.
+    """
     return image if image.ndim == 2 else image[..., ::-1]
 
 
 def identity_text(identity: Identity) -> str:
-    """An instrument in one line, as a dataset keeps it."""
+    """Return the line of text that a dataset stores for an instrument."""
     return f"{identity.driver}: {identity.text} at {identity.address}"
 
 
 def host() -> dict[str, str]:
-    """The time zone and the versions of what writes the file."""
+    """Return the time zone, and the versions of the programs that write the file."""
     local = datetime.now().astimezone()
     return {
         "time_zone": f"{local:%Z} (UTC{local:%z})",
@@ -157,7 +174,7 @@ def host() -> dict[str, str]:
 
 
 def write_state_columns(entry: h5py.Group, kind: Kind) -> dict[str, h5py.Dataset]:
-    """Create the empty table of states."""
+    """Create the empty table of states and return its columns."""
     states = group(entry, "states", "NXcollection")
     states.attrs[FORMAT_ATTRIBUTE] = FORMAT
     states.attrs[KIND_ATTRIBUTE] = kind
@@ -165,10 +182,18 @@ def write_state_columns(entry: h5py.Group, kind: Kind) -> dict[str, h5py.Dataset
 
 
 def columns(parent: h5py.Group, described: dict[str, tuple[str, str | None]]) -> dict[str, h5py.Dataset]:
-    """Create empty columns that grow."""
-    made = {}
+    """Create empty, extensible columns.
+
+    Parameters
+    ----------
+    parent
+        The group.
+    described
+        Type and unit of each column by name; None for a column without a unit.
+    """
+    created = {}
     for name, (dtype, unit) in described.items():
-        made[name] = parent.create_dataset(
+        created[name] = parent.create_dataset(
             name,
             shape=(0,),
             maxshape=(None,),
@@ -179,12 +204,12 @@ def columns(parent: h5py.Group, described: dict[str, tuple[str, str | None]]) ->
             fletcher32=True,
         )
         if unit:
-            made[name].attrs["units"] = unit
-    return made
+            created[name].attrs["units"] = unit
+    return created
 
 
 def frame_stack(parent: h5py.Group, name: str, image: NDArray[Any]) -> h5py.Dataset:
-    """Create a stack of frames like (H, W) or (H, W, 3) `image` that grows, without any."""
+    """Create an empty, extensible stack of frames with the shape and type of ``image``, (H, W) or (H, W, 3)."""
     frames = parent.create_dataset(
         name,
         shape=(0, *image.shape),
@@ -209,37 +234,37 @@ def append(column: h5py.Dataset, rows: Any) -> None:
 
 
 def group(parent: h5py.Group, name: str, nx_class: str) -> h5py.Group:
-    """Create a group of a NeXus class."""
-    made = parent.create_group(name)
-    made.attrs["NX_class"] = nx_class
-    return made
+    """Create a group with a NeXus class."""
+    created = parent.create_group(name)
+    created.attrs["NX_class"] = nx_class
+    return created
 
 
 def note(parent: h5py.Group, name: str, text: str, media_type: str) -> None:
-    """Create an NXnote."""
-    made = group(parent, name, "NXnote")
-    put_text(made, "type", media_type)
-    put_text(made, "data", text)
+    """Create an NXnote with a text."""
+    created = group(parent, name, "NXnote")
+    put_text(created, "type", media_type)
+    put_text(created, "data", text)
 
 
 def put_text(parent: h5py.Group, name: str, text: str) -> h5py.Dataset:
-    """Create a UTF-8 text of fixed length: a file under single-writer-multiple-reader bears no other kind."""
+    """Create a UTF-8 text of fixed length, the only kind allowed in HDF5's single-writer-multiple-reader mode."""
     raw = text.encode() or b"\0"
     return parent.create_dataset(name, data=np.array(raw, dtype=h5py.string_dtype("utf-8", len(raw))))
 
 
 def get_text(parent: h5py.Group, name: str) -> str:
-    """Read a text back."""
+    """Read a text that `put_text` wrote."""
     return bytes(parent[name][()]).rstrip(b"\0").decode()
 
 
 def now() -> str:
-    """The time in ISO 8601, in UTC."""
+    """Return the present time in UTC, as ISO 8601."""
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def flags_to_text(flags: tuple[Flag, ...]) -> bytes:
-    """Flags as JSON, for a column of fixed width."""
+    """Convert flags into JSON for a column of fixed width; raise ValueError if they need more than the width."""
     text = json.dumps([list(astuple(flag)) for flag in flags]).encode()
     width = np.dtype(STATE_COLUMNS["flags"][0]).itemsize
     if len(text) > width:
@@ -248,5 +273,8 @@ def flags_to_text(flags: tuple[Flag, ...]) -> bytes:
 
 
 def flags_from_text(text: bytes) -> tuple[Flag, ...]:
-    """The inverse of `flags_to_text`; a flag of earlier versions has no severity, and made its state unusable."""
+    """Convert JSON back into flags, see `flags_to_text`.
+
+    A flag written by an earlier version has no severity; such a flag made its state unusable, which is the default.
+    """
     return tuple(Flag(*fields[:4], *map(Severity, fields[4:5]), *fields[5:]) for fields in json.loads(text))

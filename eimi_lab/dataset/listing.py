@@ -1,4 +1,4 @@
-"""Which pictures a table of states lists: image files, or frames of a video by number or by time."""
+"""The pictures that a table of states lists: image files, or frames of a video by number or by time."""
 
 from __future__ import annotations
 
@@ -23,9 +23,16 @@ from eimi_lab.vision.image_files import find_images, read_image
 
 @dataclass(frozen=True)
 class ListedFrame:
-    """A picture with its row. path: of the image; of a frame of a video the video's, and the number as a name in it.
+    """A picture and its row in the table of states.
 
-    time_s: in the video, NaN where no times were asked for.
+    Parameters
+    ----------
+    path
+        Path of the image. For a frame of a video: the path of the video, followed by the number of the frame.
+    row
+        The row.
+    time_s
+        Time of the frame in the video; NaN for images, and for frames listed by number.
     """
 
     path: Path
@@ -35,38 +42,60 @@ class ListedFrame:
 
 @dataclass(frozen=True)
 class Listing:
-    """The listed pictures in the order in which they were taken, and those of the folder that no row lists."""
+    """The pictures of an import.
+
+    Parameters
+    ----------
+    source
+        The folder of images, the image or the video.
+    frames
+        The listed pictures, in the order in which they were taken.
+    left_out
+        Images of the folder that no row lists.
+    """
 
     source: Path
     frames: tuple[ListedFrame, ...]
     left_out: tuple[Path, ...] = ()
 
     def images(self) -> Iterator[NDArray[Any]]:
-        """The images one after another, as they are asked for; again from the first at each call. Raises InputError."""
+        """Read the listed pictures one after another; each call starts at the first. Raises InputError."""
         if is_video(self.source):
             return read_video(self.source, [int(frame.path.name) for frame in self.frames])
         return (read_image(frame.path) for frame in self.frames)
 
     def files(self) -> list[Path]:
-        """The files that they are in."""
+        """Return the files that hold the pictures."""
         return [self.source] if is_video(self.source) else [frame.path for frame in self.frames]
 
 
 def is_video(path: Path) -> bool:
-    """Whether a file is a video, by its name."""
+    """Return whether a file is a video, judged by its name."""
     return path.suffix.lower() in VIDEOS
 
 
 def is_image(path: Path) -> bool:
-    """Whether a file is an image, by its name."""
+    """Return whether a file is an image, judged by its name."""
     return path.suffix.lower() in IMAGES
 
 
 def list_frames(source: Path, states: Path) -> Listing:
-    """What states.csv lists of a folder of images, an image or a video. Raises InputError.
+    """Find the pictures that a table of states lists.
 
-    A row names an image by its path from states.csv on, or in the folder in full, without its ending, or by the number
-    at its end; a frame of a video by its number, counted from 0, or by its time_s.
+    A row names an image by its path relative to the table, by its name in the folder with or without the ending, or
+    by the number at the end of its name. A row names a frame of a video by its number, counted from 0, or by time_s.
+
+    Parameters
+    ----------
+    source
+        A folder of images, an image or a video.
+    states
+        The table of states.
+
+    Raises
+    ------
+    InputError
+        If the table is wrong, or if a row does not name exactly one picture that no other row names.
     """
     if not is_video(source):
         return _listed_images(source, read_table(states, ["frame"], LOAD_COLUMNS))
@@ -81,56 +110,56 @@ def _listed_images(source: Path, rows: list[Row]) -> Listing:
     matched: dict[Path, ListedFrame] = {}
     missing: list[Row] = []
     for row in rows:
-        found = _named(row.text("frame"), images) or _beside(row)
-        if not found:
+        candidates = _named(row.text("frame"), images) or _beside(row)
+        if not candidates:
             missing.append(row)
             continue
-        if len(found) > 1:
-            raise row.fault("frame", f"one image; {', '.join(image.name for image in found)} all fit")
-        known = matched.get(found[0].resolve())
-        if known:
-            raise row.fault("frame", f"listed once; row {known.row.line} is the same image")
-        matched[found[0].resolve()] = ListedFrame(found[0], row)
+        if len(candidates) > 1:
+            raise row.fault("frame", f"one image; {', '.join(image.name for image in candidates)} all match")
+        image = candidates[0]
+        if earlier := matched.get(image.resolve()):
+            raise row.fault("frame", f"listed once; row {earlier.row.line} is the same image")
+        matched[image.resolve()] = ListedFrame(image, row)
     if missing:
-        more = f"; nor of that in rows {some([str(row.line) for row in missing[1:]])}" if missing[1:] else ""
+        more = f"; the same holds for rows {some([str(row.line) for row in missing[1:]])}" if missing[1:] else ""
         more += _near(missing[0], images)
-        where = images[0].parent if source.is_dir() else f"{source}, or a path from {rows[0].path.name} on"
-        raise missing[0].fault("frame", f"an image in {where}; there is none of that name{more}")
+        where = images[0].parent if source.is_dir() else f"{source}, or a path relative to {rows[0].path.name}"
+        raise missing[0].fault("frame", f"an image in {where}; none has that name{more}")
     frames = sorted(matched.values(), key=lambda frame: (natural_key(frame.path.name), str(frame.path)))
     return Listing(source, tuple(frames), tuple(image for image in images if image.resolve() not in matched))
 
 
 def _named(name: str, images: list[Path]) -> list[Path]:
-    found = [image for image in images if name in (image.name, image.stem)]
-    if not found and name.isascii() and name.isdigit():
-        found = [image for image in images if last_number(image.stem) == int(name)]
-    return found
+    candidates = [image for image in images if name in (image.name, image.stem)]
+    if not candidates and name.isascii() and name.isdigit():
+        candidates = [image for image in images if last_number(image.stem) == int(name)]
+    return candidates
 
 
 def _near(row: Row, images: list[Path]) -> str:
-    """What was meant by a name that has but its case or its folder wrong."""
+    """Suggest the image whose name differs only in case or folder; an empty text if there is none."""
     name = re.split(r"[/\\]", row.text("frame"))[-1].casefold()
     near = [image.name for image in images if name in (image.name.casefold(), image.stem.casefold())]
     return f"; did you mean {near[0]}?" if near else ""
 
 
 def _beside(row: Row) -> list[Path]:
-    """The image to which a row's path leads from the table on."""
+    """Return the image at a row's path relative to the table; an empty list if there is none."""
     image = row.path.parent / Path(row.text("frame").replace("\\", "/"))
     try:
         return [image] if is_image(image) and image.is_file() else []
-    except (OSError, ValueError):  # no name for a file
+    except (OSError, ValueError):  # the text cannot be the name of a file
         return []
 
 
 def last_number(stem: str) -> int | None:
-    """The number at the end of a file's name without its ending."""
-    found = re.search(r"[0-9]+$", stem)
-    return int(found.group()) if found else None
+    """Return the number at the end of a file's name without the ending; None if it does not end with a number."""
+    digits = re.search(r"[0-9]+$", stem)
+    return int(digits.group()) if digits else None
 
 
 def some(words: list[str]) -> str:
-    """A list that stays one line, however long it is."""
+    """Join at most five words with commas, and state how many more there are."""
     return ", ".join(words[:5]) + (f" and {len(words) - 5} more" if len(words) > 5 else "")
 
 
@@ -139,16 +168,16 @@ def _listed_numbers(video: Path, rows: list[Row]) -> Listing:
 
 
 def _listed_times(video: Path, rows: list[Row]) -> Listing:
-    wanted = [row.number("time_s") for row in rows]
-    for row, time_s in zip(rows, wanted, strict=True):
+    requested_s = [row.number("time_s") for row in rows]
+    for row, time_s in zip(rows, requested_s, strict=True):
         if time_s < 0:
-            raise row.fault("time_s", "0 or more, seconds from the video's beginning")
+            raise row.fault("time_s", "0 or more, in seconds from the beginning of the video")
     times = frame_times(video)
     end_s = times[-1] + (times[-1] - times[-2] if len(times) > 1 else 0.0)
-    for row, time_s in zip(rows, wanted, strict=True):
+    for row, time_s in zip(rows, requested_s, strict=True):
         if time_s > end_s:
             raise row.fault("time_s", f"within {video.name}, which ends at {end_s:.3f} s")
-    nearest = [int(np.argmin(np.abs(times - time_s))) for time_s in wanted]
+    nearest = [int(np.argmin(np.abs(times - time_s))) for time_s in requested_s]
     return _in_video(video, "time_s", [(n, float(times[n]), row) for n, row in zip(nearest, rows, strict=True)])
 
 

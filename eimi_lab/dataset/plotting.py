@@ -1,4 +1,4 @@
-"""Where a beam was in each state, as a picture for a notebook."""
+"""A figure of the beam in every state, for a notebook."""
 
 from __future__ import annotations
 
@@ -20,16 +20,27 @@ OF_BEAM = ("along the beam at rest", "across it")
 def drawn_places(
     states: Sequence[State], places: Sequence[Sequence[Array]], axes_names: tuple[str, str], lines: bool
 ) -> Drawing:
-    """Lines or points (n, 2) in mm, some for each state, in the colour of the state's field.
+    """Draw the lines or points of every state in the colour of the state's field.
 
-    Where all fields are alike, in the colour of the state's number.
+    If all fields are equal, the colour shows the number of the state.
+
+    Parameters
+    ----------
+    states
+        The states.
+    places
+        For each state, arrays (n, 2) of points in mm.
+    axes_names
+        Names of the two axes.
+    lines
+        Whether each array is drawn as a line; otherwise as points.
     """
     values, name = by_field([state.field_mT for state in states], [state.index for state in states])
     scale = colours_in_order(values)
     drawing = Drawing(4.5)
     axes = drawing.subplots()
-    for value, own in zip(values, places, strict=True):
-        for points in own:
+    for value, arrays in zip(values, places, strict=True):
+        for points in arrays:
             axes.plot(*points.T, "-" if lines else "o", color=scale.to_rgba(value), markersize=3)
     axes.set_aspect("equal", adjustable="datalim")
     label(axes, *(f"{name}, mm" for name in axes_names))

@@ -1,4 +1,4 @@
-"""Tracked material points instead of frames: motion capture, image correlation."""
+"""Datasets of tracked material points instead of frames, from motion capture or image correlation."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from eimi_lab.dataset.tip_force_angles import write_tip_force_angles
 
 Array = NDArray[np.float64]
 
-# A field of positive current is along y by definition of the beam frame.
+# By definition of the beam frame, the field of a positive current points along +y.
 FIELD_ANGLE_DEG = 90.0
 
 NAME_BYTES = 64
@@ -43,9 +43,18 @@ POINT_COLUMNS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class TrackedPoints:
-    """The points of one state, in the beam frame: rest_mm and points_mm (n, 2), sigma_mm (n,) of each coordinate.
+    """The tracked points of one state, in the beam frame.
 
-    depth_mm: (n,) from mid-depth at rest; None for points in mid-depth.
+    Parameters
+    ----------
+    names
+        Names of the n points.
+    rest_mm, points_mm
+        (n, 2) positions at rest, and in the state.
+    sigma_mm
+        (n,) standard deviation of each coordinate.
+    depth_mm
+        (n,) distance from mid-depth at rest; None if all points are in mid-depth.
     """
 
     names: tuple[str, ...]
@@ -57,9 +66,18 @@ class TrackedPoints:
 
 @dataclass(frozen=True)
 class Load:
-    """What acts in one state. current_A is None where only the field is known.
+    """The loads of one state.
 
-    tip_force_angle_deg: in the beam frame, None for along gravity.
+    Parameters
+    ----------
+    current_A
+        Current of the coil; None if only the field is known.
+    field_mT
+        Field at the magnet.
+    tip_force_N
+        Force at the tip.
+    tip_force_angle_deg
+        Direction of the force in the beam frame, from +x toward +y; None for the direction of gravity.
     """
 
     current_A: float | None
@@ -76,9 +94,20 @@ def write_points(
     points: Sequence[TrackedPoints],
     gravity: bool = True,
 ) -> None:
-    """Write a dataset of tracked points, one element of `loads` and of `points` a state, over the file `path`.
+    """Write a dataset of tracked points; an existing file is overwritten.
 
-    gravity: whether the weight bends the beam.
+    Parameters
+    ----------
+    path
+        The file.
+    header
+        Description of the measurement.
+    gravity_angle_deg
+        Direction of gravity in the beam frame, from +x toward +y.
+    loads, points
+        The loads and the tracked points of each state.
+    gravity
+        Whether the weight bends the beam.
     """
     with h5py.File(path, "w", libver="latest") as file:
         entry = write_header(file, header)
@@ -113,19 +142,19 @@ def write_points(
 
 
 def read_points(entry: h5py.Group, states: int) -> tuple[TrackedPoints, ...]:
-    """The tracked points of every state; in files of earlier releases all lie in mid-depth."""
+    """Read the tracked points of every state; files of earlier releases have all points in mid-depth."""
     table = {name: entry["data"][name][()] for name in POINT_COLUMNS if name in entry["data"]}
     depth = table.get("z0", np.zeros(len(table["state"])))
     tracked = []
     for index in range(states):
-        here = table["state"] == index
+        rows = table["state"] == index
         tracked.append(
             TrackedPoints(
-                tuple(name.decode() for name in table["point"][here]),
-                np.column_stack([table["x0"][here], table["y0"][here]]),
-                np.column_stack([table["x"][here], table["y"][here]]),
-                table["sigma"][here],
-                depth[here],
+                tuple(name.decode() for name in table["point"][rows]),
+                np.column_stack([table["x0"][rows], table["y0"][rows]]),
+                np.column_stack([table["x"][rows], table["y"][rows]]),
+                table["sigma"][rows],
+                depth[rows],
             )
         )
     return tuple(tracked)

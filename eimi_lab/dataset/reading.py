@@ -1,4 +1,4 @@
-"""Reading a dataset, finished or not: a live or crashed file shows every state that was acknowledged."""
+"""Reading a dataset, also while it is being written or after a crash: every stored state can be read."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import differences, parse
+from eimi_lab.dataset.containment import FORMER, refuse_links_and_absurd_sizes
 from eimi_lab.dataset.dark_and_flat import correction_by, stored_correction
 from eimi_lab.dataset.labelled import labelled_edges, labelled_points
 from eimi_lab.dataset.layout import FORMAT, FORMAT_ATTRIBUTE, Kind, flags_from_text, get_text
 from eimi_lab.dataset.points import TrackedPoints, read_points
-from eimi_lab.dataset.recordings import BELONGS_TO, CONDITIONING, RELEASE, TRANSIENTS, Recording, read_recording
+from eimi_lab.dataset.recordings import CONDITIONING, RELEASE, TRANSIENTS, Recording, read_recording
 from eimi_lab.dataset.repair.mended_file import MendedFile
 from eimi_lab.dataset.repair.probing import why_unreadable
 from eimi_lab.dataset.repair.superblock import close_superblock
@@ -37,56 +38,48 @@ from eimi_lab.vision.edges.edge_set import EdgeSet
 from eimi_lab.vision.intensity import FieldCorrection
 from eimi_lab.vision.projection import Projection
 
-MOST_BYTES = 1 << 30
-"""Of one table, or of one frame. A few bytes in a file can claim any size."""
-
 MOST_OF_A_STATE_BYTES = 8 << 30
-
-FORMER = "former"
-"""The group of files that others took the place of."""
-
-READ = (
-    *("entry/specimen", "entry/calibration", "entry/protocol", "entry/rig", "entry/truth", "entry/start_time"),
-    *("entry/user_note", "entry/data", "entry/states", "entry/sessions", "entry/correction", "entry/instrument"),
-    f"entry/{FORMER}",
-    *(f"entry/{name}" for name in BELONGS_TO),
-    *(
-        "entry/segmentation/projection",
-        "entry/segmentation/edges",
-        "entry/segmentation/edges/left",
-        "entry/segmentation/edges/right",
-    ),
-)
-
 
 _IF_DAMAGED = "`eimi recover` makes a copy of what is readable"
 _NOT_HDF5 = "is not an HDF5 file; `eimi import` makes a dataset from images or points"
-# What a person may give in a dataset's place, by the ending of its name.
-_INSTEAD = {
-    ".json": "is a JSON file; a fit goes with --fit, and the dataset is what `eimi acquire` or `eimi import` wrote",
+# Messages for files that a user may confuse with a dataset, by the ending of the name.
+_CONFUSED_WITH_DATASET = {
+    ".json": "is a JSON file, not a dataset, which `eimi acquire` or `eimi import` writes; a fit is given with --fit",
     ".toml": "is a TOML file, not a dataset, which `eimi acquire` or `eimi import` writes",
-    ".csv": "is a table; `eimi import` makes a dataset of tables and what they list",
+    ".csv": "is a table; `eimi import` makes a dataset from a table and the pictures that it lists",
 }
 
 
 class Dataset:
-    """An open dataset; see `open_dataset`. It closes at the end of a `with`, by `close`, or when nobody has it.
+    """An open dataset, created by `open_dataset`. Use it in a ``with`` statement, or close it with `close`.
 
-    gravity_angle_deg and field_angle_deg are in the beam frame, from +x toward +y; gravity: whether the weight bends
-    the beam. finished is False while a run is going on, and after it crashed. if_damaged: what is told of a damaged
-    file beside the damage.
+    Attributes
+    ----------
+    path, finished
+        The file, and whether it was closed properly: False during a run and after a crash.
+    kind
+        ``"frames"`` or ``"points"``.
+    specimen, calibration
+        The specimen, and the calibration; None for tracked points.
+    states
+        The states with their loads and flags.
+    gravity_angle_deg, field_angle_deg
+        Directions in the beam frame, from +x toward +y.
+    gravity
+        Whether the weight bends the beam.
     """
 
     def __init__(self, path: Path, file: h5py.File, finished: bool, if_damaged: str = _IF_DAMAGED) -> None:
+        """Read everything but frames; ``if_damaged`` is the advice in the message about a damaged file."""
         self.path = path
         self._if_damaged = if_damaged
         self.finished = finished
         self._file = file
-        with self._damage_named():
+        with self._naming_damage():
             self._open(path, file)
 
     def close(self) -> None:
-        """Close the file; nothing more can be read from it."""
+        """Close the file."""
         self._file.close()
 
     def __enter__(self) -> Self:
@@ -96,8 +89,8 @@ class Dataset:
         self.close()
 
     @contextmanager
-    def _damage_named(self) -> Iterator[None]:
-        """HDF5 raises nearly anything on a damaged file, and so does what is computed from its wrong numbers."""
+    def _naming_damage(self) -> Iterator[None]:
+        """Turn any error into an InputError that names the file: a damaged file can cause nearly every error."""
         try:
             yield
         except (InputError, ImportError):
@@ -109,14 +102,14 @@ class Dataset:
             ) from error
 
     def _open(self, path: Path, file: h5py.File) -> None:
-        _refuse_links(path, file)
+        refuse_links_and_absurd_sizes(path, file)
         states = file.get("entry/states")
         if states is None or FORMAT_ATTRIBUTE not in states.attrs:
             raise InputError(f"{path}: is an HDF5 file, but not a dataset of this suite; `eimi import` makes one")
         if states.attrs[FORMAT_ATTRIBUTE] != FORMAT:
             raise InputError(f"{path}: is of format {states.attrs[FORMAT_ATTRIBUTE]}; this version reads {FORMAT}")
         self._entry = file["entry"]
-        # Not by the attribute that says so: HDF5 may never come back from a damaged heap of texts.
+        # The attribute `eimi_kind` is not read: HDF5 may never return from reading a damaged text.
         self.kind: Kind = "frames" if "frames" in self._entry["data"] else "points"
         specimen = self.text("specimen")
         if specimen is None:
@@ -151,86 +144,83 @@ class Dataset:
         angles = tip_force_angles(table, len(indices))
         measured = np.full(len(indices), np.nan)
         if self.kind == "frames":
-            # The arrays may be longer than what the last acknowledged state left: those rows are not ours to read.
+            # Rows of a state whose storing was not completed are ignored.
             of_state, values = self._entry["data/state"][()], self._entry["data/measured_current"][()]
             rows = min(len(of_state), len(values))
-            known = np.isin(of_state[:rows], indices)
-            frames = np.bincount(of_state[:rows][known], minlength=len(indices))[: len(indices)]
-            sums = np.bincount(of_state[:rows][known], weights=values[:rows][known], minlength=len(indices))
+            complete = np.isin(of_state[:rows], indices)
+            frames = np.bincount(of_state[:rows][complete], minlength=len(indices))[: len(indices)]
+            sums = np.bincount(of_state[:rows][complete], weights=values[:rows][complete], minlength=len(indices))
             measured = sums[: len(indices)] / frames
         return tuple(
             State(
                 index=int(index),
-                current_A=_known(table["current"][index]),
-                measured_A=_known(measured[index]),
+                current_A=_none_if_nan(table["current"][index]),
+                measured_A=_none_if_nan(measured[index]),
                 field_mT=float(table["field"][index]),
                 tip_force_N=float(table["tip_force"][index]),
                 flags=flags_from_text(table["flags"][index]),
-                tip_force_angle_deg=_known(angles[index]),
+                tip_force_angle_deg=_none_if_nan(angles[index]),
             )
             for index in indices
         )
 
     def text(self, name: str) -> str | None:
-        """The stored TOML text of the specimen, calibration, protocol or rig; None where there is none."""
-        with self._damage_named():
+        """Return the stored TOML text of the specimen, calibration, protocol or rig; None if it is absent."""
+        with self._naming_damage():
             return get_text(self._entry[name], "data") if name in self._entry else None
 
     def corrections(self) -> tuple[str, ...]:
-        """What was stated otherwise before, a line a file that another took the place of, oldest first."""
-        with self._damage_named():
+        """Return one line for each replaced specimen or calibration with the changed values, oldest first."""
+        with self._naming_damage():
             former = self._entry.get(FORMER, {})
-            every = [(get_text(former[name], "date"), name) for name in former]
-            found = []
-            for date, name in sorted(every):
+            dated = [(get_text(former[name], "date"), name) for name in former]
+            lines = []
+            for date, name in sorted(dated):
                 kind, _, number = name.rpartition("_")
                 later = f"{kind}_{int(number) + 1}"
                 text = get_text(former[later], "data") if later in former else self.text(kind) or ""
-                words = "; ".join(differences(get_text(former[name], "data"), text))
-                found.append(f"{kind} on {date[:10]}: {words}")
-            return tuple(found)
+                changes = "; ".join(differences(get_text(former[name], "data"), text))
+                lines.append(f"{kind} on {date[:10]}: {changes}")
+            return tuple(lines)
 
     def images(self, state_index: int, most: int | None = None) -> NDArray[Any]:
-        """(n, H, W) or (n, H, W, 3: blue, green, red), uint8 or uint16: the frames of a state, at most so many.
+        """Return the frames of a state, at most ``most``; raise InputError that names damaged frames.
 
-        Raises InputError naming those that are damaged.
+        The array has the shape (n, H, W) or (n, H, W, 3: blue, green, red) and the type uint8 or uint16.
         """
-        with self._damage_named():
+        with self._naming_damage():
             rows = np.flatnonzero(self._entry["data/state"][()] == state_index)[:most]
             frames = self._entry["data/frames"]
             if len(rows) * int(np.prod(frames.shape[1:], dtype=object)) * frames.dtype.itemsize > MOST_OF_A_STATE_BYTES:
                 raise InputError(f"{self.path}: state {state_index} claims {len(rows)} frames, more than could be read")
             try:
-                found = frames[rows[0] : rows[-1] + 1]
+                images = frames[rows[0] : rows[-1] + 1]
             except OSError as error:
                 damaged = ", ".join(str(row - rows[0]) for row in rows.tolist() if not self._readable(row))
                 raise InputError(
                     f"{self.path}: frame {damaged} of the {len(rows)} of state {state_index} (counted from 0) "
                     f"is damaged ({error}); `eimi recover` makes a copy without it"
                 ) from error
-            return found if found.ndim == 3 else found[..., ::-1]
+            return images if images.ndim == 3 else images[..., ::-1]
 
     def transient(self, state_index: int) -> Recording | None:
-        """How the beam came to rest in a state; None where nothing was kept of it. Raises InputError."""
+        """Return the frames while the beam settled at a state; None if none were stored. Raises InputError."""
         return self._recording(TRANSIENTS, state_index)
 
     def release(self) -> Recording | None:
-        """What the beam did after the current went to zero at the end; None where that was not recorded.
-
-        Raises InputError.
-        """
+        """Return the frames after the current went to zero at the end; None without them. Raises InputError."""
         return self._recording(RELEASE)
 
     def conditioning(self) -> Recording | None:
-        """The beam before the run, in its first and its last cycle; None where there was none. Raises InputError."""
+        """Return the frames of the first and the last conditioning cycle; None without them. Raises InputError."""
         return self._recording(CONDITIONING)
 
     def _recording(self, name: str, only: int | None = None) -> Recording | None:
-        with self._damage_named():
+        with self._naming_damage():
             return read_recording(self._entry, name, len(self.states), only)
 
     def damaged_frames(self) -> tuple[int, ...]:
-        """Rows of the frames that cannot be read, counted over the whole dataset; reads every frame."""
+        """Read every frame of the dataset and return the rows of those that cannot be read."""
         return tuple(row for row in range(len(self._entry["data/frames"])) if not self._readable(row))
 
     def _readable(self, row: int) -> bool:
@@ -241,70 +231,70 @@ class Dataset:
         return True
 
     def frame_format(self) -> tuple[tuple[int, ...], np.dtype[Any]]:
-        """Height and width of the frames, and 3 where they have colours; and their type."""
+        """Return the shape of a frame, (H, W) or (H, W, 3), and its type."""
         frames = self._entry["data/frames"]
         return frames.shape[1:], frames.dtype
 
     def instruments(self) -> tuple[str, ...]:
-        """What supply and camera said of themselves, a line each; empty for an imported dataset."""
-        with self._damage_named():
+        """Return a line with the identity of each instrument; empty for an imported dataset."""
+        with self._naming_damage():
             group = self._entry["instrument"]
             return tuple(get_text(group[name], "data") for name in sorted(group) if name.startswith("identity_"))
 
     def start_time(self) -> datetime:
-        """When the run began, or when the oldest of the imported image files was written."""
-        with self._damage_named():
+        """Return when the run started, or when the oldest of the imported image files was written."""
+        with self._naming_damage():
             start = datetime.fromisoformat(get_text(self._entry, "start_time"))
             return start if start.tzinfo else start.replace(tzinfo=UTC)
 
     def last_time_s(self) -> float:
-        """The run's clock at the last frame; 0 before there is one."""
-        with self._damage_named():
+        """Return the time of the last frame on the run's clock; 0 if there is no frame."""
+        with self._naming_damage():
             return float(np.nanmax(self._entry["data/time"][()], initial=0.0))
 
     @property
     def resumable(self) -> bool:
-        """Whether the file can take more states; those of earlier versions cannot."""
+        """Whether states can be added; files of earlier versions do not allow it."""
         return "sessions" in self._entry
 
     def edges(self) -> tuple[EdgeSet, ...] | None:
-        """What segmentation stored, one element a state; None before segmentation, or where a run went on after it."""
+        """Return the stored edges of every state; None before segmentation, or if states were added after it."""
         if "segmentation" not in self._entry:
             return None
-        with self._damage_named():
-            found = read_edges(self._entry)
-        return found if len(found) == len(self.states) else None
+        with self._naming_damage():
+            edges = read_edges(self._entry)
+        return edges if len(edges) == len(self.states) else None
 
     def projection(self) -> Projection | None:
-        """How colours were seen when the stored edges were found; None where there are no edges, or no colours."""
-        with self._damage_named():
+        """Return the projection of colours that the stored edges used; None without edges or without colours."""
+        with self._naming_damage():
             return read_projection(self._entry)
 
     def correction(self) -> FieldCorrection | None:
-        """What dark frame and flat field take out of the frames; None where the dataset keeps neither."""
-        with self._damage_named():
+        """Return the correction by the stored dark frame and flat field; None if the dataset has neither."""
+        with self._naming_damage():
             return correction_by(stored_correction(self._entry))
 
     def points(self) -> tuple[TrackedPoints, ...]:
-        """The tracked points, one element a state. Raises ValueError for a dataset of frames."""
+        """Return the tracked points of every state; raise ValueError for a dataset of frames."""
         if self.kind != "points":
             raise ValueError(f"{self.path} holds frames, not tracked points")
-        with self._damage_named():
+        with self._naming_damage():
             return read_points(self._entry, len(self.states))
 
     def upright(self, points_mm: ArrayLike) -> NDArray[np.float64]:
-        """(..., 2) places of the beam frame as (to the right, up): as before the camera, or with gravity downward."""
-        turned = turn(self.calibration, self.gravity_angle_deg if self.gravity else None)
-        return np.asarray(np.asarray(points_mm, dtype=float) @ turned.T)
+        """Rotate points (..., 2) of the beam frame to (right, up) as the camera sees them, or with gravity downward."""
+        rotation = turn(self.calibration, self.gravity_angle_deg if self.gravity else None)
+        return np.asarray(np.asarray(points_mm, dtype=float) @ rotation.T)
 
     def plot(self) -> Any:
-        """A matplotlib figure of the edges or tracked points of all states, by their field. Raises InputError."""
-        from eimi_lab.dataset.plotting import UPRIGHT, drawn_places  # matplotlib is slow to import
+        """Return a matplotlib figure of the edges or points of all states; raise InputError without edges."""
+        from eimi_lab.dataset.plotting import UPRIGHT, drawn_places  # matplotlib loads slowly
 
         if self.kind == "points":
             return drawn_places(self.states, [[self.upright(p.points_mm)] for p in self.points()], UPRIGHT, lines=False)
         edges = self._edges_or_refusal()
-        places = [[self.upright(side.points_mm) for side in (own.left, own.right)] for own in edges]
+        places = [[self.upright(side.points_mm) for side in (sides.left, sides.right)] for sides in edges]
         return drawn_places(self.states, places, UPRIGHT, lines=True)
 
     def _edges_or_refusal(self) -> tuple[EdgeSet, ...]:
@@ -319,31 +309,34 @@ class Dataset:
         for state in self.states:
             names = dict.fromkeys(flag.name for flag in (*state.flags, *(edges[state.index].flags if edges else ())))
             rows.append((str(state.index), f"{state.field_mT:.3f}", f"{state.tip_force_N:.3g}", ", ".join(names)))
-        found = "" if self.kind == "points" else "; no edges yet" if edges is None else "; with edges"
-        caption = f"{self.path.name}: {beam.name}, {beam.material}, {len(self.states)} states of {self.kind}{found}"
+        progress = "" if self.kind == "points" else "; no edges yet" if edges is None else "; with edges"
+        caption = f"{self.path.name}: {beam.name}, {beam.material}, {len(self.states)} states of {self.kind}{progress}"
         return html_table(caption, ("state", "field, mT", "tip force, N", "flags"), rows)
 
     def to_xarray(self) -> Any:
-        """Edges or tracked points as xarray.Dataset. Raises ImportError, InputError for frames without edges."""
+        """Return edges or points as an xarray.Dataset; raise InputError without edges, ImportError without xarray."""
         attributes = {"path": str(self.path), "specimen": self.specimen.specimen.name}
         if self.kind == "points":
             return labelled_points(self.states, self.points(), attributes)
         return labelled_edges(self.states, self._edges_or_refusal(), attributes)
 
     def truth(self) -> dict[str, Any] | None:
-        """What a virtual rig was made of, for scoring alone: nothing that fits may ask for it."""
-        with self._damage_named():
+        """Return the true materials of a virtual rig, only to score results; a fit must not read them."""
+        with self._naming_damage():
             return json.loads(get_text(self._entry["truth"], "data")) if "truth" in self._entry else None
 
 
-def _known(value: float) -> float | None:
+def _none_if_nan(value: float) -> float | None:
     return None if math.isnan(value) else float(value)
 
 
 def open_dataset(path: str | Path) -> Dataset:
-    """Open a dataset to read, also one that is being written or whose writer crashed. Raises InputError.
+    """Open a dataset for reading, also one that is being written or whose writer crashed.
 
-    To be used in a `with`, or as it is.
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is damaged, or is not a dataset.
     """
     path = Path(path)
     file, finished = open_file(path)
@@ -355,7 +348,7 @@ def open_dataset(path: str | Path) -> Dataset:
 
 
 def open_file(path: Path) -> tuple[h5py.File, bool]:
-    """The HDF5 file and whether its writer closed it. Raises InputError."""
+    """Return the HDF5 file, and whether its writer closed it; raise InputError if it cannot be read."""
     if path.is_dir():
         raise InputError(f"{path}: is a folder; a dataset is a file, which `eimi import` makes from a folder of images")
     if not path.is_file():
@@ -365,7 +358,7 @@ def open_file(path: Path) -> tuple[h5py.File, bool]:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error})") from error
     if not is_hdf5:
-        raise InputError(f"{path}: {_instead(path)}")
+        raise InputError(f"{path}: {_not_a_dataset(path)}")
     try:
         return h5py.File(path, "r"), True
     except OSError as error:
@@ -384,61 +377,24 @@ def open_file(path: Path) -> tuple[h5py.File, bool]:
     raise InputError(f"{path}: is a damaged HDF5 file ({reason}); `eimi recover` makes a copy of what is readable")
 
 
-def _instead(path: Path) -> str:
-    """What a file is that is none of HDF5, and what is to be done with it."""
-    from eimi_lab.dataset.videos import ENDINGS as VIDEOS  # OpenCV is slow to load
+def _not_a_dataset(path: Path) -> str:
+    """Describe a file that is not HDF5 by its name, and what can be done with it."""
+    from eimi_lab.dataset.videos import ENDINGS as VIDEOS  # OpenCV loads slowly
     from eimi_lab.vision.image_files import ENDINGS as IMAGES
 
     ending = path.suffix.lower()
     if ending in IMAGES:
-        return "is a picture; `eimi import` makes a dataset of pictures"
+        return "is a picture; `eimi import` makes a dataset from pictures"
     if ending in VIDEOS:
-        return "is a video; `eimi import` makes a dataset of videos"
-    return _INSTEAD.get(ending, _NOT_HDF5)
-
-
-def _refuse_links(path: Path, file: h5py.File) -> None:
-    """Raise InputError where what a dataset holds is kept elsewhere, or claims more than could be read.
-
-    Only what is read is looked at: a person may have put other things beside it.
-    """
-    for place in READ:
-        parent: Any = file
-        for name in place.split("/"):
-            if not isinstance(parent, h5py.Group) or name not in parent:
-                break
-            parent = _own(path, parent, name)
-        else:
-            names = list(parent) if isinstance(parent, h5py.Group) else []
-            for item in [_own(path, parent, name) for name in names] or [parent]:
-                _refuse_storage(path, item)
-
-
-def _own(path: Path, parent: h5py.Group, name: str) -> Any:
-    """What a group itself holds under a name. Raises InputError for a link to elsewhere."""
-    if not isinstance(parent.get(name, getlink=True), h5py.HardLink):
-        place = f"{parent.name}/{name}".lstrip("/")
-        raise InputError(f"{path}: {place} is a link to another place; a dataset holds everything itself")
-    return parent[name]
-
-
-def _refuse_storage(path: Path, item: Any) -> None:
-    if not isinstance(item, h5py.Dataset):
-        return
-    if item.external or item.is_virtual:
-        raise InputError(f"{path}: {item.name} is kept in another file; a dataset holds everything itself")
-    if item.dtype.hasobject or item.dtype.kind not in "iufS":
-        raise InputError(f"{path}: {item.name} is of type {item.dtype}; numbers or text of fixed length are read")
-    row = item.nbytes if item.ndim < 3 else int(np.prod(item.shape[1:], dtype=object)) * item.dtype.itemsize
-    if row > MOST_BYTES or item.ndim > 4:
-        raise InputError(f"{path}: {item.name} claims a size of {item.shape}, more than could be read")
+        return "is a video; `eimi import` makes a dataset from a video"
+    return _CONFUSED_WITH_DATASET.get(ending, _NOT_HDF5)
 
 
 def _has_a_writer(path: Path) -> bool:
-    """Whether somebody has the file open to write, or had when he crashed.
+    """Return whether the file is marked as open for writing, now or when its writer crashed.
 
-    Version and consistency flags are at bytes 8 and 11 (HDF5 File Format Specification 3.0, section II.A, superblock 2
-    and 3).
+    The version is byte 8 of the superblock and the consistency flags are byte 11 (HDF5 File Format Specification 3.0,
+    section II.A, superblock versions 2 and 3).
     """
     with path.open("rb") as raw:
         superblock = raw.read(12)

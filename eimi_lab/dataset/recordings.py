@@ -1,12 +1,14 @@
-"""Frames beside those of the states, in the order in which they were taken, each set an NXdata of its own:
+"""Frames that are taken between the states, in the order in which they were taken.
 
-transients      while the beam came to rest, beside the state that it came to
-release         after the current went from its last value to zero, as fast as the camera was
-conditioning    of the first and the last cycle before the run
+There are three recordings, each an NXdata in the file:
 
-HDF5's single-writer-multiple-reader mode lets nobody add a group to a file in use, so that there is one group of each
-kind, made with the file, and not one a state. A column tells to which state, or cycle, a frame belongs. The column
-`time` is written last: rows beyond its end were never complete.
+    transients      frames while the beam settles at a state
+    release         frames after the current went from its last value to zero, at the full rate of the camera
+    conditioning    frames of the first and the last conditioning cycle before the run
+
+HDF5's single-writer-multiple-reader mode does not allow new groups in a file in use. Therefore each recording is one
+group that is created with the file, and a column holds the state or the cycle to which a frame belongs. The column
+`time` is written last, so rows beyond its end are incomplete.
 """
 
 from __future__ import annotations
@@ -25,10 +27,10 @@ from eimi_lab.dataset.layout import append, columns, frame_stack, group
 
 TRANSIENTS, RELEASE, CONDITIONING = "transients", "release", "conditioning"
 BELONGS_TO = {TRANSIENTS: "state", RELEASE: "state", CONDITIONING: "cycle"}
-"""The column that tells to what a frame belongs."""
+"""For each recording, the column with the number of the state or the cycle to which a frame belongs."""
 
 MOST_BYTES = 8 << 30
-"""Of the frames that are read at once. A few bytes in a file can claim any size."""
+"""Largest size of frames that are read at once, since a few bytes in a damaged file can claim any size."""
 
 COLUMNS: dict[str, tuple[str, str | None]] = {
     "number": ("i8", None),
@@ -41,7 +43,19 @@ COLUMNS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class Moment:
-    """A frame with the time on the run's clock (s), the seconds since the set-point last changed, and that (A)."""
+    """A frame of a recording.
+
+    Parameters
+    ----------
+    frame
+        The frame.
+    time_s
+        Time on the run's clock.
+    elapsed_s
+        Time since the set-point last changed.
+    set_A
+        The set-point of the current.
+    """
 
     frame: Frame
     time_s: float
@@ -51,9 +65,16 @@ class Moment:
 
 @dataclass(frozen=True)
 class Recording:
-    """Frames (n, H, W), or (n, H, W, 3: blue, green, red), in the order taken; of each, (n,), as `Moment` has it.
+    """The frames of a recording, in the order in which they were taken.
 
-    belongs_to: the state or the cycle.
+    Parameters
+    ----------
+    images
+        (n, H, W) or (n, H, W, 3: blue, green, red).
+    belongs_to
+        (n,) number of the state or the cycle.
+    time_s, elapsed_s, set_A
+        (n,) times and set-points as in `Moment`.
     """
 
     images: NDArray[Any]
@@ -64,19 +85,19 @@ class Recording:
 
 
 def planned(protocol: Protocol | None) -> tuple[str, ...]:
-    """The recordings that a run makes; none for what is imported."""
+    """Return the names of the recordings that a protocol asks for; none without a protocol, as in an import."""
     if protocol is None:
         return ()
-    wanted = {
+    is_planned = {
         TRANSIENTS: protocol.transients.frames_per_state > 0,
         RELEASE: protocol.release is not None,
         CONDITIONING: protocol.conditioning is not None,
     }
-    return tuple(name for name in BELONGS_TO if wanted[name])
+    return tuple(name for name in BELONGS_TO if is_planned[name])
 
 
 def make_recordings(entry: h5py.Group, names: Sequence[str], image: NDArray[Any]) -> None:
-    """Create recordings for frames like `image`, without any."""
+    """Create empty recordings for frames with the shape and type of ``image``."""
     for name in names:
         store = group(entry, name, "NXdata")
         store.attrs["signal"] = "frames"
@@ -93,10 +114,21 @@ def append_moments(
     moments: Sequence[Moment],
     beat: Callable[[], None],
 ) -> None:
-    """Add frames, as they are stored, at the end of a recording, flushed in an order that a crash cannot harm.
+    """Append frames to a recording, flushed in an order that leaves the file readable after a crash.
 
-    store: its columns, which somebody keeps open: one that is let go writes what is left of it, and where the disk is
-    full nobody hears of that. beat: called after every frame.
+    Parameters
+    ----------
+    recording
+        Name of the recording.
+    store
+        Its columns. The caller must keep them open: HDF5 writes the rest of a column when it is closed, and an error
+        at that point, as on a full disk, would go unnoticed.
+    images
+        The frames in the file's order of colours.
+    belongs_to, moments
+        For each frame, its state or cycle, and its times and set-point.
+    beat
+        Function that is called after every frame.
     """
     rows: dict[str, Sequence[float]] = {
         BELONGS_TO[recording]: belongs_to,
@@ -116,10 +148,28 @@ def append_moments(
 
 
 def read_recording(entry: h5py.Group, name: str, states: int, only: int | None = None) -> Recording | None:
-    """What a file has of a recording, with `only` what belongs to that state or cycle; None where it has nothing.
+    """Read a recording.
 
-    states: how many are acknowledged; frames of others are not read. Raises ValueError for more frames than a memory
-    holds, and whatever HDF5 raises.
+    Parameters
+    ----------
+    entry
+        The group `entry` of the file.
+    name
+        Name of the recording.
+    states
+        Number of complete states; frames of later states are not read.
+    only
+        Read only the frames of this state or cycle.
+
+    Returns
+    -------
+    Recording or None
+        None if the file has no such frames.
+
+    Raises
+    ------
+    ValueError
+        If the file claims more frames than the memory could hold. On a damaged file HDF5 may raise other errors.
     """
     if name not in entry:
         return None
@@ -143,14 +193,14 @@ def read_recording(entry: h5py.Group, name: str, states: int, only: int | None =
 
 
 def complete_rows(entry: h5py.Group, name: str, states: int) -> NDArray[np.int64]:
-    """The rows of a recording that were written as a whole, without those of states never acknowledged."""
+    """Return the rows of a recording that are complete and do not belong to an incomplete state."""
     store = entry[name]
     rows = np.arange(min(len(store[column]) for column in ("frames", BELONGS_TO[name], *COLUMNS)))
     return rows[store["state"][()][rows] < states] if BELONGS_TO[name] == "state" else rows
 
 
 def keep_rows(entry: h5py.Group, name: str, rows: NDArray[np.int64]) -> None:
-    """Leave only these rows, in increasing order, in a recording."""
+    """Remove all rows of a recording but these, which are in increasing order."""
     store = entry[name]
     for place, row in enumerate(rows):
         if place != row:

@@ -1,7 +1,7 @@
-"""A crashed or damaged file made whole again: whatever of it is readable, in a new file that is closed properly.
+"""Recovery of a crashed or damaged file: everything readable is copied to a new file that is closed properly.
 
-Damaged files can keep HDF5 busy without end (a global heap whose object has the size 0), so that another process reads
-them, within limits of time and memory.
+HDF5 may never return from reading a damaged file (for example, from a global heap whose object has the size 0).
+Therefore another process reads the file, with limits of time and memory.
 """
 
 from __future__ import annotations
@@ -33,16 +33,38 @@ from eimi_lab.vision.flags import judge
 READ_WITHIN_S, BYTES_PER_S = 60.0, 2e6
 MEMORY_BYTES = 4 << 30
 HDF5_RAISES = (OSError, RuntimeError, KeyError, ValueError, TypeError)
-"""What h5py raises on damaged files."""
+"""Errors that h5py raises on damaged files."""
 
 
 def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Callable[[str], None] = tell) -> int:
-    """Copy what is readable of a crashed or damaged file to the new file `path`; returns the number of states.
+    """Copy everything readable of a crashed or damaged file to a new file.
 
-    Single flipped bits are put right by the checksums of HDF5. The copy is read back before it takes its name, frame by
-    frame. Damaged frames are left out and their states flagged DROPPED; a state that loses every frame keeps a black
-    one, so that those after it keep their numbers. say: gets a line of what was mended or lost. Raises InputError, and
-    OwnFault for what nobody thought of.
+    Single flipped bits are corrected by means of HDF5's checksums. Every frame of the copy is read before the copy
+    gets its name. Damaged frames are left out, and their states are flagged DROPPED. A state that loses every frame
+    keeps a black one, so that the states after it keep their numbers.
+
+    Parameters
+    ----------
+    crashed
+        The crashed or damaged file.
+    path
+        The new file.
+    force
+        Whether an existing file is overwritten.
+    say
+        Function that gets a line for everything that was corrected or lost.
+
+    Returns
+    -------
+    int
+        The number of states.
+
+    Raises
+    ------
+    InputError
+        If nothing can be recovered.
+    OwnFault
+        If the recovery failed for an unforeseen reason.
     """
     crashed, path = Path(crashed), Path(path)
     if not crashed.is_file():
@@ -55,22 +77,30 @@ def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Cal
         except subprocess.TimeoutExpired as error:
             raise InputError(f"{crashed}: is damaged: it could not be read within {within_s:.0f} s") from error
         if done.returncode:
-            said = done.stderr.strip().rpartition("\n")[2]
+            message = done.stderr.strip().rpartition("\n")[2]
             if done.returncode == 2:
-                raise InputError(said)
+                raise InputError(message)
             if done.returncode == 1:
-                raise OwnFault(f"{crashed}: the recovery of it failed", said)
-            raise InputError(f"{crashed}: is damaged: reading it ended another process ({done.returncode})")
-        found = json.loads(done.stdout)
-        for words in found["said"]:
-            say(f"{crashed}: {words}")
-        return int(found["states"])
+                raise OwnFault(f"{crashed}: the recovery of it failed", message)
+            raise InputError(f"{crashed}: is damaged: the process that read it crashed ({done.returncode})")
+        outcome = json.loads(done.stdout)
+        for line in outcome["said"]:
+            say(f"{crashed}: {line}")
+        return int(outcome["states"])
 
 
 def copy_readable(crashed: Path, path: Path) -> tuple[int, list[str]]:
-    """Copy what is readable over the file `path`; the number of states, and what was mended or lost, in words.
+    """Copy everything readable to the file ``path``, which is overwritten; the function may never return.
 
-    Raises InputError for what HDF5 cannot read; may never end.
+    Returns
+    -------
+    states, lines
+        The number of states, and a line for everything that was corrected or lost.
+
+    Raises
+    ------
+    InputError
+        If HDF5 cannot read the file.
     """
     if is_being_written(crashed):
         with h5py.File(crashed, "r", libver="latest", swmr=True) as source:
@@ -81,18 +111,18 @@ def copy_readable(crashed: Path, path: Path) -> tuple[int, list[str]]:
     close_superblock(file)
     first: Exception | None = None
     try:
-        states, said = _attempt(file, crashed, path)
-        if not said:
-            return states, said
-    except (InputError, *HDF5_RAISES) as error:  # whatever it was, a flipped bit may be behind it
+        states, lines = _attempt(file, crashed, path)
+        if not lines:
+            return states, lines
+    except (InputError, *HDF5_RAISES) as error:  # a flipped bit may cause any of these errors
         first = error
     mended = mend_metadata(file) + _mend_all_chunks(file)
     if mended:
-        states, said = _attempt(file, crashed, path)
-        return states, [f"flipped bits put right: {mended}", *said]
+        states, lines = _attempt(file, crashed, path)
+        return states, [f"flipped bits corrected: {mended}", *lines]
     if first:
         raise first
-    return states, said
+    return states, lines
 
 
 def _attempt(file: MendedFile, crashed: Path, path: Path) -> tuple[int, list[str]]:
@@ -108,7 +138,7 @@ def _attempt(file: MendedFile, crashed: Path, path: Path) -> tuple[int, list[str
 
 
 def _comes_from_hdf5(error: BaseException) -> bool:
-    """Whether h5py itself raised it. What is raised elsewhere is no damage that was foreseen."""
+    """Return whether h5py itself raised the error; an error raised elsewhere is a fault of this program."""
     *_, (frame, _) = traceback.walk_tb(error.__traceback__)
     return "h5py" in Path(frame.f_code.co_filename).parts
 
@@ -121,41 +151,47 @@ def _mend_all_chunks(file: MendedFile) -> int:
         if isinstance(item, h5py.Dataset):
             mended += mend_chunks(file, item)
 
-    with suppress(OSError, RuntimeError, KeyError), h5py.File(file, "r") as source:  # what is worse is told later
+    with (
+        suppress(OSError, RuntimeError, KeyError),
+        h5py.File(file, "r") as source,
+    ):  # the next attempt reports the error
         source.visititems(mend)
     return mended
 
 
 def _copy(source: h5py.File, crashed: Path, path: Path) -> tuple[int, list[str]]:
     lost: list[str] = []
-    of_recordings: list[str] = []
+    lost_of_recordings: list[str] = []
     with h5py.File(path, "w", libver="latest") as copy:
         copy.attrs["default"] = "entry"
         _copy_group(source["entry"], copy.create_group("entry"), lost, {})
         lost += _rebuild_states(copy["entry"])
-        dataset = Dataset(crashed, copy, True, "what is left of it is no dataset")
+        dataset = Dataset(crashed, copy, True, "the readable part of it is not a dataset")
         states = len(dataset.states)
-        if dataset.kind == "points":  # or the frames are what is lost
+        if dataset.kind == "points":  # also if the frames were lost; reading the points then raises InputError
             dataset.points()
         else:
             _drop_unacknowledged(copy["entry"], states)
-            of_recordings = _drop_unreadable(copy["entry"], states)
-    said = [f"left out, unreadable: {', '.join(lost)}"] if lost else []
-    said += of_recordings
+            lost_of_recordings = _drop_unreadable(copy["entry"], states)
+    lines = [f"left out, unreadable: {', '.join(lost)}"] if lost else []
+    lines += lost_of_recordings
     with open_dataset(path) as recovered:
         damaged = recovered.damaged_frames() if recovered.kind == "frames" else ()
     if damaged:
         with h5py.File(path, "r+", libver="latest") as copy:
             of_states = _drop_damaged(copy["entry"], damaged)
-        said.append(
+        lines.append(
             f"damaged frames left out: {len(damaged)}, of state {', '.join(map(str, of_states))} (counted from 0), "
             "flagged DROPPED"
         )
-    return states, said
+    return states, lines
 
 
-def _copy_group(source: h5py.Group, copy: h5py.Group, lost: list[str], known: dict[int, str]) -> None:
-    """Everything in a group that can be read, one thing under two names once; what cannot goes to `lost`."""
+def _copy_group(source: h5py.Group, copy: h5py.Group, lost: list[str], copied: dict[int, str]) -> None:
+    """Copy everything readable in a group; the names of unreadable members are added to ``lost``.
+
+    ``copied`` maps the address of each object to its name in the copy, so that an object with two names is copied once.
+    """
     _copy_attributes(source, copy, lost)
     for name in source:
         place = f"{source.name}/{name}"
@@ -165,17 +201,17 @@ def _copy_group(source: h5py.Group, copy: h5py.Group, lost: list[str], known: di
                 continue
             item = source[name]
             address = h5py.h5o.get_info(item.id).addr
-            if address in known:
-                copy[name] = copy.file[known[address]]
+            if address in copied:
+                copy[name] = copy.file[copied[address]]
             elif isinstance(item, h5py.Group):
-                known[address] = f"{copy.name}/{name}"
-                _copy_group(item, copy.create_group(name), lost, known)
+                copied[address] = f"{copy.name}/{name}"
+                _copy_group(item, copy.create_group(name), lost, copied)
             else:
                 if item.external or item.is_virtual:
                     lost.append(f"{place} (kept in another file)")
                     continue
                 h5py.h5o.copy(source.id, name.encode(), copy.id, name.encode())
-                known[address] = f"{copy.name}/{name}"
+                copied[address] = f"{copy.name}/{name}"
         except HDF5_RAISES:
             lost.append(place)
             if name in copy:
@@ -191,9 +227,10 @@ def _copy_attributes(source: h5py.Group, copy: h5py.Group, lost: list[str]) -> N
 
 
 def _rebuild_states(entry: h5py.Group) -> list[str]:
-    """Put a damaged column of the table of states together from what every frame knows; names of those rebuilt.
+    """Rebuild damaged columns of the table of states from the columns of the frames; return a line for each.
 
-    Tip forces and flags stand nowhere else: they are 0 and none. Raises what HDF5 raises where the frames know neither.
+    Tip forces and flags are stored nowhere else; they become 0 and none. If the columns of the frames are damaged too,
+    HDF5's error is raised.
     """
     if "frames" not in entry["data"] or "states" not in entry:
         return []
@@ -202,7 +239,7 @@ def _rebuild_states(entry: h5py.Group) -> list[str]:
         return []
     data = entry["data"]
     indices, first = np.unique(data["state"][()], return_index=True)
-    known: dict[str, Any] = {
+    rebuilt: dict[str, Any] = {
         "current": lambda: data["set_current"][()][first],
         "field": lambda: data["field"][()][first],
         "tip_force": lambda: np.zeros(len(indices)),
@@ -210,15 +247,15 @@ def _rebuild_states(entry: h5py.Group) -> list[str]:
         "index": lambda: indices,
     }
     for name in damaged:
-        values = known[name]()
+        values = rebuilt[name]()
         if name in entry["states"]:
             del entry["states"][name]
         append(columns(entry["states"], {name: STATE_COLUMNS[name]})[name], values)
-    return [f"entry/states/{name} (put together from the frames)" for name in damaged]
+    return [f"entry/states/{name} (rebuilt from the frames)" for name in damaged]
 
 
 def _readable(parent: h5py.Group | h5py.Dataset, part: str | int) -> bool:
-    """Whether a column of a group, or a frame of a stack, can be read."""
+    """Return whether a column of a group, or a frame of a stack, can be read."""
     try:
         return len(parent[part][()]) >= 0
     except HDF5_RAISES:
@@ -234,8 +271,8 @@ def _drop_unacknowledged(entry: h5py.Group, states: int) -> None:
 
 
 def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
-    """Leave in each recording what is whole and of an acknowledged state; says what was damaged."""
-    said = []
+    """Remove incomplete and damaged frames from every recording; return a line for each recording with damage."""
+    lines = []
     for name in sorted(BELONGS_TO.keys() & entry.keys()):
         try:
             rows = complete_rows(entry, name, states)
@@ -243,15 +280,15 @@ def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
             keep_rows(entry, name, rows[sound])
         except HDF5_RAISES:
             del entry[name]
-            said.append(f"left out, unreadable: entry/{name}")
+            lines.append(f"left out, unreadable: entry/{name}")
             continue
         if not sound.all():
-            said.append(f"damaged frames left out of {name}: {int((~sound).sum())}")
-    return said
+            lines.append(f"damaged frames left out of {name}: {int((~sound).sum())}")
+    return lines
 
 
 def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
-    """Take rows of frames out and flag their states; returns those."""
+    """Remove damaged frames, flag their states and return the numbers of these states."""
     data, flags = entry["data"], entry["states/flags"]
     of_state = data["state"][()]
     sound = np.ones(len(of_state), dtype=bool)
@@ -277,7 +314,7 @@ def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
 
 
 def limit_memory(most_bytes: int) -> None:
-    """Let this process have no more memory, where the operating system knows such a limit."""
+    """Limit the memory of this process, if the operating system supports it."""
     try:
         import resource
     except ImportError:  # Windows
@@ -286,14 +323,14 @@ def limit_memory(most_bytes: int) -> None:
 
 
 def _main(crashed: Path, path: Path) -> None:
-    """Copy in this process, within a limit of memory; the outcome as JSON on standard output."""
+    """Copy in this process with a limit of memory, and print the outcome as JSON on standard output."""
     limit_memory(MEMORY_BYTES + crashed.stat().st_size)  # the file itself is mapped into memory
     try:
-        states, said = copy_readable(crashed, path)
+        states, lines = copy_readable(crashed, path)
     except InputError as error:
         print(error, file=sys.stderr)
         sys.exit(2)
-    print(json.dumps({"states": states, "said": said}))
+    print(json.dumps({"states": states, "said": lines}))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""What a dataset states, corrected after it was made: other files take the place of its own, which it keeps.
+"""Correction of a dataset's specimen or calibration after it was written.
 
-What was found by the former ones goes. The fields of a run follow from its currents, and so do they by another coil
-constant.
+The dataset keeps the former files. Its edges are removed, since they were found with the former files. If the coil
+constant changes, the fields of a run are computed anew from its currents.
 """
 
 from __future__ import annotations
@@ -14,24 +14,41 @@ import h5py
 from eimi_lab.config.calibration import Calibration, Changes, changed_calibration, load_calibration, missing_places
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import Document, differences
+from eimi_lab.dataset.containment import FORMER
 from eimi_lab.dataset.layout import group, note, now, put_text
-from eimi_lab.dataset.reading import FORMER, Dataset, open_dataset
+from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.rewriting import rewritten
 from eimi_lab.dataset.stored_edges import drop_edges
 from eimi_lab.process.errors import InputError
 from eimi_lab.vision.edges.region import region_of
 
-_OF_A_FILE_BYTES = 1 << 16
+_LARGEST_TEXTS_BYTES = 1 << 16
 
 
 def restate(
     path: Path, *, specimen: str | None = None, calibration: Path | None = None, changes: Changes | None = None
 ) -> tuple[str, ...]:
-    """Give a dataset of frames other files, or a calibration with other values, and remove its edges.
+    """Replace the specimen or the calibration of a dataset of frames, and remove its edges.
 
-    changes: values in place of the calibration's own. Places that the calibration's file leaves out stay as they are.
-    Returns what is different, a line a key; where nothing is, the dataset stays as it is.
-    Raises InputError, naming the key where the files cannot be this dataset's.
+    Parameters
+    ----------
+    path
+        The dataset.
+    specimen, calibration
+        The new files; None to keep the present ones. Keys of `config.calibration.PLACES` that a new calibration leaves
+        out keep their present values.
+    changes
+        Values that replace those of the calibration.
+
+    Returns
+    -------
+    tuple of str
+        One line for each key whose value changed. Without a change, the file is not written.
+
+    Raises
+    ------
+    InputError
+        If the files cannot belong to this dataset; the message names the key.
     """
     with open_dataset(path) as dataset:
         if dataset.calibration is None:
@@ -42,48 +59,48 @@ def restate(
             "calibration": _calibration(dataset, dataset.calibration, calibration, changes or {}),
         }
         factor = _field_factor(dataset, dataset.calibration, after["calibration"], calibration)
-    told = {name: differences(before[name].text, after[name].text) for name in before}
-    if any(told.values()):
-        with rewritten(path, _OF_A_FILE_BYTES) as entry:
-            _replace(entry, {name: after[name] for name, lines in told.items() if lines})
+    changed = {name: differences(before[name].text, after[name].text) for name in before}
+    if any(changed.values()):
+        with rewritten(path, _LARGEST_TEXTS_BYTES) as entry:
+            _replace(entry, {name: after[name] for name, lines in changed.items() if lines})
             for place in ("states/field", "data/field"):
                 if factor != 1.0:
                     entry[place][...] = factor * entry[place][()]
             drop_edges(entry)
-    return tuple(f"{name}: {line}" for name, lines in told.items() for line in lines)
+    return tuple(f"{name}: {line}" for name, lines in changed.items() for line in lines)
 
 
 def _same_beam(dataset: Dataset, file: str | None) -> SpecimenFile:
     if file is None:
         return dataset.specimen
-    found = load_specimen(file)
-    name, other = dataset.specimen.specimen.name, found.specimen.name
+    corrected = load_specimen(file)
+    name, other = dataset.specimen.specimen.name, corrected.specimen.name
     if name != other:
         raise InputError(
-            f"{file}: specimen.name = {other!r}, where {dataset.path} was taken of {name!r}: is it the file of another "
-            f"specimen? One that corrects this one's numbers has the name {name!r}"
+            f"{file}: specimen.name = {other!r}, but {dataset.path} shows {name!r}: is it the file of another "
+            f"specimen? A file with corrected numbers has the name {name!r}"
         )
-    return found
+    return corrected
 
 
-def _calibration(dataset: Dataset, own: Calibration, file: Path | None, changes: Changes) -> Calibration:
+def _calibration(dataset: Dataset, present: Calibration, file: Path | None, changes: Changes) -> Calibration:
     if file is None:
-        found = changed_calibration(own, changes) if changes else own
+        corrected = changed_calibration(present, changes) if changes else present
     else:
-        kept = {key: getattr(own, key) for key in missing_places(file, changes)}
-        found = load_calibration(file, {**kept, **changes})
-    region_of(found, dataset.frame_format()[0])
-    return found
+        kept = {key: getattr(present, key) for key in missing_places(file, changes)}
+        corrected = load_calibration(file, {**kept, **changes})
+    region_of(corrected, dataset.frame_format()[0])
+    return corrected
 
 
 def _field_factor(dataset: Dataset, before: Calibration, after: Document, file: Path | None) -> float:
-    """By which the fields change."""
+    """Return the factor by which the fields change; raise InputError if the fields may not follow from the currents."""
     assert isinstance(after, Calibration)
     factor = after.coil_constant_mT_per_A / before.coil_constant_mT_per_A
     if factor != 1.0 and dataset.text("protocol") is None:
         raise InputError(
-            f"{file}: coil_constant_mT_per_A = {after.coil_constant_mT_per_A:g}, where {dataset.path} was imported "
-            f"with {before.coil_constant_mT_per_A:g}; its states.csv may state fields: import it again"
+            f"{file}: coil_constant_mT_per_A = {after.coil_constant_mT_per_A:g}, but {dataset.path} was imported "
+            f"with {before.coil_constant_mT_per_A:g}; its states.csv may state fields, so import it again"
         )
     return factor
 

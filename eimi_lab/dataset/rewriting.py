@@ -1,4 +1,4 @@
-"""Changing a finished dataset: on a copy that then takes the file's place, so that no crash harms the frames."""
+"""Safe change of a finished dataset: a copy is changed and then replaces the file, so no crash can harm the frames."""
 
 from __future__ import annotations
 
@@ -14,17 +14,27 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import whole_file
 
 HEADERS_BYTES = 1 << 14
-"""For what HDF5 writes around the numbers: some kB for each object."""
+"""Room for HDF5's own structures, some kB for each object."""
 
 
 @contextmanager
 def rewritten(path: Path, content_bytes: int = 0) -> Iterator[h5py.Group]:
-    """The entry, to write to; what was written is kept only when the block ends well.
+    """Yield the group `entry` of a dataset for changes; they are kept only if the block ends without an error.
 
-    content_bytes: of the numbers to be written. There must be room for them: HDF5 takes the program down with it when
-    the disk is full while it writes.
+    Parameters
+    ----------
+    path
+        The dataset.
+    content_bytes
+        Size of the numbers that will be written. The room for them is reserved, because HDF5 may crash the program if
+        the disk becomes full while it writes.
 
-    Raises InputError for a file that is still being written or whose writer crashed, OSError where there is no room.
+    Raises
+    ------
+    InputError
+        If the file is still being written, or if its writer crashed.
+    OSError
+        If the disk has not enough room.
     """
     with whole_file(path, force=True) as copy:
         shutil.copyfile(path, copy)
@@ -38,7 +48,7 @@ def rewritten(path: Path, content_bytes: int = 0) -> Iterator[h5py.Group]:
 
 
 def _make_room(file: Path, size: int) -> None:
-    """Lengthen a file to `size` bytes, where the system can; HDF5 cuts off what it does not use."""
+    """Lengthen a file to ``size`` bytes if the system can; HDF5 cuts off the bytes that it does not use."""
     if hasattr(os, "posix_fallocate"):
         with file.open("r+b") as opened:
             os.posix_fallocate(opened.fileno(), 0, size)

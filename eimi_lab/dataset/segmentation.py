@@ -1,4 +1,4 @@
-"""Segmenting a whole dataset: every state's frames to edges, stored, and written out for a person on request."""
+"""Segmentation of a dataset: find the edges of every state, store them, and write tables and pictures of them."""
 
 from __future__ import annotations
 
@@ -38,12 +38,32 @@ Workers = Callable[[], AbstractContextManager[Executor]]
 
 
 def segment(path: Path, report: Callable[[str], None], executor: Workers | None = None) -> tuple[EdgeSet, ...]:
-    """Find the edges of every state, store them in the dataset, return them; `report` gets a line a state.
+    """Find the edges of every state and store them in the dataset.
 
-    The frames of a state are averaged, and corrected by the dark frame and flat field that the dataset keeps. Its
-    flags are those of the run (NOT_SETTLED, …) and those of the image. executor: of the workers that share the states
-    (`workers.executor_for`); the edges are the same with any number. Raises InputError, ChildProcessError when workers
-    are lost for good.
+    The frames of a state are averaged and corrected by the stored dark frame and flat field. The flags of a state are
+    those of the run (such as NOT_SETTLED) followed by those of the image.
+
+    Parameters
+    ----------
+    path
+        The dataset.
+    report
+        Function that gets a line for each state.
+    executor
+        Function that creates the executor of the workers (`workers.executor_for`); None to work in this process. The
+        edges do not depend on the number of workers.
+
+    Returns
+    -------
+    tuple of EdgeSet
+        The edges of each state.
+
+    Raises
+    ------
+    InputError
+        If the dataset has no frames or cannot be read or written.
+    ChildProcessError
+        If workers keep failing.
     """
     with only_writer(path):
         with open_dataset(path) as dataset:
@@ -57,22 +77,22 @@ def segment(path: Path, report: Callable[[str], None], executor: Workers | None 
 
 
 class Frames:
-    """What there is to see in a dataset of frames: its states' mean images, its calibration."""
+    """The corrected mean images of a dataset of frames, with its calibration."""
 
     def __init__(self, dataset: Dataset) -> None:
-        """Raises InputError for a dataset of tracked points."""
+        """Read the correction; raise InputError for a dataset of tracked points."""
         if dataset.calibration is None:
             raise InputError(f"{dataset.path}: holds tracked points, which have no images")
         self.dataset, self.calibration = dataset, dataset.calibration
         self._correction = dataset.correction()
 
     def mean(self, index: int) -> NDArray[np.float32]:
-        """The mean of a state's frames, corrected by what the dataset keeps: (H, W), or (H, W, 3) with colours."""
+        """Return the corrected mean of a state's frames, (H, W) or (H, W, 3) with colours."""
         image = state_mean(self.dataset.images(index))
         return image if self._correction is None else self._correction.apply(image)
 
     def projection(self) -> Projection | None:
-        """One for all states; None for frames without colours."""
+        """Return the projection of colours for all states; None for frames without colours."""
         if len(self.dataset.frame_format()[0]) == 2:
             return None
         beam = self.dataset.specimen.specimen
@@ -84,94 +104,105 @@ def _find_all(
     frames: Frames, projection: Projection | None, report: Callable[[str], None], executor: Workers | None
 ) -> tuple[EdgeSet, ...]:
     edge_sets: list[EdgeSet] = []
-    sure: EdgeSet | None = None
-    with closing(_found_alone(frames.dataset, projection, executor)) as alone:
-        for state, found in zip(frames.dataset.states, alone, strict=True):
-            if found is None:
-                found = _found(frames, state.index, projection, partial(_given, sure))
-            if _is_sure(found):
-                sure = found
-            edge_set = replace(found, flags=state.flags + found.flags)
+    last_reliable: EdgeSet | None = None
+    with closing(_found_by_workers(frames.dataset, projection, executor)) as results:
+        for state, edge_set in zip(frames.dataset.states, results, strict=True):
+            if edge_set is None:
+                edge_set = _edges_in(frames, state.index, projection, partial(_return, last_reliable))
+            if _is_reliable(edge_set):
+                last_reliable = edge_set
+            edge_set = replace(edge_set, flags=state.flags + edge_set.flags)
             edge_sets.append(edge_set)
             flags = ", ".join(flag.name for flag in edge_set.flags) or "no flags"
             report(f"{len(edge_set.left.sigma_mm)} + {len(edge_set.right.sigma_mm)} points, {flags}")
     return tuple(edge_sets)
 
 
-def _given(sure: EdgeSet | None) -> EdgeSet | None:
-    return sure
+def _return(edge_set: EdgeSet | None) -> EdgeSet | None:
+    return edge_set
 
 
-def _found_alone(
+def _found_by_workers(
     dataset: Dataset, projection: Projection | None, executor: Workers | None
 ) -> Generator[EdgeSet | None]:
-    """The edges of each state in order, found by workers in its own frames; None where that is left to do."""
+    """Yield the edges of each state in order, found by workers from its own frames.
+
+    None is yielded for a state that needs the edges of an earlier one; without an executor, for every state.
+    """
     states = range(len(dataset.states))
     if executor is None:
         yield from (None for _ in states)
         return
     outcomes: dict[int, Callable[[], EdgeSet | None]] = {}
-    each = completed(
+    results = completed(
         find_alone,
         lambda index: {"path": dataset.path, "index": index, "projection": projection},
         states,
         executor,
         (InputError,),
     )
-    with closing(each):
+    with closing(results):
         for index in states:
             while index not in outcomes:
-                outcomes |= [next(each)]
+                outcomes |= [next(results)]
             yield outcomes.pop(index)()
 
 
 def find_alone(path: Path, index: int, projection: Projection | None) -> EdgeSet | None:
-    """The edges of one state of a dataset; None where only those of an earlier state could tell the beam.
+    """Find the edges of one state from its own frames.
 
-    Raises InputError.
+    Returns
+    -------
+    EdgeSet or None
+        None if several bodies may be the beam, so that the edges of an earlier state are needed.
+
+    Raises
+    ------
+    InputError
+        If the dataset cannot be read.
     """
-    asked = False
+    needs_earlier_state = False
 
-    def ask() -> None:
-        nonlocal asked
-        asked = True
+    def earlier() -> None:
+        nonlocal needs_earlier_state
+        needs_earlier_state = True
 
-    found = _found(_frames_of(path), index, projection, ask)
-    return None if asked else found
+    edge_set = _edges_in(_frames_of(path), index, projection, earlier)
+    return None if needs_earlier_state else edge_set
 
 
 @lru_cache(maxsize=1)
 def _frames_of(path: Path) -> Frames:
-    """In a worker, which has many states to do: opened once."""
+    """Open the frames of a dataset; a worker opens them once for all its states."""
     return Frames(open_dataset(path))
 
 
 def edges_of_state(dataset: Dataset, index: int) -> EdgeSet:
-    """The edges of one state of frames: those that are stored, else found now and not stored.
+    """Return the stored edges of one state; without stored edges, find them without storing them.
 
-    Then no earlier state helps where several bodies may be the beam. Raises InputError.
+    Edges found here do not use an earlier state to distinguish the beam from other bodies. Raises InputError.
     """
     stored = dataset.edges()
     if stored is not None:
         return stored[index]
     frames = Frames(dataset)
-    found = _found(frames, index, frames.projection())
-    return replace(found, flags=dataset.states[index].flags + found.flags)
+    edge_set = _edges_in(frames, index, frames.projection())
+    return replace(edge_set, flags=dataset.states[index].flags + edge_set.flags)
 
 
-def _found(
+def _edges_in(
     frames: Frames,
     index: int,
     projection: Projection | None,
     earlier: Callable[[], EdgeSet | None] | None = None,
 ) -> EdgeSet:
-    """The edges in the mean image of a state, within the region that the calibration states, without the run's flags.
+    """Find the edges in the mean image of a state, within the calibration's region and without the run's flags.
 
-    earlier: gives those of a state before, and is asked only where several bodies may be the beam.
+    ``earlier`` returns the edges of an earlier state; it is called only if several bodies may be the beam.
     """
     image, calibration, dataset = frames.mean(index), frames.calibration, frames.dataset
     region = region_of(calibration, image.shape)
-    found = find_edges(
+    edge_set = find_edges(
         region.cut(image) if region else image,
         region.calibration if region else calibration,
         dataset.specimen,
@@ -179,19 +210,23 @@ def _found(
         projection=projection,
         earlier=earlier,
     )
-    return region.in_picture(found) if region else found
+    return region.in_picture(edge_set) if region else edge_set
 
 
-def _is_sure(found: EdgeSet) -> bool:
-    """Whether a later state may be told where the beam was; a guess is not, or it would be repeated."""
-    guessed = any(flag.name == "ROOT_AMBIGUOUS" for flag in found.flags)
-    return bool(len(found.middle_mm)) and not guessed and not leaves_out(found.flags)
+def _is_reliable(edge_set: EdgeSet) -> bool:
+    """Return whether edges may show a later state where the beam was; a guess may not, or it would be repeated."""
+    guessed = any(flag.name == "ROOT_AMBIGUOUS" for flag in edge_set.flags)
+    return bool(len(edge_set.middle_mm)) and not guessed and not leaves_out(edge_set.flags)
 
 
-def why_none(path: Path, index: int) -> tuple[str, bytes]:
-    """For a state in which no beam was found: what may be wrong, and a PNG of where it was looked for.
+def explain_missing_beam(path: Path, index: int) -> tuple[str, bytes]:
+    """Explain why no beam was found in a state.
 
-    The picture has its pixels counted, and the straight beam of the stated place, width and length on it.
+    Returns
+    -------
+    advice, picture
+        A text with the probable cause, and a PNG of the first frame with rulers in pixels and with the outline of the
+        straight beam according to the calibration and the specimen.
     """
     with open_dataset(path) as dataset:
         frames = Frames(dataset)
@@ -205,7 +240,10 @@ def why_none(path: Path, index: int) -> tuple[str, bytes]:
 
 
 def write_csv(folder: Path, edge_sets: Sequence[EdgeSet]) -> None:
-    """`step_00_left.csv`, … with x_mm, y_mm, sigma_mm from the clamp to the tip, and `quality.json` with the flags."""
+    """Write the edges as tables ``step_00_left.csv``, … and the flags as ``quality.json``.
+
+    The columns are x_mm, y_mm and sigma_mm; the rows run from the clamp to the tip.
+    """
     for index, edge_set in enumerate(edge_sets):
         for side in ("left", "right"):
             edge = getattr(edge_set, side)
@@ -226,7 +264,7 @@ def write_csv(folder: Path, edge_sets: Sequence[EdgeSet]) -> None:
 
 
 def write_overlays(folder: Path, path: Path, edge_sets: Sequence[EdgeSet]) -> None:
-    """`step_00.png`, …: the mean frame of each state with what was found on it; `contact_sheet.png`: all of them."""
+    """Write the mean frame of each state with its edges as ``step_00.png``, …, and all of them on a contact sheet."""
     small: list[NDArray[np.uint8]] = []
     captions = []
     with open_dataset(path) as dataset:
@@ -245,7 +283,7 @@ def write_overlays(folder: Path, path: Path, edge_sets: Sequence[EdgeSet]) -> No
 
 
 def write_explained(folder: Path, path: Path) -> None:
-    """`step_00_strip.png`, `step_00_unrolled.png`, …: on the way along the beam from its clamp, in each state."""
+    """Write pictures that explain how the beam was followed from its clamp: ``step_00_strip.png``, …"""
     with open_dataset(path) as dataset:
         frames = Frames(dataset)
         for state in dataset.states:
@@ -254,7 +292,7 @@ def write_explained(folder: Path, path: Path) -> None:
 
 
 def _followed(frames: Frames, image: NDArray[np.float32]) -> FollowedBeam:
-    """What was found on the way along the beam in one state, in pixels of the whole picture."""
+    """Follow the beam in the mean image of one state, in pixels of the whole picture."""
     dataset = frames.dataset
     region = region_of(frames.calibration, image.shape)
     projection = dataset.projection()

@@ -1,4 +1,4 @@
-"""One loading of the specimen, as a dataset tells it."""
+"""One state of the specimen: its loads and its flags, as a dataset stores them."""
 
 from __future__ import annotations
 
@@ -9,9 +9,22 @@ from eimi_lab.vision.check import Flag
 
 @dataclass(frozen=True)
 class State:
-    """One loading. current_A is what was set, measured_A the mean read back; None where it was never known.
+    """One state of the specimen.
 
-    tip_force_angle_deg: direction of the tip force in the beam frame, from +x toward +y; None for along gravity.
+    Parameters
+    ----------
+    index
+        Number of the state, from 0.
+    current_A, measured_A
+        The current that was set, and the mean of its measured values; None if unknown.
+    field_mT
+        Field at the magnet.
+    tip_force_N
+        Force at the tip.
+    flags
+        Flags of the run.
+    tip_force_angle_deg
+        Direction of the tip force in the beam frame, from +x toward +y; None for the direction of gravity.
     """
 
     index: int

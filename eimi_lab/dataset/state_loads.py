@@ -1,4 +1,4 @@
-"""What acts in each state, by a table of states."""
+"""The loads of each state, read from a table of states."""
 
 from __future__ import annotations
 
@@ -12,23 +12,25 @@ from eimi_lab.process.errors import InputError
 
 FRAME_COLUMNS = {
     "frame": Column(
-        "A picture: its path from states.csv on, its name in the folder with or without the ending, or the number at "
-        "its end. A frame of a video, from 0, or one as a tracking tool counts it.",
+        "A picture: its path relative to states.csv, its name in the folder with or without the ending, or the number "
+        "at the end of its name. Or the number of a frame of a video, from 0, or of tracks as their program counts.",
         "shot_07.png",
     ),
-    "time_s": Column("In place of frame: seconds from the beginning of a video or of tracks that have times.", "12.5"),
+    "time_s": Column("Instead of frame: seconds from the beginning of a video, or of tracks with times.", "12.5"),
 }
-STATE_COLUMNS = {"state": Column("In place of frame: the state's number in points.csv.", "0")}
+STATE_COLUMNS = {"state": Column("Instead of frame: number of the state in points.csv.", "0")}
 LOAD_COLUMNS = {
-    "current_A": Column("Through the coil. Either this or field_mT.", "0.3"),
-    "field_mT": Column("At the magnet. Either this or current_A; without a coil 0.", "1.41"),
-    "tip_force_N": Column("A weight or a force at the tip.", "0.049", "0"),
-    "tip_force_angle_deg": Column("Its direction in the beam frame, from +x toward +y.", "0", "along gravity"),
+    "current_A": Column("Current of the coil. Give either this or field_mT.", "0.3"),
+    "field_mT": Column("Field at the magnet. Give either this or current_A; 0 without a coil.", "1.41"),
+    "tip_force_N": Column("Force at the tip, such as a weight.", "0.049", "0"),
+    "tip_force_angle_deg": Column(
+        "Direction of the tip force in the beam frame, from +x toward +y.", "0", "the direction of gravity"
+    ),
 }
 
 
 def load_of(row: Row, calibration: Calibration | None) -> Load:
-    """What acts in the state of a row. Raises InputError."""
+    """Return the loads in a row of a table of states; without a calibration, a current must be 0. Raises InputError."""
     has_current, has_field = "current_A" in row.cells, "field_mT" in row.cells
     if has_current == has_field:
         wrong = "both current_A and field_mT" if has_current else "neither current_A nor field_mT"
@@ -42,23 +44,23 @@ def load_of(row: Row, calibration: Calibration | None) -> Load:
     if calibration:
         return Load(current, current * calibration.coil_constant_mT_per_A, force, angle)
     if current:
-        raise row.fault("current_A", "0, or field_mT be given instead: tracked points come without a coil constant")
+        raise row.fault("current_A", "0; for tracked points give field_mT instead, since they have no coil constant")
     return Load(current, 0.0, force, angle)
 
 
 def numbered_loads(rows: list[Row]) -> dict[int, Load]:
-    """What acts in each state of tracked points, by the states' numbers. Raises InputError."""
+    """Return the loads of tracked points by the number of the state, in rising order. Raises InputError."""
     loads: dict[int, Load] = {}
     for row in rows:
         state = row.count("state")
         if state in loads:
-            raise row.fault("state", "a state that was not listed before")
+            raise row.fault("state", "a state that no earlier row lists")
         loads[state] = load_of(row, None)
     return dict(sorted(loads.items()))
 
 
 def check_directions(states: Path, loads: Sequence[Load], gravity_angle_deg: float | None) -> None:
-    """Raise InputError for a tip force of no direction: without gravity's there is none but its own."""
+    """Raise InputError for a tip force without a direction, if there is no direction of gravity to replace it."""
     for load in loads:
         if gravity_angle_deg is None and load.tip_force_N and load.tip_force_angle_deg is None:
             raise InputError(

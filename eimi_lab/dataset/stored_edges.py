@@ -1,4 +1,4 @@
-"""The edges that segmentation found, stored beside the frames that they came from."""
+"""The edges in a dataset file, stored beside the frames in which segmentation found them."""
 
 from __future__ import annotations
 
@@ -17,20 +17,33 @@ from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 from eimi_lab.vision.projection import Projection
 
 GROUP = "segmentation"
-OF_A_STATE_BYTES = 512
-"""Of its flags in words, its corners, its tip."""
+BYTES_OF_A_STATE = 512
+"""Room for the flags, the corners and the tip of one state."""
 
 
 def write_edges(path: str | Path, edge_sets: Sequence[EdgeSet], projection: Projection | None = None) -> None:
-    """Store one edge set a state, in place of earlier ones, and by what projection of colour they were found.
+    """Store the edges of every state; earlier ones are replaced.
 
-    Raises InputError for a file that is still being written or whose writer crashed, ValueError for a wrong number of
-    edge sets.
+    Parameters
+    ----------
+    path
+        The dataset.
+    edge_sets
+        The edges of each state.
+    projection
+        The projection of colours with which the edges were found; None for frames without colours.
+
+    Raises
+    ------
+    InputError
+        If the file is still being written, or if its writer crashed.
+    ValueError
+        If the number of edge sets is not the number of states.
     """
     path = Path(path)
     points = [edge for edge_set in edge_sets for edge in (edge_set.left, edge_set.right)]
-    size = 2 * sum(edge.points_mm.nbytes + edge.sigma_mm.nbytes for edge in points)  # as edges, and as what is plotted
-    with rewritten(path, size + OF_A_STATE_BYTES * len(edge_sets)) as entry:
+    size = 2 * sum(edge.points_mm.nbytes + edge.sigma_mm.nbytes for edge in points)  # once for the plot of the outline
+    with rewritten(path, size + BYTES_OF_A_STATE * len(edge_sets)) as entry:
         states = len(entry["states/index"])
         if states != len(edge_sets):
             raise ValueError(f"{path}: {len(edge_sets)} edge sets for {states} states")
@@ -43,7 +56,7 @@ def write_edges(path: str | Path, edge_sets: Sequence[EdgeSet], projection: Proj
 
 
 def drop_edges(entry: h5py.Group) -> None:
-    """Remove the stored edges, where there are any; the frames are what a viewer then shows first."""
+    """Remove the stored edges, if there are any; a viewer then shows the frames first."""
     if GROUP in entry:
         del entry[GROUP]
         entry.attrs["default"] = "data"
@@ -55,11 +68,11 @@ def _write(process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
     put_text(process, "date", now())
     edges = group(process, "edges", "NXcollection")
     for side in ("left", "right"):
-        every = [getattr(edge_set, side) for edge_set in edge_sets]
+        edges_of_side = [getattr(edge_set, side) for edge_set in edge_sets]
         store = group(edges, side, "NXcollection")
-        store["count"] = np.array([len(edge.sigma_mm) for edge in every], dtype=np.int64)
-        store["points"] = np.concatenate([edge.points_mm.reshape(-1, 2) for edge in every])
-        store["sigma"] = np.concatenate([edge.sigma_mm for edge in every])
+        store["count"] = np.array([len(edge.sigma_mm) for edge in edges_of_side], dtype=np.int64)
+        store["points"] = np.concatenate([edge.points_mm.reshape(-1, 2) for edge in edges_of_side])
+        store["sigma"] = np.concatenate([edge.sigma_mm for edge in edges_of_side])
         store["points"].attrs["units"] = store["sigma"].attrs["units"] = "mm"
     edges["corners"] = np.stack([edge_set.corners_px for edge_set in edge_sets])
     edges["corners"].attrs["units"] = "pixel"
@@ -71,7 +84,7 @@ def _write(process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
 
 
 def read_edges(entry: h5py.Group) -> tuple[EdgeSet, ...]:
-    """The stored edge sets."""
+    """Return the stored edges of every state."""
     edges = entry[GROUP]["edges"]
     left, right = _read_side(edges["left"]), _read_side(edges["right"])
     flags = [flags_from_text(text.encode()) for text in json.loads(bytes(edges["flags"][()]))]
@@ -82,7 +95,7 @@ def read_edges(entry: h5py.Group) -> tuple[EdgeSet, ...]:
 
 
 def read_projection(entry: h5py.Group) -> Projection | None:
-    """By what projection of colour the stored edges were found; None for frames without colours."""
+    """Return the projection of colours with which the stored edges were found; None for frames without colours."""
     if GROUP not in entry or "projection" not in entry[GROUP]:
         return None
     return Projection.from_json(get_text(entry[GROUP]["projection"], "data"))

@@ -1,4 +1,4 @@
-"""Places of the beam frame turned to how the beam is seen: as before the camera, or with gravity downward."""
+"""Rotation from the beam frame to the orientation in which the beam is seen by the camera, or with gravity downward."""
 
 from __future__ import annotations
 
@@ -14,9 +14,15 @@ Array = NDArray[np.float64]
 
 
 def turn(calibration: Calibration | None, gravity_angle_deg: float | None) -> Array:
-    """(2, 2): takes (x, y) of the beam frame to (to the right, up), both in mm.
+    """Return the matrix (2, 2) that maps (x, y) of the beam frame to (right, up).
 
-    As the camera has them; without one with gravity downward, and as in the beam frame where that has no direction.
+    Parameters
+    ----------
+    calibration
+        With a calibration, right and up are those of the image.
+    gravity_angle_deg
+        Without a calibration, gravity in this direction of the beam frame points downward. If it is None too, the
+        identity is returned.
     """
     if calibration is not None:
         axis, hand = math.radians(calibration.axis_angle_deg), BeamFrame(calibration).hand

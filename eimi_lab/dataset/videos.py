@@ -1,4 +1,4 @@
-"""Frames out of a video file."""
+"""Frames of a video file, and their times."""
 
 from __future__ import annotations
 
@@ -14,15 +14,21 @@ from numpy.typing import NDArray
 
 from eimi_lab.process.errors import InputError
 
-# Otherwise what ffmpeg thinks of a damaged video goes to stderr, beside the one line that tells of it. OpenCV reads
-# this when it opens the first video.
+# Without this setting, ffmpeg would print its own messages about a damaged video to stderr. OpenCV reads the variable
+# when it opens the first video.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 ENDINGS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".m4v"})
 
 
 def frame_times(path: Path) -> NDArray[np.float64]:
-    """(n,) when each frame is shown, s from the beginning; a phone's are not evenly spaced. Raises InputError."""
+    """Return the times (n,) of all frames in seconds from the beginning; they need not be evenly spaced.
+
+    Raises
+    ------
+    InputError
+        If OpenCV cannot read the video.
+    """
     with _opened(path) as video:
         times = []
         while video.grab():
@@ -33,17 +39,29 @@ def frame_times(path: Path) -> NDArray[np.float64]:
 
 
 def read_video(path: Path, numbers: Sequence[int]) -> Iterator[NDArray[Any]]:
-    """The frames (H, W, 3: blue, green, red) of increasing numbers, counted from 0. Raises InputError.
+    """Yield frames (H, W, 3: blue, green, red) of a video.
 
-    The video is read from its beginning: to seek lands beside the wanted frame in many a format.
+    The video is read from its beginning, because seeking is not exact in many formats.
+
+    Parameters
+    ----------
+    path
+        The video.
+    numbers
+        Numbers of the frames, counted from 0, in increasing order.
+
+    Raises
+    ------
+    InputError
+        If OpenCV cannot read the video, or if it ends before a frame.
     """
     with _opened(path) as video:
         at = 0
         for number in numbers:
             while at < number and video.grab():
                 at += 1
-            there, image = video.read() if at == number else (False, None)
-            if not there or image is None:
+            decoded, image = video.read() if at == number else (False, None)
+            if not decoded or image is None:
                 raise InputError(f"{path}: ends before frame {number} (counted from 0)")
             at += 1
             yield image

@@ -1,12 +1,13 @@
-"""Writing a dataset of frames so that what was acknowledged survives a crash.
+"""Writing a dataset of frames so that every stored state survives a crash.
 
-HDF5's single-writer-multiple-reader mode orders its writes such that a file is readable at every moment; each state is
-flushed dataset by dataset, the table of states last, and synchronised to the disk before `append_state` returns.
-The order comes from The HDF Group's user guide to SWMR: create everything first, then open the file in the mode. The
-file is made under another name, so that none without its header ever bears the one that was asked for.
+HDF5's single-writer-multiple-reader mode (SWMR) orders its writes so that the file is readable at every moment. For
+each state the datasets are flushed one after another, the table of states last, and the file is synchronised to the
+disk before `append_state` returns. Everything is created first, and then the file is opened in the mode (The HDF Group,
+SWMR user guide). The file is created under a temporary name, so that a file with the requested name always has its
+header.
 
-The name belongs to one writer at a time. Before a state is acknowledged the name must still lead to the file that was
-written: one that was deleted, moved or replaced goes on as a copy beside it.
+Only one writer may use a name at a time. After each state the name must still lead to the file that was written. If the
+file was deleted, moved or replaced, the writer continues in a copy beside it.
 """
 
 from __future__ import annotations
@@ -58,19 +59,19 @@ from eimi_lab.vision.check import Flag
 
 NAN = float("nan")
 HEAD_BYTES = 4096
-"""Of the beginning of the file, which changes with every state, and which nobody else may have changed."""
+"""Size of the beginning of the file that is compared before each write; every state changes it."""
 COPY_BYTES = 1 << 20
 
 
-def _nobody() -> None:
-    """For a writer that nobody waits for."""
+def _ignore() -> None:
+    """Do nothing: the default for a writer whose progress nobody watches."""
 
 
 class StorageFailed(OSError):
-    """The disk takes no more; what was acknowledged is safe."""
+    """The file cannot be written any more; the states stored so far are safe."""
 
     def __init__(self, message: str, reason: str = "") -> None:
-        """reason: that of the system alone."""
+        """Create the error; ``reason`` is the operating system's part of the message."""
         super().__init__(message)
         self.reason = reason
 
@@ -80,12 +81,29 @@ def _tell_warning(message: str) -> None:
 
 
 class DatasetWriter:
-    """Appends one state after another to a file; use as a context manager.
+    """Append one state after another to a dataset; use it as a context manager.
 
-    path: where the states are, which is another file from the moment on when the first was taken away.
-    beat: called again and again while a state is written, to say that the run moves on.
-    warn: is given what a person should know; standard error unless given.
-    Needs a local file system: network file systems do not keep the order of writes.
+    The file must be on a local file system, because network file systems do not preserve the order of writes.
+
+    Parameters
+    ----------
+    path
+        The new file. The attribute ``path`` changes if the file is taken away during the run.
+    header
+        Description of the run.
+    like
+        A frame with the size and the depth of all frames.
+    force
+        Whether an existing file is overwritten.
+    beat
+        Function that is called repeatedly while a state is written, to show that the run proceeds.
+    warn
+        Function that gets a warning for the user; by default it is printed on standard error.
+
+    Raises
+    ------
+    InputError
+        If the file exists, or if another writer uses its name.
     """
 
     def __init__(
@@ -94,10 +112,9 @@ class DatasetWriter:
         header: Header,
         like: Frame,
         force: bool = False,
-        beat: Callable[[], None] = _nobody,
+        beat: Callable[[], None] = _ignore,
         warn: Callable[[str], None] = _tell_warning,
     ) -> None:
-        """Create the file for frames of the size and depth of `like`. Raises InputError where a file exists."""
         self._beat, self._warn = beat, warn
         lock = WriterLock(path)
         try:
@@ -110,9 +127,9 @@ class DatasetWriter:
 
     @classmethod
     def resume(
-        cls, path: Path, beat: Callable[[], None] = _nobody, warn: Callable[[str], None] = _tell_warning
+        cls, path: Path, beat: Callable[[], None] = _ignore, warn: Callable[[str], None] = _tell_warning
     ) -> DatasetWriter:
-        """Go on with a file that was closed properly, or recovered. Raises InputError."""
+        """Open a file that was closed properly or recovered, to append states. Raises InputError."""
         writer = cls.__new__(cls)
         writer._beat, writer._warn = beat, warn
         lock = WriterLock(path)
@@ -128,7 +145,7 @@ class DatasetWriter:
         self.begin_session()
 
     def begin_session(self) -> None:
-        """Note that the run begins, or goes on, now, at the next state. Raises StorageFailed."""
+        """Record that the run starts or continues now with the next state. Raises StorageFailed."""
         session = {"start": now().encode(), "first_state": self._stored}
         with self._writing():
             for name in SESSION_COLUMNS:
@@ -162,32 +179,32 @@ class DatasetWriter:
             self._abandon()
             number = re.search(r"errno = (\d+)", str(error))
             reason = os.strerror(int(number[1])) if number else str(error)
-            left = "no state was stored yet"
+            stored = "no state was stored yet"
             if self._stored:
-                left = (
+                stored = (
                     f"the {self._stored} states stored so far are safe, and `eimi acquire --resume` goes on from there"
                 )
-            raise StorageFailed(f"{self.path}: cannot be written any more: {reason}; {left}", reason) from error
+            raise StorageFailed(f"{self.path}: cannot be written any more: {reason}; {stored}", reason) from error
 
     def _abandon(self) -> None:
-        """Let go of the file as the last writes left it, as a crash would.
+        """Close the file without further writes, so that it stays as a crash would leave it.
 
-        HDF5 would try to write the rest when the file is closed, fail, and take the whole program down when that
-        ends. So the rest goes to nowhere.
+        HDF5 would try to write the remaining data when the file is closed, fail, and crash the whole program when it
+        ends. The remaining data are therefore sent to the null device.
         """
-        ours_is_gone = _gone(self.path, self._descriptor)
-        with open(os.devnull, "r+b", buffering=0) as nowhere:
-            os.dup2(nowhere.fileno(), self._descriptor)
+        taken_away = _taken_away(self.path, self._descriptor)
+        with open(os.devnull, "r+b", buffering=0) as null_device:
+            os.dup2(null_device.fileno(), self._descriptor)
             with suppress(OSError, RuntimeError):
                 self._file.close()
         self._abandoned = True
-        if not self._stored and not ours_is_gone:
+        if not self._stored and not taken_away:
             self.path.unlink()
         self._lock.release()
 
     @property
     def stored(self) -> int:
-        """The states that are in the file."""
+        """The number of states in the file."""
         return self._stored
 
     def __enter__(self) -> DatasetWriter:
@@ -196,15 +213,15 @@ class DatasetWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the file. One without a state is removed: a run that failed before its first leaves nothing behind."""
+        """Close the file; remove it if it holds no state."""
         if self._abandoned:
             return
         self._refuse_overwritten()
         if self._stored:
             self._keep_the_name()
-        ours_is_gone = _gone(self.path, self._descriptor)
+        taken_away = _taken_away(self.path, self._descriptor)
         self._close()
-        if not self._stored and not ours_is_gone:
+        if not self._stored and not taken_away:
             self.path.unlink()
         self._lock.release()
 
@@ -226,12 +243,29 @@ class DatasetWriter:
         flags: tuple[Flag, ...] = (),
         transient: Sequence[Moment] = (),
     ) -> None:
-        """Store a state and its frames; once this has returned they survive a crash of program or machine.
+        """Store a state and its frames; after the return they survive a crash of the program or the machine.
 
-        measured_A and time_s (seconds on the run's clock) have one value a frame. transient: how the beam came to rest,
-        of which a file that has no place for it keeps nothing. Raises ValueError for frames of another size,
-        StorageFailed where the disk takes no more, or where another program wrote into the file. One that was deleted,
-        moved or replaced is told of, and the states, earlier ones too, are in a new file beside it.
+        If the file was deleted, moved or replaced, a warning is printed and all states are in a new file beside it.
+
+        Parameters
+        ----------
+        frames
+            The frames.
+        current_A, field_mT, tip_force_N
+            The loads.
+        measured_A, time_s
+            For each frame, the measured current, and the time on the run's clock.
+        flags
+            Flags of the state.
+        transient
+            Frames while the beam settled; ignored if the file has no group for them.
+
+        Raises
+        ------
+        ValueError
+            If a frame has another size or depth than the frames of the file.
+        StorageFailed
+            If the disk takes no more data, or if another program wrote into the file.
         """
         self._refuse_overwritten()
         images = self._images(frames)
@@ -269,9 +303,19 @@ class DatasetWriter:
         self._keep_the_name()
 
     def append_recording(self, name: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
-        """Store frames between the states, with the state or cycle of each; once this has returned they are safe.
+        """Store frames of a recording; after the return they survive a crash.
 
-        name: one of `recordings.BELONGS_TO`. Raises as `append_state` does.
+        Parameters
+        ----------
+        name
+            One of `recordings.BELONGS_TO`.
+        belongs_to, moments
+            For each frame, its state or cycle, and the frame with its times and set-point.
+
+        Raises
+        ------
+        ValueError, StorageFailed
+            As in `append_state`.
         """
         self._refuse_overwritten()
         with self._writing():
@@ -295,31 +339,30 @@ class DatasetWriter:
         return images
 
     def _refuse_overwritten(self) -> None:
-        """Raise StorageFailed where the file no longer begins as the last write left it."""
+        """Raise StorageFailed if the beginning of the file differs from what the last write left."""
         if os.pread(self._descriptor, HEAD_BYTES, 0) != self._head:
             self._abandon()
             raise StorageFailed(
-                f"{self.path}: another program wrote into it while the run did: the {self._stored} states acknowledged "
-                "so far may be lost; begin again with another name, and let nothing copy over a file in use"
+                f"{self.path}: another program wrote into it during the run: the {self._stored} states stored so far "
+                "may be lost; start again with another name, and let no program overwrite a file in use"
             )
 
     def _keep_the_name(self) -> None:
-        """Where the name leads elsewhere by now, go on in a copy beside it. Raises StorageFailed."""
-        if not (fate := _gone(self.path, self._descriptor)):
+        """Continue in a copy beside the file if the name no longer leads to it. Raises StorageFailed."""
+        if not (fate := _taken_away(self.path, self._descriptor)):
             return
-        source = os.dup(self._descriptor)  # a deleted file can be read as long as somebody has it open
+        source = os.dup(self._descriptor)  # a deleted file can be read as long as it is open
         taken_from, old_lock = self.path, self._lock
         try:
             self._close()
-            self._abandoned = True  # until there is another file to write to
+            self._abandoned = True  # until another file is open for writing
             self._attach(*_copy_beside(taken_from, source, fate, self._beat))
         finally:
             os.close(source)
             old_lock.release()
         self._head = os.pread(self._descriptor, HEAD_BYTES, 0)
         self._warn(
-            f"{taken_from} {fate} while the run writes it; its {self._stored} states, and those to come, are "
-            f"in {self.path}"
+            f"{taken_from} {fate} during the run; its {self._stored} states, and the following ones, are in {self.path}"
         )
 
     def _synchronise(self) -> None:
@@ -328,30 +371,30 @@ class DatasetWriter:
         self._head = os.pread(self._descriptor, HEAD_BYTES, 0)
 
 
-def _gone(path: Path, descriptor: int) -> str:
-    """What became of an open file that `path` does not lead to any more; empty where it still does."""
+def _taken_away(path: Path, descriptor: int) -> str:
+    """Return what happened to an open file if ``path`` no longer leads to it; an empty text if it still does."""
     try:
-        ours = os.fstat(descriptor)
+        open_file = os.fstat(descriptor)
     except OSError:  # closed already
         return ""
     try:
-        found = os.stat(path)
+        file_at_path = os.stat(path)
     except OSError:
-        return "was moved" if ours.st_nlink else "was deleted"
-    if os.path.samestat(ours, found):
+        return "was moved" if open_file.st_nlink else "was deleted"
+    if os.path.samestat(open_file, file_at_path):
         return ""
-    return "was moved and another file has its name" if ours.st_nlink else "was replaced"
+    return "was moved and another file has its name" if open_file.st_nlink else "was replaced"
 
 
 def _copy_beside(path: Path, source: int, fate: str, beat: Callable[[], None]) -> tuple[Path, WriterLock]:
-    """Copy an open file to a new name beside `path`, in the temporary folder where that takes none.
+    """Copy an open file to a new name beside ``path``, or in the temporary folder if that fails.
 
-    Raises StorageFailed.
+    Raises StorageFailed if neither is possible.
     """
     reasons = []
     for folder in (path.parent, Path(tempfile.gettempdir())):
         try:
-            folder.mkdir(parents=True, exist_ok=True)  # it may be the folder that was moved
+            folder.mkdir(parents=True, exist_ok=True)  # the whole folder may have been moved
             name = next(name for name in _names_beside(folder / path.name) if not name.exists())
             lock = WriterLock(name)
         except (OSError, InputError) as error:
@@ -367,7 +410,7 @@ def _copy_beside(path: Path, source: int, fate: str, beat: Callable[[], None]) -
         except (OSError, InputError) as error:
             reasons.append(str(error))
             lock.release()
-    raise StorageFailed(f"{path}: {fate} while the run writes it, and no copy can be made: {'; '.join(reasons)}")
+    raise StorageFailed(f"{path}: {fate} during the run, and no copy can be made: {'; '.join(reasons)}")
 
 
 def _names_beside(path: Path) -> Iterator[Path]:
@@ -382,7 +425,7 @@ def _access() -> h5p.PropFAID:
 
 
 def _empty_file(header: Header, image: NDArray[Any]) -> bytes:
-    """A dataset for frames like `image`, without any; made in memory, where no disk can be full."""
+    """Create a dataset without frames in memory, where no disk can be full, and return its bytes."""
     with h5py.File("memory", "w", libver="latest", driver="core", backing_store=False) as file:
         entry = write_header(file, header)
         detector = group(entry["instrument"], "detector", "NXdetector")

@@ -168,9 +168,9 @@ def _loads(dataset: Dataset, states: Sequence[State]) -> Loads:
 
 def _stated(dataset: Dataset) -> tuple[StatedSource, ...]:
     """How uncertain what was stated of the dataset is. Raises InputError."""
-    found = dataset.specimen.stated()
+    found = dataset.specimen.stated_sources()
     if dataset.calibration is not None:
-        found += dataset.calibration.stated()
+        found += dataset.calibration.stated_sources()
         rig = dataset.text("rig")
         if rig is not None:
             found += stated_by_rig(rig, f"{dataset.path}: rig", dataset.calibration.coil_constant_mT_per_A)
@@ -179,9 +179,9 @@ def _stated(dataset: Dataset) -> tuple[StatedSource, ...]:
 
 def _taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
     specimen, calibration = dataset.specimen, dataset.calibration
-    found = missing_keys(WHOLE_FILES[0], specimen.uncertainty, specimen.keys_that_count())
+    found = missing_keys(WHOLE_FILES[0], specimen.uncertainty, specimen.uncertain_keys())
     if calibration is not None:
-        found += missing_keys(WHOLE_FILES[1], calibration.uncertainty, calibration.keys_that_count())
+        found += missing_keys(WHOLE_FILES[1], calibration.uncertainty, calibration.uncertain_keys())
     return found
 
 

@@ -162,7 +162,11 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
         mounting.gravity_angle_deg,
         mounting.tip_force_N,
     )
-    stated = (*mounting.specimen.stated(), *rig.calibration.stated(), *stated_by_rig(rig.text, rig.name, constant))
+    stated = (
+        *mounting.specimen.stated_sources(),
+        *rig.calibration.stated_sources(),
+        *stated_by_rig(rig.text, rig.name, constant),
+    )
     specimen = mounting.specimen.mechanics()
     known, noise = _known(goal.fit), _noise(goal.fit)
     criterion: Candidates | Rivals

@@ -87,21 +87,25 @@ def test_a_file_in_another_files_place_is_named(run: Run, pictures: Path) -> Non
         assert (status, said.count("\n")) == (2, 1)
         return said
 
-    assert "calibration.toml: is a calibration, and was given in another file's place" in told(
+    assert "calibration.toml: is a calibration, but a different kind of file is needed here" in told(
         "calibration.toml", "calibration.toml"
     )
-    assert "specimen.toml: is a specimen, and was given" in told("specimen.toml", "specimen.toml")
-    assert "protocol.toml: is a protocol, and was given" in told("protocol.toml", "calibration.toml")
+    assert "specimen.toml: is a specimen, but a different kind" in told("specimen.toml", "specimen.toml")
+    assert "protocol.toml: is a protocol, but a different kind" in told("protocol.toml", "calibration.toml")
 
 
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [
-        ("shot.png", b"\x89PNG", "is a picture; `eimi import` makes a dataset of pictures"),
-        ("run.mp4", b"mp4", "is a video; `eimi import` makes a dataset of videos"),
-        ("fits.json", b"{}", "is a JSON file; a fit goes with --fit"),
+        ("shot.png", b"\x89PNG", "is a picture; `eimi import` makes a dataset from pictures"),
+        ("run.mp4", b"mp4", "is a video; `eimi import` makes a dataset from a video"),
+        (
+            "fits.json",
+            b"{}",
+            "is a JSON file, not a dataset, which `eimi acquire` or `eimi import` writes; a fit is given with --fit",
+        ),
         ("beam.toml", b"[specimen]", "is a TOML file, not a dataset"),
-        ("points.csv", b"state,point", "is a table; `eimi import` makes a dataset of tables"),
+        ("points.csv", b"state,point", "is a table; `eimi import` makes a dataset from a table"),
     ],
 )
 def test_what_is_no_dataset_is_named(run: Run, tmp_path: Path, name: str, content: bytes, told: str) -> None:

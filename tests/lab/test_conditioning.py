@@ -124,7 +124,7 @@ def test_a_resumed_run_is_not_conditioned_again(setup: Any) -> None:
             "conditioning = { cycles = 3, current_A = 1.5 }",
             r"conditioning\.current_A goes to 1\.5 A, which exc",
         ),
-        ("conditioning = { cycles = 3, current_A = 0.0 }", "conditioning.current_A = 0.0 moves nothing"),
+        ("conditioning = { cycles = 3, current_A = 0.0 }", "conditioning.current_A = 0.0 does not move the beam"),
         ("conditioning = { cycles = 0, current_A = 0.3 }", "conditioning.cycles = 0 should be"),
     ],
 )

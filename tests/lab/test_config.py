@@ -1,4 +1,4 @@
-"""TOML files: exact currents, shipped files, and one line for everything that can be wrong."""
+"""TOML files: exact currents, shipped files, and one line of text for each fault."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_currents_of_the_shipped_protocols_are_exact_decimals() -> None:
 
 
 @given(start=st.integers(-200, 200), steps=st.integers(1, 60), step=st.integers(1, 50), down=st.booleans())
-def test_steps_never_pick_up_rounding(start: int, steps: int, step: int, down: bool) -> None:
+def test_set_points_have_no_rounding_error(start: int, steps: int, step: int, down: bool) -> None:
     stop = start - steps * step if down else start + steps * step
     text = load_protocol("dragon_skin_10").text
     text = text.replace("start_A = 0.0", f"start_A = {start / 100}").replace("stop_A = 1.5", f"stop_A = {stop / 100}")
@@ -40,13 +40,13 @@ def test_steps_never_pick_up_rounding(start: int, steps: int, step: int, down: b
     assert [Decimal(repr(current)) for current in currents] == expected
 
 
-def test_of_two_sets_of_limits_each_the_smaller_one_holds() -> None:
+def test_the_stricter_of_two_limits_is_the_smaller_current_and_the_smaller_voltage() -> None:
     one, other = SupplyLimits(current_A=1.0, voltage_V=20.0), SupplyLimits(current_A=2.0, voltage_V=5.0)
     for limits in (one.stricter(other), other.stricter(one)):
         assert (limits.current_A, limits.voltage_V) == (1.0, 5.0)
 
 
-def test_the_way_back_passes_every_current_once_more() -> None:
+def test_up_and_down_passes_every_current_once_more_on_the_way_back() -> None:
     text = load_protocol("dragon_skin_10").text.replace("stop_A = 1.5", "stop_A = 0.3\nup_and_down = true")
     assert parse(Protocol, text, "p.toml").currents_A == (0.0, 0.1, 0.2, 0.3, 0.2, 0.1, 0.0)
 
@@ -76,7 +76,7 @@ def test_a_rig_finds_its_calibration_beside_it(files: Path) -> None:
         load_rig(files / "rig.toml")
 
 
-def test_the_mechanics_get_the_moment_of_the_magnet() -> None:
+def test_the_finite_element_specimen_has_the_moment_of_the_magnet() -> None:
     specimen = load_specimen("type1")
     magnet = specimen.magnet
     assert magnet is not None
@@ -87,7 +87,7 @@ def test_the_mechanics_get_the_moment_of_the_magnet() -> None:
     assert mechanics.flexible_length_mm == specimen.specimen.length_mm - magnet.length_mm
 
 
-def test_magnetised_silicone_and_a_magnet_before_the_tip_reach_the_mechanics() -> None:
+def test_magnetised_silicone_and_a_magnet_before_the_tip_reach_the_finite_element_specimen() -> None:
     text = load_specimen("type1").text.replace("section", "magnetisation_kA_per_m = [40, -2.5]\nsection", 1)
     mechanics = parse(SpecimenFile, text.replace("[magnet]", "[magnet]\ntip_offset_mm = 1.5"), "a.toml").mechanics()
     assert mechanics.magnetisation_A_per_m == (40e3, -2.5e3)
@@ -116,7 +116,7 @@ def refuse(model: type[Document], shipped: Document, old: str, new: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "expected"),
     [
         ("length_mm", "lenght_mm", "specimen.lenght_mm is not a known key; did you mean length_mm?"),
         ("length_mm", "length_cm", "specimen.length_cm is not a known key; did you mean length_mm?"),
@@ -158,18 +158,18 @@ def refuse(model: type[Document], shipped: Document, old: str, new: str) -> str:
         ("[magnet]", "[tip_load]\nx_mm = 30.0\ny_mm = 2.0\n[magnet]", "tip_load.y_mm = 2 must lie on the beam"),
     ],
 )
-def test_a_bad_specimen_is_told_in_one_line(old: str, new: str, told: str | None) -> None:
+def test_a_bad_specimen_is_refused_in_one_line(old: str, new: str, expected: str | None) -> None:
     message = refuse(SpecimenFile, load_specimen("type1"), old, new)
-    assert told is None or message.startswith(told)
+    assert expected is None or message.startswith(expected)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "expected"),
     [
         ("step_A = 0.1 ", "step_A = 0.4 ", "[current] step_A = 0.4 does not divide the range from 0.0 to 1.5 A"),
         ("step_A = 0.1", "step_A = -0.1", "current.step_A = -0.1 should be greater than 0"),
         ("step_A = 0.1", "step_A = 1e-9", "[current] step_A = 1E-9 gives more than 1000 states"),
-        ("stop_A = 1.5", "stop_A = 0.0", "[current] stop_A = 0.0 is start_A"),
+        ("stop_A = 1.5", "stop_A = 0.0", "[current] stop_A = 0.0 is equal to start_A"),
         ("stop_A = 1.5", "stop_A = 1.7", "current.stop_A goes to 1.7 A, which exceeds limits.current_A = 1.6"),
         ("start_A = 0.0", "start_A = -1.7", "current.start_A goes to -1.7 A, which exceeds limits.current_A = 1.6"),
         ("start_A = 0.0", "values_A = [0.0, 0.1]", "[current] needs start_A, stop_A and step_A, or values_A alone"),
@@ -179,14 +179,14 @@ def test_a_bad_specimen_is_told_in_one_line(old: str, new: str, told: str | None
         ("timeout_s = 30.0", "timeout_s = 0.5", "[settle] timeout_s = 0.5 must be more than drift_window_s = 1"),
     ],
 )
-def test_a_bad_protocol_is_told_in_one_line(old: str, new: str, told: str) -> None:
+def test_a_bad_protocol_is_refused_in_one_line(old: str, new: str, expected: str) -> None:
     shipped = load_protocol("dragon_skin_10")
     padded = shipped.text.replace("step_A = 0.1\n", "step_A = 0.1 \n")
-    assert refuse(Protocol, parse(Protocol, padded, "padded"), old, new).startswith(told)
+    assert refuse(Protocol, parse(Protocol, padded, "padded"), old, new).startswith(expected)
 
 
 @pytest.mark.parametrize(
-    ("line", "told"),
+    ("line", "expected"),
     [
         ("field_angle_deg = 90.0", "field_angle_deg = 90 must lie across the beam"),
         ("pixels_per_cm = 80.0", "pixels_per_cm is not a known key; did you mean pixels_per_mm?"),
@@ -195,26 +195,26 @@ def test_a_bad_protocol_is_told_in_one_line(old: str, new: str, told: str) -> No
         ("telecentric = true\nstand_off_mm = 300.0", "stand_off_mm = 300 has no meaning beside telecentric"),
     ],
 )
-def test_a_bad_calibration_is_told_in_one_line(files: Path, line: str, told: str) -> None:
+def test_a_bad_calibration_is_refused_in_one_line(files: Path, line: str, expected: str) -> None:
     path = files / "calibration.toml"
     key = line.split(" = ")[0]
     kept = [other for other in path.read_text().splitlines() if not other.startswith(f"{key} ")]
     path.write_text("\n".join([*kept, line]))
     with pytest.raises(InputError) as caught:
         load_calibration(path)
-    assert str(caught.value).startswith(f"{path}: {told}")
+    assert str(caught.value).startswith(f"{path}: {expected}")
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "expected"),
     [
         ('driver = "virtual"', 'driver = "kord"', "supply.driver = 'kord' is not a driver; there are korad, scpi"),
-        ('driver = "virtual"', 'driver = "korad"', "camera.source = 'virtual' must be where an emulated"),
+        ('driver = "virtual"', 'driver = "korad"', "camera.source = 'virtual' must be the address of an emulated"),
         ("blur_px", "blur_pixels", "virtual.optics.blur_pixels is not a known key; did you mean blur_px?"),
         ("virtual_materials", "butter", "materials = 'butter.toml': no such file beside the rig"),
     ],
 )
-def test_a_bad_rig_is_told_in_one_line(tmp_path: Path, old: str, new: str, told: str) -> None:
+def test_a_bad_rig_is_refused_in_one_line(tmp_path: Path, old: str, new: str, expected: str) -> None:
     shipped = load_rig("virtual")
     assert shipped.virtual is not None
     (tmp_path / "virtual_calibration.toml").write_text(shipped.calibration.text)
@@ -223,13 +223,13 @@ def test_a_bad_rig_is_told_in_one_line(tmp_path: Path, old: str, new: str, told:
     path.write_text(shipped.text.replace(old, new, 1))
     with pytest.raises(InputError) as caught:
         load_rig(path)
-    assert str(caught.value).startswith(f"{path}: {told}")
+    assert str(caught.value).startswith(f"{path}: {expected}")
 
 
 @pytest.mark.parametrize(
     ("old", "new"), [("parameters = {", "parameters = { K_Pa = 1.0,"), ('model = "', 'model = "un')]
 )
-def test_a_bad_material_of_the_virtual_rig_is_told_in_one_line(tmp_path: Path, old: str, new: str) -> None:
+def test_a_bad_material_of_the_virtual_rig_is_refused_in_one_line(tmp_path: Path, old: str, new: str) -> None:
     shipped = load_rig("virtual").virtual
     assert shipped is not None
     path = tmp_path / "materials.toml"
@@ -239,14 +239,14 @@ def test_a_bad_material_of_the_virtual_rig_is_told_in_one_line(tmp_path: Path, o
     assert str(caught.value).startswith(f"{path}: [silicone.Dragon Skin 10] ")
 
 
-def test_the_rigs_own_text_keeps_the_hidden_materials_to_itself() -> None:
+def test_the_text_of_a_rig_does_not_contain_the_true_materials() -> None:
     rig = load_rig("virtual")
     assert rig.virtual is not None
     for material in rig.virtual.materials.silicone.values():
         assert not any(f"{value:g}" in rig.text for value in material.values)
 
 
-def test_a_name_that_is_not_shipped_tells_those_that_are() -> None:
+def test_an_unknown_name_is_refused_with_the_list_of_shipped_files() -> None:
     with pytest.raises(InputError, match=r"type9: no such file.*type1, type2, type3, type4"):
         load_specimen("type9")
 

@@ -198,7 +198,7 @@ def test_damaged_tables_are_told_in_one_line(files: Path, frame: Callable[..., n
         pass
     said: list[str] = []
     assert recover(path, files / "whole.h5", say=said.append) == 2
-    assert "entry/states/field (put together from the frames)" in said[0]
+    assert "entry/states/field (rebuilt from the frames)" in said[0]
     with open_dataset(files / "whole.h5") as whole:
         assert [state.field_mT for state in whole.states] == [0.0, 0.47]
 

@@ -219,11 +219,11 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "decimal comma": (
         rewrite("states.csv", ",0.2", ",0,2"),
-        "states.csv: row 3: has 3 cells; the header has 2 columns; numbers with a decimal comma want semicolons",
+        "states.csv: row 3: has 3 cells; the header has 2 columns; numbers with a decimal comma need semicolons",
     ),
     "case of a name": (
         rewrite("states.csv", "frame_2.png", "elsewhere/Frame_2.PNG"),
-        "there is none of that name; did you mean frame_2.png?",
+        "none has that name; did you mean frame_2.png?",
     ),
     "Latin text": (
         lambda files: (files / "states.csv").write_bytes("frame,current_A\nfräme_1.png,0\n".encode("latin-1")),
@@ -254,7 +254,7 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "images missing": (
         lambda files: [(files / "frames" / f"frame_{k}.png").unlink() for k in (2, 10)],
-        "; there is none of that name; nor of that in rows 4\n",
+        "; none has that name; the same holds for rows 4\n",
     ),
     "image truncated": (truncate, "frame_10.png: is truncated or damaged"),
     "image empty": (lambda files: (files / "frames" / "frame_10.png").write_bytes(b""), "frame_10.png: is empty"),
@@ -352,7 +352,10 @@ def test_points_are_sorted_into_their_states(run: Run, tracked: Path) -> None:
         (rewrite("points.csv", "10,1,9", "10,2,9"), "row 2: y0_mm = '2' should be on the beam, within half"),
         (rewrite("states.csv", "1,2.5", "1,2.5\n2,3"), "points.csv: has no point of state 2"),
         (rewrite("states.csv", "1,2.5", "0,2.5"), "states.csv: row 3: state = '0' should be a state that was not"),
-        (rewrite("states.csv", "field_mT", "current_A"), "current_A = '2.5' should be 0, or field_mT be given"),
+        (
+            rewrite("states.csv", "field_mT", "current_A"),
+            "current_A = '2.5' should be 0; for tracked points give field_mT",
+        ),
     ],
 )
 def test_bad_points_give_one_line_and_no_file(

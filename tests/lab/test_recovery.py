@@ -173,6 +173,6 @@ def test_the_first_bytes_of_a_dataset_are_refused_in_one_line(two: dict[str, Pat
 def test_what_recover_is_told_does_not_send_it_to_recover(two: dict[str, Path]) -> None:
     with h5py.File(two["finished"], "r+") as file:
         del file["entry/data/frames"]
-    with pytest.raises(InputError, match="what is left of it is no dataset") as told:
+    with pytest.raises(InputError, match="the readable part of it is not a dataset") as told:
         recover(two["finished"], two["crashed"].with_name("out.h5"))
     assert "eimi recover" not in str(told.value)

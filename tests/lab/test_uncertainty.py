@@ -52,12 +52,12 @@ def test_what_cannot_be_an_uncertainty_is_said_in_one_line(table, said):
 def test_an_uncertainty_of_what_is_not_there_is_refused():
     telecentric = text_of("rigs/virtual_calibration.toml", "stand_off_mm = 1.0")
     with pytest.raises(
-        InputError, match=r"\[uncertainty\] stand_off_mm = 1: there is no stand_off_mm that it could be of"
+        InputError, match=r"\[uncertainty\] stand_off_mm = 1: there is no stand_off_mm to which it could belong"
     ):
         parse(Calibration, telecentric, "calibration.toml")
     beam, _, _ = text_of("specimens/type1.toml").partition("[magnet]")
     with pytest.raises(
-        InputError, match=r"\[uncertainty\] remanence_T = 0.01: there is no magnet.remanence_T that it could be of"
+        InputError, match=r"\[uncertainty\] remanence_T = 0.01: there is no magnet.remanence_T to which it could belong"
     ):
         parse(SpecimenFile, beam + "[uncertainty]\nremanence_T = 0.01\n", "beam.toml")
 
@@ -71,7 +71,7 @@ def test_shares_and_pixels_become_what_the_inference_takes():
         ),
         "calibration.toml",
     )
-    sizes = {stated.source: stated.standard_uncertainty for stated in calibration.stated()}
+    sizes = {stated.source: stated.standard_uncertainty for stated in calibration.stated_sources()}
     assert sizes == pytest.approx({"scale": 0.1 / 25, "coil": 0.01, "clamp": 0.5 / 25})
     rig = (PROTOCOLS / "rigs" / "bench_example.toml").read_text(encoding="utf-8")
     (current,) = stated_by_rig(rig, "rig.toml", 4.7)
@@ -80,7 +80,7 @@ def test_shares_and_pixels_become_what_the_inference_takes():
 
 def test_who_shares_an_error_follows_from_names_and_numbers():
     def of(text: str) -> dict[str, str]:
-        return {s.source: s.of for s in parse(SpecimenFile, text, "beam.toml").stated()}
+        return {s.source: s.of for s in parse(SpecimenFile, text, "beam.toml").stated_sources()}
 
     text = text_of("specimens/type1.toml", "width_mm = 0.02\nremanence_T = 0.01")
     first, second = of(text), of(text.replace('"type1"', '"type2"'))
@@ -93,17 +93,18 @@ def test_who_shares_an_error_follows_from_names_and_numbers():
 
 def test_the_virtual_rig_is_exact_and_the_bench_states_all_it_has():
     assert all(
-        s.standard_uncertainty == 0 for s in load_calibration(PROTOCOLS / "rigs/virtual_calibration.toml").stated()
+        s.standard_uncertainty == 0
+        for s in load_calibration(PROTOCOLS / "rigs/virtual_calibration.toml").stated_sources()
     )
     for name in ("type1", "type2", "type3", "type4"):
         specimen = load_specimen(name)
-        assert all(s.standard_uncertainty == 0 for s in specimen.stated())
-        assert len(specimen.stated()) == len(specimen.keys_that_count())
+        assert all(s.standard_uncertainty == 0 for s in specimen.stated_sources())
+        assert len(specimen.stated_sources()) == len(specimen.uncertain_keys())
     bench = load_specimen("bench_example")
-    assert {s.standard_uncertainty > 0 for s in bench.stated()} == {True}
-    assert len(bench.stated()) == len(bench.keys_that_count())
+    assert {s.standard_uncertainty > 0 for s in bench.stated_sources()} == {True}
+    assert len(bench.stated_sources()) == len(bench.uncertain_keys())
     calibration = load_rig("bench_example").calibration
-    assert set(calibration.uncertainty or {}) == set(calibration.keys_that_count())
+    assert set(calibration.uncertainty or {}) == set(calibration.uncertain_keys())
 
 
 def test_a_simulation_of_a_fit_has_the_intervals_of_its_draws():

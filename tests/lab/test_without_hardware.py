@@ -152,9 +152,14 @@ def test_the_coil_s_line_tells_the_true_current_and_its_own_end() -> None:
             "virtual",
             'driver = "opencv", source = 0',
             "",
-            "camera.driver = 'opencv' sees nothing of supply",
+            "camera.driver = 'opencv' cannot see the simulated coil of supply",
         ),
-        ("korad", 'driver = "virtual", source = "virtual"', VIRTUAL, "camera.source = 'virtual' must be where an emul"),
+        (
+            "korad",
+            'driver = "virtual", source = "virtual"',
+            VIRTUAL,
+            "camera.source = 'virtual' must be the address of an emul",
+        ),
         (
             "korad",
             'driver = "opencv", source = 0',

@@ -1,7 +1,7 @@
-"""Whether a file that was never closed can be read at all.
+"""Check whether a file that was never closed can be read at all.
 
-Where its metadata are damaged, HDF5 takes that for the work of a writer in progress and tries again without end (seen
-with HDF5 2.0). So another process goes first, with a time to finish in.
+If the metadata of such a file are damaged, HDF5 assumes that a writer is still changing them and retries without end
+(observed with HDF5 2.0). The check therefore runs in another process with a limit of time.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ WITHIN_S = 15.0
 
 
 def why_unreadable(path: Path) -> str:
-    """What is wrong with an unclosed file, in a few words; empty where its metadata and small tables can be read."""
+    """Return why an unclosed file cannot be read; an empty text if its metadata and small tables are readable."""
     try:
         done = subprocess.run(
             [sys.executable, "-P", "-m", __name__, str(path)], capture_output=True, text=True, timeout=WITHIN_S
@@ -27,7 +27,7 @@ def why_unreadable(path: Path) -> str:
 
 
 def read_all_but_frames(path: str | Path) -> None:
-    """Read every small table, and where every frame lies. Raises what h5py raises; may never end."""
+    """Read every small table and the position of every frame; may raise any error of h5py, or never return."""
 
     def read(name: str, item: h5py.Group | h5py.Dataset) -> None:
         if not isinstance(item, h5py.Dataset):

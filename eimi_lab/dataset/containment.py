@@ -1,0 +1,73 @@
+"""Check that a dataset file holds all its data itself, and claims no absurd amounts of data.
+
+An HDF5 file can refer to other files, and a few bytes in it can claim any size. Both are refused before anything is
+read, since a file may come from anywhere.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from eimi_lab.dataset.recordings import BELONGS_TO
+from eimi_lab.process.errors import InputError
+
+MOST_BYTES = 1 << 30
+"""Largest size of a table, or of a single frame."""
+
+FORMER = "former"
+"""Name of the group that keeps the specimens and calibrations that were replaced."""
+
+READ = (
+    *("entry/specimen", "entry/calibration", "entry/protocol", "entry/rig", "entry/truth", "entry/start_time"),
+    *("entry/user_note", "entry/data", "entry/states", "entry/sessions", "entry/correction", "entry/instrument"),
+    f"entry/{FORMER}",
+    *(f"entry/{name}" for name in BELONGS_TO),
+    *(
+        "entry/segmentation/projection",
+        "entry/segmentation/edges",
+        "entry/segmentation/edges/left",
+        "entry/segmentation/edges/right",
+    ),
+)
+"""Places of everything that the program reads."""
+
+
+def refuse_links_and_absurd_sizes(path: Path, file: h5py.File) -> None:
+    """Raise InputError if data of a dataset are in another place, or claim to be larger than could be read.
+
+    Only the places in `READ` are checked; a user may have added other things to the file.
+    """
+    for place in READ:
+        parent: Any = file
+        for name in place.split("/"):
+            if not isinstance(parent, h5py.Group) or name not in parent:
+                break
+            parent = _member(path, parent, name)
+        else:
+            names = list(parent) if isinstance(parent, h5py.Group) else []
+            for item in [_member(path, parent, name) for name in names] or [parent]:
+                _refuse_storage(path, item)
+
+
+def _member(path: Path, parent: h5py.Group, name: str) -> Any:
+    """Return the member of a group; raise InputError if it is a link to another place."""
+    if not isinstance(parent.get(name, getlink=True), h5py.HardLink):
+        place = f"{parent.name}/{name}".lstrip("/")
+        raise InputError(f"{path}: {place} is a link to another place; a dataset holds everything itself")
+    return parent[name]
+
+
+def _refuse_storage(path: Path, item: Any) -> None:
+    if not isinstance(item, h5py.Dataset):
+        return
+    if item.external or item.is_virtual:
+        raise InputError(f"{path}: {item.name} is kept in another file; a dataset holds everything itself")
+    if item.dtype.hasobject or item.dtype.kind not in "iufS":
+        raise InputError(f"{path}: {item.name} is of type {item.dtype}; only numbers and text of fixed length are read")
+    row = item.nbytes if item.ndim < 3 else int(np.prod(item.shape[1:], dtype=object)) * item.dtype.itemsize
+    if row > MOST_BYTES or item.ndim > 4:
+        raise InputError(f"{path}: {item.name} claims a size of {item.shape}, more than could be read")
