@@ -15,7 +15,7 @@ from eimi_lab.commands import beginning, bench, images, material_laws, next_run,
 from eimi_lab.commands.examples import EXAMPLES, in_help
 from eimi_lab.commands.result import printing
 from eimi_lab.process.errors import InputError, OwnFault, tell
-from eimi_lab.process.stderr import never_blocking, open_what_is_closed
+from eimi_lab.process.stderr import never_blocking, open_closed_streams
 from eimi_lab.process.stopping import Stopped, leaving, unwind_on_termination
 from eimi_lab.process.threads import one_thread_each
 
@@ -67,7 +67,7 @@ def main() -> None:
     """Run the command line and exit: 0 done, 2 bad input, 1 another failure, 128 + n stopped by signal n."""
     unwind_on_termination()
     one_thread_each()
-    open_what_is_closed()
+    open_closed_streams()
     try:
         with never_blocking():
             status = _status()

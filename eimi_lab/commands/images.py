@@ -280,8 +280,8 @@ def segment(
     from eimi_lab.dataset.dark_and_flat import forget_correction, read_correction_images, store_correction
     from eimi_lab.dataset.reading import open_dataset
     from eimi_lab.dataset.restating import restate
-    from eimi_lab.dataset.segmentation import segment as find
     from eimi_lab.dataset.segmentation import explain_missing_beam, write_csv, write_explained, write_overlays
+    from eimi_lab.dataset.segmentation import segment as find
     from eimi_lab.process.outputs import whole_folder, write_file
     from eimi_lab.process.progress import progress
     from eimi_lab.process.workers import executor_for

@@ -51,13 +51,13 @@ def report(
     """Write one self-contained HTML file: the number and what limits it, laws, errors, frames, residuals, methods."""
     from eimi_lab.process.outputs import check_distinct, refuse_existing
     from eimi_lab.process.progress import progress
-    from eimi_lab.process.workers import begun, executor_for
+    from eimi_lab.process.workers import executor_for, started
 
     check_distinct([*datasets, *(fit or [])], [output])
     refuse_existing(output, force)
     command = shlex.join(["eimi", *sys.argv[1:]])
     shared = min(workers or _UNASKED, len(datasets)) if fit else 1
-    with begun(executor_for(shared, None), shared, "eimi_lab.fits.prediction") as executor:
+    with started(executor_for(shared, None), shared, "eimi_lab.fits.prediction") as executor:
         from eimi_lab.reporting.page import write_report  # slow to load, as what the workers load meanwhile
 
         write_report(

@@ -13,7 +13,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
 from eimi_lab.process.errors import InputError
-from eimi_lab.process.workers import begin_resource_tracker, leave_with_parent
+from eimi_lab.process.workers import leave_with_parent, start_resource_tracker
 
 T = TypeVar("T")
 
@@ -29,7 +29,7 @@ class Worker:
     async def do(self, function: Callable[..., T], *arguments: Any) -> T:
         """What a function of a module gives. Raises what it raises, InputError where the process did not survive."""
         if self._pool is None:
-            begin_resource_tracker()
+            start_resource_tracker()
             self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), leave_with_parent)
         pool = self._pool
         try:

@@ -1,12 +1,12 @@
-"""Tools of the process itself, which every other room may use.
+"""Services of the operating-system process that all other packages may use.
 
-errors        what a person did wrong, and how it is printed
-progress      progress bars, or plain lines where there is no terminal
-stopping      signals that end the program, and the exception that they raise
-stderr        keep what foreign libraries print on standard error
-threads       limit the threads of numerical libraries
-garbage       collect garbage less often while arrays are made
-workers       share tasks among processes
-writer_lock   one writer for each dataset
-outputs       write a result file as a whole or not at all
+errors       errors caused by the user's input, and messages in one line
+progress     progress bars, or plain lines without a terminal
+stopping     signals that stop the program, and the exception that they raise
+stderr       a standard error stream that never blocks the program
+threads      the number of threads of linear algebra
+garbage      less frequent garbage collection, and reuse of freed memory
+workers      distribution of tasks to processes or a cluster
+writer_lock  one writer at a time for each file
+outputs      result files that are written completely or not at all
 """

@@ -1,32 +1,32 @@
-"""What becomes of memory that is no longer used: cycles are seldom looked for, and workers keep what they free."""
+"""Faster memory management: less frequent garbage collection, and workers that keep freed memory for reuse."""
 
 import atexit
 import gc
 import sys
 
-# Of objects, between two searches: modules make many that stay, and looking through these again and again takes 0.08 s
-# of a fit's 1.3.
-_BETWEEN = 50_000
+# Number of new objects between two collections. Modules create many permanent objects, and with Python's default
+# threshold the collections take 0.08 s of a fit's 1.3 s.
+_OBJECTS_BETWEEN_COLLECTIONS = 50_000
 
 
 def collect_seldom() -> None:
-    """In this process, and not at its end, when all memory goes back at once: another search would take 0.3 s."""
-    gc.set_threshold(_BETWEEN)
+    """Collect garbage less often in this process, and not at its end, where a collection would take 0.3 s."""
+    gc.set_threshold(_OBJECTS_BETWEEN_COLLECTIONS)
     atexit.register(gc.freeze)
 
 
-# Of the C library's mallopt (mallopt(3)): what to set, and bytes. Larger blocks than the second are not kept, and more
-# than the first is not kept at the heap's end.
+# Settings of the C library's mallopt (manual page mallopt(3)), in bytes: free memory at the end of the heap beyond
+# M_TRIM_THRESHOLD, and blocks larger than M_MMAP_THRESHOLD, are returned to the system.
 _SETTINGS = ((-1, 256 << 20), (-3, 32 << 20))  # M_TRIM_THRESHOLD, M_MMAP_THRESHOLD
 
 
-def keep_what_is_freed() -> None:
-    """In this process memory that is freed is kept for what comes next, where the C library can be told so.
+def keep_freed_memory() -> None:
+    """Keep freed memory in this process for reuse, if the C library supports it.
 
-    Each step on a solid has megabytes of its own. Taken from the system and given back again and again, with a page
-    fault for each 4 kB, they cost a tenth of a report's simulations.
+    Each step of a solid model uses megabytes of its own. Returning them to the system and requesting them again, with a
+    page fault for each 4 kB, takes a tenth of the time of a report's simulations.
     """
-    import ctypes  # of no use to a program that has no workers
+    import ctypes  # imported here because only workers need it
 
     if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "mallopt"):
         for setting, size in _SETTINGS:

@@ -1,6 +1,7 @@
-"""Files that the suite writes: not over an existing one unless told to, nor one it reads, never half of one.
+"""Result files, which are written completely or not at all.
 
-A symbolic link is followed: the file that it names is written, and it stays. Each file has one writer at a time.
+An existing file is replaced only on request. A file that the program reads is never written. If the name is a symbolic
+link, the file to which it leads is written and the link stays. Each file has one writer at a time.
 """
 
 from __future__ import annotations
@@ -17,7 +18,11 @@ from eimi_lab.process.writer_lock import followed, only_writer
 
 
 def refuse_existing(path: Path, force: bool) -> None:
-    """Raise InputError when `path` cannot become a new file: it exists (and not `force`), or its folder does not."""
+    """Raise InputError if ``path`` cannot become a new file.
+
+    Reasons are that it exists (unless ``force``), that it is not an ordinary file, or that its folder does not exist or
+    cannot be written to.
+    """
     folder = followed(path).parent
     if path.is_dir():
         raise InputError(f"{path}: is a folder; give the name of a file")
@@ -32,28 +37,41 @@ def refuse_existing(path: Path, force: bool) -> None:
 
 
 def check_distinct(read: Sequence[Path], written: Sequence[Path]) -> None:
-    """Raise InputError where a file is given twice to read, or is to be written and read or written besides."""
-    known = set()
+    """Raise InputError if a file is given twice to read, or if a file to write is also read or written otherwise."""
+    used = set()
     for path in read:
-        if followed(path) in known:
+        if followed(path) in used:
             raise InputError(f"{path}: is given twice; give it once")
-        known.add(followed(path))
+        used.add(followed(path))
     for path in written:
-        if followed(path) in known:
+        if followed(path) in used:
             raise InputError(f"{path}: cannot be written, it is in use as another file here; give another name")
-        known.add(followed(path))
+        used.add(followed(path))
 
 
 @contextmanager
 def whole_file(path: Path, force: bool) -> Iterator[Path]:
-    """A temporary name beside `path` to write to; it takes the place of `path` only when the block ends well.
+    """Yield the path of a temporary file that replaces ``path`` when the block ends without an error.
 
-    Raises InputError as `refuse_existing` does, and where another program writes to `path`. On any error the temporary
-    file is removed and `path` is as before.
+    On any error the temporary file is removed, and ``path`` is unchanged.
+
+    Parameters
+    ----------
+    path
+        The file to write.
+    force
+        Whether an existing file is replaced.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be created (`refuse_existing`), or if another program writes to it.
+    OSError
+        If writing fails; the error names ``path``.
     """
     refuse_existing(path, force)
     with only_writer(path):
-        refuse_existing(path, force)  # again: the one who wrote it may just have finished
+        refuse_existing(path, force)  # again, because another writer may have created it in the meantime
         file = followed(path)
         try:
             descriptor, name = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent)
@@ -69,7 +87,7 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
             os.umask(umask)
             temporary.chmod(0o666 & ~umask)
             os.replace(temporary, file)
-        except OSError as error:  # a full disk names no file, or one that nobody has heard of
+        except OSError as error:  # on a full disk, the error names no file or the temporary one
             if error.errno is not None and (error.filename is None or name in (error.filename, error.filename2)):
                 raise OSError(error.errno, error.strerror, str(path)) from error
             raise
@@ -84,7 +102,7 @@ def write_file(path: Path, content: str | bytes, force: bool) -> None:
 
 
 def new_folder(folder: Path, force: bool) -> None:
-    """Make a folder to fill. Raises InputError when it holds something already (and not `force`)."""
+    """Create a folder; raise InputError if that fails, or if it exists and is not empty (unless ``force``)."""
     if folder.is_dir() and any(not entry.name.startswith(".") for entry in folder.iterdir()) and not force:
         raise InputError(f"{folder}: is not empty; give another folder, or --force to replace files in it")
     try:
@@ -95,14 +113,28 @@ def new_folder(folder: Path, force: bool) -> None:
 
 @contextmanager
 def whole_folder(folder: Path, force: bool) -> Iterator[Path]:
-    """A temporary folder to fill by `write_whole`; its files come into `folder` only when the block ends well.
+    """Yield a temporary folder whose files are moved to ``folder`` when the block ends without an error.
 
-    Raises InputError as `new_folder` does. On any error the temporary folder is removed, and `folder` is as before.
+    Write the files with `write_whole`. On any error the temporary folder is removed, and ``folder`` is unchanged.
+
+    Parameters
+    ----------
+    folder
+        The folder to fill.
+    force
+        Whether the folder may contain files already.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be used (`new_folder`).
+    OSError
+        If writing fails; the error names the file in ``folder``.
     """
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     new_folder(folder, force)
     try:
-        try:  # inside, for beside it may be another file system
+        try:  # created inside the folder, because its parent may be on another file system
             unfinished = tempfile.TemporaryDirectory(prefix=".unfinished.", dir=folder)
         except OSError as error:
             raise InputError(f"{folder}: takes no new file ({error.strerror})") from error
@@ -110,7 +142,7 @@ def whole_folder(folder: Path, force: bool) -> Iterator[Path]:
             yield Path(name)
             for file in sorted(Path(name).iterdir()):
                 _put(file, folder / file.name)
-    except OSError as error:  # of a file by a name that nobody has heard of
+    except OSError as error:  # the error may name the temporary file
         if error.errno is not None and error.filename and Path(error.filename).parent == Path(name):
             raise OSError(error.errno, error.strerror, str(folder / Path(error.filename).name)) from error
         raise
@@ -121,7 +153,7 @@ def whole_folder(folder: Path, force: bool) -> Iterator[Path]:
 
 
 def _put(file: Path, path: Path) -> None:
-    """Move a file over another one, through a link perhaps, and to another file system then."""
+    """Move a file to a path; if the path is a symbolic link, copy it to the file to which the link leads."""
     if not path.is_symlink():
         os.replace(file, path)
         return
@@ -131,11 +163,11 @@ def _put(file: Path, path: Path) -> None:
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write a file of a `whole_folder`. Raises OSError that names it, which that of a full disk does not by itself."""
+    """Write a file and synchronise it to the disk; an OSError names the file, also on a full disk."""
     try:
         with file.open("wb") as output:
             output.write(content)
             output.flush()
-            os.fsync(output.fileno())  # some file systems tell only here that there is no room
+            os.fsync(output.fileno())  # some file systems report only here that the disk is full
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(file)) from error

@@ -1,4 +1,4 @@
-"""How far long work has got: a bar with an estimate on a terminal, plain lines elsewhere. All of it on stderr."""
+"""The progress of long work on stderr: a bar with an estimate on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ _unseen = ContextVar("unseen", default=False)
 
 
 def silent(words: str) -> None:
-    """In place of a report, for callers that do not want to hear of each step."""
+    """Do nothing: a report for callers that do not show the progress."""
 
 
 @contextmanager
 def unseen() -> Iterator[None]:
-    """No progress is told while this lasts."""
+    """Show no progress within the context."""
     before = _unseen.set(True)
     try:
         yield
@@ -28,21 +28,42 @@ def unseen() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Report:
-    """Called after each step with a few words on it. underway: the same within a step, shown on a terminal alone."""
+    """Functions that report the progress; calling the report itself ends a step.
+
+    Parameters
+    ----------
+    after_step
+        Called after each step with a short text about it.
+    underway
+        Called within a step with a short text, which is shown only on a terminal.
+    """
 
     after_step: Callable[[str], None]
     underway: Callable[[str], None] = silent
 
     def __call__(self, words: str) -> None:
-        """A step is done."""
+        """Report the end of a step."""
         self.after_step(words)
 
 
 @contextmanager
 def progress(title: str, total: int) -> Iterator[Report]:
-    """Yields what to call after each of `total` steps, and within them.
+    """Show the progress of long work.
 
-    The first step is not in the estimate, nor is what comes before it: a coil is conditioned then, modules are loaded.
+    The estimate of the remaining time does not use the first step, during which modules are loaded or a coil is
+    conditioned.
+
+    Parameters
+    ----------
+    title
+        Name of the work.
+    total
+        Number of steps.
+
+    Yields
+    ------
+    Report
+        The report to call after each step and within steps.
     """
     if _unseen.get():
         yield Report(silent)
@@ -62,8 +83,9 @@ def progress(title: str, total: int) -> Iterator[Report]:
 
     def line(words: str) -> None:
         ends.append(time.monotonic())
-        done, left = len(ends), total - len(ends)
-        estimate = f", about {(ends[-1] - ends[0]) / (done - 1) * left:.0f} s left" if done > 1 and left else ""
+        done, remaining = len(ends), total - len(ends)
+        step_s = (ends[-1] - ends[0]) / (done - 1) if done > 1 else 0.0
+        estimate = f", about {step_s * remaining:.0f} s left" if done > 1 and remaining else ""
         print(f"{title} {done}/{total}: {words}{estimate}", file=sys.stderr, flush=True)
 
     yield Report(line)

@@ -1,7 +1,8 @@
-"""Standard error that nobody has to read: a full pipe or a terminal held with Ctrl-S must not keep a coil on.
+"""A standard error stream that never blocks the program.
 
-What does not go out at once waits in memory and goes with the next write; what is too much for that is dropped, and
-counted.
+If nobody reads standard error (a full pipe, or a terminal stopped with Ctrl-S), an ordinary write would block, and a
+coil might stay on. Here, text that cannot be written at once waits in memory for the next write. If too much text
+waits, the oldest lines are dropped and counted.
 """
 
 from __future__ import annotations
@@ -17,41 +18,41 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 MOST_BYTES = 1 << 20
-AT_ONCE_BYTES = 512  # so much a pipe takes whole where it takes anything (POSIX, write: PIPE_BUF)
+AT_ONCE_BYTES = 512  # a pipe that accepts any data accepts this much at once (POSIX, write: PIPE_BUF)
 FINISH_WITHIN_S = 2.0
-TOLD = b" lines were dropped: nobody read them"
+NOTICE = b" lines were dropped: nobody read them"
 
 
 class NeverBlocking(io.TextIOBase):
-    """Text to a file descriptor whose other end may have stopped reading."""
+    """A text stream to a file descriptor whose other end may have stopped reading."""
 
     def __init__(self, descriptor: int) -> None:
-        self._descriptor = _apart(descriptor)
+        self._descriptor = _reopened(descriptor)
         self._waiting = bytearray()
         self._dropped = 0
-        self._alone = threading.Lock()
+        self._lock = threading.Lock()
         self._original = descriptor
 
     @property
     def encoding(self) -> str:  # type: ignore[override]  # a read-only attribute of the base
-        """UTF-8."""
+        """The encoding, UTF-8."""
         return "utf-8"
 
     def fileno(self) -> int:
-        """The descriptor that was given."""
+        """Return the original descriptor."""
         return self._original
 
     def isatty(self) -> bool:
-        """Whether a person may be reading."""
+        """Return whether the stream is a terminal."""
         return os.isatty(self._original)
 
     def writable(self) -> bool:
-        """Always."""
+        """Return True."""
         return True
 
     def write(self, text: str) -> int:
-        """Take a text; returns at once."""
-        with self._alone:
+        """Accept a text and return at once."""
+        with self._lock:
             self._waiting += text.encode("utf-8", "backslashreplace")
             self._send()
             if len(self._waiting) > MOST_BYTES:
@@ -60,17 +61,17 @@ class NeverBlocking(io.TextIOBase):
 
     def _drop_the_older_half(self) -> None:
         kept = self._waiting[-MOST_BYTES // 2 :].partition(b"\n")[2]
-        told_before = self._waiting.count(TOLD)
-        self._dropped += self._waiting.count(b"\n") - kept.count(b"\n") - 2 * told_before
-        self._waiting = bytearray(b"\neimi: %d%b\n" % (self._dropped, TOLD)) + kept
+        earlier_notices = self._waiting.count(NOTICE)  # two line ends each
+        self._dropped += self._waiting.count(b"\n") - kept.count(b"\n") - 2 * earlier_notices
+        self._waiting = bytearray(b"\neimi: %d%b\n" % (self._dropped, NOTICE)) + kept
 
     def flush(self) -> None:
-        """Send what goes out without waiting."""
-        with self._alone:
+        """Send all text that can be sent without waiting."""
+        with self._lock:
             self._send()
 
     def finish(self) -> None:
-        """Send the rest, for a moment."""
+        """Try for a short time to send the remaining text, then close the stream."""
         until = time.monotonic() + FINISH_WITHIN_S
         while self._waiting and time.monotonic() < until:
             self.flush()
@@ -84,28 +85,31 @@ class NeverBlocking(io.TextIOBase):
                 del self._waiting[: os.write(self._descriptor, self._waiting[:AT_ONCE_BYTES])]
         except BlockingIOError:
             return
-        except OSError:  # the reader is gone for good
+        except OSError:  # the reader has closed its end
             self._waiting.clear()
 
 
-def open_what_is_closed() -> None:
-    """A program begun without standard streams (`2>&-`) would give their numbers to the files that it writes."""
+def open_closed_streams() -> None:
+    """Open the null device for each standard stream that is closed (as by ``2>&-``).
+
+    Otherwise the files that the program writes would get the descriptors of the standard streams.
+    """
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(descriptor)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # gets the lowest number that is free: this one
+            os.open(os.devnull, os.O_RDWR)  # the system assigns the lowest free descriptor, which is this one
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(descriptor, "w" if descriptor else "r", closefd=False))
 
 
 @contextmanager
 def never_blocking() -> Iterator[None]:
-    """Standard error takes every text at once while the context lasts."""
+    """Replace standard error by a stream that never blocks, within the context."""
     before = sys.stderr
     try:
         stream = NeverBlocking(before.fileno())
-    except (OSError, ValueError, AttributeError):  # in memory, closed, or none at all
+    except (OSError, ValueError, AttributeError):  # standard error is in memory, closed or None
         yield
         return
     before.flush()
@@ -117,10 +121,11 @@ def never_blocking() -> Iterator[None]:
         stream.finish()
 
 
-def _apart(descriptor: int) -> int:
-    """The same file, opened anew where that can be done, since not waiting would be felt by all who share the old one.
+def _reopened(descriptor: int) -> int:
+    """Return a new descriptor of the same pipe or terminal that does not block.
 
-    Opened anew, a plain file would be written from its beginning.
+    A pipe or terminal is opened again, because a change of the old descriptor would affect all processes that share it.
+    Any other file is duplicated: if it were opened again, it would be written from its beginning.
     """
     mode = os.fstat(descriptor).st_mode
     if stat.S_ISFIFO(mode) or stat.S_ISCHR(mode):

@@ -1,5 +1,7 @@
-"""Linear algebra on one thread: more do not help matrices this small, wait for each other where processors are few,
-and add up in an order that changes the last digits.
+"""The number of threads of linear algebra, which is one.
+
+More threads do not help with matrices of this size, and wait for each other if there are few processors. They also add
+numbers in a varying order, which changes the last digits of results.
 """
 
 import os
@@ -8,5 +10,5 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB
 
 
 def one_thread_each() -> None:
-    """Here and in the processes begun from here; in time only before numpy is loaded."""
+    """Use one thread in this process and in those that it starts; call this before numpy is loaded."""
     os.environ.update(dict.fromkeys(THREADS, "1"))

@@ -1,7 +1,8 @@
-"""Who does long work: this process, others, or a dask cluster. The last two are executors of the standard library.
+"""Distribution of long tasks: to this process, to other processes of this machine, or to a dask cluster.
 
-A task is a whole fit, whose batches are its own, or the edges of one state: the same on any number of workers, and
-again on another one when a worker is lost, each with one thread (`eimi_lab.process.threads`).
+Processes and clusters are executors of the standard library (`concurrent.futures`). A task is a whole fit, or the
+search for the edges of one state. Its result does not depend on the number of workers. If a worker is lost, another one
+repeats the task. Each worker uses one thread (`eimi_lab.process.threads`).
 """
 
 from __future__ import annotations
@@ -24,24 +25,39 @@ from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
 from eimi_lab.process.errors import InputError
-from eimi_lab.process.garbage import collect_seldom, keep_what_is_freed
+from eimi_lab.process.garbage import collect_seldom, keep_freed_memory
 from eimi_lab.process.threads import THREADS
 
 T = TypeVar("T")
 Task = TypeVar("Task")
 
-MOST_LOSSES = 3  # of workers, one after the other with no task finished between
-PACKAGES = ("eimi-lab", "numpy", "scipy", "cma")  # that a number depends on
+LARGEST_NUMBER_OF_LOSSES = 3  # successive losses of workers without a finished task between them
+PACKAGES = ("eimi-lab", "numpy", "scipy", "cma")  # numerical results depend on the versions of these packages
 _ANSWER_S = 10
 
 
 def executor_for(workers: int, scheduler: str | None) -> Callable[[], AbstractContextManager[Executor]] | None:
-    """What `--workers` and `--scheduler` ask for; None is this process.
+    """Return the function that creates the executor for the options ``--workers`` and ``--scheduler``.
 
-    Raises InputError for both at once, and as `cluster` does, before anything is written for a fit that cannot begin.
+    Parameters
+    ----------
+    workers
+        Number of processes.
+    scheduler
+        Address of a dask scheduler; None without a cluster.
+
+    Returns
+    -------
+    callable or None
+        None to run tasks in this process.
+
+    Raises
+    ------
+    InputError
+        If both are given, or if the cluster cannot be used (see `cluster`).
     """
     if scheduler is None:
-        workers = min(workers, os.cpu_count() or 1)  # more would wait for each other, and need the memory
+        workers = min(workers, os.cpu_count() or 1)  # more workers than processors would only need more memory
         return partial(processes, workers) if workers > 1 else None
     if workers > 1:
         raise InputError(
@@ -60,26 +76,49 @@ def completed(
     meanwhile: Callable[[], None] | None = None,
     further: Callable[[Task, T], Sequence[Task]] | None = None,
 ) -> Generator[tuple[Task, Callable[[], T]]]:
-    """Yields (task, a function that gives the result of function(**arguments(task)) or raises its error) as they come.
+    """Run tasks and yield each with its result in the order in which they finish.
 
-    In this process, one after the other, where there is no executor. Where a worker is lost, what is left is given to
-    a new executor. Raises ChildProcessError when that does not help, and errors of the function that are not
-    ``expected``.
-    meanwhile: what this process does when all tasks are with the workers, before it waits for the first of them; not
-    called where there is no executor. further: the tasks that a result asks for; the workers have them before it is
-    yielded.
+    If a worker is lost, the unfinished tasks are given to a new executor.
+
+    Parameters
+    ----------
+    function
+        Function that does a task.
+    arguments
+        Function that returns the keyword arguments of ``function`` for a task.
+    tasks
+        The tasks.
+    executor
+        Function that creates the executor; None to run the tasks in this process, one after another.
+    expected
+        Errors of ``function`` that are raised to the caller only when the result of their task is requested.
+    meanwhile
+        Function that this process calls once after all tasks were given to the workers; not called without an executor.
+    further
+        Function that returns new tasks that follow from a task and its result. They are given to the workers before
+        the result is yielded.
+
+    Yields
+    ------
+    task, result
+        A task, and a function that returns its result or raises its error.
+
+    Raises
+    ------
+    ChildProcessError
+        If workers are lost several times without a finished task between the losses.
     """
-    left, losses = list(tasks), 0
-    while left:
+    remaining, losses = list(tasks), 0
+    while remaining:
         if executor is None:
-            task = left.pop(0)
-            result = cache(partial(function, **arguments(task)))  # asked for here and by the caller
-            left += further(task, result()) if further else ()
+            task = remaining.pop(0)
+            result = cache(partial(function, **arguments(task)))  # called here and by the caller
+            remaining += further(task, result()) if further else ()
             yield task, result
             continue
         with executor() as pool:
             try:
-                futures = {pool.submit(function, **arguments(task)): task for task in left}
+                futures = {pool.submit(function, **arguments(task)): task for task in remaining}
                 if meanwhile:
                     meanwhile()
                     meanwhile = None
@@ -89,32 +128,32 @@ def completed(
                         if error is not None and not isinstance(error, expected):
                             raise error
                         new = further(task, future.result()) if further and not error else ()
-                        left.remove(task)
-                        left += new
-                        futures |= {pool.submit(function, **arguments(own)): own for own in new}
+                        remaining.remove(task)
+                        remaining += new
+                        futures |= {pool.submit(function, **arguments(new_task)): new_task for new_task in new}
                         losses = 0
                         yield task, future.result
             except BrokenProcessPool as error:
                 losses += 1
-                if losses == MOST_LOSSES:
+                if losses == LARGEST_NUMBER_OF_LOSSES:
                     raise ChildProcessError(
-                        f"worker processes were lost {losses} times, one after the other: is there memory enough for "
-                        "so many? (fewer --workers need less)"
+                        f"worker processes were lost {losses} times in succession: is there enough memory for so many? "
+                        "(fewer --workers need less)"
                     ) from error
 
 
 class _Processes(ProcessPoolExecutor):
-    """Its processes begin without heed of Ctrl-C, which would end them in many lines before they can be told."""
+    """A pool whose processes start with Ctrl-C blocked; otherwise it would end a starting process with a traceback."""
 
-    def submit(self, function: Callable[..., T], /, *given: Any, **named: Any) -> Future[T]:
-        """A process begins here where none is free."""
+    def submit(self, function: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        """Submit a task; this starts a process if none is free."""
         with _blocked("SIGINT"):
-            return super().submit(function, *given, **named)
+            return super().submit(function, *args, **kwargs)
 
 
 @contextmanager
 def _blocked(name: str) -> Iterator[None]:
-    """Processes that begin meanwhile begin with a signal blocked; here it comes when this is over."""
+    """Block a signal, so that processes started in the context inherit this; here the signal arrives afterwards."""
     if not hasattr(signal, name) or not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -127,9 +166,9 @@ def _blocked(name: str) -> Iterator[None]:
 
 @contextmanager
 def processes(workers: int) -> Iterator[Executor]:
-    """That many processes of this machine; they go when this one goes, and when the block ends by an error."""
+    """Create a pool of processes on this machine; they end with this process, and when the block raises an error."""
     before = set(multiprocessing.active_children())
-    begin_resource_tracker()
+    start_resource_tracker()
     pool = _Processes(workers, multiprocessing.get_context("spawn"), _begin_work)
     try:
         yield pool
@@ -142,12 +181,24 @@ def processes(workers: int) -> Iterator[Executor]:
 
 
 @contextmanager
-def begun(
+def started(
     executor: Callable[[], AbstractContextManager[Executor]] | None, workers: int, module: str
 ) -> Iterator[Callable[[], AbstractContextManager[Executor]] | None]:
-    """The same executor, which begins now: its workers load a module while this process loads what it needs itself.
+    """Start an executor in advance, so that its workers load a module while this process loads its own modules.
 
-    Where workers are lost the next ones begin when they are asked for.
+    Parameters
+    ----------
+    executor
+        Function that creates the executor; None for no executor.
+    workers
+        Number of workers.
+    module
+        Name of the module that the workers load.
+
+    Yields
+    ------
+    callable or None
+        A function that returns the started executor at the first call, and creates a new one at later calls.
     """
     if executor is None:
         yield None
@@ -155,22 +206,22 @@ def begun(
     with executor() as pool:
         for _ in range(workers):
             pool.submit(import_module, module)
-        first = [pool]
-        yield lambda: nullcontext(first.pop()) if first else executor()
+        unused = [pool]
+        yield lambda: nullcontext(unused.pop()) if unused else executor()
 
 
-def begin_resource_tracker() -> None:
-    """Python's process that removes what is shared begins with the first pool, and ends when this process does.
+def start_resource_tracker() -> None:
+    """Start Python's process that removes shared resources, with the hang-up signal blocked.
 
-    A hang-up would end it before, since it ignores the other signals alone, and it would be missed in many lines. So it
-    begins with that signal blocked, which it inherits.
+    The process ignores the other signals. A hang-up would end it before the pool, and Python would report its loss in
+    many lines.
     """
     with _blocked("SIGHUP"):
         resource_tracker.ensure_running()
 
 
 def leave_with_parent() -> None:
-    """In a worker: do not outlive the parent, however it ends, and leave Ctrl-C to it."""
+    """Prepare a worker process: it ends when its parent ends for any reason, and leaves Ctrl-C to the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     collect_seldom()
     parent = multiprocessing.parent_process()
@@ -184,21 +235,31 @@ def leave_with_parent() -> None:
 
 
 def _begin_work() -> None:
-    """In a worker of a pool: the parent has less to do, and what it shows is waited for."""
+    """Prepare a process of a pool; its priority is below that of the parent, which shows the progress."""
     leave_with_parent()
-    keep_what_is_freed()
+    keep_freed_memory()
     if hasattr(os, "nice"):
         os.nice(1)
 
 
 @contextmanager
 def cluster(address: str) -> Iterator[Executor]:
-    """The workers of a dask cluster whose scheduler listens at `address`, such as tcp://host:8786.
+    """Create an executor for a dask cluster.
 
-    Raises InputError where dask.distributed is not installed, no scheduler answers, no worker is there or one has
-    another version of a package that decides the last digits; ChildProcessError when the cluster is lost.
+    Parameters
+    ----------
+    address
+        Address of the scheduler, such as tcp://host:8786.
+
+    Raises
+    ------
+    InputError
+        If dask.distributed is not installed, if no scheduler answers, if there is no worker, or if a worker has another
+        version of Python or of one of `PACKAGES`.
+    ChildProcessError
+        If the cluster is lost.
     """
-    import asyncio  # slow to load, and of no use to processes
+    import asyncio  # imported here because it loads slowly and processes do not need it
 
     try:
         from distributed import Client, KilledWorker
@@ -207,7 +268,7 @@ def cluster(address: str) -> Iterator[Executor]:
     try:
         asyncio.run(asyncio.wait_for(_greet(address), _ANSWER_S))
         client = Client(address, timeout=_ANSWER_S)
-    except (OSError, ValueError, MemoryError, struct.error) as error:  # another service's answer read as dask's
+    except (OSError, ValueError, MemoryError, struct.error) as error:  # some follow from the answer of another service
         raise InputError(f"--scheduler {address}: no dask scheduler answers there (such as tcp://host:8786)") from error
     with client:
         _check_versions(client, address)
@@ -216,38 +277,37 @@ def cluster(address: str) -> Iterator[Executor]:
             yield pool
         except (KilledWorker, CancelledError) as error:
             raise ChildProcessError(
-                f"{address}: the cluster gave a fit up after losing its workers ({error})"
+                f"{address}: the cluster gave up a task after it lost its workers ({error})"
             ) from error
         finally:
             pool.shutdown(wait=False)
 
 
 async def _greet(address: str) -> None:
-    """A client waits for ever for the greeting of a service that is none of dask's; this may be given up."""
+    """Connect to a scheduler; unlike a client's, this attempt can be cancelled if another service is listening."""
     from distributed.comm import connect
 
     await (await connect(address)).close()
 
 
 def _check_versions(client: object, address: str) -> None:
-    found = client.run(version, "numpy")  # type: ignore[attr-defined]
-    if not found:
+    if not client.run(version, "numpy"):  # type: ignore[attr-defined]
         raise InputError(f"--scheduler {address}: has no workers; start some with `dask worker {address}`")
     for package in PACKAGES:
-        for worker, there in client.run(version, package).items():  # type: ignore[attr-defined]
-            if there != version(package):
+        for worker, its_version in client.run(version, package).items():  # type: ignore[attr-defined]
+            if its_version != version(package):
                 raise InputError(
-                    f"--scheduler {address}: worker {worker} has {package} {there}, here is {version(package)}; "
+                    f"--scheduler {address}: worker {worker} has {package} {its_version}, here is {version(package)}; "
                     "they should be the same"
                 )
-    for worker, there in client.run(os.environ.get, THREADS[0]).items():  # type: ignore[attr-defined]
-        if there != "1":
+    for worker, threads in client.run(os.environ.get, THREADS[0]).items():  # type: ignore[attr-defined]
+        if threads != "1":
             raise InputError(
-                f"--scheduler {address}: worker {worker} has {THREADS[0]}={there or ''}; start it with 1, as "
-                "`dask worker` does itself unless it is told --no-nanny"
+                f"--scheduler {address}: worker {worker} has {THREADS[0]}={threads or ''}; start it with 1, as "
+                "`dask worker` does unless it has the option --no-nanny"
             )
-    for worker, there in client.run(platform.python_version).items():  # type: ignore[attr-defined]
-        if there.split(".")[:2] != [str(part) for part in sys.version_info[:2]]:
+    for worker, its_python in client.run(platform.python_version).items():  # type: ignore[attr-defined]
+        if its_python.split(".")[:2] != [str(part) for part in sys.version_info[:2]]:
             raise InputError(
-                f"--scheduler {address}: worker {worker} has Python {there}, here is {platform.python_version()}"
+                f"--scheduler {address}: worker {worker} has Python {its_python}, here is {platform.python_version()}"
             )

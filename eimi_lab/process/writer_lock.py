@@ -1,8 +1,9 @@
-"""One writer a file: a lock beside it, held as long as it is written to and released by the death of its holder.
+"""A lock that allows one writer at a time for each file; the system releases it when its holder ends.
 
-The lock is flock(2) on a file of its own, `.run.h5.lock` beside `run.h5`: HDF5 locks the data itself, for moments of
-its own choice, and a file that is replaced takes a lock on it along. Links are followed, so that two names of a file
-share one lock. A run that was killed leaves the lock's file behind, which holds nothing and is used again.
+The lock is flock(2) on a separate file, `.run.h5.lock` beside `run.h5`. A lock on the data file itself would not do:
+HDF5 locks and unlocks it at times of its own choice, and the lock would be lost when the file is replaced. Symbolic
+links are followed, so that all names of a file share one lock. A run that was killed leaves its lock file behind; the
+file does not lock anything and is used again.
 """
 
 from __future__ import annotations
@@ -20,21 +21,21 @@ from eimi_lab.process.errors import InputError, tell
 
 try:
     import fcntl
-except ImportError:  # Windows, where HDF5's own lock is all there is
+except ImportError:  # on Windows only HDF5's own lock is available
     fcntl = None  # type: ignore[assignment]
 
 
 def followed(path: Path) -> Path:
-    """The file that a name stands for, symbolic links followed; it need not exist. Raises InputError."""
+    """Return the path with all symbolic links resolved; the file need not exist. Raises InputError."""
     try:
         return path.resolve()
-    except (OSError, RuntimeError) as error:  # RuntimeError is Python's for a loop of links before 3.13
+    except (OSError, RuntimeError) as error:  # before Python 3.13, a loop of links raises RuntimeError
         raise InputError(f"{path}: is a symbolic link that leads nowhere ({error})") from error
 
 
 @dataclass
 class _Held:
-    """A lock of this process: who holds it, and how often over."""
+    """A lock that this process holds: its descriptor, its process and thread, and how often it was taken."""
 
     descriptor: int
     owner: tuple[int, int]
@@ -42,20 +43,29 @@ class _Held:
 
 
 _held: dict[Path, _Held] = {}
-_at_once = threading.Lock()
+_held_lock = threading.Lock()
 
 
 class WriterLock:
-    """The right to write to `path`, from its making until `release`. The same thread may take it again.
+    """The exclusive right to write to a file, held until `release`; the same thread may take it several times.
 
-    Raises InputError at once where another program, or another thread, has it. Where the file system knows no locks,
-    a warning is told, and there is none.
+    If the file system does not support locks, a warning is printed and there is no lock.
+
+    Parameters
+    ----------
+    path
+        The file to write.
+
+    Raises
+    ------
+    InputError
+        If another program or another thread has the lock.
     """
 
     def __init__(self, path: Path) -> None:
         self._file = lock_file(path)
         owner = (os.getpid(), threading.get_ident())
-        with _at_once:
+        with _held_lock:
             held = _held.get(self._file)
             if held is not None and held.owner == owner:
                 held.times += 1
@@ -63,14 +73,14 @@ class WriterLock:
             descriptor = None if held is not None and held.owner[0] == owner[0] else _take(self._file, path)
             if descriptor is None:
                 raise InputError(
-                    f"{path}: is being written to by {_holder(self._file)}; wait until that has ended, or give another "
+                    f"{path}: is being written to by {_holder(self._file)}; wait until it has ended, or give another "
                     "name"
                 )
             _held[self._file] = _Held(descriptor, owner)
 
     def release(self) -> None:
-        """Let others write; a lock that was taken twice is released twice."""
-        with _at_once:
+        """Release the lock; a lock that was taken twice must be released twice."""
+        with _held_lock:
             held = _held.get(self._file)
             if held is None or held.owner[0] != os.getpid():
                 return
@@ -80,21 +90,21 @@ class WriterLock:
             del _held[self._file]
             if held.descriptor < 0:
                 return
-            self._file.unlink(missing_ok=True)  # first: nobody else can have locked it meanwhile
-            fcntl.flock(held.descriptor, fcntl.LOCK_UN)  # a forked process has the descriptor as well
+            self._file.unlink(missing_ok=True)  # before unlocking, when nobody else can hold it
+            fcntl.flock(held.descriptor, fcntl.LOCK_UN)  # closing is not enough if a forked process has the descriptor
             os.close(held.descriptor)
 
 
 def lock_file(path: Path) -> Path:
-    """Where the lock of a file is."""
+    """Return the path of the lock file that belongs to a file."""
     file = followed(path)
     return file.with_name(f".{file.name}.lock")
 
 
 def is_being_written(path: Path) -> bool:
-    """Whether somebody has the lock of a file, this process included."""
+    """Return whether any process, including this one, holds the lock of a file."""
     file = lock_file(path)
-    with _at_once:
+    with _held_lock:
         if file in _held:
             return True
     try:
@@ -114,7 +124,7 @@ def is_being_written(path: Path) -> bool:
 
 @contextmanager
 def only_writer(path: Path) -> Iterator[None]:
-    """Nobody else writes to `path` while the context lasts. Raises InputError as `WriterLock` does."""
+    """Hold the `WriterLock` of a file within the context; raise InputError if another writer has it."""
     lock = WriterLock(path)
     try:
         yield
@@ -126,7 +136,7 @@ _NO_LOCK = -1
 
 
 def _take(file: Path, path: Path) -> int | None:
-    """A descriptor that holds the lock; None where somebody else does, -1 where there are no locks."""
+    """Take the lock and return its descriptor; None if another process has it, -1 if locks are not supported."""
     if fcntl is None:
         return _NO_LOCK
     while True:
@@ -144,21 +154,21 @@ def _take(file: Path, path: Path) -> int | None:
         except OSError as error:
             os.close(descriptor)
             file.unlink(missing_ok=True)
-            tell(f"warning: {path}: cannot be locked here ({error.strerror}); see that nobody else writes to it")
+            tell(f"warning: {path}: cannot be locked here ({error.strerror}); no other program should write to it")
             return _NO_LOCK
-        with suppress(FileNotFoundError):  # its last holder may have removed it since it was opened
+        with suppress(FileNotFoundError):  # its last holder may have removed the lock file after it was opened here
             if os.path.samestat(os.fstat(descriptor), os.stat(file)):
                 break
         os.close(descriptor)
     command = " ".join([Path(sys.argv[0]).name, *sys.argv[1:2]])
-    with suppress(OSError):  # a full disk; who holds it is then not known
+    with suppress(OSError):  # on a full disk, the name of the holder is not stored
         os.truncate(descriptor, 0)
         os.pwrite(descriptor, f"process {os.getpid()} on {platform.node()} ({command})".encode(), 0)
     return descriptor
 
 
 def _holder(file: Path) -> str:
-    """Who holds a lock, as he wrote it down."""
+    """Return the text that the holder of a lock wrote into its file."""
     with suppress(OSError):
         if text := file.read_bytes()[:200].decode("utf-8", "replace"):
             return " ".join(text.split())

@@ -1,6 +1,6 @@
-"""What figures and tables have in common.
+"""The common parts of all figures and tables.
 
-drawing   the style of all figures
-palette   their colours
-tables    print tables, and load the packages that draw or tabulate
+drawing  the style of figures, and figures as files
+palette  colours, markers and line styles
+tables   HTML tables for a notebook, and data frames
 """

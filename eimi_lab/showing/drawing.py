@@ -1,4 +1,4 @@
-"""How every picture of results looks: one style, figures that show themselves in a notebook."""
+"""The style of all figures of results, figures that a notebook displays, and figures as files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from eimi_lab.showing.palette import IN_ORDER
 
-WIDTH_IN = 7.1  # an A4 page between margins of 15 mm: type is as large in print as it says
+WIDTH_IN = 7.1  # an A4 page between margins of 15 mm, so that type in print has its nominal size
 STYLE: Any = {
     "font.size": 9,
     "axes.titlesize": 9,
@@ -29,20 +29,20 @@ STYLE: Any = {
     "axes.spines.right": False,
     "axes.grid": True,
     "axes.axisbelow": True,
-    "axes.titley": 1.0,  # not looked for above what else stands there, which takes as long as all the axes' labels
+    "axes.titley": 1.0,  # a fixed position; the search for a free one takes as long as drawing all labels of the axes
     "grid.alpha": 0.25,
     "legend.frameon": False,
     "lines.linewidth": 1.3,
     "lines.markersize": 4,
-    "svg.hashsalt": "eimi-lab",  # equal figures are equal files
+    "svg.hashsalt": "eimi-lab",  # equal figures give equal files
     "path.simplify_threshold": 0.2,
 }
 styled = matplotlib.rc_context(STYLE)
-"""Decorates what draws: artists take their style when they are made."""
+"""Decorator for functions that draw, since artists take their style when they are created."""
 
 
 class Drawing(Figure):
-    """A matplotlib figure as wide as a page that a notebook shows by itself, with pyplot loaded or without."""
+    """A matplotlib figure of the width of a page that a notebook displays, whether pyplot is loaded or not."""
 
     def __init__(self, height_in: float = 3.0, width_in: float = WIDTH_IN) -> None:
         super().__init__(figsize=(width_in, height_in), layout="constrained")
@@ -52,20 +52,30 @@ class Drawing(Figure):
 
 
 def saved(figure: Figure, format: str, **how: Any) -> bytes:
-    """A figure as the bytes of a file, without the time at which it was made."""
+    """Return the file of a figure as bytes, without the time of its creation.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    format
+        Such as ``"png"``, ``"svg"`` or ``"pdf"``.
+    **how
+        Further arguments of matplotlib's ``savefig``.
+    """
     buffer = io.BytesIO()
     undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(format)
     with matplotlib.rc_context(STYLE):
         layout = figure.get_layout_engine()
-        if layout is not None:  # once for all files of a figure, and without the draw that savefig would spend on it
+        if layout is not None:  # computing the layout here, once for all files, is faster than in savefig
             layout.execute(figure)
-            figure.set_layout_engine(None)  # "none" leaves a placeholder, for whose sake savefig draws twice
+            figure.set_layout_engine(None)  # with "none" a placeholder would remain, and savefig would draw twice
         figure.savefig(buffer, format=format, metadata=undated, **how)
     return buffer.getvalue()
 
 
 def label(axes: Axes, x: str, y: str) -> None:
-    """Names on the axes."""
+    """Set the labels of both axes."""
     axes.set_xlabel(x)
     axes.set_ylabel(y)
 
@@ -85,7 +95,7 @@ def colours_in_order(values: NDArray[np.float64]) -> ScalarMappable:
 
 
 def plain_logarithm(axes: Axes) -> None:
-    """Numbers in full on a logarithmic y axis, and no more of them than can be told apart."""
+    """Label a logarithmic y axis with plain numbers at 1, 2 and 5 times powers of ten."""
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_locator(NullLocator())

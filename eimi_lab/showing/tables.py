@@ -1,4 +1,4 @@
-"""Results as tables: HTML for a notebook's page, and labelled data where pandas or xarray is installed."""
+"""Results as tables: HTML for a notebook, and data frames if pandas is installed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 
 def html_table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = ()) -> str:
-    """A table with a caption above and notes below; every text is escaped."""
+    """Return an HTML table with a caption above it and notes below it; all texts are escaped."""
     cells = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     titles = "".join(f"<th>{escape(name)}</th>" for name in head)
     below = "".join(f"<p>{escape(note)}</p>" for note in notes)
@@ -29,12 +29,12 @@ def csv_text(rows: Iterable[Sequence[str]]) -> str:
 
 
 def data_frame(rows: Sequence[Mapping[str, Any]], index: str) -> Any:
-    """A pandas.DataFrame of rows, one column of them as its index. Raises ImportError where pandas is missing."""
+    """Return rows as a pandas.DataFrame with one column as its index; raise ImportError without pandas."""
     return installed("pandas").DataFrame(list(rows)).set_index(index)
 
 
 def installed(package: str) -> Any:
-    """A package that the suite can do without. Raises ImportError that says how to install it."""
+    """Import an optional package; raise ImportError that says how to install it if it is missing."""
     try:
         return import_module(package)
     except ImportError as error:

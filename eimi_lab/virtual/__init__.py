@@ -1,5 +1,10 @@
-"""A bench without instruments: coil, beam and camera behind the drivers' own interfaces.
+"""A simulated bench: coil, beam and camera behind the interfaces of the drivers.
 
-virtual_rig puts them together: an emulated supply, the beam's finite-element shape in the coil's field (`beam`), and
-what a camera sees of it (`optics`, `raster`). Its numbers stand in the rig's table [virtual].
+Its parameters are in the table [virtual] of the rig.
+
+virtual_rig  the supply and the camera of the simulated bench
+beam         the finite-element shape of the virtual specimen in the field of the coil
+optics       the image of the beam in front of a back-light
+raster       the fraction of each pixel that a polygon covers
+simulation   the shapes of a specimen of a known law, as `eimi simulate` writes them
 """

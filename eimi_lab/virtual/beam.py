@@ -1,7 +1,7 @@
-"""The virtual specimen: the shape of its solid in a field, on a mesh finer than a fit's in all three directions.
+"""The virtual specimen: its solid shape in a field, on a mesh finer than that of a fit in all three directions.
 
-The solid is solved in a few fields up to the strongest that the coil can make; between them what depth adds to the
-planar shape is interpolated to better than a micrometre (`eimi_fitting.beam.beside`).
+The solid is solved in a few fields up to the strongest one of the coil. Between them the difference between the solid
+shape and the planar shape is interpolated, with an error below a micrometre (`eimi_fitting.beam.beside`).
 """
 
 from __future__ import annotations
@@ -21,16 +21,30 @@ from eimi_lab.config.materials import TrueMaterial
 
 Array = NDArray[np.float64]
 
-_SAME_FIELD_MT = 5e-5  # moves the tip by less than a thousandth of a pixel
-_FIELDS = 17  # among which the few that are solved are chosen
-_BACKWARD = 0.05  # of the strongest field: so far the other way the solution is continued
+_SAME_FIELD_MT = 5e-5  # a change of field by less moves the tip by less than a thousandth of a pixel
+_FIELDS = 17  # candidates for the fields in which the solid is solved
+_BACKWARD = 0.05  # the positive solution also serves for negative fields up to this fraction of the strongest one
 
 
 class VirtualBeam:
-    """A specimen of a known material that takes its equilibrium shape at once; friction-free and without creep.
+    """A specimen of a known material that takes its equilibrium shape at once, without friction and creep.
 
-    Its section is always the solid, whatever a fit is to take it for. mesh: along, across and more of
-    `SolidModel`; strongest_mT: the largest field that there will be.
+    The beam is always the three-dimensional solid, whatever section the specimen states for a fit.
+
+    Parameters
+    ----------
+    specimen
+        The specimen.
+    material
+        Its true material.
+    mesh
+        Number of elements along and across, and the refinement factor in depth.
+    gravity_angle_deg, field_angle_deg
+        Directions in the beam frame; no weight without a direction of gravity.
+    strongest_mT
+        Largest field that will occur.
+    view
+        The camera's view, for the outline as the camera sees it; None for an orthographic view.
     """
 
     def __init__(
@@ -49,12 +63,24 @@ class VirtualBeam:
         self._field_mT: float | None = None
 
     def moves(self, field_mT: float) -> bool:
-        """Whether this field bends the beam visibly further than the one of the last outline."""
+        """Return whether the shape in this field differs visibly from the last one that was computed."""
         return self._field_mT is None or abs(field_mT - self._field_mT) > _SAME_FIELD_MT
 
     def outlines_mm(self, field_mT: float) -> tuple[Array, Array | None]:
-        """Outlines as they are seen: of the beam (n, 2), clamp-left over tip to clamp-right, of the magnet (4, 2)."""
-        way = -1.0 if field_mT < -_BACKWARD * self._strongest_mT else 1.0
+        """Return the outlines of the beam and of the magnet as the camera sees them, in mm.
+
+        Returns
+        -------
+        beam, magnet
+            The outline of the beam (n, 2), from the left of the clamp around the tip to the right of the clamp; and the
+            corners of the magnet (4, 2), or None without a magnet.
+
+        Raises
+        ------
+        ArithmeticError
+            If no equilibrium is found in this field.
+        """
+        sign = -1.0 if field_mT < -_BACKWARD * self._strongest_mT else 1.0
         material = self._material
         model, reach_mT = _solved(
             self._specimen,
@@ -63,14 +89,14 @@ class VirtualBeam:
             self._mesh,
             self._gravity_angle_deg,
             self._field_angle_deg,
-            way * self._strongest_mT,
+            sign * self._strongest_mT,
         )
         if abs(field_mT) > abs(reach_mT):
             model = model.knowing(None)
         loads = Loads.along(field_mT, self._field_angle_deg, self._gravity_angle_deg)
         shape = model.solve(LAWS[material.model], np.array([material.values]), loads)
         if not shape.converged[0]:
-            raise ArithmeticError(f"the virtual beam finds no equilibrium at {field_mT:g} mT")
+            raise ArithmeticError(f"no equilibrium of the virtual beam was found at {field_mT:g} mT")
         self._field_mT = field_mT
         left, right = points_on(outline(model, shape, self._view)[0, 0], 4)
         magnet = self._specimen.magnet
@@ -92,7 +118,10 @@ def _solved(
     field_angle_deg: float,
     strongest_mT: float,
 ) -> tuple[SolidBeside, float]:
-    """The solid that knows what depth adds up to a field, the strongest one unless it finds no equilibrium there."""
+    """Return the solid model with its interpolated effect of depth, and the largest field of the interpolation.
+
+    The largest field is the strongest one, or half or a quarter of it if no equilibrium is found there.
+    """
     beside, reach_mT = SolidBeside(specimen, *mesh), strongest_mT
     for _ in range(3):
         loads = Loads.along(np.linspace(0, reach_mT, _FIELDS), field_angle_deg, gravity_angle_deg)

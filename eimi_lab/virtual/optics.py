@@ -1,4 +1,4 @@
-"""What a camera sees of a beam in front of a back-light: uneven light, blur, shot noise, quantisation."""
+"""The image of a beam in front of a back-light: uneven light, blur, shot noise and quantisation."""
 
 from __future__ import annotations
 
@@ -13,12 +13,22 @@ from numpy.typing import ArrayLike, NDArray
 from eimi_lab.config.simulated_optics import Optics
 from eimi_lab.virtual.raster import coverage
 
-_LUMP_GRID = (9, 12)  # knots of the back-light's lumps over the height and the width of the frame
+_LUMP_GRID = (9, 12)  # random values of the lumps over the height and the width of the frame
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A still scene: mean and standard deviation of each pixel's light, in grey levels, (height, width)."""
+    """A scene without motion.
+
+    Parameters
+    ----------
+    mean, deviation
+        (height, width) mean and standard deviation of the light at each pixel, in grey levels.
+    bits
+        Bit depth of the image.
+    gamma
+        The camera stores the light to the power 1/gamma.
+    """
 
     mean: NDArray[np.float32]
     deviation: NDArray[np.float32]
@@ -34,15 +44,30 @@ def make_scene(
     clamp_px: ArrayLike | None = None,
     oversampling: int = 1,
 ) -> Scene:
-    """The part of an image that does not change from frame to frame.
+    """Compute the part of an image that does not change from frame to frame.
 
-    size: (width, height). beam_px: (n, 2) outline of the whole beam, the magnet's block included; it may end
-    at the clamp line or run on behind the clamp. magnet_px: outline of the magnet, inside the beam. clamp_px:
-    outline of the clamp, in front of the beam. Raises ValueError where an outline is no polygon.
+    Parameters
+    ----------
+    optics
+        Back-light, lens and sensor.
+    size
+        Width and height of the frame.
+    beam_px
+        (n, 2) outline of the whole beam including the magnet. It may end at the clamp line or continue behind the
+        clamp.
+    magnet_px
+        Outline of the magnet, inside the beam.
+    clamp_px
+        Outline of the clamp, in front of the beam.
+    oversampling
+        The blur is applied to an image that is finer by this factor. With 1, the blur acts after the integration over
+        the pixels; this displaces an edge along the pixel rows by up to 0.01 px at a blur of 1 px. With 2, the
+        displacement is 0.002 px and the computation takes four times as long.
 
-    oversampling: the blur is applied to an image so many times finer. At 1 the blur acts on pixels instead of
-    before them, which displaces an edge along the pixel rows by up to 0.01 px at a blur of 1 px; at 2 by
-    0.002 px, in four times the time.
+    Raises
+    ------
+    ValueError
+        If an outline is not a polygon.
     """
 
     def finer(outline_px: ArrayLike) -> NDArray[np.float64]:
@@ -50,36 +75,50 @@ def make_scene(
 
     fine = (size[0] * oversampling, size[1] * oversampling)
     beam = coverage(finer(beam_px), fine).astype(np.float32)
-    passed: NDArray[Any] = np.ones_like(beam)
+    transmitted: NDArray[Any] = np.ones_like(beam)
     if clamp_px is not None:
         clamp = coverage(finer(clamp_px), fine).astype(np.float32)
         np.minimum(beam, 1 - clamp, out=beam)
         clamp *= 1.0 - optics.clamp_transmission
-        passed -= clamp
+        transmitted -= clamp
     if magnet_px is not None:
         magnet = np.minimum(coverage(finer(magnet_px), fine).astype(np.float32), beam)
         magnet *= optics.silicone_transmission - optics.magnet_transmission
-        passed -= magnet
+        transmitted -= magnet
     beam *= 1.0 - optics.silicone_transmission
-    passed -= beam
+    transmitted -= beam
     if optics.blur_px > 0.0:
-        passed = cv2.GaussianBlur(passed, (0, 0), optics.blur_px * oversampling, borderType=cv2.BORDER_REPLICATE)
+        transmitted = cv2.GaussianBlur(
+            transmitted, (0, 0), optics.blur_px * oversampling, borderType=cv2.BORDER_REPLICATE
+        )
     if oversampling > 1:
-        passed = cv2.resize(passed, size, interpolation=cv2.INTER_AREA)
-    # The light varies so slowly that the blur may come first.
-    light = np.maximum(passed, 0.0, out=passed)  # rounding leaves about -1e-8 where nothing passes
+        transmitted = cv2.resize(transmitted, size, interpolation=cv2.INTER_AREA)
+    # The illumination varies slowly, so the blur may be applied before it.
+    light = np.maximum(transmitted, 0.0, out=transmitted)  # rounding gives about -1e-8 where no light is transmitted
     light *= _illumination(optics, size)
     full_scale = 2**optics.bits - 1
     mean = light * np.float32(full_scale)
-    # Electrons are counted: their variance is their number.
+    # Shot noise: the variance of the number of electrons is equal to the number.
     deviation = np.sqrt(light) * np.float32(full_scale / np.sqrt(optics.full_well_e))
     return Scene(mean, deviation, optics.bits, optics.gamma)
 
 
 def expose(scene: Scene, rng: np.random.Generator) -> NDArray[Any]:
-    """One frame: shot noise (normal, which it is at hundreds of electrons), rounding, clipping at full scale.
+    """Return one frame of a scene with shot noise, rounded and clipped at full scale.
 
-    Returns (height, width), uint8 up to 8 bits and uint16 above.
+    The noise is normal, which is a good approximation for hundreds of electrons.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    rng
+        Random number generator.
+
+    Returns
+    -------
+    numpy.ndarray
+        (height, width), uint8 for 8 bits and uint16 for more.
     """
     frame = rng.standard_normal(scene.mean.shape, dtype=np.float32)
     frame *= scene.deviation
@@ -100,20 +139,20 @@ def render(
     magnet_px: ArrayLike | None = None,
     clamp_px: ArrayLike | None = None,
 ) -> NDArray[Any]:
-    """One frame of one scene. For many frames of it, `make_scene` once and `expose` for each."""
+    """Return a single frame; for many frames of one scene, call `make_scene` once and `expose` for each frame."""
     return expose(make_scene(optics, size, beam_px, magnet_px, clamp_px), rng)
 
 
 @lru_cache(maxsize=4)
 def _illumination(optics: Optics, size: tuple[int, int]) -> NDArray[np.float32]:
-    """The back-light as the sensor meets it, (height, width), as a share of full scale."""
+    """Return the illumination of the sensor by the back-light, (height, width), as a fraction of full scale."""
     width, height = size
     x = np.linspace(-1.0, 1.0, width)
     y = np.linspace(-1.0, 1.0, height)[:, None]
     light = 1.0 - 0.5 * optics.vignette * (x**2 + y**2)
     light = light * (1.0 - 0.25 * optics.gradient * (2.0 + x + y))
     if optics.lumps > 0.0:
-        # A fixed pattern: the lumps belong to the back-light, not to the frame.
+        # The pattern has a fixed seed, because the lumps belong to the back-light and not to the frame.
         knots = np.random.default_rng(0).uniform(-1.0, 1.0, _LUMP_GRID)
         light = light * (1.0 + optics.lumps * cv2.resize(knots, size, interpolation=cv2.INTER_CUBIC))
     return (optics.background / light.max() * light).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Polygons to pixels, exactly: the share of each pixel that a polygon covers."""
+"""Exact rasterisation: the fraction of each pixel's area that a polygon covers."""
 
 from __future__ import annotations
 
@@ -9,22 +9,41 @@ Array = NDArray[np.float64]
 
 
 def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
-    """Share of each pixel's area inside a polygon.
+    """Return the fraction of each pixel's area inside a polygon.
 
-    polygon_px: (n, 2) x, y in pixels, closed implicitly, either orientation; pixel centres are at integer
-    coordinates. size: (width, height) of the frame. Returns (height, width) in 0..1. The polygon may leave
-    the frame. It must not cross itself: a pixel wound twice counts once.
+    The algorithm accumulates signed areas, as font rasterisers do. Every side is cut at the borders of the pixels. Each
+    piece adds the area to its right inside its own pixel, and its height to all pixels further to the right. A
+    cumulative sum along the rows adds these contributions.
 
-    Signed-area accumulation, as in font rasterisers: every side is cut at pixel borders, each piece adds the
-    area to its right inside its own pixel and its height to all pixels further right, and a running sum along
-    rows adds up. Raises ValueError for fewer than three vertices or one that is not finite.
+    Parameters
+    ----------
+    polygon_px
+        (n, 2) vertices x, y in pixels, in either orientation; the last vertex is joined to the first. Pixel centres
+        are at integer coordinates. The polygon may leave the frame, but must not intersect itself.
+    size
+        Width and height of the frame.
+
+    Returns
+    -------
+    Array
+        (height, width), from 0 to 1.
+
+    Raises
+    ------
+    ValueError
+        If the polygon has fewer than three vertices, or if a vertex is not finite.
+
+    Examples
+    --------
+    >>> coverage([(-0.5, -0.5), (1.0, -0.5), (1.0, 0.5), (-0.5, 0.5)], (3, 1))
+    array([[1. , 0.5, 0. ]])
     """
     vertices = np.asarray(polygon_px, dtype=np.float64)
     if vertices.ndim != 2 or vertices.shape[1] != 2 or len(vertices) < 3 or not np.isfinite(vertices).all():
         raise ValueError("a polygon needs at least three vertices, all finite, as an (n, 2) array")
     width, height = size
     frame = np.zeros((height, width))
-    corner = np.array([0.5, 0.5])  # from pixel centres to pixel borders at integers
+    corner = np.array([0.5, 0.5])  # shift from integer pixel centres to integer pixel borders
     low = np.clip(np.floor(vertices.min(axis=0) + corner), 0, size).astype(int)
     high = np.clip(np.ceil(vertices.max(axis=0) + corner), 0, size).astype(int)
     if (high > low).all():
@@ -34,12 +53,12 @@ def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
 
 
 def _accumulate(vertices: Array, size: tuple[int, int]) -> Array:
-    """Coverage of a window (width, height) whose pixel borders are at integers."""
+    """Return the coverage of a window (width, height) whose pixel borders are at integer coordinates."""
     width, height = size
     start, side = vertices, np.roll(vertices, -1, axis=0) - vertices
     cuts = [_crossings(start, side, axis, limit) for axis, limit in enumerate(size)]
-    every = np.arange(len(start))
-    index = np.concatenate([every, every, *(which for which, _ in cuts)])
+    sides = np.arange(len(start))
+    index = np.concatenate([sides, sides, *(which for which, _ in cuts)])
     along = np.concatenate([np.zeros(len(start)), np.ones(len(start)), *(t for _, t in cuts)])
     order = np.lexsort((along, index))
     index, along = index[order], along[order]
@@ -49,7 +68,7 @@ def _accumulate(vertices: Array, size: tuple[int, int]) -> Array:
     middle = start[index] + side[index] * (0.5 * (begin + end))[:, None]
     rise = side[index, 1] * (end - begin)
     row = np.floor(middle[:, 1]).astype(np.int64)
-    # A piece left of the window covers its whole row; one right of it covers nothing.
+    # A piece to the left of the window covers its whole row; a piece to the right of it covers nothing.
     x = np.maximum(middle[:, 0], 0.0)
     inside = (row >= 0) & (row < height) & (x < width)
     row, x, rise = row[inside], x[inside], rise[inside]
@@ -64,7 +83,7 @@ def _accumulate(vertices: Array, size: tuple[int, int]) -> Array:
 
 
 def _crossings(start: Array, side: Array, axis: int, limit: int) -> tuple[NDArray[np.int64], Array]:
-    """Where sides cross the pixel borders 0..limit of one axis: side numbers and places along them (0..1)."""
+    """Return where sides cross the pixel borders 0 to limit of an axis: side numbers and positions on them (0 to 1)."""
     first, length = start[:, axis], side[:, axis]
     low = np.clip(np.ceil(np.minimum(first, first + length)), 0, limit + 1).astype(np.int64)
     high = np.clip(np.floor(np.maximum(first, first + length)), -1, limit).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Simulating a specimen of a known law through a protocol: what `eimi simulate` writes."""
+"""Simulation of a specimen of a known law in the fields of a protocol, and the files that `eimi simulate` writes."""
 
 from __future__ import annotations
 
@@ -23,15 +23,24 @@ from eimi_lab.process.outputs import write_whole
 
 Array = NDArray[np.float64]
 
-_ALONG = 26  # elements of the flexible part
+_ALONG = 26  # number of elements along the flexible part
 
 
 @dataclass(frozen=True)
 class Simulation:
-    """One specimen through K states. field_mT: (K,); shapes as the forward model gives them.
+    """The simulation of one specimen in K states.
 
-    tips: (K, 3, 2), the ends of the 95 % intervals of the tip's x and y in mm and its angle in degrees, where the law
-    is a fit with draws.
+    Parameters
+    ----------
+    model
+        The finite-element model.
+    shapes
+        The shapes that the model computed.
+    field_mT
+        (K,) fields.
+    tips
+        (K, 3, 2) ends of the 95 % intervals of the tip's x and y (mm) and of its angle (degrees); None if the
+        parameters have no uncertainty.
     """
 
     model: BeamModel | SolidBeside
@@ -41,29 +50,47 @@ class Simulation:
 
     @property
     def edges_mm(self) -> Array:
-        """(K, 2, n, 2): left and right edge, clamp to tip."""
+        """The left and the right edge of each state from the clamp to the tip, (K, 2, n, 2), in mm."""
         return points_on(outline(self.model, self.shapes)[0], 4)
 
 
 def parse_parameters(model: str, texts: Sequence[str]) -> tuple[Law, Array]:
-    """A law and its parameters from texts such as ``mu_Pa=46390``. Raises InputError."""
+    """Return the law of a name, and its parameters from texts.
+
+    Parameters
+    ----------
+    model
+        Name of the law.
+    texts
+        One text for each parameter, such as ``mu_Pa=46390``.
+
+    Returns
+    -------
+    law, parameters
+        The law, and its parameters (n,) with moduli in Pa.
+
+    Raises
+    ------
+    InputError
+        If the law is unknown, or if a parameter is missing, unknown or not a number.
+    """
     if model not in LAWS:
         raise InputError(f"--model {model}: should be one of {', '.join(LAWS)}")
     law = LAWS[model]
     keys = [f"{n}_Pa" if u == "Pa" else n for n, u in zip(law.parameter_names, law.units, strict=True)]
-    given: dict[str, float] = {}
+    values: dict[str, float] = {}
     for text in texts:
         key, _, value = text.partition("=")
         try:
-            given[key.strip()] = float(value)
-            finite = np.isfinite(given[key.strip()])
+            values[key.strip()] = float(value)
+            finite = np.isfinite(values[key.strip()])
         except ValueError:
             finite = False
         if not finite:
             raise InputError(f"--parameter {text}: should be KEY=NUMBER, KEY one of {', '.join(keys)}")
-    if set(given) != set(keys) or len(texts) != len(keys):
+    if set(values) != set(keys) or len(texts) != len(keys):
         raise InputError(f"--parameter: {model} takes {', '.join(keys)}, each once; got {', '.join(texts) or 'none'}")
-    return law, np.array([given[key] for key in keys])
+    return law, np.array([values[key] for key in keys])
 
 
 def simulate(
@@ -76,12 +103,28 @@ def simulate(
     bulk_modulus_kPa: float | None = None,
     drawn: Array | None = None,
 ) -> Simulation:
-    """Take a specimen through the fields (K,), angles in the beam frame; incompressible without a bulk modulus.
+    """Compute the shapes of a specimen in a sequence of fields.
 
-    drawn: (D, n), parameters of a fit's draws, of which the intervals of the tip are made.
+    Parameters
+    ----------
+    specimen
+        The specimen.
+    law, parameters
+        The law, and its parameters (n,) with moduli in Pa.
+    field_mT
+        (K,) fields.
+    gravity_angle_deg, field_angle_deg
+        Directions in the beam frame, from +x toward +y.
+    bulk_modulus_kPa
+        Bulk modulus; None for an incompressible material.
+    drawn
+        (D, n) random draws of the parameters, from which the intervals of the tip are computed.
 
-    Raises InputError for a bulk modulus in plane stress, for angles or fields that are not finite, for a law that is
-    not stiff at rest, and naming the first state without an equilibrium.
+    Raises
+    ------
+    InputError
+        If a bulk modulus is given in plane stress, if an angle or a field is not finite, if the law has no stiffness at
+        rest, or if a state has no equilibrium; the message names the first such state.
     """
     if bulk_modulus_kPa is not None and specimen.specimen.section == "plane-stress":
         raise InputError(
@@ -90,18 +133,17 @@ def simulate(
         )
     if bulk_modulus_kPa is not None and not 0 < bulk_modulus_kPa < np.inf:
         raise InputError(
-            f"--bulk-modulus-kPa {bulk_modulus_kPa:g}: should be greater than 0, or left out where incompressible"
+            f"--bulk-modulus-kPa {bulk_modulus_kPa:g}: should be greater than 0, or omitted for an incompressible "
+            "material"
         )
     for option, values in (("gravity-angle", gravity_angle_deg), ("field-angle", field_angle_deg)):
         if not np.isfinite(values):
             raise InputError(f"--{option} {values:g}: should be a finite number of degrees")
     if not np.isfinite(field_mT).all():
-        raise InputError(
-            "--coil-constant: gives fields that are not finite; it should be a number of mT for each ampere"
-        )
+        raise InputError("--coil-constant: leads to fields that are not finite; it should be a number in mT/A")
     modulus = float(law.initial_shear_modulus(parameters))
     if not modulus > 0:
-        raise InputError(f"--parameter: give {law.name} an initial shear modulus of {modulus:g} Pa; should be above 0")
+        raise InputError(f"--parameter: the initial shear modulus of {law.name} is {modulus:g} Pa; should be above 0")
     beam = specimen.mechanics()
     planar = BeamModel(beam, along=_ALONG)
     model = SolidBeside(beam, _ALONG, 2 * planar.across) if beam.section == "solid" else planar
@@ -111,42 +153,44 @@ def simulate(
     failed = np.flatnonzero(shapes.status[0] != Status.CONVERGED)
     if len(failed):
         k = int(failed[0])
-        what = Status(int(shapes.status[0, k])).name.lower().replace("_", " ")
+        failure = Status(int(shapes.status[0, k])).name.lower().replace("_", " ")
         raise InputError(
-            f"specimen {specimen.specimen.name}: {law.name} at {field_mT[k]:g} mT: {what}; it should be a stiffer "
-            "law or a weaker field (parameters in Pa, --coil-constant in mT/A)"
+            f"specimen {specimen.specimen.name}: {law.name} at {field_mT[k]:g} mT: {failure}; use larger parameters "
+            "(in Pa) or a weaker field (--coil-constant in mT/A)"
         )
     tips = None
     if drawn is not None and len(drawn):
-        every = np.full(len(drawn) + 1, bulk[0]) if bulk is not None and model is planar else None
-        among = planar.solve(law, np.concatenate([parameters[None], drawn]), loads, bulk_modulus_Pa=every)
-        tips = _tips(planar, among, _tip(model, shapes)[0])
+        bulk_of_draws = np.full(len(drawn) + 1, bulk[0]) if bulk is not None and model is planar else None
+        of_draws = planar.solve(law, np.concatenate([parameters[None], drawn]), loads, bulk_modulus_Pa=bulk_of_draws)
+        tips = _tip_intervals(planar, of_draws, _tip(model, shapes)[0])
     return Simulation(model, shapes, field_mT, tips)
 
 
 def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
-    """(P, K, 3): x, y and angle of the tip."""
+    """Return x (mm), y (mm) and the angle (degrees) of the tip, (P, K, 3)."""
     point = np.zeros((1, 2 if isinstance(model, BeamModel) else 3))
     point[0, 0] = model.specimen.length_mm
     place = model.positions(shapes, point)[:, :, 0, :2]
     return np.concatenate([place, model.tip_angle_deg(shapes)[..., None]], axis=-1)
 
 
-def _tips(planar: BeamModel, shapes: Shapes, tip: Array) -> Array:
-    """(K, 3, 2): 95 % of x, y and angle of the tip over those candidates that have an equilibrium.
+def _tip_intervals(planar: BeamModel, shapes: Shapes, tip: Array) -> Array:
+    """Return the 95 % intervals (K, 3, 2) of the tip over the draws that have an equilibrium.
 
-    Of a solid the scatter is that of its planar model. shapes: the first candidate's, whose tip is (K, 3), and draws'.
+    The scatter is computed with the planar model, also for a solid, and shifted to the tip (K, 3) of the model. The
+    first candidate in ``shapes`` has the nominal parameters, the others are the draws.
     """
     values = _tip(planar, shapes)
     values += tip - values[0]
-    found = shapes.status[1:] == Status.CONVERGED
-    return np.array([np.quantile(values[1:][found[:, k], k], [0.025, 0.975], axis=0).T for k in range(len(tip))])
+    converged = shapes.status[1:] == Status.CONVERGED
+    return np.array([np.quantile(values[1:][converged[:, k], k], [0.025, 0.975], axis=0).T for k in range(len(tip))])
 
 
 def write_simulation(folder: Path, simulation: Simulation) -> None:
-    """`tip.csv`, `state_00_left.csv` and `_right.csv`, `state_00.vtu` for ParaView, `shapes.png`.
+    """Write the files of a simulation into a folder.
 
-    Raises OSError that names the file.
+    The files are ``tip.csv``; for each state ``state_00_left.csv``, ``state_00_right.csv`` and, for ParaView,
+    ``state_00.vtu``; and the picture ``shapes.png``. An OSError names the file that could not be written.
     """
     model, shapes = simulation.model, simulation.shapes
     columns = np.column_stack([simulation.field_mT, _tip(model, shapes)[0], shapes.max_stretch[0]])
@@ -168,8 +212,8 @@ def _csv(columns: Array, header: str) -> bytes:
     return text.getvalue()
 
 
-# VTK's biquadratic quadrilateral and its triquadratic hexahedron want corners, then sides, then the middles of faces
-# and the middle; ours are numbered across first, or in depth first.
+# VTK orders the nodes of its biquadratic quadrilateral and its triquadratic hexahedron as corners, sides, centres of
+# faces and the centre. The nodes here are numbered across first, or in depth first.
 _QUADRILATERAL = [0, 6, 8, 2, 3, 7, 5, 1, 4]
 _HEXAHEDRON = [0, 18, 24, 6, 2, 20, 26, 8]
 _HEXAHEDRON += [9, 21, 15, 3, 11, 23, 17, 5, 1, 19, 25, 7]
@@ -194,13 +238,13 @@ def _write_vtu(path: Path, simulation: Simulation, k: int) -> None:
         nodes, [cells], point_data={"displacement_mm": displacement}, cell_data={"largest_stretch": [stretch]}
     )
     try:
-        mesh.write(path)  # takes no open file
+        mesh.write(path)  # meshio does not accept an open file
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 def _both_halves(nodes: Array, displacement: Array, elements: Indices) -> tuple[Array, Array, Indices]:
-    """The half that is computed and its mirror image, joined in mid-depth."""
+    """Return the computed half of the solid together with its mirror image, joined at mid-depth."""
     mirror, away = np.array([1.0, 1.0, -1.0]), nodes[:, 2] > 0
     image = np.arange(len(nodes))
     image[away] = len(nodes) + np.arange(away.sum())
@@ -213,7 +257,7 @@ def _both_halves(nodes: Array, displacement: Array, elements: Indices) -> tuple[
 
 
 def _seen_from_the_side(model: BeamModel | SolidBeside) -> tuple[Indices, Indices]:
-    """The elements to draw (m,), of a solid those at mid-depth, and the nodes around each of them (m, 8)."""
+    """Return the elements to draw (m,), those at mid-depth for a solid, and the nodes around each of them (m, 8)."""
     around = np.array([0, 3, 6, 7, 8, 5, 2, 1])
     elements = model.mesh.elements
     if isinstance(model, BeamModel):
@@ -233,7 +277,7 @@ def _drawn(simulation: Simulation) -> bytes:
     stretch = model.element_stretch(shapes)[0][:, shown]
     for k in np.unique(np.linspace(0, len(simulation.field_mT) - 1, 6).round().astype(int)):
         place = (model.mesh.nodes + shapes.displacement[0, k])[:, :2]
-        # The beam hangs: x of the beam frame points down.
+        # The beam is drawn hanging, with x of the beam frame pointing down.
         patches = PolyCollection(list(np.stack([place[outlines, 1], -place[outlines, 0]], axis=-1)), cmap="viridis")
         patches.set_array(stretch[k])
         patches.set_clim(1.0, float(stretch.max()))

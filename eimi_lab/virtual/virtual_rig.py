@@ -1,11 +1,11 @@
-"""The virtual rig: an emulated supply and a simulated camera behind the drivers' own interfaces.
+"""The virtual rig: an emulated supply and a simulated camera behind the interfaces of the drivers.
 
-Current -> coil (time constant, noise) -> field -> the beam's finite-element shape -> a frame. The supply is the
-ordinary Korad driver on an emulator in the same process, so that the acquisition runs the code that it runs on a
-bench, in simulated seconds.
+The simulation leads from the current through the coil (time constant, noise) and its field to the finite-element shape
+of the beam and to a frame. The supply is the ordinary Korad driver with an emulator in the same process, so the
+acquisition runs the same code as on a real bench, in simulated time.
 
-The camera alone, in real seconds, looks into the coil of a supply that another process emulates (`eimi emulate`): a
-bench in everything but the glass and the iron.
+The camera can also be used alone, in real time, with the coil of a supply that another process emulates (`eimi
+emulate`).
 """
 
 from __future__ import annotations
@@ -36,14 +36,30 @@ _CLAMP_HALF_WIDTH_MM, _CLAMP_HEIGHT_MM = 12.0, 40.0
 
 
 class Coil(Protocol):
-    """Whatever has a current around the beam."""
+    """A source of the current that makes the field at the beam."""
 
     def coil_current_A(self) -> float:
-        """The true current now, A."""
+        """Return the true current of the coil at this moment, in A."""
 
 
 class VirtualCamera:
-    """Looks at the virtual beam; each frame takes a tenth of a second of its clock, or as long as drawing it takes."""
+    """A camera that sees the virtual beam, with at most ten frames per second of its clock.
+
+    Parameters
+    ----------
+    beam
+        The virtual beam.
+    coil
+        The coil around the beam.
+    clock
+        The clock of the rig.
+    frame
+        Conversion between the beam frame and pixels.
+    mT_per_A
+        Coil constant.
+    virtual
+        The table [virtual] of the rig.
+    """
 
     settings = NO_SETTINGS
 
@@ -66,15 +82,15 @@ class VirtualCamera:
         self._clamp_px = frame.to_px(np.array([[-high, -half], [0.0, -half], [0.0, half], [-high, half]]))
 
     def identify(self) -> Identity:
-        """The camera's name; its seed is in the rig file."""
+        """Return the identity of the camera."""
         width, height = self._virtual.frame_size_px
         return Identity("virtual", f"eimi-lab simulated camera {width} x {height}", "in-process")
 
     def flush(self) -> None:
-        """Nothing is ever buffered."""
+        """Do nothing, since no frames are buffered."""
 
     def grab(self, timeout_s: float) -> Frame:
-        """Expose one frame of the beam in the coil's present field. Raises what the coil raises."""
+        """Return a frame of the beam in the present field of the coil; an error of the coil is passed on."""
         self._clock.sleep(max(0.0, self._exposed_s + _FRAME_PERIOD_S - self._clock.now()))
         self._exposed_s = self._clock.now()
         field_mT = self._mT_per_A * self._coil.coil_current_A()
@@ -91,15 +107,23 @@ class VirtualCamera:
         return Frame(expose(self._scene, self._rng), self._number, self._exposed_s)
 
     def close(self) -> None:
-        """Hang up on a coil of another process."""
+        """Close the connection to the coil of another process."""
         if isinstance(self._coil, RemoteCoil):
             self._coil.close()
 
 
 def open_virtual_rig(rig: Rig, specimen: SpecimenFile) -> tuple[PowerSupply, VirtualCamera, Clock, dict[str, Any]]:
-    """Supply, camera, clock and the truth, which only scoring may read.
+    """Create the virtual rig with a specimen.
 
-    Raises InputError when the rig does not know the specimen's material.
+    Returns
+    -------
+    supply, camera, clock, truth
+        The drivers, the simulated clock, and the true material (`truth_of`), which only scoring may use.
+
+    Raises
+    ------
+    InputError
+        If the rig has no table [virtual], or does not define the specimen's material.
     """
     virtual = _virtual(rig)
     _material(virtual, specimen)
@@ -119,7 +143,7 @@ def open_virtual_rig(rig: Rig, specimen: SpecimenFile) -> tuple[PowerSupply, Vir
 
 
 def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -> VirtualCamera:
-    """A camera in front of the specimen in a coil. Raises InputError as `open_virtual_rig` does."""
+    """Create a camera that sees the specimen in a coil; raise InputError as `open_virtual_rig` does."""
     virtual, frame = _virtual(rig), BeamFrame(rig.calibration)
     material = _material(virtual, specimen)
     view = frame.view(specimen.specimen.depth_mm, virtual.frame_size_px)
@@ -131,7 +155,7 @@ def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -
 
 
 def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
-    """What the virtual beam is made of. Raises InputError as `open_virtual_rig` does."""
+    """Return the true material, mesh, seed and optics of the virtual beam; raise as `open_virtual_rig` does."""
     virtual = _virtual(rig)
     material = _material(virtual, specimen)
     return {
@@ -150,10 +174,10 @@ def _virtual(rig: Rig) -> Virtual:
 
 
 def _material(virtual: Virtual, specimen: SpecimenFile) -> TrueMaterial:
-    name, known = specimen.specimen.material, virtual.materials.silicone
-    if name not in known:
+    name, materials = specimen.specimen.material, virtual.materials.silicone
+    if name not in materials:
         raise InputError(
-            f"specimen {specimen.specimen.name!r}: material = {name!r} is none that the virtual rig knows: "
-            f"{', '.join(known)}"
+            f"specimen {specimen.specimen.name!r}: material = {name!r} is not defined in the virtual rig; defined are "
+            f"{', '.join(materials)}"
         )
-    return known[name]
+    return materials[name]

@@ -159,7 +159,7 @@ def test_what_a_worker_refuses_is_told_as_by_one_process(beams: Path, tmp_path: 
 
 
 def test_workers_that_always_die_are_given_up() -> None:
-    with pytest.raises(ChildProcessError, match="lost 3 times, one after the other"):
+    with pytest.raises(ChildProcessError, match="lost 3 times in succession"):
         list(completed(os._exit, lambda task: {"status": 1}, [0, 1], partial(processes, 2)))
 
 

@@ -346,7 +346,7 @@ def test_points_are_sorted_into_their_states(run: Run, tracked: Path) -> None:
         (rewrite("points.csv", ",x_mm,y_mm", ""), "points.csv: row 1: the columns x_mm, y_mm are missing"),
         (rewrite("points.csv", "1,a", "2,a"), "points.csv: row 2: state = '2' should be one of the states in"),
         (rewrite("points.csv", "1,a", "x,a"), "points.csv: row 2: state = 'x' should be a whole number"),
-        (rewrite("points.csv", "1,b", "1,a"), "points.csv: row 5: point a is twice in state 1"),
+        (rewrite("points.csv", "1,b", "1,a"), "points.csv: row 5: point a appears twice in state 1"),
         (rewrite("points.csv", "1,a,10,1,9,3,0.1", "1,a,10,1,9,3,0"), "row 2: sigma_mm = '0' should be greater than 0"),
         (rewrite("points.csv", "10,1,9", "11,1,9"), "row 2: x0_mm = '11' should be on the beam, from 0 to length_mm"),
         (rewrite("points.csv", "10,1,9", "10,2,9"), "row 2: y0_mm = '2' should be on the beam, within half"),

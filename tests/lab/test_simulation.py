@@ -106,7 +106,7 @@ def eimi_simulate(folder: Path, *further: str, **process: Any) -> subprocess.Com
 
 def test_a_law_that_is_not_stiff_at_rest_is_told_with_its_modulus() -> None:
     law, values = parse_parameters("mooney-rivlin", ["C10_Pa=1000", "C01_Pa=-3000"])
-    with pytest.raises(InputError, match="--parameter: give mooney-rivlin an initial shear modulus of -4000 Pa"):
+    with pytest.raises(InputError, match="--parameter: the initial shear modulus of mooney-rivlin is -4000 Pa"):
         simulate(load_specimen("type1"), law, values, np.zeros(1), 0.0)
 
 
@@ -156,9 +156,9 @@ def test_a_finite_bulk_modulus_bends_further() -> None:
     assert angles[3] == pytest.approx(angles[1], rel=1e-4)  # which it tends to, however large the modulus
     with pytest.raises(InputError, match="--bulk-modulus-kPa -1: should be greater than 0"):
         simulate(load_specimen("type1"), law, values, field, 0.0, bulk_modulus_kPa=-1.0)
-    with pytest.raises(InputError, match=r"--bulk-modulus-kPa inf: should be .* left out where incompressible"):
+    with pytest.raises(InputError, match=r"--bulk-modulus-kPa inf: should be .* omitted for an incompressible"):
         simulate(load_specimen("type1"), law, values, field, 0.0, bulk_modulus_kPa=np.inf)
     with pytest.raises(InputError, match="--field-angle nan: should be a finite number of degrees"):
         simulate(load_specimen("type1"), law, values, field, 0.0, np.nan)
-    with pytest.raises(InputError, match="--coil-constant: gives fields that are not finite"):
+    with pytest.raises(InputError, match="--coil-constant: leads to fields that are not finite"):
         simulate(load_specimen("type1"), law, values, np.nan * field, 0.0)

@@ -198,7 +198,7 @@ def test_a_pickle_runs_nothing(run: Run, files: Path, monkeypatch: pytest.Monkey
     monkeypatch.chdir(files)
     source = as_mudic_saves(monkeypatch, files / "results.p", xnodesT=_Harmful(), ynodesT=np.zeros((2, 2)))
     status, said = imported(run, files, source, "mudic", *BY_CALIBRATION, states=STATES.format(0, 1))
-    assert (status, said.count("\n"), "results.p: is no file of µDIC" in said) == (2, 1, True)
+    assert (status, said.count("\n"), "results.p: is not a file of µDIC" in said) == (2, 1, True)
     assert not (files / "harm").exists()
 
 
@@ -274,7 +274,7 @@ def test_tracker(run: Run, files: Path, kind: str) -> None:
     said = ["--clamp", "5,2", "--axis", "-90", "--gravity-angle", "0", "--rest", "0", "--sigma", "0.005"]
     times = "time_s,field_mT\n0,0\n0.04,2.5\n"
     status, told = imported(run, files, files / "data.txt", "tracker", *said, states=times)
-    assert (status, "data.txt: does not tell its unit; give --unit mm, cm, m, in or px" in told) == (2, True)
+    assert (status, "data.txt: does not state its unit; give --unit mm, cm, m, in or px" in told) == (2, True)
     assert imported(run, files, files / "data.txt", "tracker", *said, "--unit", "cm", states=times) == (0, "")
     if len(tracks) > 1:
         check(files, 0.05)
@@ -327,12 +327,15 @@ def test_c3d(run: Run, files: Path) -> None:
     assert imported(run, files, files / "capture.c3d", "c3d", *said, states=STATES.format(1, 2))[0] == 0
     check(files, 0.2, 1e-3)
     status, told = imported(run, files, files / "capture.c3d", "c3d", *said, "--unit", "m", states=STATES.format(1, 2))
-    assert (status, "--unit m: " in told, "says that it is in mm" in told) == (2, True, True)
+    assert (status, "--unit m: " in told, "states that it is in mm" in told) == (2, True, True)
 
 
 MISTAKES: dict[str, tuple[tuple[object, ...], str]] = {
-    "no sigma": (("--rest", "0", *BY_CALIBRATION), "does not tell how exact its places are; give --sigma in its unit"),
-    "no rest": (("--sigma", "1", *BY_CALIBRATION), "tells no place at rest; give --rest FRAME"),
+    "no sigma": (
+        ("--rest", "0", *BY_CALIBRATION),
+        "does not state how exact its positions are; give --sigma in its unit",
+    ),
+    "no rest": (("--sigma", "1", *BY_CALIBRATION), "contains no positions at rest; give --rest FRAME"),
     "rest elsewhere": (("--sigma", "1", "--rest", "9", *BY_CALIBRATION), "--rest 9: "),
     "no scale": (
         ("--sigma", "1", "--rest", "0"),
@@ -341,7 +344,7 @@ MISTAKES: dict[str, tuple[tuple[object, ...], str]] = {
     "no clamp": (("--sigma", "1", "--rest", "0", "--pixels-per-mm", "8"), "give --clamp X,Y and --axis DEG"),
     "no gravity": (
         ("--sigma", "1", "--rest", "0", "--pixels-per-mm", "8", "--clamp", "64,8", "--axis", "90"),
-        "give --gravity-angle, of gravity in the beam frame",
+        "give --gravity-angle, the direction of gravity in the beam frame",
     ),
     "wrong clamp": (
         (
@@ -360,7 +363,10 @@ MISTAKES: dict[str, tuple[tuple[object, ...], str]] = {
         ),
         "of 1 points none lies on the beam at rest, which reaches from 0, -1 to 10, 1 mm from its clamp; the first",
     ),
-    "other unit": (("--unit", "mm", "--sigma=1", "--rest=0", *BY_CALIBRATION), "are not the pixels that a calib"),
+    "other unit": (
+        ("--unit", "mm", "--sigma=1", "--rest=0", *BY_CALIBRATION),
+        "its positions are not pixels of a picture",
+    ),
     "twice": (("--sigma", "1", "--clamp", "1,2", *BY_CALIBRATION), "--clamp, --axis: the calibration tells them"),
     "of pictures": (("--channel", "red", *BY_CALIBRATION), "belong to pictures, not to points"),
     "unknown tool": (("--format", "gom", *BY_CALIBRATION), "--format gom: should be one of dice, ncorr, mudic"),

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from eimi_lab.process.workers import begun, completed, processes
+from eimi_lab.process.workers import completed, processes, started
 
 
 def doubled(number: int, marker: Path | None = None) -> int:
@@ -63,13 +63,13 @@ Children = Callable[[], set[Any]]
 
 @pytest.fixture
 def children() -> Children:
-    """Processes that were begun since the test was: others may be there of tests before."""
+    """Processes that were started since the test was: others may be there of tests before."""
     before = set(multiprocessing.active_children())
     return lambda: set(multiprocessing.active_children()) - before
 
 
 def test_processes_begin_before_they_are_asked_for(children: Children) -> None:
-    with begun(partial(processes, 1), 1, "json") as executor:
+    with started(partial(processes, 1), 1, "json") as executor:
         assert executor is not None
         (worker,) = children()
         with executor() as pool:
@@ -77,12 +77,12 @@ def test_processes_begin_before_they_are_asked_for(children: Children) -> None:
         with executor() as pool:  # as after the loss of one
             assert pool.submit(os.getpid).result() != worker.pid
     assert not children()
-    with begun(None, 1, "json") as executor:
+    with started(None, 1, "json") as executor:
         assert executor is None
 
 
 def test_a_process_that_dies_before_it_is_asked_for_is_replaced(children: Children) -> None:
-    with begun(partial(processes, 1), 1, "json") as executor:
+    with started(partial(processes, 1), 1, "json") as executor:
         (worker,) = children()
         worker.kill()
         worker.join()
@@ -92,7 +92,7 @@ def test_a_process_that_dies_before_it_is_asked_for_is_replaced(children: Childr
 
 def test_processes_that_have_begun_do_not_outlive_an_error(children: Children) -> None:
     def stopped() -> None:
-        with begun(partial(processes, 2), 2, "json"):
+        with started(partial(processes, 2), 2, "json"):
             assert len(children()) == 2
             raise KeyboardInterrupt
 

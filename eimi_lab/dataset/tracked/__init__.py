@@ -1,6 +1,16 @@
-"""Datasets of material points that were tracked elsewhere: motion capture, image correlation, video analysis.
+"""Import of material points that another program tracked: motion capture, image correlation or video analysis.
 
-`points_csv` reads this suite's own table. Of another tool's file (`dice`, `ncorr`, `mudic`, `dltdv`, `tracker`,
-`deeplabcut`, `c3d`; `formats` lists them) the points become `tracks.Tracks` in that tool's own unit and axes;
-`placing` puts them into the beam frame by what a person says of both, and `importing` makes the dataset.
+points_csv      this suite's own table of tracked points in the beam frame
+tracked_states  a dataset from the file of another program and a table of states
+formats         the programs whose files can be read, by their names on the command line
+tracks          the value `Tracks`: points in frames, in the unit and axes of the program
+axes            conversion of tracks into the beam frame
+numbers_table   tables of numbers in text files, in any locale
+dice            files of DICe (image correlation)
+ncorr           files of Ncorr (image correlation)
+mudic           files of µDIC (image correlation)
+dltdv           files of DLTdv (video analysis)
+tracker         files of Tracker (video analysis)
+deeplabcut      files of DeepLabCut (video analysis)
+c3d             C3D files (motion capture)
 """

@@ -1,4 +1,4 @@
-"""DeepLabCut's CSV of a video: header rows scorer, (individuals,) bodyparts, coords; then a row a frame.
+"""DeepLabCut's CSV of a video: header rows scorer, (individuals,) bodyparts and coords, then one row for each frame.
 
 Source of the format: DeepLabCut, `deeplabcut/pose_estimation_tensorflow/predict_videos.py` and its documentation
 "Standard DeepLabCut user guide" (x, y in pixels from the upper left corner, and likelihood).
@@ -13,12 +13,15 @@ import numpy as np
 from eimi_lab.dataset.tracked.numbers_table import numbers, read_cells, refused
 from eimi_lab.dataset.tracked.tracks import Tracks
 
-LEAST_LIKELIHOOD = 0.6  # DeepLabCut's own default, `pcutoff`: a place that is less sure counts as not seen
+LEAST_LIKELIHOOD = 0.6  # DeepLabCut's default `pcutoff`: a position with a smaller likelihood counts as not seen
 _HEADER = ("scorer", "individuals", "bodyparts", "coords")
 
 
 def read_deeplabcut(path: Path) -> Tracks:
-    """The body parts, one that several animals have under each one's name. Raises InputError."""
+    """Read the body parts of a DeepLabCut file.
+
+    If the file has several animals, the name of a body part starts with the name of the animal. Raises InputError.
+    """
     rows = read_cells(path, ",")
     header = {cells[0]: cells[1:] for _, cells in rows[:4] if cells[0] in _HEADER}
     body = [(line, cells) for line, cells in rows if cells[0] not in _HEADER]

@@ -1,9 +1,12 @@
-"""DICe's text output of subsets: DICe_solution_N.txt, one a frame (SUBSET_ID first) or one a subset (FRAME first).
+"""DICe's text files of subsets, DICe_solution_N.txt.
 
-Source of the format: `Schema::write_output` in DICe_Schema.cpp and the files under tests/examples/*/gold of
-github.com/dicengine/dice: lines of "***" perhaps, the columns' names, then numbers. Coordinates are pixels of the
-reference picture, the first one's centre being 0, 0, with y down; SIGMA is the standard deviation of a displacement,
-negative where the correlation failed.
+There is one file for each frame (the first column is SUBSET_ID) or one for each subset (the first column is FRAME).
+A file may start with lines of "***"; then follow the names of the columns, and the numbers. Coordinates are pixels of
+the reference picture, with the centre of the first pixel at 0, 0 and with y down. SIGMA is the standard deviation of a
+displacement; it is negative if the correlation failed.
+
+Source of the format: `Schema::write_output` in DICe_Schema.cpp, and the files under tests/examples/*/gold, of
+github.com/dicengine/dice.
 """
 
 from __future__ import annotations
@@ -24,7 +27,7 @@ Columns = dict[str, NDArray[np.float64]]
 
 
 def read_dice(path: Path) -> Tracks:
-    """One file, or all of a folder that are named like DICe's. Raises InputError."""
+    """Read one file of DICe, or all files of DICe in a folder. Raises InputError."""
     files = sorted(path.glob("*_[0-9]*.txt"), key=lambda file: natural_key(file.name)) if path.is_dir() else [path]
     if not files:
         raise InputError(f"{path}: holds no files of DICe, such as DICe_solution_0.txt")
@@ -50,21 +53,21 @@ def _read(path: Path) -> Columns:
         raise refused(path, "DICe", f"its columns should be SUBSET_ID or FRAME, {', '.join(_NEEDED)} and others")
     rows = [(line, [cell for cell in row if cell]) for line, row in body]
     if bad := [line for line, row in rows if len(row) != len(header)]:
-        raise refused(path, "DICe", f"line {bad[0]} should have {len(header)} numbers, as there are columns")
+        raise refused(path, "DICe", f"line {bad[0]} should have {len(header)} numbers, one for each column")
     table = np.array([numbers(path, line, row) for line, row in rows])
     return {column: table[:, k] for k, column in enumerate(header)}
 
 
 def _rows(table: Columns, key: str) -> list[tuple[int, NDArray[np.float64]]]:
-    """Every row by its number: reference place, displacement, and standard deviation (NaN where none is written)."""
+    """Return each row with its number: reference position, displacement, and standard deviation (NaN if absent)."""
     sigma = table.get("SIGMA", np.full(len(table[key]), np.nan))
     rows = np.column_stack([*(table[column] for column in _NEEDED), sigma])
     return [(int(number), row) for number, row in zip(table[key], rows, strict=True)]
 
 
 def _number(file: Path) -> int:
-    found = re.search(r"_(\d+)$", file.stem)
-    return int(found.group(1)) if found else 0
+    match = re.search(r"_(\d+)$", file.stem)
+    return int(match.group(1)) if match else 0
 
 
 def _joined(rows: list[tuple[str, int, NDArray[np.float64]]]) -> Tracks:
@@ -76,14 +79,14 @@ def _joined(rows: list[tuple[str, int, NDArray[np.float64]]]) -> Tracks:
         values[at_frame[frame], at_name[name]] = row
     rest, sigma = values[..., :2], values[..., 4]
     places = rest + values[..., 2:4]
-    places[sigma < 0.0] = np.nan  # where it failed
-    known = np.isfinite(sigma).any()
+    places[sigma < 0.0] = np.nan  # the correlation failed
+    has_sigma = np.isfinite(sigma).any()
     return Tracks(
         names=names,
         frames=np.array(frames),
         places=places,
         rest=np.nanmean(rest, axis=0),
-        sigma=np.where(sigma > 0.0, sigma, np.nan) if known else None,
+        sigma=np.where(sigma > 0.0, sigma, np.nan) if has_sigma else None,
         unit="px",
         image_axes=True,
     )

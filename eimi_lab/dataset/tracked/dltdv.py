@@ -1,9 +1,11 @@
 """DLTdv's exported points: PREFIXxypts.csv or .tsv of one camera in pixels, or PREFIXxyzpts.csv in three dimensions.
 
-Source of the format: DLTdv7.m (the part that saves: columns pt1_cam1_X, pt1_cam1_Y, …, a row a frame, NaN for what
-was not digitised) and DLTdv8a_internal/sparseSave.m (a title, the size, then row, column and value) of
-github.com/tlhedrick/dltdv. Pixels count from 1; versions up to 7 have y upward from the lower edge of the picture and
-version 8 has it downward, which the file does not say: a clamp and an axis given in the file's own axes serve for both.
+A dense file has the columns pt1_cam1_X, pt1_cam1_Y, … and one row for each frame, with NaN for a point that was not
+digitised. A sparse file has a title, the size of the table, and then lines of row, column and value. Pixels count from
+1. Versions up to 7 have y upward from the lower edge of the picture, and version 8 has y downward. The file does not
+state the version; a clamp and an axis in the axes of the file are valid for both.
+
+Source of the format: DLTdv7.m and DLTdv8a_internal/sparseSave.m of github.com/tlhedrick/dltdv.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ _MOST_CELLS = 100_000_000
 
 
 def read_dltdv(path: Path) -> Tracks:
-    """The points of one camera, or those in three dimensions. Frames count from 1. Raises InputError."""
+    """Read the points of one camera, or points in three dimensions; frames count from 1. Raises InputError."""
     lines = read_text(path).splitlines()
     if len(lines) > 1 and re.fullmatch(r"\d+\t\d+\t\d+", lines[1].strip()):
         columns, table = _sparse(path, lines)
@@ -45,31 +47,31 @@ def _tracks(path: Path, columns: list[str], table: NDArray[np.float64]) -> Track
     cameras = {camera for _, camera, _ in keys}
     if len(cameras) > 1:
         raise InputError(
-            f"{path}: has points of {len(cameras)} cameras; give the columns of one in a file of its own, or the "
-            "xyzpts.csv in which they were joined"
+            f"{path}: has points of {len(cameras)} cameras; give a file with the columns of one camera, or the "
+            "xyzpts.csv with the points in three dimensions"
         )
     (camera,) = cameras
     axes = ("X", "Y") if camera else ("X", "Y", "Z")
-    of = {(point, axis): k for k, (point, _, axis) in enumerate(keys)}
+    column_of = {(point, axis): k for k, (point, _, axis) in enumerate(keys)}
     names = tuple(dict.fromkeys(point for point, _, _ in keys))
-    if missing := [f"{point}_{axis}" for point in names for axis in axes if (point, axis) not in of]:
+    if missing := [f"{point}_{axis}" for point in names for axis in axes if (point, axis) not in column_of]:
         raise refused(path, "DLTdv", f"the column {missing[0]} is missing")
-    places = np.stack([np.stack([table[:, of[name, axis]] for axis in axes], axis=-1) for name in names], axis=1)
+    places = np.stack([np.stack([table[:, column_of[name, axis]] for axis in axes], axis=-1) for name in names], axis=1)
     return Tracks(names=names, frames=np.arange(1, len(table) + 1), places=places, unit="px" if camera else None)
 
 
 def _sparse(path: Path, lines: list[str]) -> tuple[list[str], NDArray[np.float64]]:
-    """What sparseSave wrote: the columns' names (of one camera) and a dense table, NaN where nothing was stored."""
+    """Convert a sparse file into the names of its columns, as for one camera, and a dense table with NaN for gaps."""
     rows, columns, stored = (int(cell) for cell in lines[1].split("\t"))
     entries = [line.split("\t") for line in lines[2:] if line.strip()]
     if len(entries) != stored or any(len(entry) != 3 for entry in entries) or rows * columns > _MOST_CELLS:
         raise refused(path, "DLTdv", f"below its size there should be {stored} lines of row, column and value")
     if columns % 2:
-        raise InputError(f"{path}: has {columns} columns; those of one camera come in pairs")
+        raise InputError(f"{path}: has {columns} columns; the columns of one camera come in pairs")
     table = np.full((rows, columns), np.nan)
     for line, entry in enumerate(entries, 3):
         row, column, value = numbers(path, line, entry)
         if not (1 <= row <= rows and 1 <= column <= columns):
-            raise refused(path, "DLTdv", f"line {line} has no place in {rows} rows and {columns} columns")
+            raise refused(path, "DLTdv", f"line {line} is outside the table of {rows} rows and {columns} columns")
         table[int(row) - 1, int(column) - 1] = value
     return [f"pt{k // 2 + 1}_cam1_{'XY'[k % 2]}" for k in range(columns)], table

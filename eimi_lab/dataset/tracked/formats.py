@@ -1,4 +1,4 @@
-"""The tools whose files can be imported, by the names that the command line has for them."""
+"""The programs whose files can be imported, by their names on the command line."""
 
 from __future__ import annotations
 

@@ -1,8 +1,10 @@
 """µDIC's saved results (`muDIC.IO.save`, a pickle): the nodes of its mesh in every picture, in pixels.
 
-Source of the format: muDIC/IO/readWriteUtils.py and class DICOutput in muDIC/solver/correlate.py of
-github.com/PolymerGuy/muDIC: xnodesT and ynodesT are (nodes, frames). A pickle can run any program when it is loaded.
-This one is read without: what is not an array is put aside unread.
+A pickle can run any program when it is loaded. Here only arrays are created from it; every other object is replaced by
+one that does nothing.
+
+Source of the format: muDIC/IO/readWriteUtils.py, and class DICOutput in muDIC/solver/correlate.py, of
+github.com/PolymerGuy/muDIC: xnodesT and ynodesT have the shape (nodes, frames).
 """
 
 from __future__ import annotations
@@ -30,14 +32,14 @@ _ARRAYS = {
 
 
 def read_mudic(path: Path) -> Tracks:
-    """The mesh's nodes; frame 0 is the reference. Raises InputError."""
+    """Read the nodes of the mesh; frame 0 is the reference. Raises InputError."""
     try:
         with path.open("rb") as file:
             saved = _Harmless(file).load()
         x, y = (np.asarray(saved.__dict__[name], dtype=np.float64) for name in ("xnodesT", "ynodesT"))
-    except Exception as error:  # a pickle that is damaged, or of something else, fails in any way
+    except Exception as error:  # a pickle that is damaged or holds something else may raise any error
         reason = " ".join(str(error).split())[:120] or type(error).__name__
-        raise refused(path, "µDIC", f"it should be what muDIC.IO.save wrote of its results ({reason})") from error
+        raise refused(path, "µDIC", f"it should contain results that muDIC.IO.save wrote ({reason})") from error
     if x.ndim != 2 or x.shape != y.shape or not x.size:
         raise refused(path, "µDIC", f"xnodesT and ynodesT should be (nodes, frames), not {x.shape} and {y.shape}")
     places = np.stack([x.T, y.T], axis=-1)
@@ -46,7 +48,7 @@ def read_mudic(path: Path) -> Tracks:
 
 
 class _Inert:
-    """In place of everything that is not an array: takes what it is given, and does nothing."""
+    """Replacement of every object that is not an array: it accepts all calls and does nothing."""
 
     def __new__(cls, *arguments: Any, **named: Any) -> _Inert:
         return object.__new__(cls)
@@ -65,20 +67,22 @@ class _Inert:
         pass
 
     def append(self, value: Any) -> None:
-        """A list's elements."""
+        """Ignore an element of a list."""
 
     def extend(self, values: Any) -> None:
-        """A list's elements."""
+        """Ignore elements of a list."""
 
 
 def _create_array(make: Any, arguments: Any, state: Any, attributes: Any = None) -> Any:
-    """An array as dill, with which µDIC saves, writes it down: its making, and what was in it."""
+    """Create an array from its constructor and its state, as dill (with which µDIC saves) stores it."""
     array = make(*arguments)
     array.__setstate__(state)
     return array
 
 
 class _Harmless(pickle.Unpickler):
+    """An unpickler that creates arrays and nothing else."""
+
     def find_class(self, module: str, name: str) -> Any:
         if module.startswith("dill.") and name == "_create_array":
             return _create_array

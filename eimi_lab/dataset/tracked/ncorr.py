@@ -1,10 +1,12 @@
 """Ncorr's saved analysis, a MATLAB file: displacements on a grid of pixels of the reference picture.
 
-Source of the format: `callback_topmenu_savedata` and the description of `data_dic` in ncorr.m of
-github.com/justinblaber/ncorr_2D_matlab. Ncorr saves as version 7.3, which is HDF5; one that was saved again as
-version 7 is read as well. data_dic_save.displacements(i).plot_u_ref_formatted is the displacement of picture i, seen
-from the reference picture, in units; dispinfo.pixtounits is a pixel's size in them and dispinfo.spacing the number of
-pixels passed over. Outside the region of interest it is 0.
+Ncorr saves MATLAB's version 7.3, which is HDF5; files that were saved again as version 7 can also be read.
+data_dic_save.displacements(i).plot_u_ref_formatted is the displacement of picture i relative to the reference picture,
+in the user's unit; it is 0 outside the region of interest. dispinfo.pixtounits is the size of a pixel in this unit, and
+dispinfo.spacing is the number of pixels between neighbouring points of the grid.
+
+Source of the format: `callback_topmenu_savedata`, and the description of `data_dic`, in ncorr.m of
+github.com/justinblaber/ncorr_2D_matlab.
 """
 
 from __future__ import annotations
@@ -27,30 +29,27 @@ _SAVED = "data_dic_save"
 
 
 def read_ncorr(path: Path) -> Tracks:
-    """The displacements of every picture; the reference picture is frame 0, the first current one 1.
-
-    Raises InputError.
-    """
+    """Read the displacements; frame 0 is the reference picture, frame 1 the first current one. Raises InputError."""
     try:
-        moved, spacing, pixel = _of_hdf5(path) if h5py.is_hdf5(path) else _of_matlab_7(path)
+        displacements, spacing, pixel = _of_hdf5(path) if h5py.is_hdf5(path) else _of_matlab_7(path)
     except (KeyError, IndexError, ValueError, TypeError, AttributeError, MatReadError, OSError) as error:
         raise refused(path, "Ncorr", f"it should hold {_SAVED} with displacements and dispinfo ({error})") from error
-    if not moved or any(u.size == 0 or u.ndim != 2 for u, _ in moved):
+    if not displacements or any(u.size == 0 or u.ndim != 2 for u, _ in displacements):
         raise InputError(f"{path}: holds no formatted displacements; run Ncorr's step 'Format Displacements' and save")
-    if len({part.shape for pair in moved for part in pair}) > 1 or not pixel > 0:
+    if len({part.shape for pair in displacements for part in pair}) > 1 or not pixel > 0:
         raise refused(path, "Ncorr", "the displacements of all pictures should be on one grid, and pixtounits above 0")
-    u, v = (np.stack([pair[k] for pair in moved]) / pixel for k in (0, 1))
-    seen = (u != 0.0) | (v != 0.0)
-    row, column = np.nonzero(seen.any(axis=0))
+    u, v = (np.stack([pair[k] for pair in displacements]) / pixel for k in (0, 1))
+    in_region = (u != 0.0) | (v != 0.0)
+    row, column = np.nonzero(in_region.any(axis=0))
     if not len(row):
-        raise InputError(f"{path}: has no place that moved at all")
+        raise InputError(f"{path}: contains no displacement other than 0")
     rest: Array = (spacing + 1.0) * np.column_stack([column, row]).astype(np.float64)
-    there = rest + np.stack([u[:, row, column], v[:, row, column]], axis=-1)
-    there[~seen[:, row, column]] = np.nan
+    places = rest + np.stack([u[:, row, column], v[:, row, column]], axis=-1)
+    places[~in_region[:, row, column]] = np.nan
     return Tracks(
         names=tuple(f"{x:.0f},{y:.0f}" for x, y in rest),
-        frames=np.arange(len(moved) + 1),
-        places=np.concatenate([rest[None], there]),
+        frames=np.arange(len(displacements) + 1),
+        places=np.concatenate([rest[None], places]),
         rest=rest,
         unit="px",
         image_axes=True,
@@ -58,13 +57,13 @@ def read_ncorr(path: Path) -> Tracks:
 
 
 def _of_hdf5(path: Path) -> tuple[list[tuple[Array, Array]], float, float]:
-    """Displacements (rows, columns) u and v of each picture, the spacing, and a pixel's size."""
+    """Return the displacements u and v (rows, columns) of each picture, the spacing, and the size of a pixel."""
     with h5py.File(path, "r") as file:
         saved = file[_SAVED]
         info, displacements = saved["dispinfo"], saved["displacements"]
 
         def each(name: str) -> list[Array]:
-            """A structure of one has the array itself in it, one of several references to them; all are transposed."""
+            """Return the arrays of a field: a single structure holds the array, several hold references to arrays."""
             field = displacements[name]
             items = [file[reference] for reference in np.ravel(field[()])] if field.dtype == h5py.ref_dtype else [field]
             return [_array(item).T for item in items]

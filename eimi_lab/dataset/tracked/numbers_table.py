@@ -1,4 +1,4 @@
-"""Tables of numbers that other programs export: cells that may be empty, and numbers of any locale."""
+"""Tables of numbers that other programs export, with empty cells and numbers of any locale."""
 
 from __future__ import annotations
 
@@ -17,9 +17,26 @@ _NOTHING = frozenset({"", "nan", "NaN", "NAN", "Inf", "-Inf", "null"})
 
 
 def read_cells(path: Path, separators: str = ",;\t", comment: str = "#") -> list[tuple[int, list[str]]]:
-    """Every line that is neither empty nor a comment with its number, cut at the separator that is most frequent first.
+    """Read the cells of a text table.
 
-    Raises InputError.
+    Parameters
+    ----------
+    path
+        The file.
+    separators
+        Possible separators; the most frequent one in the first lines is used.
+    comment
+        Lines that start with this text are skipped.
+
+    Returns
+    -------
+    list
+        For each line that is not empty, its number and its cells.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is not a table of text, or is empty.
     """
     lines = ["" if line.startswith(comment) else line for line in read_text(path).removeprefix("\ufeff").splitlines()]
     head = "\n".join([line for line in lines if line.strip()][:5])
@@ -28,25 +45,25 @@ def read_cells(path: Path, separators: str = ",;\t", comment: str = "#") -> list
         rows = csv.reader(lines, delimiter=separator)
         cells = [(rows.line_num, [cell.strip() for cell in row]) for row in rows]
     except csv.Error as error:
-        raise InputError(f"{path}: is no table of text ({error})") from error
-    found = [(number, row) for number, row in cells if any(row)]
-    if not found:
+        raise InputError(f"{path}: is not a table of text ({error})") from error
+    filled = [(number, row) for number, row in cells if any(row)]
+    if not filled:
         raise InputError(f"{path}: is empty")
-    return found
+    return filled
 
 
 def numbers(path: Path, line: int, cells: Sequence[str]) -> NDArray[np.float64]:
-    """(n,) the numbers of some cells, NaN for an empty one; a decimal comma is read too. Raises InputError."""
-    found = []
+    """Return the numbers (n,) in cells; an empty cell is NaN, and a decimal comma is allowed. Raises InputError."""
+    values = []
     for cell in cells:
         try:
             value = math.nan if cell in _NOTHING else float(cell.replace(",", "."))
         except ValueError:
             raise InputError(f"{path}: line {line}: {cell!r} should be a number") from None
-        found.append(value)
-    return np.array(found)
+        values.append(value)
+    return np.array(values)
 
 
-def refused(path: Path, tool: str, wanted: str) -> InputError:
-    """The error for a file that is not what the tool writes."""
-    return InputError(f"{path}: is no file of {tool}: {wanted}")
+def refused(path: Path, tool: str, expected: str) -> InputError:
+    """Return the error for a file that the tool did not write; ``expected`` says what the file should contain."""
+    return InputError(f"{path}: is not a file of {tool}: {expected}")

@@ -1,4 +1,4 @@
-"""points.csv: tracked points in millimetres of the beam frame, a row for each point of each state."""
+"""points.csv: tracked points in millimetres of the beam frame, with one row for each point of each state."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import whole_file
 
 COLUMNS = {
-    "state": Column("The state's number, as in states.csv.", "0", "required"),
-    "point": Column("The point's name, the same in every state.", "marker1", "required"),
-    "x0_mm": Column("Its place at rest, in the beam frame: along the beam from the clamp.", "25.0", "required"),
+    "state": Column("Number of the state, as in states.csv.", "0", "required"),
+    "point": Column("Name of the point, the same in every state.", "marker1", "required"),
+    "x0_mm": Column("Position at rest along the beam, from the clamp.", "25.0", "required"),
     "y0_mm": Column(
-        "Its place at rest: across the beam from the middle, positive toward the positive field.", "0.0", "required"
+        "Position at rest across the beam, from the middle; positive toward the positive field.", "0.0", "required"
     ),
-    "x_mm": Column("Its place in this state.", "21.73", "required"),
-    "y_mm": Column("Its place in this state.", "9.42", "required"),
+    "x_mm": Column("Position x in this state, in the beam frame.", "21.73", "required"),
+    "y_mm": Column("Position y in this state, in the beam frame.", "9.42", "required"),
     "sigma_mm": Column("Standard uncertainty of each coordinate.", "0.02", "required"),
 }
 DEPTH = "z_mm"
-OPTIONAL_COLUMNS = {DEPTH: Column("Its depth at rest, from mid-depth.", "2.5", "0")}
-ON_THE_BEAM_MM = 1e-6  # rounding in a table
+OPTIONAL_COLUMNS = {DEPTH: Column("Position at rest in depth, from mid-depth.", "2.5", "0")}
+ON_THE_BEAM_MM = 1e-6  # tolerance for numbers rounded in a table
 
 
 def import_points(
@@ -39,9 +39,32 @@ def import_points(
     force: bool = False,
     gravity: bool = True,
 ) -> int:
-    """Make a dataset of tracked points; returns the number of states. Raises InputError.
+    """Make a dataset from a table of tracked points.
 
-    gravity: whether the weight bends the beam; gravity_angle_deg is then also the direction of tip forces without one.
+    Parameters
+    ----------
+    points, states
+        The table of points and the table of states.
+    specimen
+        The specimen.
+    gravity_angle_deg
+        Direction of gravity in the beam frame, from +x toward +y. A tip force without an angle has this direction.
+    path
+        The dataset to write.
+    force
+        Whether an existing file is overwritten.
+    gravity
+        Whether the weight bends the beam.
+
+    Returns
+    -------
+    int
+        The number of states.
+
+    Raises
+    ------
+    InputError
+        If a table is wrong, or if a point is not on the beam.
     """
     with whole_file(path, force) as temporary:
         loads = numbered_loads(read_table(states, STATE_COLUMNS, LOAD_COLUMNS))
@@ -51,15 +74,15 @@ def import_points(
             if state not in by_state:
                 raise row.fault("state", f"one of the states in {states}")
             if any(other.text("point") == row.text("point") for other in by_state[state]):
-                raise InputError(f"{points}: row {row.line}: point {row.text('point')} is twice in state {state}")
+                raise InputError(f"{points}: row {row.line}: point {row.text('point')} appears twice in state {state}")
             by_state[state].append(row)
         for state, rows in by_state.items():
             if not rows:
                 raise InputError(f"{points}: has no point of state {state}, which is in {states}")
         tracked = [_tracked(rows, specimen) for rows in by_state.values()]
-        every = list(loads.values())
-        check_directions(states, every, gravity_angle_deg)
-        write_points(temporary, Header(specimen=specimen), gravity_angle_deg or 0.0, every, tracked, gravity)
+        load_of_state = list(loads.values())
+        check_directions(states, load_of_state, gravity_angle_deg)
+        write_points(temporary, Header(specimen=specimen), gravity_angle_deg or 0.0, load_of_state, tracked, gravity)
         return len(loads)
 
 

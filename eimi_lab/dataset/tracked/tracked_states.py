@@ -1,4 +1,4 @@
-"""A dataset of points that another tool tracked, and a table that says which of its frames are which state."""
+"""A dataset from the points that another program tracked, and a table with the frame and the loads of each state."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from eimi_lab.process.errors import InputError, tell
 from eimi_lab.process.outputs import whole_file
 from eimi_lab.vision.beam_frame import BeamFrame
 
-MOST_POINTS = 300  # of a dense field: its neighbours' errors are not independent, and a fit takes its time for each
-_OFF_THE_BEAM = 0.02  # of its width: a marker stuck on its edge is on it
+MOST_POINTS = 300  # of a dense field: errors of neighbouring points are correlated, and each point costs time in a fit
+_OFF_THE_BEAM = 0.02  # tolerance relative to the beam's width: a marker on the edge counts as on the beam
 
 
 def import_tracks(
@@ -33,10 +33,38 @@ def import_tracks(
     force: bool = False,
     gravity: bool = True,
 ) -> int:
-    """Make a dataset of points that a tool of `FORMATS` tracked; returns the number of states. Raises InputError.
+    """Make a dataset from points that another program tracked.
 
-    states has a row a state: frame as the tool numbers it, or time_s, and the load. gravity_angle_deg: in the beam
-    frame; None where placing has a calibration, which tells it. gravity: whether the weight bends the beam.
+    Parameters
+    ----------
+    source
+        The program's file or folder.
+    tool
+        Name of the program, one of `FORMATS`.
+    states
+        Table with one row for each state: the number of its frame as the program counts, or time_s, and the loads.
+    specimen
+        The specimen.
+    placing
+        Position of the points in the beam frame.
+    gravity_angle_deg
+        Direction of gravity in the beam frame, from +x toward +y; a calibration in ``placing`` replaces it.
+    path
+        The dataset to write.
+    force
+        Whether an existing file is overwritten.
+    gravity
+        Whether the weight bends the beam.
+
+    Returns
+    -------
+    int
+        The number of states.
+
+    Raises
+    ------
+    InputError
+        If a file is wrong, if information is missing, or if no point is on the beam.
     """
     if tool not in FORMATS:
         raise InputError(f"--format {tool}: should be one of {', '.join(FORMATS)}")
@@ -47,7 +75,9 @@ def import_tracks(
             gravity_angle_deg = BeamFrame(calibration).gravity_deg
             gravity = gravity and calibration.gravity
         if gravity_angle_deg is None and gravity:
-            raise InputError(f"{source}: give --gravity-angle, of gravity in the beam frame from +x toward +y")
+            raise InputError(
+                f"{source}: give --gravity-angle, the direction of gravity in the beam frame, from +x toward +y"
+            )
         rows = read_table(states, [], [*FRAME_COLUMNS, *LOAD_COLUMNS])
         at = [_frame_of(row, placed, source) for row in rows]
         loads = [load_of(row, calibration) for row in rows]
@@ -59,17 +89,17 @@ def import_tracks(
 
 
 def _frame_of(row: Row, placed: PlacedTracks, source: Path) -> int:
-    """Where the row's frame is among those of the tracks."""
+    """Return the index of a row's frame in the tracks."""
     tracks = placed.tracks
     if ("frame" in row.cells) == ("time_s" in row.cells):
         raise InputError(f"{row.path}: row 1: needs one of the columns frame and time_s, for frames of {source.name}")
     if "frame" in row.cells:
-        found = np.flatnonzero(tracks.frames == row.count("frame"))
-        if not len(found):
+        indices = np.flatnonzero(tracks.frames == row.count("frame"))
+        if not len(indices):
             raise row.fault("frame", f"one of {source.name}, which has {tracks.frames[0]} to {tracks.frames[-1]}")
-        return int(found[0])
+        return int(indices[0])
     if tracks.times_s is None:
-        raise InputError(f"{row.path}: row 1: {source.name} tells no times; give the column frame in place of time_s")
+        raise InputError(f"{row.path}: row 1: {source.name} has no times; give the column frame instead of time_s")
     apart = np.abs(tracks.times_s - row.number("time_s"))
     step = float(np.median(np.diff(tracks.times_s))) if len(tracks.times_s) > 1 else np.inf
     if apart.min() > step:
@@ -78,18 +108,19 @@ def _frame_of(row: Row, placed: PlacedTracks, source: Path) -> int:
 
 
 def _on_the_beam(placed: PlacedTracks, at: list[int], specimen: SpecimenFile, source: Path) -> NDArray[np.int64]:
-    """Which points are used: those that lie on the beam at rest and are seen in some state, not too many of them."""
+    """Return the points to use: on the beam at rest, seen in at least one state, and at most `MOST_POINTS` of them."""
     beam, rest = specimen.specimen, placed.rest_mm
     margin = _OFF_THE_BEAM * beam.width_mm
     along = (rest[:, 0] >= -margin) & (rest[:, 0] <= beam.length_mm + margin)
     on_it = along & (np.abs(rest[:, 1]) <= beam.width_mm / 2 + margin)
     seen = np.isfinite(placed.places_mm[at]).all(axis=-1).any(axis=0)
     chosen = np.flatnonzero(on_it & seen)
-    known = np.flatnonzero(np.isfinite(rest).all(axis=1))
+    with_rest = np.flatnonzero(np.isfinite(rest).all(axis=1))
     if not len(chosen):
-        where = (
-            f"the first lies at {rest[known[0], 0]:.4g}, {rest[known[0], 1]:.4g} mm" if len(known) else "none is seen"
-        )
+        where = "none is seen at rest"
+        if len(with_rest):
+            x, y = rest[with_rest[0]]
+            where = f"the first lies at {x:.4g}, {y:.4g} mm"
         raise InputError(
             f"{source}: of {len(rest)} points none lies on the beam at rest, which reaches from 0, "
             f"{-beam.width_mm / 2:g} to {beam.length_mm:g}, {beam.width_mm / 2:g} mm from its clamp; {where}: check "

@@ -1,9 +1,11 @@
-"""Tracker's exported data file (Open Source Physics): a row of tracks' names, one of columns, then a row a frame.
+"""Tracker's exported data file (Open Source Physics).
 
-Source of the format: `ExportDataDialog.java` of github.com/OpenSourcePhysics/tracker: "#multi:" before several tracks,
-the first column t or frame, cells empty where a track has no point, any delimiter, numbers as the locale writes them;
-and the first line of earlier versions, a track's name alone. Places are in the unit and axes of Tracker's own
-calibration, which the file does not tell.
+The file has a row with the names of the tracks, a row with the names of the columns, and then one row for each frame.
+"#multi:" precedes several tracks; in files of earlier versions, the first line is the name of a single track. The first
+column is t or frame. A cell is empty if the track has no point in the frame. Any delimiter is possible, and numbers
+follow the locale. Positions are in the unit and axes of Tracker's own calibration, which the file does not state.
+
+Source of the format: `ExportDataDialog.java` of github.com/OpenSourcePhysics/tracker.
 """
 
 from __future__ import annotations
@@ -19,9 +21,9 @@ _INDEPENDENT = ("t", "frame", "n", "step")
 
 
 def read_tracker(path: Path) -> Tracks:
-    """The tracks' x and y; other columns are passed over. Frames without a number of their own count from 0.
+    """Read x and y of the tracks; other columns are ignored, and frames without a number count from 0.
 
-    Raises InputError.
+    Raises InputError if the file is not one of Tracker.
     """
     rows = read_cells(path, "\t;, ")
     at = next((k for k, (_, cells) in enumerate(rows[:3]) if cells[0] in _INDEPENDENT), None)
@@ -53,7 +55,7 @@ def read_tracker(path: Path) -> Tracks:
 
 
 def _distinct(names: list[str]) -> tuple[str, ...]:
-    """Two tracks of one name get a number each."""
+    """Append a number to each name that several tracks have."""
     return tuple(
         name if names.count(name) == 1 else f"{name} {names[: k + 1].count(name)}" for k, name in enumerate(names)
     )

@@ -1,4 +1,4 @@
-"""What a tracking tool's file says, whatever the tool: points in frames, in its own unit and axes."""
+"""Tracked points in frames, in the unit and axes of the file of any tracking program."""
 
 from __future__ import annotations
 
@@ -12,12 +12,26 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Tracks:
-    """n points in k frames.
+    """Positions of n points in k frames; a value that the file does not state is None.
 
-    frames: (k,) the numbers by which the tool calls its frames. places: (k, n, 2), or (k, n, 3), NaN where a point is
-    not seen. rest: (n, 2) places in the reference picture, where the tool has one. sigma: (k, n) standard deviation of
-    a place. unit: px, mm, cm, m or in. times_s: (k,). All of these None where the file does not tell. image_axes:
-    whether places are pixels of the picture as this suite counts them: the first one's centre is 0, 0, and y is down.
+    Parameters
+    ----------
+    names
+        Names of the points.
+    frames
+        (k,) numbers of the frames, as the program counts them.
+    places
+        (k, n, 2) or (k, n, 3) positions; NaN where a point was not seen.
+    rest
+        (n, 2) positions in the reference picture.
+    sigma
+        (k, n) standard deviation of each coordinate.
+    unit
+        Unit of positions: px, mm, cm, m or in.
+    times_s
+        (k,) times of the frames.
+    image_axes
+        Whether positions are pixels as this suite counts them: the centre of the first pixel is 0, 0, and y is down.
     """
 
     names: tuple[str, ...]
