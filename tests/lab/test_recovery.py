@@ -149,7 +149,7 @@ def surprised(*arguments):
 
 reading.flags_from_text = surprised
 reading.Dataset._read_states = surprised
-reading.Dataset._damage_named = lambda self: __import__("contextlib").nullcontext()
+reading.Dataset._naming_damage = lambda self: __import__("contextlib").nullcontext()
 """)
     monkeypatch.setenv("PYTHONPATH", str(folder))
     status, said = run("recover", two["crashed"], "-o", folder / "out.h5")

@@ -94,14 +94,14 @@ def test_files_that_cannot_be_the_datasets_are_refused_with_the_key(
     before = dataset.read_bytes()
     status, said = run("segment", dataset, "--specimen", changed(files / "specimen.toml", "name", '"large"'))
     assert status == 2
-    assert "specimen.name = 'large', where" in said
+    assert "specimen.name = 'large', but" in said
     assert "shows 'small': is it the file of another specimen?" in said
     # What is not a run's: pictures come with fields or with currents.
     status, said = run(
         "segment", dataset, "--calibration", changed(files / "calibration.toml", "coil_constant_mT_per_A", 9.4)
     )
     assert status == 2
-    assert "coil_constant_mT_per_A = 9.4, where" in said
+    assert "coil_constant_mT_per_A = 9.4, but" in said
     assert "import it again" in said
     assert dataset.read_bytes() == before
 
