@@ -351,7 +351,10 @@ def test_points_are_sorted_into_their_states(run: Run, tracked: Path) -> None:
         (rewrite("points.csv", "10,1,9", "11,1,9"), "row 2: x0_mm = '11' should be on the beam, from 0 to length_mm"),
         (rewrite("points.csv", "10,1,9", "10,2,9"), "row 2: y0_mm = '2' should be on the beam, within half"),
         (rewrite("states.csv", "1,2.5", "1,2.5\n2,3"), "points.csv: has no point of state 2"),
-        (rewrite("states.csv", "1,2.5", "0,2.5"), "states.csv: row 3: state = '0' should be a state that was not"),
+        (
+            rewrite("states.csv", "1,2.5", "0,2.5"),
+            "states.csv: row 3: state = '0' should be a state that no earlier row lists",
+        ),
         (
             rewrite("states.csv", "field_mT", "current_A"),
             "current_A = '2.5' should be 0; for tracked points give field_mT",
