@@ -1,4 +1,4 @@
-"""Tables of any text are read, or told in one line."""
+"""Tables with any text are read, or refused in one line."""
 
 from __future__ import annotations
 
@@ -14,20 +14,24 @@ cells = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"
 
 
 @given(rows=st.lists(st.lists(cells, min_size=1, max_size=4), max_size=5))
-def test_any_table_is_read_or_told_in_one_line(tmp_path_factory: pytest.TempPathFactory, rows: list[list[str]]) -> None:
+def test_any_table_is_read_or_refused_in_one_line(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[list[str]]
+) -> None:
     path = tmp_path_factory.mktemp("tables") / "states.csv"
     path.write_text("\n".join(["frame,current_A", *(",".join(row) for row in rows)]), encoding="utf-8", newline="")
-    told = ""
+    message = ""
     try:
         numbers = [row.number("current_A") for row in read_table(path, ["frame"], ["current_A"])]
     except InputError as error:
-        numbers, told = [], str(error)
+        numbers, message = [], str(error)
     assert np.isfinite(numbers).all()
-    assert told.startswith(str(path)) or numbers
+    assert message.startswith(str(path)) or numbers
 
 
 @given(numbers=st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=20))
-def test_numbers_survive_a_table(tmp_path_factory: pytest.TempPathFactory, numbers: list[float]) -> None:
+def test_numbers_are_read_back_exactly_from_a_table(
+    tmp_path_factory: pytest.TempPathFactory, numbers: list[float]
+) -> None:
     path = tmp_path_factory.mktemp("tables") / "states.csv"
     path.write_text("current_A\n" + "\n".join(map(repr, numbers)))
     assert [row.number("current_A") for row in read_table(path, ["current_A"])] == numbers

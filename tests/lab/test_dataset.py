@@ -1,4 +1,4 @@
-"""The dataset file: what is written comes back, also from a file whose writer never closed it."""
+"""The dataset file: states are read back as they were written, also from a file that was never closed."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def write_states(path: Path, files: Path, draw: Callable[..., np.ndarray], state
             )
 
 
-def test_what_is_written_comes_back(files: Path, frame: Callable[..., np.ndarray]) -> None:
+def test_a_dataset_is_read_back_as_it_was_written(files: Path, frame: Callable[..., np.ndarray]) -> None:
     path = files / "run.h5"
     write_states(path, files, frame, 3)
     with open_dataset(path) as dataset:
@@ -103,7 +103,7 @@ def test_colour_and_sixteen_bits(files: Path, frame: Callable[..., np.ndarray]) 
         writer.append_state([Frame(colour, 0, 0.0)], current_A=0.0, field_mT=0.0)
     with open_dataset(files / "colour.h5") as dataset:
         assert np.array_equal(dataset.images(0)[0], colour)
-    with h5py.File(files / "colour.h5") as file:  # as NeXus has it
+    with h5py.File(files / "colour.h5") as file:  # the file has the order of NeXus, red first
         assert file["entry/data/frames"].attrs["interpretation"] == "rgb-image"
         assert np.array_equal(file["entry/data/frames"][0, ..., 0], frame(2))
 
@@ -132,7 +132,7 @@ def edge_set(points: int, *flags: Flag) -> EdgeSet:
     return EdgeSet(edges[0], edges[1], flags, rng.normal(size=(4, 2)))
 
 
-def test_edges_come_back_and_replace_earlier_ones(files: Path, frame: Callable[..., np.ndarray]) -> None:
+def test_stored_edges_are_read_back_and_replace_earlier_ones(files: Path, frame: Callable[..., np.ndarray]) -> None:
     path = files / "run.h5"
     write_states(path, files, frame, 3)
     nothing = EdgePoints(np.empty((0, 2)), np.empty(0))
@@ -142,11 +142,11 @@ def test_edges_come_back_and_replace_earlier_ones(files: Path, frame: Callable[.
         with open_dataset(path) as dataset:
             read = dataset.edges()
             assert read is not None
-            for expected, found in zip(stored, read, strict=True):
-                assert np.array_equal(expected.left.points_mm, found.left.points_mm)
-                assert np.array_equal(expected.right.sigma_mm, found.right.sigma_mm)
-                assert np.array_equal(expected.corners_px, found.corners_px, equal_nan=True)
-                assert expected.flags == found.flags
+            for expected, edges in zip(stored, read, strict=True):
+                assert np.array_equal(expected.left.points_mm, edges.left.points_mm)
+                assert np.array_equal(expected.right.sigma_mm, edges.right.sigma_mm)
+                assert np.array_equal(expected.corners_px, edges.corners_px, equal_nan=True)
+                assert expected.flags == edges.flags
             assert np.array_equal(dataset.images(1)[0], frame(10))
     assert [file.name for file in files.glob("*.h5")] == ["run.h5"]
     assert not list(files.glob(".run*"))
@@ -155,19 +155,19 @@ def test_edges_come_back_and_replace_earlier_ones(files: Path, frame: Callable[.
     with DatasetWriter.resume(path) as writer:
         writer.append_state([Frame(frame(30), 130, 3.0)], current_A=0.3, field_mT=1.41)
     with open_dataset(path) as dataset:
-        assert dataset.edges() is None  # those of three states are not those of four
+        assert dataset.edges() is None  # the stored edges are those of three states, and now there are four
 
 
-def test_a_damaged_frame_is_noticed_and_left_out(files: Path, frame: Callable[..., np.ndarray]) -> None:
+def test_a_damaged_frame_is_reported_and_recovery_leaves_it_out(files: Path, frame: Callable[..., np.ndarray]) -> None:
     path = files / "run.h5"
     write_states(path, files, frame, 2)
     with h5py.File(path, "r") as file:
         where = file["entry/data/frames"].id.get_chunk_info(3)
     with path.open("r+b") as raw:
         raw.seek(where.byte_offset + where.size // 2)
-        found = raw.read(8)
+        chunk = raw.read(8)
         raw.seek(-8, os.SEEK_CUR)
-        raw.write(bytes(byte ^ 0x5A for byte in found))
+        raw.write(bytes(byte ^ 0x5A for byte in chunk))
     with open_dataset(path) as dataset:
         dataset.images(0)
         with pytest.raises(InputError, match=r"run\.h5: frame 1 of the 2 of state 1 .* is damaged"):
@@ -183,7 +183,9 @@ def test_a_damaged_frame_is_noticed_and_left_out(files: Path, frame: Callable[..
         assert [flag.name for flag in whole.states[1].flags] == ["NOT_SETTLED", "DROPPED"]
 
 
-def test_damaged_tables_are_told_in_one_line(files: Path, frame: Callable[..., np.ndarray]) -> None:
+def test_damaged_tables_are_refused_in_one_line_and_rebuilt_by_recovery(
+    files: Path, frame: Callable[..., np.ndarray]
+) -> None:
     path = files / "run.h5"
     write_states(path, files, frame, 2)
     with h5py.File(path, "r") as file:
@@ -203,7 +205,7 @@ def test_damaged_tables_are_told_in_one_line(files: Path, frame: Callable[..., n
         assert [state.field_mT for state in whole.states] == [0.0, 0.47]
 
 
-def test_a_state_that_lost_every_frame_keeps_its_place(files: Path, frame: Callable[..., np.ndarray]) -> None:
+def test_a_state_without_readable_frames_keeps_its_number(files: Path, frame: Callable[..., np.ndarray]) -> None:
     path = files / "run.h5"
     write_states(path, files, frame, 3)
     with h5py.File(path, "r") as file:
@@ -236,7 +238,7 @@ image = lambda k: np.full((96, 128), k, np.uint8)
 with DatasetWriter(folder / "crashed.h5", header, Frame(image(0), 0, 0.0)) as writer:
     for k in range(states):
         writer.append_state([Frame(image(k), k, float(k))], current_A=k / 10, field_mT=k * 0.47)
-    # More that was never acknowledged: rows of a state that the table of states knows nothing of.
+    # Rows of a state that was not completed: the table of states does not contain it.
     writer._frames.resize(states + 1, axis=0)
     writer._columns["state"].resize(states + 1, axis=0)
     writer._columns["state"][states] = states
@@ -246,7 +248,7 @@ with DatasetWriter(folder / "crashed.h5", header, Frame(image(0), 0, 0.0)) as wr
 
 
 @pytest.mark.parametrize("states", [1, 5])
-def test_a_killed_writer_loses_no_acknowledged_state(files: Path, states: int) -> None:
+def test_a_killed_writer_loses_no_stored_state(files: Path, states: int) -> None:
     subprocess.run([sys.executable, "-c", WRITE_AND_DIE, str(files), str(states)], check=False, timeout=PATIENCE_S)
     crashed = files / "crashed.h5"
     with pytest.raises(OSError, match=r"."):
@@ -284,16 +286,16 @@ with open_dataset({str(files / "run.h5")!r}) as dataset:
             assert out.stdout.split("\n")[0] == f"{k + 1} False (1, 96, 128)"
 
 
-def test_files_that_are_no_datasets_are_told_apart(files: Path) -> None:
+def test_files_that_are_not_datasets_are_refused_with_the_reason(files: Path) -> None:
     (files / "text.h5").write_text("not at all")
     with h5py.File(files / "other.h5", "w") as file:
         file["numbers"] = [1, 2, 3]
-    for name, told in (
+    for name, reason in (
         ("missing.h5", "no such file"),
         ("text.h5", "is not an HDF5 file"),
         ("other.h5", "is an HDF5 file, but not a dataset of this suite"),
     ):
-        with pytest.raises(InputError, match=f"{name}: {told}"), open_dataset(files / name):
+        with pytest.raises(InputError, match=f"{name}: {reason}"), open_dataset(files / name):
             pass
 
 

@@ -1,4 +1,4 @@
-"""A dataset where the disk, the folder or another program is in the way."""
+"""Writing a dataset when the disk is full, the folder cannot be written to, or another program has the file open."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.process.errors import InputError
 from tests.patience import PATIENCE_S
 
-# Files may grow to so many bytes and no more: what a full disk does, without one. HDF5 gets the same kind of error.
+# A limit of the size of files imitates a full disk: HDF5 gets the same kind of error.
 WRITE_UNTIL_FULL = """
 import resource, signal, sys
 from pathlib import Path
@@ -53,7 +53,10 @@ except StorageFailed as error:
 
 
 def write_until_full(folder: Path, size: int, states: int = 8, settling: int = 0) -> tuple[int, str]:
-    """Acknowledged states and what was said. settling: frames kept of how the beam came to rest in each."""
+    """Write states until the limit of size; return the number of stored states and the messages.
+
+    ``settling`` is the number of frames stored while the beam settles at each state.
+    """
     command = [sys.executable, "-c", WRITE_UNTIL_FULL, str(folder), *map(str, (size, states, settling))]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 0, done.stderr
@@ -69,7 +72,7 @@ def write_until_full(folder: Path, size: int, states: int = 8, settling: int = 0
         *(pytest.param(size, 12, marks=pytest.mark.slow) for size in range(36_000, 400_000, 9_500)),
     ],
 )
-def test_a_full_disk_costs_no_acknowledged_state(files: Path, size: int, settling: int) -> None:
+def test_a_full_disk_costs_no_stored_state(files: Path, size: int, settling: int) -> None:
     acknowledged, said = write_until_full(files, size, settling=settling)
     assert acknowledged < 8
     left = f"the {acknowledged} states stored so far are safe" if acknowledged else "no state was stored yet"
@@ -87,7 +90,7 @@ def test_a_full_disk_costs_no_acknowledged_state(files: Path, size: int, settlin
 
 
 def crashed(files: Path) -> Path:
-    """A file that its writer never closed."""
+    """Return a file that its writer never closed."""
     assert write_until_full(files, 70_000)[0] > 1
     return files / "run.h5"
 
@@ -108,7 +111,7 @@ def a_frame(files: Path, draw: Callable[..., np.ndarray]) -> tuple[Header, Frame
     return header, Frame(draw(0), 0, 0.0)
 
 
-def test_a_reader_that_has_the_file_open_is_no_obstacle(files: Path, frame: Callable[..., np.ndarray]) -> None:
+def test_states_can_be_stored_while_a_reader_has_the_file_open(files: Path, frame: Callable[..., np.ndarray]) -> None:
     header, first = a_frame(files, frame)
     reader = f"""
 import sys
@@ -122,14 +125,14 @@ with open_dataset({str(files / "run.h5")!r}) as dataset:
         writer.append_state([first], current_A=0.0, field_mT=0.0)
         with subprocess.Popen(
             [sys.executable, "-c", reader], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        ) as looking:
-            assert looking.stdout is not None
-            assert looking.stdout.readline() == "1\n"
+        ) as process:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "1\n"
             for k in range(1, 4):
                 writer.append_state([first], current_A=k / 10, field_mT=0.0)
-            out, _ = looking.communicate("\n", timeout=PATIENCE_S)
+            out, _ = process.communicate("\n", timeout=PATIENCE_S)
             assert out == "(1, 96, 128)\n"
-            assert looking.returncode == 0
+            assert process.returncode == 0
     with open_dataset(files / "run.h5") as dataset:
         assert (len(dataset.states), dataset.finished) == (4, True)
 
@@ -146,7 +149,7 @@ def test_a_finished_file_open_elsewhere_is_not_written_to(files: Path, frame: Ca
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs a folder that takes no files, not even root's")
-def test_a_folder_that_takes_no_files_is_told_in_one_line(files: Path, frame: Callable[..., np.ndarray]) -> None:
+def test_a_folder_that_accepts_no_files_is_refused_in_one_line(files: Path, frame: Callable[..., np.ndarray]) -> None:
     header, first = a_frame(files, frame)
     with pytest.raises(InputError, match=r"/proc/run\.h5: the folder /proc (takes no new file|cannot be written to)"):
         DatasetWriter(Path("/proc/run.h5"), header, first)
@@ -160,7 +163,7 @@ me@host: {sshfs} fuse.sshfs rw 0 0
 """
 
 
-def test_network_file_systems_are_told_apart(tmp_path: Path) -> None:
+def test_network_file_systems_are_recognised(tmp_path: Path) -> None:
     mounts = tmp_path / "mounts"
     mounts.write_text(MOUNTS.format(sshfs=tmp_path / "remote"))
     assert network_file_system(Path("/mnt/my data/runs"), mounts) == "nfs4"
@@ -171,7 +174,7 @@ def test_network_file_systems_are_told_apart(tmp_path: Path) -> None:
     assert network_file_system(tmp_path, tmp_path / "no table") is None
 
 
-def test_a_run_into_a_network_file_system_is_warned_of(
+def test_a_run_on_a_network_file_system_prints_a_warning(
     files: Path, run: Callable[..., tuple[int, str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (files / "mounts").write_text(f"/dev/sda1 / ext4 rw 0 0\nserver:/data {files / 'share'} nfs4 rw 0 0\n")

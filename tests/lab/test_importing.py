@@ -1,4 +1,4 @@
-"""Importing through the command line: good folders become datasets, bad ones one line and no file."""
+"""Import by the command line: a good folder becomes a dataset, a bad one gives one line and no file."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ def import_points(run: Run, files: Path) -> tuple[int, str]:
     )
 
 
-def test_images_come_in_natural_order(run: Run, pictures: Path, frame: Callable[..., np.ndarray]) -> None:
+def test_images_are_imported_in_natural_order(run: Run, pictures: Path, frame: Callable[..., np.ndarray]) -> None:
     states = pictures / "states.csv"
     header, *rows = states.read_text().splitlines()
-    states.write_text("\n".join([header, *sorted(rows)]))  # as a shell would sort them: 1, 10, 2, 20
+    states.write_text("\n".join([header, *sorted(rows)]))  # in alphabetical order: 1, 10, 2, 20
     assert import_frames(run, pictures) == (0, "")
     with open_dataset(pictures / "out.h5") as dataset:
         assert [state.current_A for state in dataset.states] == [0.1, 0.2, 1.0, 2.0]
@@ -63,7 +63,7 @@ def test_images_come_in_natural_order(run: Run, pictures: Path, frame: Callable[
         assert np.array_equal(dataset.images(1)[0], frame(2))
 
 
-def test_neighbours_under_one_load_are_frames_of_one_state(run: Run, pictures: Path) -> None:
+def test_consecutive_images_with_one_load_are_frames_of_one_state(run: Run, pictures: Path) -> None:
     (pictures / "states.csv").write_text(
         "tip_force_N,field_mT,frame\n0,0,1\n0,0,2\n\n0.1,0,10\n0,0,frame_20\n", encoding="utf-8-sig"
     )
@@ -83,8 +83,8 @@ def test_images_that_no_row_lists_are_left_out_with_a_note(run: Run, pictures: P
         assert len(dataset.states) == 4
 
 
-def test_paths_count_from_the_table_on(run: Run, pictures: Path, frame: Callable[..., np.ndarray]) -> None:
-    """With backslashes too; and of a name in both places the folder's is meant."""
+def test_paths_are_relative_to_the_table(run: Run, pictures: Path, frame: Callable[..., np.ndarray]) -> None:
+    """Paths may have backslashes. A name that exists in the folder and beside the table means the one in the folder."""
     (pictures / "elsewhere").mkdir()
     cv2.imwrite(str(pictures / "elsewhere" / "other.png"), frame(7))
     cv2.imwrite(str(pictures / "frame_1.png"), frame(8))
@@ -97,7 +97,7 @@ def test_paths_count_from_the_table_on(run: Run, pictures: Path, frame: Callable
         assert np.array_equal(dataset.images(1)[0], frame(7))
 
 
-def test_one_picture_is_a_dataset(run: Run, pictures: Path) -> None:
+def test_a_dataset_can_be_made_from_one_picture(run: Run, pictures: Path) -> None:
     (pictures / "states.csv").write_text("frame,current_A\nframe_2.png,0.5\n")
     arguments = ["--states", pictures / "states.csv", "--specimen", pictures / "specimen.toml"]
     arguments += ["--calibration", pictures / "calibration.toml", "-o", pictures / "out.h5"]
@@ -108,8 +108,8 @@ def test_one_picture_is_a_dataset(run: Run, pictures: Path) -> None:
         assert ([state.current_A for state in dataset.states], len(dataset.edges() or ())) == ([0.5], 1)
 
 
-def test_a_table_as_a_spreadsheet_writes_it(run: Run, pictures: Path) -> None:
-    """Semicolons, decimal commas, a byte-order mark."""
+def test_a_table_written_by_a_spreadsheet_is_read(run: Run, pictures: Path) -> None:
+    """The table has semicolons, decimal commas and a byte-order mark."""
     (pictures / "states.csv").write_text("frame;current_A\nframe_1.png;0,25\nframe_2.png;1.5\n", encoding="utf-8-sig")
     assert import_frames(run, pictures)[0] == 0
     with open_dataset(pictures / "out.h5") as dataset:
@@ -119,7 +119,7 @@ def test_a_table_as_a_spreadsheet_writes_it(run: Run, pictures: Path) -> None:
         read_table(pictures / "states.xlsx", ["frame"])
 
 
-def test_a_straight_beam_may_leave_the_picture_with_a_warning(run: Run, pictures: Path) -> None:
+def test_a_straight_beam_that_leaves_the_picture_gives_a_warning(run: Run, pictures: Path) -> None:
     rewrite("specimen.toml", "length_mm = 10.0", "length_mm = 30.0")(pictures)
     status, said = import_frames(run, pictures)
     assert (status, said.count("\n")) == (0, 1)
@@ -127,8 +127,8 @@ def test_a_straight_beam_may_leave_the_picture_with_a_warning(run: Run, pictures
     assert (pictures / "out.h5").exists()
 
 
-def test_what_belongs_in_another_place_is_named(run: Run, pictures: Path) -> None:
-    def told(source: Path) -> str:
+def test_a_file_given_for_the_wrong_argument_is_named(run: Run, pictures: Path) -> None:
+    def message(source: Path) -> str:
         arguments = ["--states", pictures / "states.csv", "--specimen", pictures / "specimen.toml"]
         arguments += ["--calibration", pictures / "calibration.toml", "-o", pictures / "other.h5"]
         status, said = run("import", source, *arguments)
@@ -136,9 +136,9 @@ def test_what_belongs_in_another_place_is_named(run: Run, pictures: Path) -> Non
         return said
 
     assert import_frames(run, pictures)[0] == 0
-    assert "out.h5: is a dataset already; `eimi segment` and `eimi fit` take it" in told(pictures / "out.h5")
-    assert "states.csv: is --states; the first argument is what it lists" in told(pictures / "states.csv")
-    assert "specimen.toml: is a TOML file" in told(pictures / "specimen.toml")
+    assert "out.h5: is a dataset already; `eimi segment` and `eimi fit` take it" in message(pictures / "out.h5")
+    assert "states.csv: is --states; the first argument is what it lists" in message(pictures / "states.csv")
+    assert "specimen.toml: is a TOML file" in message(pictures / "specimen.toml")
 
 
 def rewrite(name: str, old: str, new: str) -> Callable[[Path], None]:
@@ -285,25 +285,25 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
 
 
 @pytest.mark.parametrize("case", BAD_FRAMES)
-def test_bad_frames_give_one_line_and_no_file(run: Run, pictures: Path, case: str) -> None:
-    spoil, told = BAD_FRAMES[case]
+def test_bad_frames_are_refused_in_one_line_without_a_file(run: Run, pictures: Path, case: str) -> None:
+    spoil, expected = BAD_FRAMES[case]
     spoil(pictures)
     status, said = import_frames(run, pictures)
     assert status == 2
     assert said.count("\n") == 1
-    assert told in said
+    assert expected in said
     assert not list(pictures.glob("*.h5"))
     assert not list(pictures.glob(".out*"))
 
 
-def test_an_existing_file_stays_unless_forced(run: Run, pictures: Path) -> None:
+def test_an_existing_file_is_kept_without_force(run: Run, pictures: Path) -> None:
     (pictures / "out.h5").write_text("precious")
     status, said = import_frames(run, pictures)
     assert (status, "out.h5: exists already" in said) == (2, True)
     assert (pictures / "out.h5").read_text() == "precious"
 
 
-def test_the_real_beam_comes_in_as_points(run: Run, files: Path, measured: Path) -> None:
+def test_the_tracked_points_of_the_real_beam_are_imported(run: Run, files: Path, measured: Path) -> None:
     for name in ("points.csv", "states.csv", "specimen.toml"):
         shutil.copy(measured / "real_beam" / name, files)
     assert import_points(run, files) == (0, "")
@@ -332,7 +332,7 @@ def tracked(files: Path) -> Path:
     return files
 
 
-def test_points_are_sorted_into_their_states(run: Run, tracked: Path) -> None:
+def test_points_are_assigned_to_their_states(run: Run, tracked: Path) -> None:
     assert import_points(run, tracked) == (0, "")
     with open_dataset(tracked / "out.h5") as dataset:
         assert [(state.field_mT, state.current_A) for state in dataset.states] == [(0.0, None), (2.5, None)]
@@ -341,7 +341,7 @@ def test_points_are_sorted_into_their_states(run: Run, tracked: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("spoil", "told"),
+    ("spoil", "expected"),
     [
         (rewrite("points.csv", ",x_mm,y_mm", ""), "points.csv: row 1: the columns x_mm, y_mm are missing"),
         (rewrite("points.csv", "1,a", "2,a"), "points.csv: row 2: state = '2' should be one of the states in"),
@@ -361,17 +361,17 @@ def test_points_are_sorted_into_their_states(run: Run, tracked: Path) -> None:
         ),
     ],
 )
-def test_bad_points_give_one_line_and_no_file(
-    run: Run, tracked: Path, spoil: Callable[[Path], None], told: str
+def test_bad_points_are_refused_in_one_line_without_a_file(
+    run: Run, tracked: Path, spoil: Callable[[Path], None], expected: str
 ) -> None:
     spoil(tracked)
     status, said = import_points(run, tracked)
     assert (status, said.count("\n")) == (2, 1)
-    assert told in said
+    assert expected in said
     assert not list(tracked.glob("*.h5"))
 
 
-def test_what_belongs_to_the_other_kind_is_refused(run: Run, pictures: Path) -> None:
+def test_options_of_the_other_kind_of_data_are_refused(run: Run, pictures: Path) -> None:
     common = ("--states", pictures / "states.csv", "--specimen", pictures / "specimen.toml", "-o", pictures / "o.h5")
     status, said = run("import", pictures / "frames", *common)
     assert (status, "images need --calibration" in said) == (2, True)
@@ -382,7 +382,7 @@ def test_what_belongs_to_the_other_kind_is_refused(run: Run, pictures: Path) -> 
     assert (status, "nowhere: no such folder" in said) == (2, True)
 
 
-def test_through_the_installed_module(pictures: Path) -> None:
+def test_the_installed_module_imports_pictures(pictures: Path) -> None:
     truncate(pictures)
     arguments = ["import", "frames", "--states", "states.csv", "--specimen", "specimen.toml"]
     arguments += ["--calibration", "calibration.toml", "-o", "out.h5"]

@@ -1,4 +1,4 @@
-"""Videos, averages, flags of imported frames, and images that are out to break the import: one line or honest flags."""
+"""Import of videos, averages and flags, and of hostile images, which give one line or flags."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def fill(files: Path, images: dict[str, np.ndarray], currents: list[float]) -> N
     (files / "states.csv").write_text("\n".join(["frame,current_A", *rows]) + "\n")
 
 
-def test_a_video(run: Run, files: Path, frame: Draw) -> None:
+def test_frames_of_a_video_are_imported_by_number(run: Run, files: Path, frame: Draw) -> None:
     writer = cv2.VideoWriter(str(files / "run.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (128, 96))
     for number in range(6):
         writer.write(cv2.cvtColor(frame(number, shift_px=2.0 * number), cv2.COLOR_GRAY2BGR))
@@ -60,21 +60,21 @@ def test_a_video(run: Run, files: Path, frame: Draw) -> None:
         assert [len(dataset.images(state.index)) for state in dataset.states] == [2, 1]
         dark = [float(np.flatnonzero(dataset.images(k)[-1][48] < 100).mean()) for k in (0, 1)]
     assert dark == pytest.approx([63.5 + 4.0, 63.5 + 8.0], abs=1.0)
-    for rows, told in (
+    for rows, expected in (
         ("1,0\n9,1", "run.avi: ends before frame 9"),
         ("1,0\n1,1", "listed once; row 2"),
         ("a,0\n1,1", "whole number"),
     ):
         (files / "states.csv").write_text(f"frame,current_A\n{rows}\n")
         status, said = imported(run, files, "run.avi", "--force")
-        assert (status, said.count("\n"), told in said) == (2, 1, True)
+        assert (status, said.count("\n"), expected in said) == (2, 1, True)
     (files / "states.csv").write_text("frame,current_A\n1,0\n2,1\n")
     (files / "run.avi").write_bytes(b"no video")
     status, said = imported(run, files, "run.avi", "--force")
     assert (status, "run.avi: is not a video" in said) == (2, True)
 
 
-def test_frames_of_a_video_by_their_times(run: Run, files: Path, frame: Draw) -> None:
+def test_frames_of_a_video_are_imported_by_time(run: Run, files: Path, frame: Draw) -> None:
     writer = cv2.VideoWriter(str(files / "run.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (128, 96))
     for number in range(6):
         writer.write(cv2.cvtColor(frame(number, shift_px=2.0 * number), cv2.COLOR_GRAY2BGR))
@@ -85,18 +85,18 @@ def test_frames_of_a_video_by_their_times(run: Run, files: Path, frame: Draw) ->
         dark = [float(np.flatnonzero(dataset.images(k)[-1][48] < 100).mean()) for k in (0, 1)]
         assert dataset.last_time_s() == pytest.approx(0.4)
     assert dark == pytest.approx([63.5, 63.5 + 8.0], abs=1.0)
-    for table, told in (
+    for table, expected in (
         ("time_s,current_A\n0,0\n0.7,1\n", "row 3: time_s = '0.7' should be within run.avi, which ends at 0.600 s"),
         ("time_s,current_A\n0,0\n0.02,1\n", "row 3: time_s = '0.02' should be listed once; row 2 is the same frame"),
         ("time_s,frame,current_A\n0,0,0\n", "needs one of the columns frame and time_s"),
     ):
         (files / "states.csv").write_text(table)
         status, said = imported(run, files, "run.avi", "--force")
-        assert (status, told in said) == (2, True)
+        assert (status, expected in said) == (2, True)
 
 
 def test_colour_is_kept(run: Run, files: Path, frame: Draw) -> None:
-    """Also where only the second image has any, and with a dark frame that has none."""
+    """Colours are kept if only the second image has any, and if the dark frame has none."""
     red = np.dstack([frame(1) // 3, frame(1) // 2, frame(2)])
     fill(files, {"f_0.png": frame(0), "f_1.png": red}, [0, 1])
     cv2.imwrite(str(files / "dark.png"), np.full((96, 128), 4, np.uint8))
@@ -138,7 +138,9 @@ def test_a_fit_uses_doubtful_states_with_wider_points_and_leaves_unusable_ones_o
         for name, value in (("saturated_share", 1.0), ("blur_px", 9.0), ("calibration_age_days", 200.0))
     )
     flags = [(), clipped, unfocused, age]
-    write_edges(out, [replace(edge_set, flags=own) for edge_set, own in zip(edges, flags, strict=True)])
+    write_edges(
+        out, [replace(edge_set, flags=flags_of_state) for edge_set, flags_of_state in zip(edges, flags, strict=True)]
+    )
     evidence = load_evidence(out)
     assert [state.index for state in evidence.states] == [0, 1, 3]
     assert (
@@ -170,7 +172,7 @@ def test_frames_of_a_state_are_averaged_on_request(run: Run, files: Path, frame:
     np.testing.assert_allclose(mean / 257.0, np.mean([frame(k) for k in range(5)], axis=0), atol=0.01)
 
 
-def test_flags_of_imported_frames(run: Run, files: Path, frame: Draw) -> None:
+def test_imported_frames_get_flags(run: Run, files: Path, frame: Draw) -> None:
     images = {f"f_{k}.png": frame(k) for k in (0, 5, 10, 20)}  # every fifth, and 15 is missing
     images |= {f"f_{30 + k}.png": frame(min(k, 1)) for k in range(3)}  # the last one twice
     images |= {f"f_{40 + k}.png": frame(40 + k, shift_px=0.5 * k) for k in range(3)}
@@ -179,11 +181,11 @@ def test_flags_of_imported_frames(run: Run, files: Path, frame: Draw) -> None:
     fill(files, images, [0, 0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4])
     assert imported(run, files) == (0, "")
     with open_dataset(files / "out.h5") as dataset:
-        found = [{flag.name for flag in state.flags} for state in dataset.states]
-    assert found == [{"DROPPED"}, {"DUPLICATE"}, {"NOT_SETTLED"}, set(), {"DUPLICATE"}]
+        names = [{flag.name for flag in state.flags} for state in dataset.states]
+    assert names == [{"DROPPED"}, {"DUPLICATE"}, {"NOT_SETTLED"}, set(), {"DUPLICATE"}]
 
 
-def test_progress_is_told_where_there_are_many(run: Run, files: Path, frame: Draw) -> None:
+def test_progress_is_shown_for_many_frames(run: Run, files: Path, frame: Draw) -> None:
     fill(files, {f"f_{k}.png": frame(k) for k in range(50)}, [k // 25 for k in range(50)])
     status, said = imported(run, files)
     assert status == 0
@@ -205,7 +207,7 @@ def test_edges_carry_age_and_digest_of_the_calibration(run: Run, files: Path, fr
             assert "CALIBRATION_STALE" in {flag.name for flag in edges.flags}
 
 
-def test_pictures_that_do_not_fit_leave_nothing_behind(run: Run, files: Path, frame: Draw) -> None:
+def test_overlays_that_do_not_fit_on_the_disk_leave_no_files(run: Run, files: Path, frame: Draw) -> None:
     fill(files, {f"f_{k}.png": frame(k) for k in range(9)}, list(range(9)))
     assert imported(run, files) == (0, "")
     assert run("segment", files / "out.h5", "--csv", files / "there")[0] == 0
@@ -217,15 +219,15 @@ def test_pictures_that_do_not_fit_leave_nothing_behind(run: Run, files: Path, fr
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert [status for status, _ in said] == [1, 1]
-    for name, (_, told) in zip(("there", "a/b"), said, strict=True):
-        assert f"'{files / name}/" in told
-        assert ".unfinished" not in told
+    for name, (_, message) in zip(("there", "a/b"), said, strict=True):
+        assert f"'{files / name}/" in message
+        assert ".unfinished" not in message
     assert {file.name: file.read_bytes() for file in (files / "there").iterdir()} == before
     assert not (files / "a").exists()
 
 
 def within(room: int, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    """A command whose files may grow to so many bytes; in a process of its own, which HDF5 may take down."""
+    """Run a command with a limit of the size of files, in another process because HDF5 may crash it."""
     return subprocess.run(
         [sys.executable, "-m", "eimi_lab", *map(str, arguments)],
         capture_output=True,
@@ -238,7 +240,7 @@ def within(room: int, *arguments: str | Path) -> subprocess.CompletedProcess[str
 
 @pytest.mark.parametrize("share", [0.5, 1.01])
 def test_a_full_disk_leaves_a_dataset_as_it_was(run: Run, files: Path, frame: Draw, share: float) -> None:
-    """Where it is full while the dataset is copied, and where edges are added to the copy."""
+    """The disk becomes full while the dataset is copied, or while edges are added to the copy."""
     fill(files, {f"f_{k}.png": frame(k) for k in range(9)}, list(range(9)))
     assert imported(run, files) == (0, "")
     before = (files / "out.h5").read_bytes()
@@ -250,17 +252,17 @@ def test_a_full_disk_leaves_a_dataset_as_it_was(run: Run, files: Path, frame: Dr
     assert not list(files.glob(".*"))
 
 
-def test_a_dataset_for_which_there_is_no_room_is_told_by_its_name(files: Path, frame: Draw) -> None:
+def test_a_dataset_that_does_not_fit_on_the_disk_is_named(files: Path, frame: Draw) -> None:
     fill(files, {f"f_{k}.png": frame(k) for k in range(9)}, list(range(9)))
-    given = [f"--{name}={files / name}.toml" for name in ("specimen", "calibration")]
-    given += [f"--states={files / 'states.csv'}", f"--output={files / 'out.h5'}"]
-    done = within(60_000, "import", files / "frames", *given)
+    options = [f"--{name}={files / name}.toml" for name in ("specimen", "calibration")]
+    options += [f"--states={files / 'states.csv'}", f"--output={files / 'out.h5'}"]
+    done = within(60_000, "import", files / "frames", *options)
     assert (done.returncode, done.stderr) == (1, f"eimi: {files / 'out.h5'}: cannot be written: File too large\n")
     assert not list(files.glob("*out.h5*"))
 
 
-def test_a_damaged_video_is_told_in_one_line(files: Path, frame: Draw) -> None:
-    """In a process of its own, where the decoder's own messages would come out too."""
+def test_a_damaged_video_is_refused_in_one_line(files: Path, frame: Draw) -> None:
+    """The test uses another process, in which messages of the decoder would also be visible."""
     (files / "run.mp4").write_bytes(b"no video")
     (files / "states.csv").write_text("frame,current_A\n1,0\n2,1\n")
     tables = [f"--{name}={files / name}.toml" for name in ("specimen", "calibration")]
@@ -286,7 +288,7 @@ def test_dark_frame_and_flat_field(run: Run, files: Path, frame: Draw) -> None:
     out = files / "out.h5"
     assert run("segment", out, "--flat", files / "flat.png", "--dark", files / "black.png")[0] == 0
     assert run("segment", out, "--uncorrected", "--flat", files / "flat.png")[0] == 2
-    for arguments, told in (
+    for arguments, expected in (
         (("--flat", files / "black.png"), "black.png: the flat field is dark in places"),
         (("--flat", files / "small.png"), "--flat: is 12 x 9 px of 8 bits; the frames are 128 x 96 px of 8 bits"),
         (("--flat", files / "flat.png", "--dark", files / "small.png"), "flat.png: the flat field has the shape"),
@@ -294,11 +296,11 @@ def test_dark_frame_and_flat_field(run: Run, files: Path, frame: Draw) -> None:
         (("--dark", files / "flat.png"), "--dark: has 200 counts (median) where the frames' back-light has "),
     ):
         status, said = run("segment", out, *arguments)
-        assert (status, told in said) == (2, True)
+        assert (status, expected in said) == (2, True)
 
 
-def test_dark_frame_and_flat_field_stay_with_the_frames(run: Run, files: Path) -> None:
-    """Uneven pixels spoil the edges; who was told of them once corrects them in every later segmentation."""
+def test_dark_frame_and_flat_field_are_stored_with_the_frames(run: Run, files: Path) -> None:
+    """Uneven pixels disturb the edges; a stored flat field corrects them in every later segmentation."""
     gain = 1.0 + 0.1 * np.sin(np.arange(128) / 3.0)
     specimen, calibration = load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml")
     images = {}
@@ -311,7 +313,7 @@ def test_dark_frame_and_flat_field_stay_with_the_frames(run: Run, files: Path) -
     out = files / "out.h5"
 
     def edges() -> np.ndarray:
-        """What a fit finds, which segments a dataset without edges itself."""
+        """Return the edges that a fit uses; it segments a dataset without edges."""
         load_evidence(out, flagged=True)
         with open_dataset(out) as dataset:
             return np.concatenate([side.points_mm for e in dataset.edges() or () for side in (e.left, e.right)])
@@ -350,26 +352,26 @@ def test_a_size_is_read_before_the_image(tmp_path: Path, ending: str) -> None:
 @given(
     st.sampled_from([b"\x89PNG", b"\xff\xd8\xff\xc0", b"BM", b"II*\0", b"MM\0*", b"P5 ", b""]), st.binary(max_size=60)
 )
-def test_any_header_is_read_or_passed_over(start: bytes, rest: bytes) -> None:
+def test_any_header_is_read_or_ignored(start: bytes, rest: bytes) -> None:
     size = claimed_size(start + rest)
     assert size is None or all(isinstance(side, int) for side in size)
 
 
-def test_two_hundred_megapixels_are_claimed(tmp_path: Path) -> None:
+def test_a_claim_of_two_hundred_megapixels_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "huge.png"
     path.write_bytes(png_that_claims(20_000, 10_000))
     with pytest.raises(InputError, match=r"huge\.png: states a size of 20000 x 10000 px"):
         read_image(path)
 
 
-def test_not_a_number_in_a_float_tiff(tmp_path: Path) -> None:
+def test_a_tiff_of_floating_point_numbers_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "float.tif"
     cv2.imwrite(str(path), np.full((40, 40), np.nan, np.float32))
     with pytest.raises(InputError, match=r"float\.tif: has pixels of type float32; it should have unsigned pixels"):
         read_image(path)
 
 
-def test_one_pixel(run: Run, files: Path) -> None:
+def test_an_image_of_one_pixel_is_refused(run: Run, files: Path) -> None:
     fill(files, {f"f_{k}.png": np.zeros((1, 1), np.uint8) for k in range(2)}, [0, 1])
     status, said = imported(run, files)
     assert (status, said.count("\n")) == (2, 1)
@@ -393,13 +395,13 @@ HOSTILE: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "noise": lambda image: np.random.default_rng(0).integers(0, 256, image.shape, dtype=np.uint8),
     "no beam": lambda image: np.full_like(image, 200),
     "two beams": two_beams,
-    "leaving": lambda image: image,  # the beam drawn for these tests goes through to the frame's lower edge
+    "leaving": lambda image: image,  # the beam drawn for these tests reaches the lower edge of the frame
     "clutter": clutter,
 }
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_hostile_picture_ends_in_flags(run: Run, files: Path, frame: Draw, name: str) -> None:
+def test_a_hostile_picture_gives_flags(run: Run, files: Path, frame: Draw, name: str) -> None:
     fill(files, {f"f_{k}.png": HOSTILE[name](frame(k)) for k in range(2)}, [0, 1])
     assert imported(run, files)[0] == 0
     assert run("segment", files / "out.h5", "--overlay", files / "seen")[0] == 0
@@ -408,7 +410,7 @@ def test_a_hostile_picture_ends_in_flags(run: Run, files: Path, frame: Draw, nam
             assert edges.flags
             if name in ("black", "white", "noise", "no beam"):
                 assert len(edges.left.points_mm) == 0
-            if name == "leaving":  # followed to the border, which is said
+            if name == "leaving":  # the beam is followed to the border and flagged
                 assert "TOUCHES_FRAME" in {flag.name for flag in edges.flags}
     status, said = run("fit", files / "out.h5", "--model", "neo-hookean", "-o", files / "fit.json")
     assert (status, said.splitlines()[-1].startswith("eimi: ")) == (2, True)

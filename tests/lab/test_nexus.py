@@ -1,6 +1,7 @@
 """Datasets as NeXus files: the checker of the package `nexusformat`, nxcheck, finds no error and no warning.
 
-It is no dependency, for what it brings along is several times the size of the suite: `pip install nexusformat`.
+The package is not a dependency, because its own dependencies are several times the size of the suite; install it with
+`pip install nexusformat`.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ POINTS = np.arange(10.0).reshape(5, 2)
 
 
 def faults(path: Path) -> tuple[int, int]:
-    """The numbers of warnings and of errors, with every message of the checker in the test's log."""
+    """Return the numbers of warnings and of errors; all messages of the checker go to the log of the test."""
     validate.logger.setLevel("INFO")
     return validate.validate_file(str(path))
 
@@ -42,7 +43,7 @@ def put_edges(path: Path, states: int) -> None:
     write_edges(path, [EdgeSet(edge, edge, (Flag("LOW_CONTRAST", 3.0, 20.0, "Light."),), POINTS[:4])] * states)
 
 
-def test_the_checker_is_awake(setup: Any) -> None:
+def test_the_checker_reports_faults(setup: Any) -> None:
     setup.run()
     with h5py.File(setup.path, "r+") as file:
         file["entry/data"].attrs["signal"] = "nothing"
@@ -51,7 +52,7 @@ def test_the_checker_is_awake(setup: Any) -> None:
     assert warnings + errors >= 2
 
 
-def test_an_acquired_dataset_is_without_fault(setup: Any) -> None:
+def test_an_acquired_dataset_has_no_fault(setup: Any) -> None:
     settings = CameraSettings(exposure_s=0.01, gain=6.0, gamma=1.0, region=(0, 0, 128, 96), bit_depth=8)
     setup.bench = replace(setup.bench, camera_settings=settings)
     between = "release = { seconds = 0.1 }\nconditioning = { cycles = 2, current_A = 0.3 }\n"
@@ -65,7 +66,7 @@ def test_an_acquired_dataset_is_without_fault(setup: Any) -> None:
 
 
 @pytest.mark.parametrize("average", [False, True])
-def test_an_imported_dataset_is_without_fault(pictures: Path, average: bool) -> None:
+def test_an_imported_dataset_has_no_fault(pictures: Path, average: bool) -> None:
     specimen, calibration = load_specimen(pictures / "specimen.toml"), load_calibration(pictures / "calibration.toml")
     path = pictures / "imported.h5"
     states = import_frames(pictures / "frames", pictures / "states.csv", specimen, calibration, path, average=average)
@@ -74,7 +75,7 @@ def test_an_imported_dataset_is_without_fault(pictures: Path, average: bool) -> 
     assert faults(path) == NO_FAULT
 
 
-def test_tracked_points_are_without_fault(files: Path) -> None:
+def test_a_dataset_of_tracked_points_has_no_fault(files: Path) -> None:
     (files / "points.csv").write_text(
         "state,point,x0_mm,y0_mm,x_mm,y_mm,sigma_mm\n0,a,5,0,5,0,0.1\n1,a,5,0,5,0.2,0.1\n"
     )

@@ -1,4 +1,4 @@
-"""One writer a file, and a file that is taken away from its writer."""
+"""One writer at a time for each file, and files that are taken away from their writer."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from eimi_lab.process.outputs import whole_file, whole_folder
 from eimi_lab.process.writer_lock import WriterLock, lock_file, only_writer
 from tests.patience import PATIENCE_S
 
-# A run that stores a state whenever it is told to, and says so; killed or ended by the test.
+# A run that stores a state for each line that it reads and prints its number; the test kills or ends it.
 WRITER = """
 import sys
 from pathlib import Path
@@ -55,7 +55,7 @@ def image(number: int) -> np.ndarray:
 
 @contextmanager
 def writing(path: Path, states: int) -> Iterator[subprocess.Popen[str]]:
-    """Another process that has stored so many states and goes on with one for every line."""
+    """Start another process that stores this number of states, and then one more for each line that it reads."""
     command = [sys.executable, "-c", WRITER, str(path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         for _ in range(states):
@@ -82,7 +82,7 @@ def assert_whole(path: Path, states: int) -> None:
             assert np.array_equal(dataset.images(k)[0], image(k))
 
 
-def test_a_file_in_use_is_replaced_recovered_or_segmented_by_nobody(
+def test_a_file_in_use_cannot_be_replaced_recovered_or_segmented(
     files: Path, run: Callable[..., tuple[int, str]]
 ) -> None:
     path = files / "run.h5"
@@ -98,13 +98,13 @@ def test_a_file_in_use_is_replaced_recovered_or_segmented_by_nobody(
             assert (status, said.count("\n")) == (2, 1), said
             assert f"{path}: is being written to by process {process.pid} on " in said
         assert store(process) == 3
-        assert run("recover", path, "-o", files / "so_far.h5")[0] == 0  # reading does no harm
+        assert run("recover", path, "-o", files / "so_far.h5")[0] == 0  # reading is allowed
     assert_whole(path, 4)
     assert_whole(files / "so_far.h5", 4)
     assert not lock_file(path).exists()
 
 
-def test_a_killed_run_leaves_no_lock(files: Path, run: Callable[..., tuple[int, str]]) -> None:
+def test_a_killed_run_does_not_keep_its_lock(files: Path, run: Callable[..., tuple[int, str]]) -> None:
     path = files / "run.h5"
     with writing(path, 2) as process:
         process.kill()
@@ -115,7 +115,7 @@ def test_a_killed_run_leaves_no_lock(files: Path, run: Callable[..., tuple[int, 
     assert not lock_file(path).exists()
 
 
-def test_two_names_of_a_file_share_a_lock_and_threads_do_not(tmp_path: Path) -> None:
+def test_two_names_of_a_file_share_a_lock_that_two_threads_cannot_hold(tmp_path: Path) -> None:
     path, link = tmp_path / "run.h5", tmp_path / "latest.h5"
     link.symlink_to(path)
     assert lock_file(link) == lock_file(path)
@@ -167,14 +167,16 @@ FATES: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize("fate", FATES)
-def test_a_file_taken_away_goes_on_in_a_new_one(files: Path, fate: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_whose_file_is_taken_away_continues_in_a_new_one(
+    files: Path, fate: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
     path = files / "run.h5"
     with DatasetWriter(path, header, Frame(image(0), 0, 0.0)) as writer:
         for k in range(2):
             writer.append_state([Frame(image(k), k, 0.0)], current_A=k / 10, field_mT=0.0)
         FATES[fate](path)
-        left = path.read_bytes() if path.exists() else None
+        content = path.read_bytes() if path.exists() else None
         writer.append_state([Frame(image(2), 2, 0.0)], current_A=0.2, field_mT=0.0)
         beside = files / "run-continued.h5"
         assert writer.path == beside
@@ -182,13 +184,13 @@ def test_a_file_taken_away_goes_on_in_a_new_one(files: Path, fate: str, capsys: 
         assert said == (
             f"eimi: warning: {path} {fate} during the run; its 3 states, and the following ones, are in {beside}\n"
         )
-        with open_dataset(beside) as dataset:  # acknowledged: there before anything more is written
+        with open_dataset(beside) as dataset:  # stored before the next state is written
             assert len(dataset.states) == 3
         with pytest.raises(InputError, match="is being written to"):
             subprocess_lock(beside)
         writer.append_state([Frame(image(3), 3, 0.0)], current_A=0.3, field_mT=0.0)
     assert_whole(beside, 4)
-    assert (path.read_bytes() if path.exists() else None) == left
+    assert (path.read_bytes() if path.exists() else None) == content
     if "moved" in fate:
         assert_whole(files / "moved.h5", 3)
     assert not [*files.glob(".*.lock")]
@@ -197,7 +199,7 @@ def test_a_file_taken_away_goes_on_in_a_new_one(files: Path, fate: str, capsys: 
 
 
 def subprocess_lock(path: Path) -> None:
-    """Take the lock of a file in another process."""
+    """Hold the lock of a file in another process."""
     take = "import sys; from eimi_lab.process.writer_lock import WriterLock; from pathlib import Path\n"
     take += "from eimi_lab.process.errors import InputError\ntry:\n    WriterLock(Path(sys.argv[1]))\n"
     take += "except InputError as error:\n    sys.exit(str(error))"
@@ -206,7 +208,7 @@ def subprocess_lock(path: Path) -> None:
         raise InputError(done.stderr)
 
 
-def test_a_whole_folder_moved_away_costs_nothing(files: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_moving_the_folder_of_a_run_loses_no_state(files: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
     folder = files / "today"
     folder.mkdir()
@@ -227,7 +229,7 @@ def test_a_file_without_states_that_was_replaced_is_not_removed(files: Path) -> 
     assert path.read_text() == "something else"
 
 
-def test_a_file_that_is_copied_over_ends_the_run(files: Path) -> None:
+def test_a_file_overwritten_by_another_program_ends_the_run(files: Path) -> None:
     header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
     path = files / "run.h5"
     with writing(files / "other.h5", 1):
@@ -242,7 +244,7 @@ def test_a_file_that_is_copied_over_ends_the_run(files: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
-def test_a_dataset_of_a_run_through_a_link_is_where_the_link_leads(files: Path, number: signal.Signals) -> None:
+def test_a_run_through_a_link_writes_the_file_to_which_the_link_leads(files: Path, number: signal.Signals) -> None:
     (files / "disk").mkdir()
     link = files / "run.h5"
     link.symlink_to(files / "disk" / "today.h5")
@@ -257,7 +259,7 @@ def test_outputs_follow_links(tmp_path: Path) -> None:
     (tmp_path / "disk").mkdir()
     link = tmp_path / "out.txt"
     link.symlink_to(Path("disk") / "real.txt")
-    with whole_file(link, force=False) as temporary:  # it leads to no file yet
+    with whole_file(link, force=False) as temporary:  # the link does not lead to a file yet
         temporary.write_text("first")
     with pytest.raises(InputError, match="exists already"), whole_file(link, force=False):
         pass
@@ -274,7 +276,7 @@ def test_outputs_follow_links(tmp_path: Path) -> None:
     assert sorted(path.name for path in (tmp_path / "disk").iterdir()) == ["a.csv", "real.txt"]
 
 
-def test_links_that_lead_nowhere_are_told_in_one_line(tmp_path: Path) -> None:
+def test_links_that_lead_nowhere_are_refused_in_one_line(tmp_path: Path) -> None:
     loop, lost = tmp_path / "loop.h5", tmp_path / "lost.h5"
     loop.symlink_to(loop)
     lost.symlink_to(tmp_path / "gone" / "run.h5")

@@ -1,4 +1,4 @@
-"""What is brought back of files that are damaged: a flipped bit anywhere, links elsewhere, sizes that cannot be."""
+"""Recovery of damaged and hostile files: a flipped bit anywhere, links to other files, impossible sizes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def image(number: int) -> np.ndarray:
 
 @pytest.fixture
 def two(files: Path) -> dict[str, Path]:
-    """A dataset as it was when its writer crashed, and the same closed properly."""
+    """Return a dataset as it was when its writer crashed, and the same dataset closed properly."""
     header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
     with DatasetWriter(files / "finished.h5", header, Frame(image(0), 0, 0.0)) as writer:
         for k in range(STATES):
@@ -58,7 +58,7 @@ def test_the_checksums_are_those_of_hdf5(two: dict[str, Path]) -> None:
 
 
 @pytest.mark.parametrize("length", [9, 44, 127, 128, 129, 700])
-def test_a_flipped_bit_is_found_by_the_checksum(length: int) -> None:
+def test_the_checksum_locates_a_flipped_bit(length: int) -> None:
     random = np.random.default_rng(length)
     block = random.integers(0, 256, length, dtype=np.uint8).tobytes()
     chunk = block + fletcher32(block).to_bytes(4, "little")
@@ -74,7 +74,7 @@ def test_a_flipped_bit_is_found_by_the_checksum(length: int) -> None:
 def test_a_flipped_bit_costs_nothing(two: dict[str, Path], files: Path, kind: str, seed: int) -> None:
     raw = bytearray(two[kind].read_bytes())
     random = np.random.default_rng(seed)
-    # The tables and everything around them stand in the first part of the file, frames in the rest.
+    # The tables and HDF5's structures are in the first part of the file, the frames in the rest.
     bit = int(random.integers(0, 8 * (20_000 if seed % 2 else len(raw))))
     raw[bit // 8] ^= 1 << bit % 8
     (files / "damaged.h5").write_bytes(raw)
@@ -85,7 +85,7 @@ def test_a_flipped_bit_costs_nothing(two: dict[str, Path], files: Path, kind: st
         refused = str(error)
     if not refused:
         assert_everything_is_there(files / "whole.h5")
-    else:  # texts have no checksum: a letter may be another one now
+    else:  # texts have no checksum, so that a letter may have changed without notice
         assert "damaged.h5: specimen" in refused or "damaged.h5: calibration" in refused
 
 
@@ -137,7 +137,7 @@ def test_a_hostile_file_is_refused_in_one_line(
     assert "Traceback" not in told
 
 
-def test_what_nobody_thought_of_is_told_as_a_fault_of_the_program(
+def test_an_unforeseen_error_is_reported_as_a_fault_of_the_program(
     two: dict[str, Path], run: Callable[..., tuple[int, str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = two["crashed"].parent
@@ -170,7 +170,7 @@ def test_the_first_bytes_of_a_dataset_are_refused_in_one_line(two: dict[str, Pat
     assert "eimi recover" not in str(told.value)
 
 
-def test_what_recover_is_told_does_not_send_it_to_recover(two: dict[str, Path]) -> None:
+def test_a_message_of_recover_does_not_advise_to_use_recover(two: dict[str, Path]) -> None:
     with h5py.File(two["finished"], "r+") as file:
         del file["entry/data/frames"]
     with pytest.raises(InputError, match="the readable part of it is not a dataset") as told:

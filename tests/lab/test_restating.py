@@ -1,4 +1,4 @@
-"""Specimen and calibration corrected after a run: a wrong number is told, put right, and the fit is right."""
+"""Correction of the specimen and the calibration of a dataset after the run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PROTOCOLS = Path(__file__).parents[2] / "protocols"
 
 
 def changed(file: Path, key: str, value: object) -> Path:
-    """A file beside another one that states one key otherwise."""
+    """Write a copy of a file with another value of one key beside it."""
     lines = [f"{key} = {value}" if line.startswith(f"{key} = ") else line for line in file.read_text().splitlines()]
     beside = file.with_name(f"other_{file.name}")
     beside.write_text("\n".join(lines) + "\n")
@@ -27,14 +27,12 @@ def changed(file: Path, key: str, value: object) -> Path:
 
 @pytest.fixture
 def acquired(setup) -> Path:
-    """A run of four states of the small bench, whose edges were found."""
+    """Return the dataset of a run of four states on the small bench."""
     setup.run()
     return setup.path
 
 
-def test_other_files_take_the_place_of_the_stored_ones_which_stay(
-    run: Run, acquired: Path, files: Path, capsys
-) -> None:
+def test_other_files_replace_the_stored_ones_which_are_kept(run: Run, acquired: Path, files: Path, capsys) -> None:
     assert run("segment", acquired)[0] == 0
     with open_dataset(acquired) as dataset:
         before = dataset.text("calibration"), dataset.text("specimen")
@@ -49,15 +47,15 @@ def test_other_files_take_the_place_of_the_stored_ones_which_stay(
         assert (dataset.edges() or ())[0].left.points_mm[:, 1].mean() / places_mm[:, 1].mean() == pytest.approx(
             8.0 / 8.4, rel=0.01
         )
-        told = dataset.corrections()
-    assert sorted(line.partition(":")[2] for line in told) == [
+        corrections = dataset.corrections()
+    assert sorted(line.partition(":")[2] for line in corrections) == [
         " pixels_per_mm was 8.0, and is 8.4 now",
         " specimen.width_mm was 2.0, and is 1.9 now",
     ]
     with h5py.File(acquired) as file:
         kept = [bytes(file[f"entry/former/{name}_0/data"][()]).decode() for name in ("calibration", "specimen")]
     assert tuple(kept) == before
-    # Once more, and through a recovery: every former file stays, in its order.
+    # After a second correction and a recovery, all former files are kept in their order.
     assert run("segment", acquired, "--axis", "89.5")[0] == 0
     recover(acquired, files / "again.h5")
     with open_dataset(files / "again.h5") as dataset:
@@ -65,7 +63,9 @@ def test_other_files_take_the_place_of_the_stored_ones_which_stay(
     assert words == ["pixels_per_mm was 8.0, and is 8.4 now", "axis_angle_deg was 90.0, and is 89.5 now"]
 
 
-def test_what_changed_is_told_and_the_same_changes_nothing(run: Run, acquired: Path, files: Path, monkeypatch) -> None:
+def test_changed_values_are_printed_and_equal_files_change_nothing(
+    run: Run, acquired: Path, files: Path, monkeypatch
+) -> None:
     said: list[object] = []
     monkeypatch.setattr("builtins.print", lambda *lines, **_: said.extend(lines))
     calibration = changed(files / "calibration.toml", "gravity_angle_deg", -90.0)
@@ -88,7 +88,7 @@ def test_the_fields_of_a_run_follow_its_coil_constant(run: Run, acquired: Path, 
         assert file["entry/data/field"][()].max() == pytest.approx(2 * before.max())
 
 
-def test_files_that_cannot_be_the_datasets_are_refused_with_the_key(
+def test_files_of_another_specimen_or_coil_are_refused_with_the_key(
     run: Run, dataset: Path, pictures: Path, files: Path
 ) -> None:
     before = dataset.read_bytes()
@@ -96,7 +96,7 @@ def test_files_that_cannot_be_the_datasets_are_refused_with_the_key(
     assert status == 2
     assert "specimen.name = 'large', but" in said
     assert "shows 'small': is it the file of another specimen?" in said
-    # What is not a run's: pictures come with fields or with currents.
+    # Fields of imported pictures may not follow from currents.
     status, said = run(
         "segment", dataset, "--calibration", changed(files / "calibration.toml", "coil_constant_mT_per_A", 9.4)
     )
@@ -106,7 +106,7 @@ def test_files_that_cannot_be_the_datasets_are_refused_with_the_key(
     assert dataset.read_bytes() == before
 
 
-def test_places_that_a_calibration_leaves_out_stay(run: Run, dataset: Path, files: Path) -> None:
+def test_places_that_a_calibration_leaves_out_keep_their_values(run: Run, dataset: Path, files: Path) -> None:
     lines = [line for line in (files / "calibration.toml").read_text().splitlines() if "clamp" not in line]
     (files / "corrected.toml").write_text("\n".join(lines).replace("8.0", "8.1"))
     assert run("segment", dataset, "--calibration", files / "corrected.toml")[0] == 0
@@ -117,7 +117,7 @@ def test_places_that_a_calibration_leaves_out_stay(run: Run, dataset: Path, file
 
 @pytest.mark.slow
 def test_a_wrong_width_is_named_corrected_and_fitted(run: Run, tmp_path: Path) -> None:
-    """The way of a person: the beam is half as wide in the pictures as the file says, and then it is not."""
+    """A wrong width in the specimen file is reported by the fit; after its correction the fit succeeds."""
     data, fits = tmp_path / "run.h5", tmp_path / "fits.json"
     assert run("acquire", "dragon_skin_10_quick", "--specimen", "type1", "--rig", "virtual", "-o", data)[0] == 0
     text = (PROTOCOLS / "specimens" / "type1.toml").read_text(encoding="utf-8")
@@ -131,5 +131,5 @@ def test_a_wrong_width_is_named_corrected_and_fitted(run: Run, tmp_path: Path) -
     (tmp_path / "specimen.toml").write_text(text)
     assert run("segment", data, "--specimen", tmp_path / "specimen.toml")[0] == 0
     assert run(*fit)[0] == 0
-    (found,) = read_any_fits(fits)
-    assert found.initial_shear_modulus.value == pytest.approx(46390, rel=0.06)  # of the section
+    (fitted_law,) = read_any_fits(fits)
+    assert fitted_law.initial_shear_modulus.value == pytest.approx(46390, rel=0.06)  # plane stress is an approximation

@@ -1,4 +1,4 @@
-"""Standard error that nobody reads: nothing waits for it, and nothing is lost to whoever reads late."""
+"""Standard error that nobody reads: the program does not wait, and a late reader gets everything."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from eimi_lab.process.stderr import NeverBlocking
 from tests.patience import PATIENCE_S
 
 
-def test_a_full_pipe_takes_everything_at_once_and_the_reader_gets_it_later() -> None:
+def test_writing_to_a_full_pipe_returns_at_once_and_the_reader_gets_everything_later() -> None:
     reads, writes = os.pipe()
     stream = NeverBlocking(writes)
-    lines = [f"line {number} {'.' * 80}\n" for number in range(2000)]  # more than twice what a pipe holds
+    lines = [f"line {number} {'.' * 80}\n" for number in range(2000)]  # more than twice the capacity of a pipe
     for line in lines:
         stream.write(line)
     got = bytearray()
@@ -24,12 +24,12 @@ def test_a_full_pipe_takes_everything_at_once_and_the_reader_gets_it_later() -> 
         got += os.read(reads, 65536)
         stream.flush()
     assert got.decode() == "".join(lines)
-    assert os.get_blocking(writes)  # the end that other programs share is as it was
+    assert os.get_blocking(writes)  # the descriptor that other programs share is unchanged
     for end in (reads, writes):
         os.close(end)
 
 
-def test_what_is_too_much_is_dropped_and_counted() -> None:
+def test_excess_lines_are_dropped_and_counted() -> None:
     reads, writes = os.pipe()
     stream = NeverBlocking(writes)
     for number in range(20_000):
@@ -45,7 +45,7 @@ def test_what_is_too_much_is_dropped_and_counted() -> None:
         os.close(end)
 
 
-def test_a_reader_that_left_is_no_error() -> None:
+def test_a_closed_pipe_is_not_an_error() -> None:
     reads, writes = os.pipe()
     os.close(reads)
     stream = NeverBlocking(writes)
@@ -54,7 +54,7 @@ def test_a_reader_that_left_is_no_error() -> None:
     os.close(writes)
 
 
-def test_the_command_line_ends_with_its_message_where_the_reader_is_late() -> None:
+def test_the_message_of_a_command_reaches_a_late_reader() -> None:
     command = [sys.executable, "-m", "eimi_lab", "acquire", "nothing.toml", "--specimen", "type1", "--rig", "virtual"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert done.returncode == 2
@@ -80,7 +80,7 @@ cli.main()
 
 @pytest.mark.skipif(sys.platform == "win32", reason="closes what a program is to begin without")
 @pytest.mark.parametrize("closed", [(2,), (0, 1, 2)])
-def test_a_program_begun_without_standard_streams_does_its_work(tmp_path: Path, closed: tuple[int, ...]) -> None:
+def test_a_program_started_without_standard_streams_works(tmp_path: Path, closed: tuple[int, ...]) -> None:
     done = subprocess.run(
         [sys.executable, "-c", WORKING],
         cwd=tmp_path,

@@ -1,4 +1,4 @@
-"""Points that other tools tracked, from small files in each tool's own format; the sources stand in its reader."""
+"""Import of points tracked by other programs, from small files in the format of each; its reader cites the sources."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ STATES = "frame,field_mT\n{0},0\n{1},2.5\n"
 
 
 def in_pixels(files: Path) -> np.ndarray:
-    """(2, 3, 2): at rest and bent, in the pictures of calibration.toml."""
+    """Return the pixels (2, 3, 2) of the points at rest and bent, according to calibration.toml."""
     frame = BeamFrame(load_calibration(files / "calibration.toml"))
     return np.stack([frame.to_px(REST_MM), frame.to_px(BENT_MM)])
 
 
-def imported(run: Run, files: Path, source: Path, tool: str, *said: object, states: str) -> tuple[int, str]:
+def imported(run: Run, files: Path, source: Path, tool: str, *options: object, states: str) -> tuple[int, str]:
     (files / "states.csv").write_text(states)
     arguments = ["--states", files / "states.csv", "--specimen", files / "specimen.toml", "-o", files / "out.h5"]
-    paths = [files / word if word == "calibration.toml" else word for word in said]
+    paths = [files / word if word == "calibration.toml" else word for word in options]
     return run("import", source, "--format", tool, *arguments, "--force", *paths)
 
 
 def check(files: Path, sigma_mm: float, tolerance: float = 1e-4) -> None:
-    """The points are where they were put, in both states, and a fit takes them."""
+    """Check that the points of both states are in their positions and that a fit accepts them."""
     with open_dataset(files / "out.h5") as dataset:
         assert [state.field_mT for state in dataset.states] == [0.0, 2.5]
         rest, bent = dataset.points()
@@ -57,7 +57,7 @@ def check(files: Path, sigma_mm: float, tolerance: float = 1e-4) -> None:
 
 
 def write_dice(folder: Path, places: np.ndarray) -> Path:
-    """As DICe v1.0-28 wrote tests/examples/full_field, with a subset that failed."""
+    """Write files in the form of DICe v1.0-28, tests/examples/full_field, with one failed subset."""
     folder.mkdir()
     header = "***\n*** Digital Image Correlation Engine (DICe), (git sha1: v1.0-28-g0aaeef) Copyright 2021\n***\n"
     header += "*** Reference image: ./images/ref.tiff \n***\n"
@@ -72,15 +72,15 @@ def write_dice(folder: Path, places: np.ndarray) -> Path:
     return folder
 
 
-def test_dice_of_frames(run: Run, files: Path) -> None:
+def test_dice_files_of_frames_are_imported(run: Run, files: Path) -> None:
     source = write_dice(files / "results", in_pixels(files))
-    status, said = imported(run, files, source, "dice", *BY_CALIBRATION, states=STATES.format(0, 1))
-    assert (status, "1 of 4 points left out" in said) == (0, True)
+    status, message = imported(run, files, source, "dice", *BY_CALIBRATION, states=STATES.format(0, 1))
+    assert (status, "1 of 4 points left out" in message) == (0, True)
     check(files, 0.04 / 8.0, 1e-3)
 
 
-def test_dice_of_subsets(run: Run, files: Path) -> None:
-    """One file a subset, as tests/examples/mechanism has them; the frames are those of a high-speed camera."""
+def test_dice_files_of_subsets_are_imported(run: Run, files: Path) -> None:
+    """Each subset has a file, as in DICe's tests/examples/mechanism; the frames are those of a high-speed camera."""
     places = in_pixels(files)
     (files / "results").mkdir()
     for k in range(3):
@@ -97,7 +97,7 @@ def test_dice_of_subsets(run: Run, files: Path) -> None:
 def ncorr_grid(
     places: np.ndarray, spacing: int, pixel: float
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-    """Places at rest on the grid, and both displacements of each picture in units on it."""
+    """Return the positions at rest on the grid, and both displacements of each picture in the user's unit."""
     on_grid = np.rint(places[0] / (spacing + 1)).astype(int)
     fields = []
     for there in places[1:]:
@@ -110,8 +110,8 @@ def ncorr_grid(
 
 @pytest.mark.parametrize("pictures", [1, 2])
 @pytest.mark.parametrize("version", ["7.3", "7"])
-def test_ncorr(run: Run, files: Path, version: str, pictures: int) -> None:
-    """-v7.3 as Ncorr saves, with one current picture or several, and saved again as version 7."""
+def test_ncorr_files_are_imported(run: Run, files: Path, version: str, pictures: int) -> None:
+    """The file has version 7.3 as Ncorr saves it, with one current picture or several, or version 7."""
     places = in_pixels(files)
     rest, fields = ncorr_grid(np.stack([places[0], *[places[1]] * pictures]), 1, 0.125)
     path = files / "dic.mat"
@@ -137,8 +137,8 @@ def test_ncorr(run: Run, files: Path, version: str, pictures: int) -> None:
                 store.create_dataset(name, data=np.array(references, dtype=h5py.ref_dtype), dtype=h5py.ref_dtype)
         with path.open("r+b") as raw:
             raw.write(b"MATLAB 7.3 MAT-file, Platform: PCWIN64".ljust(116) + b" " * 8 + b"\x00\x02IM")
-    said = ("--sigma", "0.05", *BY_CALIBRATION)
-    assert imported(run, files, path, "ncorr", *said, states=STATES.format(0, pictures)) == (0, "")
+    options = ("--sigma", "0.05", *BY_CALIBRATION)
+    assert imported(run, files, path, "ncorr", *options, states=STATES.format(0, pictures)) == (0, "")
     with open_dataset(files / "out.h5") as dataset:
         before, after = dataset.points()
     moved = BeamFrame(load_calibration(files / "calibration.toml")).to_mm(rest)
@@ -149,7 +149,7 @@ def test_ncorr(run: Run, files: Path, version: str, pictures: int) -> None:
 
 
 class _Pickler(pickle.Pickler):
-    """Writes arrays as dill does, with which µDIC saves."""
+    """A pickler that writes arrays as dill does, with which µDIC saves."""
 
     def reducer_override(self, value: Any) -> Any:
         if isinstance(value, np.ndarray):
@@ -159,7 +159,7 @@ class _Pickler(pickle.Pickler):
 
 
 def as_mudic_saves(monkeypatch: pytest.MonkeyPatch, path: Path, **attributes: Any) -> Path:
-    """A pickle of a muDIC.solver.correlate.DICOutput, which is not installed when it is read."""
+    """Write a pickle of a muDIC.solver.correlate.DICOutput; µDIC is not installed when it is read."""
     with monkeypatch.context() as context:
         for name in ("muDIC", "muDIC.solver", "muDIC.solver.correlate", "dill", "dill._dill"):
             context.setitem(sys.modules, name, types.ModuleType(name))
@@ -180,12 +180,12 @@ def as_mudic_saves(monkeypatch: pytest.MonkeyPatch, path: Path, **attributes: An
     return path
 
 
-def test_mudic(run: Run, files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mudic_files_are_imported(run: Run, files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     places = in_pixels(files)
     nodes = {"xnodesT": places[..., 0].T.copy(), "ynodesT": places[..., 1].T.copy()}
     source = as_mudic_saves(monkeypatch, files / "results.p", **nodes)
-    said = ("--sigma", "0.02", *BY_CALIBRATION)
-    assert imported(run, files, source, "mudic", *said, states=STATES.format(0, 1)) == (0, "")
+    options = ("--sigma", "0.02", *BY_CALIBRATION)
+    assert imported(run, files, source, "mudic", *options, states=STATES.format(0, 1)) == (0, "")
     check(files, 0.02 / 8.0)
 
 
@@ -194,16 +194,16 @@ class _Harmful:
         return os.mkdir, ("harm",)
 
 
-def test_a_pickle_runs_nothing(run: Run, files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_hostile_pickle_runs_no_program(run: Run, files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(files)
     source = as_mudic_saves(monkeypatch, files / "results.p", xnodesT=_Harmful(), ynodesT=np.zeros((2, 2)))
-    status, said = imported(run, files, source, "mudic", *BY_CALIBRATION, states=STATES.format(0, 1))
-    assert (status, said.count("\n"), "results.p: is not a file of µDIC" in said) == (2, 1, True)
+    status, message = imported(run, files, source, "mudic", *BY_CALIBRATION, states=STATES.format(0, 1))
+    assert (status, message.count("\n"), "results.p: is not a file of µDIC" in message) == (2, 1, True)
     assert not (files / "harm").exists()
 
 
 def upward(places: np.ndarray) -> np.ndarray:
-    """Pixels counted from 1 at the lower left corner of a picture 96 px high, as DLTdv5 to 7 have them."""
+    """Return pixels counted from 1 at the lower left corner of a picture 96 px high, as in DLTdv5 to 7."""
     return np.stack([places[..., 0] + 1.0, 96.0 - places[..., 1]], axis=-1)
 
 
@@ -211,8 +211,8 @@ IN_OWN_AXES = ("--pixels-per-mm", "8", "--clamp", "65,88", "--axis", "-90", "--g
 
 
 @pytest.mark.parametrize("ending", ["csv", "tsv"])
-def test_dltdv(run: Run, files: Path, ending: str) -> None:
-    """As version 7 writes xypts.csv, and as version 8 stores its points sparsely; the first frame is empty."""
+def test_dltdv_files_are_imported(run: Run, files: Path, ending: str) -> None:
+    """The file is xypts.csv of version 7, or the sparse file of version 8; the first frame is empty."""
     table = upward(in_pixels(files)).reshape(2, 6)
     if ending == "csv":
         header = ",".join(f"pt{k + 1}_cam1_{axis}" for k in range(3) for axis in "XY")
@@ -221,20 +221,20 @@ def test_dltdv(run: Run, files: Path, ending: str) -> None:
     else:
         cells = [f"{row + 2}\t{k + 1}\t{table[row, k]:.6f}" for k in range(6) for row in range(2)]
         (files / "xypts.tsv").write_text("\n".join(["DLTdv data file", f"3\t6\t{len(cells)}", *cells]) + "\n")
-    said = ("--sigma", "0.4", "--unit", "px", *IN_OWN_AXES)
-    assert imported(run, files, files / f"xypts.{ending}", "dltdv", *said, states=STATES.format(2, 3)) == (0, "")
+    options = ("--sigma", "0.4", "--unit", "px", *IN_OWN_AXES)
+    assert imported(run, files, files / f"xypts.{ending}", "dltdv", *options, states=STATES.format(2, 3)) == (0, "")
     mirrored(files)
     check(files, 0.05, 2e-6)
 
 
 def mirrored(files: Path) -> None:
-    """Whether y is a quarter turn from x as the file's axes turn."""
+    """Check that y is 90 degrees from x in the sense of rotation of the file's axes."""
     with open_dataset(files / "out.h5") as dataset:
         assert dataset.points()[1].points_mm[2, 1] > 1.9
 
 
-def test_dltdv_in_three_dimensions(run: Run, files: Path) -> None:
-    """In metres, beam along -z, bent along x."""
+def test_dltdv_files_in_three_dimensions_are_imported(run: Run, files: Path) -> None:
+    """The unit is metres; the beam hangs along -z and bends along x."""
     frames = [
         np.column_stack([0.2 + mm[:, 1] / 1e3, np.full(3, 0.7), 0.5 - mm[:, 0] / 1e3]) for mm in (REST_MM, BENT_MM)
     ]
@@ -242,17 +242,20 @@ def test_dltdv_in_three_dimensions(run: Run, files: Path) -> None:
     rows = [",".join(f"{cell:.6f}" for cell in frame.ravel()) for frame in frames]
     source = files / "xyzpts.csv"
     source.write_text("\n".join([header, *rows]) + "\n")
-    said = ["--unit", "m", "--plane", "xz", "--clamp", "0.2,0.5", "--axis", "-90", "--rest", "1", "--sigma", "1e-4"]
-    assert imported(run, files, source, "dltdv", *said, "--gravity-angle", "0", states=STATES.format(1, 2)) == (0, "")
+    options = ["--unit", "m", "--plane", "xz", "--clamp", "0.2,0.5", "--axis", "-90", "--rest", "1", "--sigma", "1e-4"]
+    assert imported(run, files, source, "dltdv", *options, "--gravity-angle", "0", states=STATES.format(1, 2)) == (
+        0,
+        "",
+    )
     check(files, 0.1, 1e-3)
     assert load_evidence(files / "out.h5").experiment.loads.gravity.any()
-    assert imported(run, files, source, "dltdv", *said, "--no-gravity", states=STATES.format(1, 2)) == (0, "")
+    assert imported(run, files, source, "dltdv", *options, "--no-gravity", states=STATES.format(1, 2)) == (0, "")
     assert not load_evidence(files / "out.h5").experiment.loads.gravity.any()
 
 
 @pytest.mark.parametrize("kind", ["several", "decimal comma", "one of version 4"])
-def test_tracker(run: Run, files: Path, kind: str) -> None:
-    """Version 6 with several tracks, with the numbers of a German locale, and a single track of an early version."""
+def test_tracker_files_are_imported(run: Run, files: Path, kind: str) -> None:
+    """The file is of version 6 with several tracks, has a German locale, or has a single track of an early version."""
     cm = [np.column_stack([5.0 + mm[:, 1] / 10, 2.0 - mm[:, 0] / 10]) for mm in (REST_MM, BENT_MM)]  # y up
     tracks = [0] if kind == "one of version 4" else [0, 1, 2]
     rows = []
@@ -271,11 +274,11 @@ def test_tracker(run: Run, files: Path, kind: str) -> None:
     if kind == "decimal comma":
         text = text.replace(".", ",").replace("\t", ";")
     (files / "data.txt").write_text(text)
-    said = ["--clamp", "5,2", "--axis", "-90", "--gravity-angle", "0", "--rest", "0", "--sigma", "0.005"]
+    options = ["--clamp", "5,2", "--axis", "-90", "--gravity-angle", "0", "--rest", "0", "--sigma", "0.005"]
     times = "time_s,field_mT\n0,0\n0.04,2.5\n"
-    status, told = imported(run, files, files / "data.txt", "tracker", *said, states=times)
-    assert (status, "data.txt: does not state its unit; give --unit mm, cm, m, in or px" in told) == (2, True)
-    assert imported(run, files, files / "data.txt", "tracker", *said, "--unit", "cm", states=times) == (0, "")
+    status, message = imported(run, files, files / "data.txt", "tracker", *options, states=times)
+    assert (status, "data.txt: does not state its unit; give --unit mm, cm, m, in or px" in message) == (2, True)
+    assert imported(run, files, files / "data.txt", "tracker", *options, "--unit", "cm", states=times) == (0, "")
     if len(tracks) > 1:
         check(files, 0.05)
     else:
@@ -285,8 +288,8 @@ def test_tracker(run: Run, files: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize("animals", [False, True])
-def test_deeplabcut(run: Run, files: Path, animals: bool) -> None:
-    """The CSV beside a video's h5, of one animal and of several; a place of little likelihood is not seen."""
+def test_deeplabcut_files_are_imported(run: Run, files: Path, animals: bool) -> None:
+    """The CSV has one animal or several; a position with a small likelihood counts as not seen."""
     places = in_pixels(files)
     parts = ["root", "middle", "tip", "lost"]
     scorer = "DLC_resnet50_beamNov21shuffle1_50000"
@@ -298,16 +301,16 @@ def test_deeplabcut(run: Run, files: Path, animals: bool) -> None:
         sure = [cell for x, y in frame for cell in (f"{x:.6f}", f"{y:.6f}", "0.9998")]
         lines.append([str(number), *sure, "70.0", "40.0", "0.012"])
     (files / "video.csv").write_text("\n".join(map(",".join, lines)) + "\n")
-    said = ("--sigma", "0.5", "--rest", "0", *BY_CALIBRATION)
-    status, told = imported(run, files, files / "video.csv", "deeplabcut", *said, states=STATES.format(0, 1))
-    assert (status, "1 of 4 points left out" in told) == (0, True)
+    options = ("--sigma", "0.5", "--rest", "0", *BY_CALIBRATION)
+    status, message = imported(run, files, files / "video.csv", "deeplabcut", *options, states=STATES.format(0, 1))
+    assert (status, "1 of 4 points left out" in message) == (0, True)
     check(files, 0.5 / 8.0)
     with open_dataset(files / "out.h5") as dataset:
         assert dataset.points()[0].names[2] == ("beam tip" if animals else "tip")
 
 
-def test_c3d(run: Run, files: Path) -> None:
-    """Written by ezc3d: millimetres, beam along -z, bent along x, a marker that is not always seen."""
+def test_c3d_files_are_imported(run: Run, files: Path) -> None:
+    """ezc3d writes the file: millimetres, beam along -z, bent along x, and one marker that is not always seen."""
     ezc3d = pytest.importorskip("ezc3d")
     points = np.ones((4, 4, 2))
     for k, mm in enumerate((REST_MM, BENT_MM)):
@@ -320,14 +323,16 @@ def test_c3d(run: Run, files: Path) -> None:
     parameters["LABELS"]["value"] = ("root", "middle", "tip", "lost")
     file["data"]["points"] = points
     file.write(str(files / "capture.c3d"))
-    said = ["--clamp", "200,500", "--axis", "-90", "--gravity-angle", "0", "--rest", "1", "--sigma", "0.2"]
-    status, told = imported(run, files, files / "capture.c3d", "c3d", *said, states=STATES.format(1, 2))
-    assert (status, "points in three dimensions; give the plane in which the beam bends" in told) == (2, True)
-    said += ["--plane", "xz"]
-    assert imported(run, files, files / "capture.c3d", "c3d", *said, states=STATES.format(1, 2))[0] == 0
+    options = ["--clamp", "200,500", "--axis", "-90", "--gravity-angle", "0", "--rest", "1", "--sigma", "0.2"]
+    status, message = imported(run, files, files / "capture.c3d", "c3d", *options, states=STATES.format(1, 2))
+    assert (status, "points in three dimensions; give the plane in which the beam bends" in message) == (2, True)
+    options += ["--plane", "xz"]
+    assert imported(run, files, files / "capture.c3d", "c3d", *options, states=STATES.format(1, 2))[0] == 0
     check(files, 0.2, 1e-3)
-    status, told = imported(run, files, files / "capture.c3d", "c3d", *said, "--unit", "m", states=STATES.format(1, 2))
-    assert (status, "--unit m: " in told, "states that it is in mm" in told) == (2, True, True)
+    status, message = imported(
+        run, files, files / "capture.c3d", "c3d", *options, "--unit", "m", states=STATES.format(1, 2)
+    )
+    assert (status, "--unit m: " in message, "states that it is in mm" in message) == (2, True, True)
 
 
 MISTAKES: dict[str, tuple[tuple[object, ...], str]] = {
@@ -374,27 +379,27 @@ MISTAKES: dict[str, tuple[tuple[object, ...], str]] = {
 
 
 @pytest.mark.parametrize("case", MISTAKES)
-def test_what_is_missing_is_asked_for_in_one_line(run: Run, files: Path, case: str) -> None:
-    said, told = MISTAKES[case]
+def test_a_missing_option_is_requested_in_one_line(run: Run, files: Path, case: str) -> None:
+    options, message = MISTAKES[case]
     rows = "scorer,a,a,a\nbodyparts,tip,tip,tip\ncoords,x,y,likelihood\n0,64,50,1\n1,66,50,1\n"
     (files / "video.csv").write_text(rows)
-    status, answer = imported(run, files, files / "video.csv", "deeplabcut", *said, states=STATES.format(0, 1))
-    assert (status, answer.count("\n"), told in answer) == (2, 1, True), answer
+    status, answer = imported(run, files, files / "video.csv", "deeplabcut", *options, states=STATES.format(0, 1))
+    assert (status, answer.count("\n"), message in answer) == (2, 1, True), answer
     assert not (files / "out.h5").exists()
 
 
 @pytest.mark.parametrize("tool", ["dice", "ncorr", "mudic", "dltdv", "tracker", "deeplabcut", "c3d"])
 @pytest.mark.parametrize("content", [b"", b"\x80\x04\xff", b"a,b,c\n1,2\n", b"t,x,y\n0,a,1\n", b"MATLAB 5.0 MAT-file"])
-def test_another_file_is_told_in_one_line(run: Run, files: Path, tool: str, content: bytes) -> None:
+def test_a_file_of_another_format_is_refused_in_one_line(run: Run, files: Path, tool: str, content: bytes) -> None:
     if tool == "c3d":
         pytest.importorskip("ezc3d")
     (files / "what.dat").write_bytes(content)
-    said = ("--sigma", "1", "--rest", "0", *BY_CALIBRATION)
-    status, answer = imported(run, files, files / "what.dat", tool, *said, states=STATES.format(0, 1))
+    options = ("--sigma", "1", "--rest", "0", *BY_CALIBRATION)
+    status, answer = imported(run, files, files / "what.dat", tool, *options, states=STATES.format(0, 1))
     assert (status, answer.count("\n"), "what.dat: " in answer) == (2, 1, True), answer
 
 
-def test_options_of_tracks_without_a_format(run: Run, pictures: Path) -> None:
+def test_options_of_tracks_are_refused_without_a_format(run: Run, pictures: Path) -> None:
     arguments = ["--states", pictures / "states.csv", "--specimen", pictures / "specimen.toml", "-o", pictures / "o.h5"]
-    status, said = run("import", pictures / "frames", *arguments, "--unit", "mm")
-    assert (status, "--unit: goes with --format" in said) == (2, True)
+    status, message = run("import", pictures / "frames", *arguments, "--unit", "mm")
+    assert (status, "--unit: goes with --format" in message) == (2, True)

@@ -1,4 +1,4 @@
-"""The virtual rig: the same whenever it is asked with the same seed, and under the loads that its files state."""
+"""The virtual rig: equal seeds give equal results, and the beam carries the loads that the files state."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def specimen() -> SpecimenFile:
 
 
 def rig(seed: int = 1, **of_calibration: Any) -> Rig:
-    """The shipped one on a coarse mesh, with small frames."""
+    """Return the shipped virtual rig with a coarse mesh and small frames."""
     shipped = load_rig("virtual")
     assert shipped.virtual is not None
     virtual = shipped.virtual.model_copy(
@@ -31,8 +31,8 @@ def rig(seed: int = 1, **of_calibration: Any) -> Rig:
     return shipped.model_copy(update={"virtual": virtual, "calibration": calibration})
 
 
-def seen(of: Rig, specimen: SpecimenFile, current_A: float = 0.0) -> tuple[NDArray[Any], list[float]]:
-    """A frame under a current, and a few readings of the supply."""
+def frame_and_readings(of: Rig, specimen: SpecimenFile, current_A: float = 0.0) -> tuple[NDArray[Any], list[float]]:
+    """Return a frame at a current, and a few readings of the supply."""
     supply, camera, clock, _ = open_virtual_rig(of, specimen)
     supply.set_voltage(of.supply.limits.voltage_V)
     supply.set_current(current_A)
@@ -41,8 +41,10 @@ def seen(of: Rig, specimen: SpecimenFile, current_A: float = 0.0) -> tuple[NDArr
     return camera.grab(1.0).image, [supply.measure().current_A for _ in range(6)]
 
 
-def test_a_seed_gives_the_same_frames_and_readings_and_another_others(specimen: SpecimenFile) -> None:
-    (image, read), (again, read_again), (other, read_other) = (seen(rig(seed), specimen) for seed in (1, 1, 2))
+def test_equal_seeds_give_equal_frames_and_readings_and_other_seeds_others(specimen: SpecimenFile) -> None:
+    (image, read), (again, read_again), (other, read_other) = (
+        frame_and_readings(rig(seed), specimen) for seed in (1, 1, 2)
+    )
     np.testing.assert_array_equal(image, again)
     assert read == read_again
     assert (image != other).mean() > 0.1
@@ -50,12 +52,12 @@ def test_a_seed_gives_the_same_frames_and_readings_and_another_others(specimen: 
 
 
 def middle_px(image: NDArray[Any]) -> float:
-    """Of the beam, in the picture's last rows that show it: its magnet lets no light through."""
+    """Return the middle of the magnet, which is opaque, in the last rows of the picture that show the beam."""
     dark = image[80:92] < 0.25 * np.percentile(image, 90)
     return float(np.nonzero(dark)[1].mean())
 
 
-def test_a_small_step_of_the_current_moves_the_beam_too(specimen: SpecimenFile) -> None:
+def test_a_small_step_of_the_current_moves_the_beam(specimen: SpecimenFile) -> None:
     supply, camera, clock, _ = open_virtual_rig(rig(), specimen)
     supply.set_voltage(30.0)
     supply.set_output(True)
@@ -67,10 +69,10 @@ def test_a_small_step_of_the_current_moves_the_beam_too(specimen: SpecimenFile) 
     assert min(np.diff(middles)) > 0.3
 
 
-def test_gravity_that_was_taken_out_does_not_bend_the_beam(specimen: SpecimenFile) -> None:
-    """Gravity aslant bends a beam that hangs from its clamp, unless the calibration says that it does not."""
+def test_without_gravity_the_beam_does_not_bend(specimen: SpecimenFile) -> None:
+    """Oblique gravity bends a hanging beam, unless the calibration has gravity = false."""
     soft = parse(SpecimenFile, specimen.text.replace('"Dragon Skin 10"', '"Ecoflex 00-50"'), "soft")
-    bent = middle_px(seen(rig(gravity_angle_deg=70.0), soft)[0])
-    straight = middle_px(seen(rig(gravity_angle_deg=70.0, gravity=False), soft)[0])
+    bent = middle_px(frame_and_readings(rig(gravity_angle_deg=70.0), soft)[0])
+    straight = middle_px(frame_and_readings(rig(gravity_angle_deg=70.0, gravity=False), soft)[0])
     assert straight == pytest.approx(80.0, abs=0.5)
     assert abs(bent - straight) > 1.0
