@@ -303,19 +303,9 @@ class DatasetWriter:
         self._keep_the_name()
 
     def append_recording(self, name: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
-        """Store frames of a recording; after the return they survive a crash.
+        """Store frames of a recording, one of `recordings.BELONGS_TO`, with the state or cycle of each frame.
 
-        Parameters
-        ----------
-        name
-            One of `recordings.BELONGS_TO`.
-        belongs_to, moments
-            For each frame, its state or cycle, and the frame with its times and set-point.
-
-        Raises
-        ------
-        ValueError, StorageFailed
-            As in `append_state`.
+        After the return the frames survive a crash. Raises as `append_state` does.
         """
         self._refuse_overwritten()
         with self._writing():
