@@ -25,101 +25,19 @@ import argparse
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eimi_fitting.beam.beside import SolidBeside
-from eimi_fitting.beam.loads import Loads
-from eimi_fitting.beam.model import BeamModel
-from eimi_fitting.beam.outline import outline, points_on
-from eimi_fitting.beam.specimen import Section
 from eimi_fitting.discovery.bending_rows import NoEquilibrium
-from eimi_fitting.discovery.terms_of_a_law import LIBRARY, LOT, MOST_TERMS, Discovery, discover
-from eimi_fitting.inference.evidence.experiment import Experiment
-from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
-from eimi_fitting.laws import engineering_stress
-from eimi_fitting.laws.sum_of_terms import SumOfTerms, Term
-from eimi_lab.config.specimen import load_specimen
-from eimi_lab.study.observed import NOISE_MM, experiment_of
+from eimi_fitting.discovery.terms_of_a_law import MOST_TERMS, Discovery, discover
+from eimi_fitting.laws.sum_of_terms import Term
+from tests.shared.hidden_laws import Hidden
 
-Array = NDArray[np.float64]
-
-STRAIN = np.linspace(0.02, 3.0, 150)
 TENSILE_NOISE = 0.002
-MODULUS_PA = (15e3, 60e3)
-LEAST_SHARE = 0.15
-STATES, FIELD_PER_PA = 6, 7.05 / 46e3  # mT that bends type 1 as far as the protocols do
-PLANAR_MESH, SOLID_MESH = (70, 8), (26, 3, 1)
 BEGUN_WITHIN = 0.1  # of the modulus
 SEED = 2
 BOTH, BENDING, TENSION = "bending and tension", "bending alone", "tension alone"
-
-
-@cache
-def beam(kind: str, solid: bool) -> BeamModel | SolidBeside:
-    """A shipped specimen that is to be hidden."""
-    section: Section = "solid" if solid else "plane-stress"
-    specimen = replace(load_specimen(kind).mechanics(), section=section)
-    return SolidBeside(specimen, *SOLID_MESH) if solid else BeamModel(specimen, *PLANAR_MESH)
-
-
-@dataclass(frozen=True)
-class Hidden:
-    """A law that is to be found: terms and coefficients (k,) in Pa."""
-
-    terms: tuple[Term, ...]
-    coefficients: Array
-
-    @staticmethod
-    def drawn(rng: np.random.Generator, off: float = 1.0) -> Hidden:
-        """Terms, their shares of the stress at the end, and the modulus; off: see `_elsewhere`."""
-        while True:
-            chosen = rng.choice(len(LIBRARY), rng.integers(1, MOST_TERMS + 1), replace=False)
-            terms = tuple(LIBRARY[i] for i in sorted(chosen))
-            if any(term.has_modulus for term in terms):
-                break
-        while (shares := rng.dirichlet(np.ones(len(terms)))).min() < LEAST_SHARE:
-            pass
-        if off > 1:
-            terms = tuple(_elsewhere(term, off, rng) for term in terms)
-        law = SumOfTerms(terms)
-        coefficients = shares / engineering_stress(law, np.eye(len(terms)), STRAIN[-1:])[:, 0]
-        modulus = np.exp(rng.uniform(*np.log(MODULUS_PA)))
-        return Hidden(terms, coefficients * modulus / law.initial_shear_modulus(coefficients))
-
-    @property
-    def modulus_Pa(self) -> float:
-        """Initial shear modulus."""
-        return float(SumOfTerms(self.terms).initial_shear_modulus(self.coefficients))
-
-    def curve(self, noise: float, rng: np.random.Generator) -> TensileCurve:
-        """Its tensile test; noise: as a share of the largest stress."""
-        stress = engineering_stress(SumOfTerms(self.terms), self.coefficients, STRAIN)
-        return TensileCurve(STRAIN, stress + rng.normal(0.0, noise * stress.max(), len(STRAIN)))
-
-    def bent(self, solid: bool, rng: np.random.Generator) -> Experiment:
-        """A bent specimen of another lot. Raises NoEquilibrium."""
-        kind = f"type{rng.integers(1, 4)}"
-        model, stiffness = beam(kind, solid), 1 + LOT * rng.normal()
-        fields = np.linspace(0.0, FIELD_PER_PA * self.modulus_Pa, STATES)
-        coefficients = stiffness * self.coefficients[None]
-        shapes = model.solve(SumOfTerms(self.terms), coefficients, Loads.along(fields), tolerance_mm=1e-3)
-        if not shapes.converged.all():
-            raise NoEquilibrium
-        edges = points_on(outline(model, shapes)[0], 2)[:, :, 4:-2]
-        edges = edges[:, :, :: max(edges.shape[2] // 60, 1)]
-        return experiment_of(kind, edges + rng.normal(0.0, NOISE_MM, edges.shape), fields, model.specimen.section)
-
-
-def _elsewhere(term: Term, off: float, rng: np.random.Generator) -> Term:
-    """The term with a number up to so many times the library's, or a part of it; Jm never falls below the library's."""
-    shift = np.exp(rng.uniform(-1, 1) * np.log(off))
-    if term.number is None:
-        return term
-    return replace(term, number=term.number * (max(shift, 1 / shift) if term.kind == "gent" else shift))
 
 
 @dataclass(frozen=True)

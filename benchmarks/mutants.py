@@ -123,7 +123,7 @@ def _pytest(copy: Path, said: Path, tests: Sequence[str]) -> None:
     os.setsid()
     folders = [str(copy), str(copy / "drivers"), str(copy / "fitting")]
     sys.path[:] = [*folders, *(path for path in sys.path if path not in ("", str(PROJECT)))]
-    for name in [name for name in sys.modules if name.partition(".")[0] == "benchmarks"]:
+    for name in [name for name in sys.modules if name.partition(".")[0] in ("benchmarks", "tests")]:
         del sys.modules[name]
     sys.dont_write_bytecode = True
     os.environ |= {"PYTHONPATH": os.pathsep.join(folders), "PYTHONDONTWRITEBYTECODE": "1"}

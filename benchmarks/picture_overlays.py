@@ -16,13 +16,13 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from benchmarks.lab_difficulties import KINDS
-from benchmarks.lab_photographs import lab_photograph, stated
-from benchmarks.real_pictures import Picture, pictures
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import leaves_out
 from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.edges.overlay import contact_sheet, draw_overlay
+from tests.shared.lab_difficulties import KINDS
+from tests.shared.lab_photographs import lab_photograph, stated
+from tests.shared.real_pictures import Picture, pictures
 
 _COLUMNS = 4
 _TRACED, _LEFT, _RIGHT = "0.75", "tab:blue", "tab:orange"

@@ -10,123 +10,25 @@ seen deviation by chance, and the median of stated over true: for scatter of the
 from __future__ import annotations
 
 import argparse
-import importlib.util
-import json
 import math
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_lab.config.calibration import Calibration, load_calibration
-from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import Severity
 from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
-from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.edges.overlay import draw_overlay
 from eimi_lab.vision.following.edge_points import estimate_scatter
+from tests.shared.real_pictures import PICTURES, Picture, PictureScore, pictures
 
 Array = NDArray[np.float64]
-
-PICTURES = Path(__file__).parents[2] / "shared" / "data" / "pictures"
-COVERAGE, MEDIAN_PX, P95_PX = 0.85, 1.5, 4.0
-"""What a good result has at least and at most."""
 _DEGREE = 7  # of the polynomial off which an edge scatters
-
-
-@dataclass(frozen=True)
-class PictureScore:
-    """coverage: share of the traced edges that has points; median, p95: distance from them, px; NaN without points."""
-
-    coverage: float
-    median: float
-    p95: float
-
-    @property
-    def good(self) -> bool:
-        return self.coverage >= COVERAGE and self.median <= MEDIAN_PX and self.p95 <= P95_PX
-
-    @property
-    def wrong(self) -> bool:
-        """Points that lie elsewhere; too few of them are no wrong ones."""
-        return not (self.median <= MEDIAN_PX and self.p95 <= P95_PX)
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A photograph with what a hopeful user states of it, and the folder with the traced edges, if it has a beam."""
-
-    name: str
-    image: NDArray[Any]
-    calibration: Calibration
-    specimen: SpecimenFile
-    folder: Path
-    beam: bool
-
-    def edges(self, stated: tuple[Calibration, SpecimenFile] | None = None) -> EdgeSet:
-        calibration, specimen = stated or (self.calibration, self.specimen)
-        return find_edges(self.image, calibration, specimen)
-
-    def wrongly_stated(self, rng: np.random.Generator) -> tuple[Calibration, SpecimenFile]:
-        """Clamp, axis, width and length as an eye and a ruler may have them."""
-        clamp = np.array(self.calibration.clamp_midpoint_px) + rng.uniform(-4.0, 4.0, 2)
-        turn = rng.uniform(-4.0, 4.0)
-        beam = self.specimen.specimen
-        size = {
-            "width_mm": beam.width_mm * rng.uniform(0.92, 1.08),
-            "length_mm": beam.length_mm * rng.uniform(0.9, 1.1),
-        }
-        changes = {
-            "clamp_midpoint_px": tuple(clamp.tolist()),
-            "axis_angle_deg": self.calibration.axis_angle_deg + turn,
-        }
-        calibration = self.calibration.model_copy(update=changes)
-        return calibration, self.specimen.model_copy(update={"specimen": beam.model_copy(update=size)})
-
-    def score(self, edges: EdgeSet, calibration: Calibration) -> PictureScore:
-        """Against the traced edges, by the way of scoring that comes with the pictures: either side may be the left."""
-        reference = json.loads((self.folder / "reference.json").read_text())
-        if not self.beam or not len(edges.left.points_mm):
-            return PictureScore(0.0, math.nan, math.nan)
-        foot = _foot()
-        frame = BeamFrame(calibration)
-        found = [frame.to_px(edge.points_mm) for edge in (edges.left, edges.right)]
-        lines = [np.array(reference[side]) for side in ("side_a", "side_b")]
-        near = max(3.0 * reference["uncertainty_px"], 0.15 * reference["width_px"])
-        reach = max(reference["width_px"] / 4.0, reference["length_px"] / 50.0)
-        ways = []
-        for sides in (found, found[::-1]):
-            distances, covered, total = [], 0, 0
-            for points, line in zip(sides, lines, strict=True):
-                length = float(np.hypot(*np.diff(line, axis=0).T).sum())
-                stations = np.arange(0.0, length, max(reference["width_px"] / 8.0, 1.0))
-                distance, along, beyond = foot(points, line)
-                distances.append(distance[~beyond])
-                at = along[distance <= near]
-                total += len(stations)
-                covered += int((np.abs(stations[:, None] - at).min(axis=1, initial=np.inf) <= reach).sum())
-            apart = np.concatenate(distances)
-            if len(apart):
-                ways.append(PictureScore(covered / total, float(np.median(apart)), float(np.percentile(apart, 95))))
-        return min(ways, key=lambda scored: scored.median, default=PictureScore(0.0, math.nan, math.nan))
-
-
-def pictures(group: str) -> Iterator[Picture]:
-    """Those of a group, ``development`` or ``refusal``; none where the folder is missing."""
-    for folder in sorted((PICTURES / group).glob("*/")):
-        image = cv2.imread(str(folder / "frame.png"), cv2.IMREAD_UNCHANGED)
-        if image.ndim == 3 and np.ptp(image, axis=2).max() == 0:
-            image = image[..., 0]  # as a dataset keeps it
-        calibration = load_calibration(folder / "calibration.toml")
-        specimen = load_specimen(folder / "specimen.toml")
-        yield Picture(folder.name, image, calibration, specimen, folder, group == "development")
 
 
 def stated_over_seen(edge: EdgePoints) -> float:
@@ -184,15 +86,6 @@ def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[f
         over_true.append(float(np.median(sigma)) / seen.deviation)
     low, high = np.percentile(over_seen, (2.5, 97.5))
     return float(low), float(high), float(np.median(over_true))
-
-
-def _foot() -> Any:
-    spec = importlib.util.spec_from_file_location("score", PICTURES / "score.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.foot
 
 
 def main() -> None:

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,12 +17,12 @@ import numpy as np
 
 from benchmarks.kill_campaign import FILES, HEIGHT, PICTURES, WIDTH
 from eimi_lab.config.protocol import load_protocol
+from tests.shared.processes import WAIT_AT_MOST_S, alive, wait_until
 
 SHIPPED = "dragon_skin_10"
 FULL_A = 1.5
 STATES = 8
 NAMES = 6000
-WAIT_AT_MOST_S = 600.0
 
 
 class Supply:
@@ -171,23 +170,6 @@ camera = {{ driver = "opencv", source = "recording" }}
         else:
             os.close(self._pipe)
         return status
-
-
-def wait_until(true: Callable[[], bool], otherwise: str) -> None:
-    """Wait; raises RuntimeError where it never comes true."""
-    until = time.monotonic() + WAIT_AT_MOST_S
-    while not true():
-        if time.monotonic() > until:
-            raise RuntimeError(otherwise)
-        time.sleep(0.005)
-
-
-def alive(process: int) -> bool:
-    """Whether a process is there, and is more than the entry of one that has ended."""
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
-    except OSError:
-        return False
 
 
 def make_bench(folder: Path) -> None:

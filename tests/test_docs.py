@@ -59,7 +59,7 @@ def blocks(page: Path) -> list[Block]:
 
 def follow(page: Path, folder: Path, shortened: bool) -> None:
     """Do what a page says, in a folder that looks like the clone."""
-    for name in ("examples", "protocols", "benchmarks"):
+    for name in ("examples", "protocols", "benchmarks", "tests"):
         (folder / name).symlink_to(ROOT / name)
     if shortened:
         shorten(folder)

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.spoilt_bench import alive, wait_until
 from tests.patience import PATIENCE_S
+from tests.shared.processes import alive, wait_until
 
 PROJECT = Path(__file__).parents[1]
 HANGING = """

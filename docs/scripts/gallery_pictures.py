@@ -17,8 +17,6 @@ import numpy as np
 from matplotlib.axes import Axes
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
-from benchmarks.edges import errors_px
-from benchmarks.photographs import CALIBRATION, SPECIMEN, photograph
 from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.emulators import CoilSupply, open_in_process
 from eimi_drivers.interfaces import Limits
@@ -33,6 +31,8 @@ from eimi_fitting.laws.tensile import engineering_stress, fit_tensile
 from eimi_lab.config.protocol import load_protocol
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.finding import find_edges
+from tests.shared.photographs import CALIBRATION, SPECIMEN, photograph
+from tests.shared.rendered_edges import errors_px
 
 FOLDER = Path(__file__).parents[1] / "gallery"
 BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))

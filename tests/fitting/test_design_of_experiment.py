@@ -8,8 +8,6 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from benchmarks.coverage import stated
-from benchmarks.plan import Bench, Setting, fitted, half_percent, measured, planned
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.inference.evidence.sources import StatedSource
@@ -23,6 +21,8 @@ from eimi_fitting.inference.planning.design_of_experiment import (
     rivals,
 )
 from eimi_fitting.laws import LAWS
+from tests.shared.planned_states import Bench, Setting, fitted, half_percent, measured, planned
+from tests.shared.virtual_measurements import stated
 
 BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
 NEO_HOOKEAN = KnownLaw(LAWS["neo-hookean"], np.array([46e3]))

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.discover import Hidden
 from eimi_fitting.discovery.rows import Rows
 from eimi_fitting.discovery.supports import supports
 from eimi_fitting.discovery.terms_of_a_law import discover
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
 from eimi_fitting.laws import LAWS, CannotFit, engineering_stress
 from eimi_fitting.laws.sum_of_terms import SumOfTerms, Term
+from tests.shared.hidden_laws import Hidden
 
 
 def curve_of(law, parameters, noise=0.002, largest=3.0, rows=150):

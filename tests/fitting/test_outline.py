@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.solid import MAGNETIC, held
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import edge_curves, outline, points_on
@@ -16,6 +15,7 @@ from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.beam.view import View
 from eimi_fitting.inference.evidence.measurements import signed_distance
 from eimi_fitting.laws import LAWS
+from tests.shared.solid_cases import MAGNETIC, held
 
 NEO, MODULUS = LAWS["neo-hookean"], np.array([4.6e4])
 BEAMS = {

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks import solid as checks
 from eimi_fitting.beam import brick
 from eimi_fitting.beam.bricks import brick_mesh
 from eimi_fitting.beam.element import Batch, volume_gap
@@ -18,6 +17,7 @@ from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.solid_model import SolidModel
 from eimi_fitting.beam.specimen import Magnet, PressureFace, Specimen
 from eimi_fitting.laws import LAWS
+from tests.shared import solid_cases as checks
 
 H = 1e-5
 SHALLOW = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))

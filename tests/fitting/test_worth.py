@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.coverage import Case, outcome, row
 from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.interval.identifiability import directions, is_open, statement
 from eimi_fitting.inference.interval.profile_likelihood import interval_ends
 from eimi_fitting.inference.planning.choice_of_law import Candidate, choose
+from tests.shared.virtual_measurements import Case, outcome, row
 
 
 def valley(bend: float):

@@ -10,14 +10,14 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.edges import CALIBRATION, NOMINAL, SPECIMEN, bend
-from benchmarks.flag_pictures import photograph
 from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.virtual.optics import expose, make_scene
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.calibration.board import Board, print_board
 from eimi_lab.vision.calibration.lens import calibrate_lens
 from eimi_lab.vision.calibration.plumb_line import measure_plumb_line
+from tests.shared.flag_pictures import photograph
+from tests.shared.rendered_edges import CALIBRATION, NOMINAL, SPECIMEN, bend
 
 SIZE = (480, 384)
 FOCAL = 1100.0

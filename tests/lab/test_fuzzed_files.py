@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.fuzz_files import fuzz
+from tests.shared.mutated_files import fuzz
 
 
 @pytest.mark.parametrize("files", [400, pytest.param(20_000, marks=pytest.mark.slow)])

@@ -17,7 +17,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.edges import NOMINAL, bend, make_bent_scene
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
@@ -30,6 +29,7 @@ from eimi_lab.vision.flags import judge
 from eimi_lab.vision.image_files import read_image
 from eimi_lab.vision.image_sizes import claimed_size
 from tests.patience import PATIENCE_S
+from tests.shared.rendered_edges import NOMINAL, bend, make_bent_scene
 
 Run = Callable[..., tuple[int, str]]
 Draw = Callable[..., np.ndarray]

@@ -75,3 +75,13 @@ def test_fitting_needs_three_packages_alone(imports):
 def test_the_suite_knows_neither_its_tests_nor_its_benchmarks(imports):
     roots = {other.split(".")[0] for others in imports.values() for other in others}
     assert roots & {"tests", "benchmarks"} == set()
+
+
+def test_tests_import_no_benchmark_that_they_do_not_test():
+    tested_there = {"test_mutants.py", "test_numbers.py", "test_benchmarks.py", "test_docs.py"}
+    importing = {
+        path.name
+        for path in (ROOT / "tests").rglob("*.py")
+        if any(name.split(".")[0] == "benchmarks" for name in imported(path))
+    }
+    assert importing <= tested_there

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.edge_methods import METHODS
-from benchmarks.edges import NOMINAL, measure, measure_other, overall
+from tests.shared.edge_methods import METHODS
+from tests.shared.rendered_edges import NOMINAL, measure, measure_other, overall
 
 # Bias and RMS (px) of other implementations on the same frames.
 OTHER_IMPLEMENTATIONS = {"Otsu + contours": (-0.64, 0.71), "marching squares": (-0.175, 0.18), "Devernay": (0.0, 0.010)}

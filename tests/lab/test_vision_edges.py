@@ -7,7 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.edges import (
+from eimi_lab.config.specimen import Magnet, SpecimenFile
+from eimi_lab.virtual.optics import expose, make_scene
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.edges.finding import find_edges
+from eimi_lab.vision.intensity import FieldCorrection, state_mean
+from tests.shared.rendered_edges import (
     BESIDE,
     CALIBRATION,
     CONDITIONS,
@@ -22,11 +27,6 @@ from benchmarks.edges import (
     overall,
     with_silicone_beside,
 )
-from eimi_lab.config.specimen import Magnet, SpecimenFile
-from eimi_lab.virtual.optics import expose, make_scene
-from eimi_lab.vision.beam_frame import BeamFrame
-from eimi_lab.vision.edges.finding import find_edges
-from eimi_lab.vision.intensity import FieldCorrection, state_mean
 
 
 @lru_cache

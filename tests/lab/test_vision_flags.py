@@ -7,8 +7,6 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.edges import CALIBRATION, NOMINAL, SPECIMEN, bend, make_bent_scene
-from benchmarks.flag_pictures import BEAM, CASES, Case, photograph, table, twisted
 from eimi_drivers.interfaces import Frame
 from eimi_lab.dataset.layout import flags_from_text, flags_to_text
 from eimi_lab.virtual.optics import expose
@@ -18,6 +16,8 @@ from eimi_lab.vision.edges.dimensions import stiffening_by_twist
 from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.flags import CHECKS, judge
 from eimi_lab.vision.frame_checks import state_flags
+from tests.shared.flag_pictures import BEAM, CASES, Case, photograph, table, twisted
+from tests.shared.rendered_edges import CALIBRATION, NOMINAL, SPECIMEN, bend, make_bent_scene
 
 LISTED = {
     *("SATURATED", "LOW_CONTRAST", "DEFOCUS", "EDGE_RESIDUAL", "TOUCHES_FRAME", "MULTI_CONTOUR"),

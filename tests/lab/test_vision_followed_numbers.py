@@ -6,8 +6,6 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.edges import errors_px
-from benchmarks.photographs import CALIBRATION, SPECIMEN, photograph
 from eimi_lab.config.calibration import Picture
 from eimi_lab.vision.check import Severity
 from eimi_lab.vision.edges.finding import find_edges, follow_beam
@@ -18,6 +16,8 @@ from eimi_lab.vision.following.in_picture import in_255
 from eimi_lab.vision.following.stated import StatedBeam
 from eimi_lab.vision.following.working import working_picture
 from eimi_lab.vision.projection import Projection, choose_projection
+from tests.shared.photographs import CALIBRATION, SPECIMEN, photograph
+from tests.shared.rendered_edges import errors_px
 
 Array = np.ndarray
 COLOURS = np.array([[40.0, 50.0, 170.0], [150.0, 160.0, 130.0]])  # of a beam and of its background

@@ -4,9 +4,6 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks import lab_photographs, photographs, real_pictures
-from benchmarks.flag_pictures import CASES
-from benchmarks.photographs import CALIBRATION, KINDS, SPECIMEN, measured, photograph
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import Severity
@@ -17,6 +14,9 @@ from eimi_lab.vision.following.edge_points import StripEdges
 from eimi_lab.vision.following.ends import trim_ends
 from eimi_lab.vision.following.explaining import draw_steps
 from eimi_lab.vision.following.support import sure_share
+from tests.shared import lab_photographs, photographs, real_pictures
+from tests.shared.flag_pictures import CASES
+from tests.shared.photographs import CALIBRATION, KINDS, SPECIMEN, measured, photograph
 
 DEVELOPMENT = list(real_pictures.pictures("development"))
 REFUSAL = list(real_pictures.pictures("refusal"))

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from benchmarks.edges import CALIBRATION, NOMINAL, SIZE, SPECIMEN
 from eimi_fitting.beam.beside import SolidBeside
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
@@ -17,6 +16,7 @@ from eimi_lab.virtual.beam import VirtualBeam
 from eimi_lab.virtual.optics import expose, make_scene
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.finding import find_edges
+from tests.shared.rendered_edges import CALIBRATION, NOMINAL, SIZE, SPECIMEN
 
 TRUE_PA = 50e3
 FIELDS_MT = (0.0, 3.0, 6.0)

@@ -10,13 +10,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from benchmarks.edges import CALIBRATION, NOMINAL, SIZE, SPECIMEN, bend, errors_px, make_bent_scene
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.virtual.optics import expose, make_scene
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.edges.overlay import CORNER_COLOUR, draw_overlay
+from tests.shared.rendered_edges import CALIBRATION, NOMINAL, SIZE, SPECIMEN, bend, errors_px, make_bent_scene
 
 BEAM = bend(SPECIMEN, 30.0)
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 Array = NDArray[np.float64]
-
 _DEVERNAY_BLUR_PX = 2.0
 _LEAST_GRADIENT = 0.3  # of the steepest
 

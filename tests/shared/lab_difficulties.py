@@ -10,12 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.lab_scene import Scene, cloth, through_jpeg
 from eimi_lab.virtual.raster import coverage
+from tests.shared.lab_scene import Scene, cloth, through_jpeg
 
 Array = NDArray[np.float64]
 Image = NDArray[Any]
-
 Hook = Callable[[Scene, Array], Array]
 
 

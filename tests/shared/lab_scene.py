@@ -9,15 +9,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.edges import BentBeam
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.virtual.raster import coverage
 from eimi_lab.vision.beam_frame import BeamFrame
+from tests.shared.rendered_edges import BentBeam
 
 Array = NDArray[np.float64]
 Image = NDArray[Any]
-
 _APART = 70.0  # of two colours that an eye clearly parts
 
 

@@ -1,0 +1,173 @@
+"""Datasets and TOML files changed at random, each read to its end or refused in one line.
+
+A process reads many files; one that dies or takes more than 10 s of processor time for a file is counted and replaced.
+"""
+
+from __future__ import annotations
+
+import collections
+import multiprocessing
+import shutil
+import signal
+import tempfile
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import numpy as np
+
+from eimi_drivers.interfaces import Frame
+from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.protocol import load_protocol
+from eimi_lab.config.rig import load_rig
+from eimi_lab.config.specimen import load_specimen
+from eimi_lab.config.toml import locate
+from eimi_lab.dataset.layout import Header
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.dataset.recordings import Moment
+from eimi_lab.dataset.recovery import MEMORY_BYTES, copy_readable, limit_memory
+from eimi_lab.dataset.writing import DatasetWriter
+from eimi_lab.process.errors import InputError
+
+WITHIN_S = 10.0
+"""Of processor time."""
+STUCK_AFTER_S = 600.0
+"""A process that waits for something, and computes nothing."""
+READERS = {
+    ".h5": "dataset",
+    "protocol.toml": "protocol",
+    "specimen.toml": "specimen",
+    "rig.toml": "rig",
+    "calibration.toml": "calibration",
+}
+
+
+def sources(folder: Path) -> list[Path]:
+    """Sound files to begin with."""
+    header = Header(load_specimen("type1"), load_calibration("virtual_calibration"), load_protocol("dragon_skin_10"))
+    random = np.random.default_rng(0)
+    with DatasetWriter(folder / "finished.h5", header, Frame(np.zeros((24, 32), np.uint8), 0, 0.0)) as writer:
+        for state in range(3):
+            frames = [Frame(random.integers(0, 99, (24, 32)).astype(np.uint8), k, 0.0) for k in range(2)]
+            writer.append_state(
+                frames,
+                current_A=0.1 * state,
+                field_mT=0.47 * state,
+                measured_A=[0.1 * state] * 2,
+                transient=[Moment(frames[0], 0.0, 0.1, 0.1 * state)],
+            )
+        shutil.copyfile(folder / "finished.h5", folder / "crashed.h5")
+    for name, shipped in (
+        ("protocol", locate("dragon_skin_10")),
+        ("specimen", locate("type1", "specimens")),
+        ("rig", locate("bench_example", "rigs")),
+        ("calibration", locate("virtual_calibration", "rigs")),
+    ):
+        shutil.copyfile(shipped, folder / f"{name}.toml")
+    shutil.copyfile(locate("bench_example_calibration", "rigs"), folder / "bench_example_calibration.toml")
+    return [folder / name for name in ("finished.h5", "crashed.h5", *list(READERS)[1:])]
+
+
+def mutated(raw: bytes, random: np.random.Generator) -> bytes:
+    """A few changes at random places."""
+    changed = bytearray(raw)
+    for _ in range(int(random.integers(1, 5))):
+        at = int(random.integers(0, max(len(changed), 1)))
+        match int(random.integers(0, 6)):
+            case 0 if changed:
+                changed[at] ^= 1 << int(random.integers(0, 8))
+            case 1 if changed:
+                changed[at] = int(random.integers(0, 256))
+            case 2:
+                changed[at : at + 8] = int(random.choice([0, 1, 2**31, 2**63 - 1, 10**15])).to_bytes(8, "little")
+            case 3:
+                changed[at : at + int(random.integers(1, 64))] = bytes(int(random.integers(0, 64)))
+            case 4:
+                other = int(random.integers(0, max(len(changed), 1)))
+                changed[at : at + 16] = changed[other : other + 16]
+            case 5 if random.random() < 0.2:
+                del changed[at:]
+    return bytes(changed)
+
+
+def recovered(path: Path) -> str:
+    """How `eimi recover` takes a file: copied, or refused in one line. Raises what nobody caught."""
+    try:
+        copy_readable(path, path.with_name("copy.h5"))
+    except InputError as error:
+        return "refused" if "\n" not in str(error) else "refused in several lines"
+    with open_dataset(path.with_name("copy.h5")) as dataset:
+        for state in dataset.states:
+            dataset.images(state.index), dataset.transient(state.index)
+    return "read"
+
+
+def read(path: Path) -> str:
+    """How a file is taken: read, or refused in one line. Raises what nobody caught."""
+    try:
+        match next(kind for ending, kind in READERS.items() if path.name.endswith(ending)):
+            case "dataset":
+                with open_dataset(path) as dataset:
+                    for state in dataset.states:
+                        dataset.images(state.index), dataset.transient(state.index)
+                    dataset.instruments(), dataset.start_time(), dataset.edges(), dataset.correction(), dataset.truth()
+            case "protocol":
+                load_protocol(path)
+            case "specimen":
+                load_specimen(path)
+            case "rig":
+                load_rig(path)
+            case _:
+                load_calibration(path)
+    except InputError as error:
+        return "refused" if "\n" not in str(error) else "refused in several lines"
+    return "read"
+
+
+def serve(pipe: Connection, recover: bool) -> None:
+    """Read, or recover, files as they are named, and say what came of each."""
+    if recover:
+        limit_memory(MEMORY_BYTES)
+    while (path := pipe.recv()) is not None:
+        signal.setitimer(signal.ITIMER_PROF, WITHIN_S)  # whose signal ends a process, wherever it is
+        try:
+            pipe.send((recovered(path) if recover else read(path), ""))
+        except Exception as error:
+            pipe.send(("traceback", f"{type(error).__name__}: {error}"))
+
+
+def fuzz(files: int, seed: int, recover: bool = False) -> collections.Counter[str]:
+    """Outcomes by name of so many mutated files."""
+    counts: collections.Counter[str] = collections.Counter()
+    random = np.random.default_rng(seed)
+    with tempfile.TemporaryDirectory() as name:
+        originals = [(path, path.read_bytes()) for path in sources(Path(name))]
+        if recover:
+            originals = [(path, raw) for path, raw in originals if path.suffix == ".h5"]
+        process = pipe = None
+        for number in range(files):
+            if process is None or pipe is None:
+                pipe, far = multiprocessing.Pipe()
+                process = multiprocessing.get_context("fork").Process(target=serve, args=(far, recover), daemon=True)
+                process.start()
+                far.close()
+            path, raw = originals[int(random.integers(0, len(originals)))]
+            path.write_bytes(mutated(raw, random))
+            pipe.send(path)
+            outcome, said = "hang", ""
+            if pipe.poll(STUCK_AFTER_S):
+                try:
+                    outcome, said = pipe.recv()
+                except EOFError:
+                    process.join()
+                    outcome = "hang" if process.exitcode == -signal.SIGPROF else "died"
+            counts[outcome] += 1
+            if outcome not in ("read", "refused"):
+                print(f"file {number}, seed {seed}, {path.name}: {outcome} {said}", flush=True)
+            if outcome in ("hang", "died"):
+                process.kill()
+                process.join()
+                process = None
+        if process is not None and pipe is not None:
+            pipe.send(None)
+            process.join()
+    return counts

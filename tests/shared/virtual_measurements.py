@@ -1,0 +1,258 @@
+"""Virtual measurements with every stated uncertainty drawn, and what the intervals of their fits hold.
+
+Every source that specimen, calibration and rig can state is drawn from its stated uncertainty. The beam that results
+is simulated on 26 x 3 elements, and each edge point gets noise. The fit knows the nominal numbers and their
+uncertainties.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from eimi_fitting.beam.beside import DepthEffect, SolidBeside
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.outline import outline, points_on
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
+from eimi_fitting.inference.evidence.objective import Problem
+from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource, loads_under, specimen_under
+from eimi_fitting.inference.evidence.unknowns import Setup, Unknowns
+from eimi_fitting.inference.identification import refine
+from eimi_fitting.inference.interval.estimate import Estimate
+from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.search_space import search_space
+from eimi_lab.config.rig import load_rig
+from eimi_lab.config.rig_uncertainty import stated_by_rig
+from eimi_lab.config.specimen import load_specimen
+
+Array = NDArray[np.float64]
+FIELD_MT = np.array([0.75, 1.75, 3.0, 4.5])
+CORRELATED_OVER_MM = 1.0
+NOISE_MM = (0.001, 0.005, 0.05)
+# Of each law a material of about 46 kPa: initial shear modulus in Pa and ratios, away from the bounds of the search.
+COORDINATES = {
+    "neo-hookean": (46e3,),
+    "mooney-rivlin": (46e3, 0.2),
+    "yeoh": (46e3, 0.35, -0.15),
+    "ogden": (46e3, 0.6, 0.5, 2.0, 5.0, -2.0),
+}
+SPECIMENS = ("type1", "type2", "type3", "type4")
+ALONG, ACROSS = 26, 3  # of the hidden beam
+BEGUN_WITHIN = 0.2  # of the modulus
+LARGEST_RATIO, LOWEST, HIGHEST = 1.15, 93.0, 97.0
+NORMAL = 1.96
+
+
+@dataclass(frozen=True)
+class Case:
+    """One experiment, counted from 0: law, noise, specimen and section go round."""
+
+    number: int
+    seed: int
+
+    @property
+    def model(self) -> str:
+        """A key of LAWS."""
+        return list(COORDINATES)[self.number % 4]
+
+    @property
+    def noise_mm(self) -> float:
+        """Standard deviation of each of the two parts."""
+        return NOISE_MM[self.number // 4 % 3]
+
+    @property
+    def is_solid(self) -> bool:
+        """Every fourth round of laws and levels of noise."""
+        return self.number // 12 % 4 == 3
+
+    @property
+    def specimen(self) -> Specimen:
+        """As it is stated."""
+        name = SPECIMENS[self.number // 48 % 4]
+        return replace(load_specimen(name).mechanics(), section="solid" if self.is_solid else "plane-stress")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Identified over true modulus, its interval's ends over the truth, those of the fit alone; processor time.
+
+    drawn: how far the drawn sources move the modulus by its intervals' own word, in standard deviations of all sources.
+    """
+
+    case: Case
+    value: float
+    interval: tuple[float, float]
+    fit_alone: tuple[float, float]
+    drawn: float
+    seconds: float
+
+
+@cache
+def stated() -> tuple[StatedSource, ...]:
+    """What the bench examples state, of the sources that a telecentric camera has."""
+    rig = load_rig("bench_example")
+    every = (
+        *load_specimen("bench_example").stated_sources(),
+        *rig.calibration.stated_sources(),
+        *stated_by_rig(rig.text, "bench_example", rig.calibration.coil_constant_mT_per_A),
+    )
+    return tuple(s for s in every if SOURCES[s.source].lens is None)
+
+
+@cache
+def true_parameters(model: str) -> Array:
+    """(1, n) of the law, in Pa."""
+    space = search_space(LAWS[model])
+    lower, upper, true = np.array(space.lower), np.array(space.upper), np.array(COORDINATES[model])
+    unit = (true - lower) / (upper - lower)
+    unit[0] = np.log(true[0] / lower[0]) / np.log(upper[0] / lower[0])
+    return space.parameters(unit[None])
+
+
+def begun_at(model: str, rng: np.random.Generator) -> Array:
+    """(n,) unit coordinates from which the polish begins."""
+    space = search_space(LAWS[model])
+    modulus = COORDINATES[model][0] * np.exp(rng.uniform(-BEGUN_WITHIN, BEGUN_WITHIN))
+    unit = rng.uniform(0.25, 0.75, len(space.names))
+    unit[0] = np.log(modulus / space.lower[0]) / np.log(space.upper[0] / space.lower[0])
+    return unit
+
+
+@cache
+def effect_of_depth(model: str, specimen: Specimen) -> DepthEffect | None:
+    """What depth adds to a planar beam as stated, by how far its tip is turned; None of a planar section."""
+    if specimen.section != "solid":
+        return None
+    turns = Loads.along(np.linspace(0.0, 1.1 * FIELD_MT[-1], 8))
+    return SolidBeside(specimen, ALONG, ACROSS).solve(LAWS[model], true_parameters(model), turns).effect
+
+
+def deviations_drawn(rng: np.random.Generator) -> dict[str, Array]:
+    """What every source (parts,) is off in one experiment."""
+    return {s.source: s.standard_uncertainty * rng.normal(size=len(SOURCES[s.source].parts)) for s in stated()}
+
+
+def measured(case: Case, deviations: Mapping[str, Array], rng: np.random.Generator) -> Experiment:
+    """What is stated, with what was seen of the hidden beam."""
+    setup = Setup.of(((s, part, value) for s, own in deviations.items() for part, value in enumerate(own)), 1)
+    loads = Loads.along(FIELD_MT)
+    beam = specimen_under(case.specimen, deviations)
+    known = effect_of_depth(case.model, case.specimen)
+    model = SolidBeside(beam, ALONG, ACROSS).knowing(known) if known else BeamModel(beam, ALONG, ACROSS)
+    shapes = model.solve(
+        LAWS[case.model],
+        true_parameters(case.model),
+        loads_under(loads, deviations),
+        tolerance_mm=1e-3,
+        field_factor=setup.field_factor,
+    )
+    if not shapes.converged[0]:
+        raise RuntimeError(f"{case}: the true beam has no equilibrium")
+    seen = setup.imaged(points_on(outline(model, shapes)[0], 4)[:, :, 4:-4])
+    return Experiment(BeamModel(case.specimen), loads, with_noise(seen, case.noise_mm, rng), stated=stated())
+
+
+def with_noise(edges: Array, noise_mm: float, rng: np.random.Generator) -> EdgeObservation:
+    """Noise across the edges (K, 2, m, 2), white and correlated."""
+    along = np.gradient(edges, axis=2)
+    across = np.stack([-along[..., 1], along[..., 0]], axis=-1) / np.linalg.norm(along, axis=-1, keepdims=True)
+    length = np.cumsum(np.linalg.norm(np.diff(edges[0, 0], axis=0, prepend=edges[0, 0, :1]), axis=1))
+    covariance = np.exp(-np.abs(length[:, None] - length) / CORRELATED_OVER_MM)
+    root = np.linalg.cholesky(covariance + 1e-9 * np.eye(len(length)))
+    white, together = rng.normal(size=(2, *edges.shape[:3]))
+    points = edges + (noise_mm * (white + together @ root.T))[..., None] * across
+    sigma = np.full(edges.shape[2], np.sqrt(2) * noise_mm)
+    return EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in points])
+
+
+def outcome(case: Case) -> Outcome:
+    """One measurement and its fit."""
+    begun = time.process_time()
+    rng = np.random.default_rng([case.seed, case.number])
+    deviations, law = deviations_drawn(rng), LAWS[case.model]
+    experiment = measured(case, deviations, rng)
+    problem = Problem(law, Unknowns(search_space(law)), (experiment,))
+    estimate = refine(problem, begun_at(case.model, rng), case.number).estimate
+    modulus = estimate.initial_shear_modulus
+    truth = COORDINATES[case.model][0]
+    low, high = modulus.interval_95
+    alone_low, alone_high = modulus.interval_95_fit or modulus.interval_95
+    return Outcome(
+        case=case,
+        value=modulus.value / truth,
+        interval=(low / truth, high / truth),
+        fit_alone=(alone_low / truth, alone_high / truth),
+        drawn=drawn(case.model, estimate, deviations),
+        seconds=time.process_time() - begun,
+    )
+
+
+def drawn(model: str, estimate: Estimate, deviations: Mapping[str, Array]) -> float:
+    """`Outcome.drawn`, by what the sources do to the modulus in the estimate's draws."""
+    law = LAWS[model]
+    parameters = np.column_stack([estimate.draws.column(name) for name in law.parameter_names])
+    numbers = [(key, part) for key, own in deviations.items() for part in range(len(own))]
+    moved = np.column_stack([estimate.draws.column(SOURCES[key].parts[part]) for key, part in numbers])
+    all_of_it = np.column_stack([np.ones(len(moved)), moved])
+    slopes = np.linalg.lstsq(all_of_it, np.log(law.initial_shear_modulus(parameters)), rcond=None)[0][1:]
+    sizes = {s.source: s.standard_uncertainty for s in stated()}
+    spread = np.linalg.norm([slope * sizes[key] for slope, (key, _) in zip(slopes, numbers, strict=True)])
+    off = sum(slope * deviations[key][part] for slope, (key, part) in zip(slopes, numbers, strict=True))
+    return float(off / spread)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """What a group of experiments says, in percent; over_needed: half-widths over those that would hold 95 %.
+
+    chance_percent: between which the share that holds may lie, with 95 % confidence; drawn_percent: see `Outcome`.
+    """
+
+    name: str
+    experiments: int
+    half_width_percent: float
+    fit_alone_half_width_percent: float
+    held_percent: float
+    chance_percent: tuple[float, float]
+    drawn_percent: float
+    fit_alone_percent: float
+    over_needed: float
+    over_needed_least: float
+
+    @property
+    def is_right(self) -> bool:
+        """Whether it is within the limits, as far as so many experiments tell."""
+        low, high = self.chance_percent
+        return low <= HIGHEST and high >= LOWEST and self.over_needed_least <= LARGEST_RATIO
+
+
+def row(name: str, outcomes: Sequence[Outcome]) -> Row:
+    """Of some outcomes; a half-width is the one on the side of the truth."""
+    logs = np.log([[o.value, *o.interval, *o.fit_alone] for o in outcomes])
+    value, low, high, fit_low, fit_high = logs.T
+    held = (low <= 0) & (high >= 0)
+    chance = stats.binomtest(int(held.sum()), len(held)).proportion_ci(0.95, "exact")  # Clopper and Pearson 1934
+    shares = np.sort(np.abs(value) / np.where(value > 0, value - low, high - value))
+    # The order statistics that lie about the quantile of 95 % with a confidence of 95 %.
+    upper = min(int(stats.binom.ppf(0.975, len(shares), 0.95)), len(shares) - 1)
+    return Row(
+        name=name,
+        experiments=len(outcomes),
+        half_width_percent=float(50 * np.mean(high - low)),
+        fit_alone_half_width_percent=float(50 * np.mean(fit_high - fit_low)),
+        held_percent=float(100 * np.mean(held)),
+        chance_percent=(100 * chance.low, 100 * chance.high),
+        drawn_percent=float(100 * np.mean([abs(o.drawn) < NORMAL for o in outcomes])),
+        fit_alone_percent=float(100 * np.mean((fit_low <= 0) & (fit_high >= 0))),
+        over_needed=float(1 / np.quantile(shares, 0.95)),
+        over_needed_least=float(1 / shares[upper]),
+    )
