@@ -10,7 +10,7 @@ mesh_convergence    error of the tip against the mesh
 edges               error of the edges on rendered frames
 real_pictures       edges of other people's photographs against traced ones
 photographs         error of the edges in rendered photographs of coloured beams
-lab_photographs     photographs with one difficulty of a bench each; with `lab_scene`, `lab_difficulties`
+lab_photographs     photographs with one difficulty of a bench each
 flag_pictures       a picture for every flag
 report_pictures     a report in a browser, wide and narrow, and on paper
 seeds               error of the modulus by law and seed
@@ -27,6 +27,8 @@ fuzz_files          mutated HDF5 and TOML files: no traceback, no hang
 mutants             small mistakes in a copy of the code, and which of them the tests notice
 numbers             results of whole cases before and after a change
 timing              seconds, as the others take them
+
+What they share with tests is in `tests/shared`.
 
 All figures are of one thread: more do not help matrices this small.
 """

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from eimi_drivers.cameras import CameraSettings, open_camera
+from eimi_drivers.cameras.basler import BaslerCamera
 from eimi_drivers.interfaces import InstrumentTimeout, SetPointNotTaken
 
 SETTINGS = CameraSettings(exposure_s=0.002, gain=6.0, gamma=0.8, region=(16, 32, 64, 48), bit_depth=12)
@@ -153,7 +154,7 @@ def test_every_setting_reaches_its_node_in_the_camera_s_unit(device: Device) -> 
 def test_a_setting_that_the_camera_did_not_take_is_named(device: Device, node: str, setting: str) -> None:
     setattr(device, node, Node(getattr(device, node).Value, stuck=True))
     with pytest.raises(SetPointNotTaken, match=f"{setting} was set to .* but reads back"):
-        open_camera("basler", 0, SETTINGS)
+        BaslerCamera(0, SETTINGS)
     assert not device.grabbing
 
 

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 import pytest
 
-from eimi_drivers.cameras import CAMERAS, CameraSettings, opencv
-from eimi_drivers.interfaces import Frame, Identity, InstrumentDisconnected, InstrumentError
+from eimi_drivers.cameras import CAMERAS, CameraSettings, open_camera, opencv
+from eimi_drivers.interfaces import Frame, Identity, InstrumentDisconnected, InstrumentError, SetPointNotTaken
 from eimi_drivers.testing import CAMERA_CHECKS, camera_checks, check_camera
 
 
@@ -181,3 +181,12 @@ def test_a_camera_that_ignores_what_was_done_to_it_is_told():
             check_camera(Sloppy, 0, **{what: lambda: None})
     with pytest.raises(AssertionError, match="opening 'nowhere' should raise InstrumentDisconnected"):
         check_camera(Sloppy, 0, absent="nowhere")
+
+
+def test_a_camera_that_does_not_read_a_setting_back_is_refused_and_closed(monkeypatch):
+    closed = []
+    monkeypatch.setattr(Careless, "close", lambda self: closed.append(self))
+    monkeypatch.setitem(CAMERAS, "careless", Careless)
+    with pytest.raises(SetPointNotTaken, match=r"careless camera 0: gain was set to 3\.0 but reads back None"):
+        open_camera("careless", 0, CameraSettings(gain=3.0))
+    assert len(closed) == 1
