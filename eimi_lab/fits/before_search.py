@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
-from eimi_fitting.inference.searching.named_causes import NamedCause
+from eimi_fitting.inference.searching.named_causes import NamedCause, Slip
 from eimi_lab.dataset.reading import Dataset
 from eimi_lab.dataset.state import State
 from eimi_lab.process.errors import InputError
@@ -41,31 +41,30 @@ class _Remedy:
 _SIGN_OF_FORCE = "change the sign of tip_force_N in states.csv, or its tip_force_angle_deg, and import again"
 _UNIT_OF_FORCE = "tip_force_N in states.csv is in newton (not mN, nor gram): correct it and import again"
 
-# For each of `eimi_fitting.inference.searching.named_causes.CAUSES`.
-_REMEDIES = {
-    "a field that is the wrong way round": _Remedy(
+_REMEDIES: dict[Slip, _Remedy] = {
+    "field_reversed": _Remedy(
         "turn field_angle_deg by 180 degrees",
         "change the sign of current_A in states.csv and import again",
         "change the sign of field_mT in states.csv and import again",
     ),
-    "a gravity that is upside down": _Remedy(
+    "gravity_reversed": _Remedy(
         "turn gravity_angle_deg by 180 degrees",
         "",
         "turn --gravity-angle by 180 degrees and import again",
     ),
-    "a field a thousand times too large": _Remedy(
+    "field_too_large": _Remedy(
         "see that coil_constant_mT_per_A is in mT per ampere (not per kiloampere)",
         "see that current_A in states.csv is in ampere (not mA) and import again",
         "see that field_mT in states.csv is in mT and import again",
     ),
-    "a field a thousand times too small": _Remedy(
+    "field_too_small": _Remedy(
         "see that coil_constant_mT_per_A is in mT per ampere (not T)",
         "see that current_A in states.csv is in ampere and import again",
         "see that field_mT in states.csv is in mT (not T) and import again",
     ),
-    "tip forces the wrong way round": _Remedy("", _SIGN_OF_FORCE, _SIGN_OF_FORCE),
-    "tip forces a thousand times too large": _Remedy("", _UNIT_OF_FORCE, _UNIT_OF_FORCE),
-    "gravity": _Remedy(
+    "force_reversed": _Remedy("", _SIGN_OF_FORCE, _SIGN_OF_FORCE),
+    "force_too_large": _Remedy("", _UNIT_OF_FORCE, _UNIT_OF_FORCE),
+    "gravity_absent": _Remedy(
         "set gravity = false if the beam bends in a horizontal plane",
         "",
         "give --no-gravity in place of --gravity-angle if the beam bends in a horizontal plane, and import again",
@@ -75,14 +74,14 @@ _REMEDIES = {
 
 def in_words(cause: NamedCause, path: Path, experiment: Experiment) -> str:
     """What a person is told of a slip in the loads of a dataset."""
-    remedy = _REMEDIES[cause.cause]
+    remedy = _REMEDIES[cause.slip]
     remedies = [remedy.points]
     if _is_edges(experiment):
         remedies = [_with(remedy.calibration, "calibration", path)] if remedy.calibration else []
         remedies += [remedy.states] if remedy.states else []
     return (
         f"{path}: no material explains this: as stated the best is {cause.error_mm:.2g} mm off, and without "
-        f"{cause.cause} {cause.error_without_mm:.2g} mm; {'; or, of imported pictures, '.join(remedies)}"
+        f"{cause.words} {cause.error_without_mm:.2g} mm; {'; or, of imported pictures, '.join(remedies)}"
     )
 
 

@@ -12,13 +12,19 @@ from eimi_fitting.inference.planning.choice_of_law import Choice
 from eimi_fitting.laws.search_space import BULK_NAME
 from eimi_lab.fits.assumptions import section_remark
 from eimi_lab.fits.evidence import WHOLE_FILES, Evidence
+from eimi_lab.fits.law_record import LawRecord
 from eimi_lab.fits.records import FitRecord, TensileRecord
 
 _LARGEST = 5  # sources shown each on its own
 
 
 def remarks(fit: FitRecord) -> list[str]:
-    """Lines on one fit: what the data fix, what was freed, tensile curves, doubts."""
+    """Lines on one fit: what the data fix, the budget, what was freed, tensile curves, doubts."""
+    return [*what_is_fixed(fit), *budget_lines(fit), *what_was_fitted_beside(fit), *_doubts(fit)]
+
+
+def what_is_fixed(fit: FitRecord) -> list[str]:
+    """Lines on what the data fix."""
     lines = [fit.identifiability.statement]
     if fit.bulk_modulus:
         low, high = fit.bulk_modulus.interval_95
@@ -27,7 +33,12 @@ def remarks(fit: FitRecord) -> list[str]:
             f"bulk modulus {_kPa(fit.bulk_modulus.value)} [{_kPa(low)}, {_kPa(high)}] kPa"
             + ("; bending does not tell it from an infinite one" if open_end else "")
         )
-    lines += budget_lines(fit)
+    return lines
+
+
+def what_was_fitted_beside(fit: FitRecord) -> list[str]:
+    """Lines on what was freed, and on tensile curves."""
+    lines = []
     for value in fit.freed:
         lines.append(
             f"{value.name} off by {_deviation(value.deviation)}, "
@@ -38,12 +49,16 @@ def remarks(fit: FitRecord) -> list[str]:
             f"{curve.name}: RMSE {_kPa(curve.rmse_Pa)} kPa, {_kPa(curve.rmse_alone_Pa)} kPa for the curve alone "
             f"(weight {curve.weight:g}, {curve.rows} rows that count as {curve.rows / curve.correlation_rows:.1f})"
         )
-    return [*lines, *(f"doubt: {words}" for words in fit.doubts_in_words())]
+    return lines
+
+
+def _doubts(fit: LawRecord) -> list[str]:
+    return [f"doubt: {words}" for words in fit.doubts_in_words()]
 
 
 def tensile_remarks(fit: TensileRecord) -> list[str]:
     """Lines on one fit to a tensile test: what the curve does not fix, doubts."""
-    return [*fit.not_fixed_in_words(), *(f"doubt: {words}" for words in fit.doubts_in_words())]
+    return [*fit.not_fixed_in_words(), *_doubts(fit)]
 
 
 def section_remarks(evidence: Sequence[Evidence]) -> list[str]:

@@ -6,7 +6,7 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, ConfigDict, field_serializer, model_validator
 
 from eimi_fitting.inference.doubts.checks import Doubt
 from eimi_fitting.inference.evidence.quantity import Quantity
@@ -121,6 +121,11 @@ class LawRecord(Record):
     def doubts_in_words(self) -> list[str]:
         """Every doubt, with what it is about."""
         return [doubt.words for doubt in self.doubts]
+
+    @field_serializer("doubts")
+    def _without_kinds(self, doubts: tuple[Doubt, ...]) -> list[dict[str, Any]]:
+        """Write what result files have always held of a doubt."""
+        return [{key: value for key, value in vars(doubt).items() if key != "kind"} for doubt in doubts]
 
     def _quantities(self) -> dict[str, Quantity]:
         return {**self.parameters, "initial_shear_modulus": self.initial_shear_modulus}

@@ -220,7 +220,7 @@ class FitRecord(LawRecord):
                 CurveRecord.of(curve, rmse) for curve, rmse in zip(fit.curves, fit.curve_rmse_Pa, strict=True)
             ),
             doubts=(
-                *(Doubt(words, index) for index, e in enumerate(evidence) for words in e.doubts),
+                *(Doubt(words, index, kind="perspective") for index, e in enumerate(evidence) for words in e.doubts),
                 *(_of_dataset_state(doubt, evidence) for doubt in fit.doubts),
             ),
             stability=Stability(

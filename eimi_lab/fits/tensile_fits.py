@@ -45,7 +45,7 @@ def fit_window(test: TensileTest, model: str, window_percent: float | None, rela
             stable_up_to_stretch=fit.stable_to,
             checked_up_to_stretch=LARGEST_STRETCH_CHECKED,
         ),
-        doubts=tuple(map(Doubt, _doubts(fit, float(np.sqrt(np.mean(used**2)))))),
+        doubts=tuple(_doubts(fit, float(np.sqrt(np.mean(used**2))))),
         versions=package_versions(),
         window_percent=window_percent,
         residuals="relative" if relative else "absolute",
@@ -66,16 +66,23 @@ def fit_window(test: TensileTest, model: str, window_percent: float | None, rela
     )
 
 
-def _doubts(fit: TensileFit, stress_Pa: float) -> Iterator[str]:
+def _doubts(fit: TensileFit, stress_Pa: float) -> Iterator[Doubt]:
     """What a reader should know of a fit to stresses of such a root mean square."""
     if fit.rows_left_out:
-        yield f"{fit.rows_left_out} rows without a positive stress were left out"
+        yield Doubt(f"{fit.rows_left_out} rows without a positive stress were left out", kind="rows_left_out")
     if fit.rmse_Pa > _MISFIT * stress_Pa:
-        yield f"the law leaves {100 * fit.rmse_Pa / stress_Pa:.0f} % of the stress: the curve has another shape"
+        left_percent = 100 * fit.rmse_Pa / stress_Pa
+        yield Doubt(
+            f"the law leaves {left_percent:.0f} % of the stress: the curve has another shape", kind="curve_shape"
+        )
     if fit.initial_shear_modulus_interval_Pa[0] <= 0:
-        yield "the initial shear modulus may be zero or less: this curve does not fix the law at small strains"
+        yield Doubt(
+            "the initial shear modulus may be zero or less: this curve does not fix the law at small strains",
+            kind="modulus_open",
+        )
     if fit.stable_to is not None and fit.stable_to < 1 + fit.max_strain:
-        yield (
+        yield Doubt(
             f"not Drucker-stable beyond a stretch of {fit.stable_to:.2f}, though the curve goes to "
-            f"{1 + fit.max_strain:.2f}: a simulation may fail there"
+            f"{1 + fit.max_strain:.2f}: a simulation may fail there",
+            kind="unstable",
         )

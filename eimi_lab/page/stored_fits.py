@@ -28,7 +28,7 @@ def _summary(fit: FitRecord) -> dict[str, Any]:
             for name, quantity in fit.parameters.items()
         },
         "notes": fit.notes(),
-        "caveats": fit.caveats(),
+        "doubts": fit.doubts_in_words(),
         "by_state": [[state.field_mT, 1e3 * state.error_mm] for state in fit.by_state],
         "budget": [[entry.source, entry.effect_percent] for entry in fit.budget[:MOST_BUDGET]],
         "generations": [[number, one.best_mm, one.mean_mm] for number, one in enumerate(fit.history, 1)],

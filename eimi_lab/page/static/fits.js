@@ -30,7 +30,7 @@ function result(fit) {
   return [
     el("p", {}, el("strong", {}, fit.summary)),
     ...fit.notes.map((words) => el("p", { class: "small" }, words)),
-    ...fit.caveats.filter((words) => words.startsWith("doubt")).map((words) => el("p", { class: "warn" }, `▲ ${words}`)),
+    ...fit.doubts.map((words) => el("p", { class: "warn" }, `▲ doubt: ${words}`)),
     el("h3", {}, "What makes the modulus uncertain"),
     budget.length ? el("ul", {}, ...budget) : el("p", { class: "small" }, "noise alone, as nothing else was stated"),
   ];

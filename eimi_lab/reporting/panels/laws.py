@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from eimi_fitting.inference.planning.choice_of_law import Choice
-from eimi_lab.fits.fit_summary import budget_lines, remarks, too_few_in_words
+from eimi_lab.fits.fit_summary import too_few_in_words, what_is_fixed, what_was_fitted_beside
 from eimi_lab.fits.law_record import LawRecord
 from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.fits.validation_tables import micrometres
@@ -95,9 +95,8 @@ def _remarks(report: ReportContents) -> list[tuple[str, list[str]]]:
             states = [d.in_words() for d in fit.datasets if d.states.left_out or d.states.flagged]
             at_bound = fit.identifiability.at_bound
             bound = [f"On a bound of the search: {', '.join(at_bound)}."] if at_bound else []
-            elsewhere = set(budget_lines(fit))  # the budget has a figure of its own
-            own = [words for words in remarks(fit) if words not in elsewhere and not words.startswith("doubt: ")]
-            lines = [*states, *own, *bound]
+            # the budget and the doubts are shown elsewhere
+            lines = [*states, *what_is_fixed(fit), *what_was_fitted_beside(fit), *bound]
         if lines:
             found.append((shown.label, lines))
     return found

@@ -9,7 +9,8 @@ that is not where it was stated to be: all states are off alike then.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,17 +112,43 @@ def check_explained(
             raise NotExplained(index, worst, float(error[worst]), moved, curves)
 
 
+DoubtKind = Literal[
+    "loads",
+    "correction_missing",
+    "beyond_noise",
+    "state_stands_out",
+    "clamp",
+    "roll",
+    "scale",
+    "curve_contradicts",
+    "perspective",
+    "rows_left_out",
+    "curve_shape",
+    "modulus_open",
+    "unstable",
+]
+"""What a doubt is about; the last four are of tensile fits, and the one before them is of pictures."""
+
+
 @dataclass(frozen=True)
 class Doubt:
     """Something a reader of the result should know: about a dataset, one state of it, or a tensile curve.
 
-    dataset, state, curve: counted from 0; all of them None for what is doubtful of the fit as a whole.
+    Parameters
+    ----------
+    words : str
+        The doubt in English, for a person. Programs decide by `kind`.
+    dataset, state, curve : int, optional
+        Counted from 0; all of them None for what is doubtful of the fit as a whole.
+    kind : DoubtKind, optional
+        What the doubt is about. None where the doubt was read from a file, which does not hold the kind.
     """
 
     words: str
     dataset: int | None = None
     state: int | None = None
     curve: int | None = None
+    kind: DoubtKind | None = field(default=None, compare=False, kw_only=True)
 
 
 class NotDetermined(Exception):
@@ -142,7 +169,7 @@ def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) ->
     """The curves that the law follows far worse in this fit, with such root mean squares, than it does alone."""
     words = "this curve and the edges contradict each other: is it the same material, and its unit right?"
     return tuple(
-        Doubt(words, curve=index)
+        Doubt(words, curve=index, kind="curve_contradicts")
         for index, (curve, rmse) in enumerate(zip(curves, rmse_Pa, strict=True))
         if rmse > _CONTRADICTS * curve.noise_Pa
     )
@@ -152,9 +179,10 @@ def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
     """The slips in the loads without which the errors would be far less."""
     return tuple(
         Doubt(
-            f"is there {slip.cause}? without it the mean error would be about {slip.error_without_mm:.2g} mm and not "
+            f"is there {slip.words}? without it the mean error would be about {slip.error_without_mm:.2g} mm and not "
             f"{slip.error_mm:.2g} mm",
             slip.experiment,
+            kind="loads",
         )
         for slip in slips
     )
@@ -163,7 +191,7 @@ def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
 def common_doubts(final: Comparison, alike: Sequence[CommonError]) -> tuple[Doubt, ...]:
     """The datasets whose states are all off alike, by what explains more than half of their error."""
     return tuple(
-        Doubt(_in_words(own), index)
+        Doubt(_in_words(own), index, kind=own.kind or None)
         for index, (misfit, own) in enumerate(zip(final.misfits, alike, strict=True))
         if own.error_mm.mean() < _OF_ERROR * misfit.error_mm[0].mean()
     )
@@ -201,7 +229,7 @@ def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequen
     """What is doubtful of the comparison's first candidate; missing: what is said of each correction not found."""
     found: list[Doubt] = []
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
-        found += [Doubt(words, index) for words in missing]
+        found += [Doubt(words, index, kind="correction_missing") for words in missing]
         error, stated = misfit.error_mm[0], _stated_mm(experiment, misfit)
         ratio = float(np.median(error / np.maximum(stated, 1e-9)))
         if ratio > _OF_NOISE:
@@ -209,10 +237,10 @@ def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequen
                 f"the residuals are {ratio:.0f} times the uncertainty that the measured places state: law, "
                 "geometry, scale or loads are not quite the specimen's, and the intervals do not hold that"
             )
-            found.append(Doubt(words, index))
+            found.append(Doubt(words, index, kind="beyond_noise"))
         for k in np.flatnonzero((error > _OF_MEDIAN * np.median(error)) & (error > _OF_NOISE * stated)):
             words = f"its error is {error[k] / np.median(error):.0f} times that of the median state"
-            found.append(Doubt(words, index, int(k)))
+            found.append(Doubt(words, index, int(k), kind="state_stands_out"))
     return tuple(found)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +18,13 @@ from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import Misfit
 from eimi_fitting.inference.evidence.unknowns import Setup, Unknowns
 
+CommonKind = Literal["clamp", "roll", "scale"]
 Array = NDArray[np.float64]
 
 _STEP = 1e-3  # mm, or of a place's distance from the clamp
 # What the camera does to a place, to first order: its change (2, 2) with the place and its shift (2,), per mm or per 1.
 _NONE, _QUARTER_TURN = np.zeros((2, 2)), np.array([[0.0, -1.0], [1.0, 0.0]])
-_KINDS: dict[str, tuple[tuple[Array, Array], ...]] = {
+_KINDS: dict[CommonKind, tuple[tuple[Array, Array], ...]] = {
     "clamp": ((_NONE, np.array([1.0, 0.0])), (_NONE, np.array([0.0, 1.0]))),
     "roll": ((_QUARTER_TURN, np.zeros(2)),),
     "scale": ((np.eye(2), np.zeros(2)),),
@@ -33,7 +35,7 @@ _KINDS: dict[str, tuple[tuple[Array, Array], ...]] = {
 class CommonError:
     """What explains most: clamp (sizes: x and y, mm), roll (rad), scale (relative) or nothing; left: (K,) mm."""
 
-    kind: str
+    kind: CommonKind | Literal[""]
     sizes: Array
     error_mm: Array
 
@@ -61,7 +63,7 @@ def common_errors(
 
 
 def _explained(
-    kind: str, experiment: Experiment, shapes: Shapes, misfit: Misfit, distance: Array, prior: Array
+    kind: CommonKind, experiment: Experiment, shapes: Shapes, misfit: Misfit, distance: Array, prior: Array
 ) -> CommonError:
     n = len(distance)
     residuals = misfit.residuals[0]
@@ -77,7 +79,7 @@ def _explained(
     return CommonError(kind, step[n:], np.sqrt((left**2).sum(axis=(1, 2)) / count))
 
 
-def _slopes(kind: str, experiment: Experiment, shapes: Shapes) -> Array:
+def _slopes(kind: CommonKind, experiment: Experiment, shapes: Shapes) -> Array:
     """(parts, K, G, m): of the residuals in each part of a kind."""
     parts = _KINDS[kind]
     steps = [(sign * turn, sign * shift) for turn, shift in parts for sign in (_STEP, -_STEP)]

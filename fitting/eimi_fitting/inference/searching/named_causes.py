@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,31 +28,49 @@ _SUSPECT, _HOPELESS = 0.04, 0.2
 _EXPLAINS = 0.4  # of the error with the loads as stated
 
 
+Slip = Literal[
+    "field_reversed",
+    "gravity_reversed",
+    "field_too_large",
+    "field_too_small",
+    "force_reversed",
+    "force_too_large",
+    "gravity_absent",
+]
+"""What was stated wrongly of the loads."""
+
+
 @dataclass(frozen=True)
 class Cause:
-    """A slip: its name, and the loads as they would be without it."""
+    """A slip, its name in English, and the loads as they would be without it."""
 
-    name: str
+    slip: Slip
+    words: str
     loads: Callable[[Loads], Loads]
 
 
 class NamedCause(Exception):
-    """No material explains a dataset (counted from 0) with its loads as stated; one does without the slip ``cause``.
+    """No material explains a dataset (counted from 0) with its loads as stated; one does without the slip.
 
     error_mm, error_without_mm: the best that a scan over moduli finds, with the slip and without it.
     """
 
-    def __init__(self, experiment: int, cause: str, error_mm: float, error_without_mm: float) -> None:
-        self.experiment, self.cause = experiment, cause
+    def __init__(self, experiment: int, slip: Slip, error_mm: float, error_without_mm: float) -> None:
+        self.experiment, self.slip = experiment, slip
         self.error_mm, self.error_without_mm = error_mm, error_without_mm
         super().__init__(
-            f"no material explains this: the best is {error_mm:.2g} mm off, and without {cause} "
+            f"no material explains this: the best is {error_mm:.2g} mm off, and without {self.words} "
             f"{error_without_mm:.2g} mm"
         )
 
-    def __reduce__(self) -> tuple[type[NamedCause], tuple[int, str, float, float]]:
+    @property
+    def words(self) -> str:
+        """The slip in English."""
+        return next(cause.words for cause in CAUSES if cause.slip == self.slip)
+
+    def __reduce__(self) -> tuple[type[NamedCause], tuple[int, Slip, float, float]]:
         """An error with more than words has to say how another process is told of it."""
-        return NamedCause, (self.experiment, self.cause, self.error_mm, self.error_without_mm)
+        return NamedCause, (self.experiment, self.slip, self.error_mm, self.error_without_mm)
 
 
 def _gravity_turned(loads: Loads) -> Loads:
@@ -63,13 +82,29 @@ def _gravity_turned(loads: Loads) -> Loads:
 
 
 CAUSES = (
-    Cause("a field that is the wrong way round", lambda loads: replace(loads, field_T=-loads.field_T)),
-    Cause("a gravity that is upside down", _gravity_turned),
-    Cause("a field a thousand times too large", lambda loads: replace(loads, field_T=1e-3 * loads.field_T)),
-    Cause("a field a thousand times too small", lambda loads: replace(loads, field_T=1e3 * loads.field_T)),
-    Cause("tip forces the wrong way round", lambda loads: replace(loads, tip_force_N=-loads.tip_force_N)),
-    Cause("tip forces a thousand times too large", lambda loads: replace(loads, tip_force_N=1e-3 * loads.tip_force_N)),
-    Cause("gravity", lambda loads: replace(loads, gravity=0 * loads.gravity)),
+    Cause(
+        "field_reversed", "a field that is the wrong way round", lambda loads: replace(loads, field_T=-loads.field_T)
+    ),
+    Cause("gravity_reversed", "a gravity that is upside down", _gravity_turned),
+    Cause(
+        "field_too_large",
+        "a field a thousand times too large",
+        lambda loads: replace(loads, field_T=1e-3 * loads.field_T),
+    ),
+    Cause(
+        "field_too_small",
+        "a field a thousand times too small",
+        lambda loads: replace(loads, field_T=1e3 * loads.field_T),
+    ),
+    Cause(
+        "force_reversed", "tip forces the wrong way round", lambda loads: replace(loads, tip_force_N=-loads.tip_force_N)
+    ),
+    Cause(
+        "force_too_large",
+        "tip forces a thousand times too large",
+        lambda loads: replace(loads, tip_force_N=1e-3 * loads.tip_force_N),
+    ),
+    Cause("gravity_absent", "gravity", lambda loads: replace(loads, gravity=0 * loads.gravity)),
 )
 
 
@@ -90,7 +125,7 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
         without = [_without(alone, cause, independent_points) for cause in CAUSES]
         best = int(np.argmin(without))
         if without[best] < _EXPLAINS * stated:
-            found.append(NamedCause(index, CAUSES[best].name, stated, without[best]))
+            found.append(NamedCause(index, CAUSES[best].slip, stated, without[best]))
             if stated > _HOPELESS * own.unmoved_mm:
                 raise found[-1]
     return tuple(found)
