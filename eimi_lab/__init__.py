@@ -6,7 +6,10 @@ fits          from datasets to materials               report        one HTML fi
 virtual       a rig that needs no hardware             commands      what each command of `eimi` takes and prints
 """
 
+import logging
 from typing import TYPE_CHECKING
+
+logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 if TYPE_CHECKING:
     __version__: str

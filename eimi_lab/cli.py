@@ -15,6 +15,7 @@ from eimi_lab.commands import beginning, bench, images, material_laws, next_run,
 from eimi_lab.commands.examples import EXAMPLES, in_help
 from eimi_lab.commands.result import printing
 from eimi_lab.process.errors import InputError, OwnFault, tell
+from eimi_lab.process.log import LEVELS, VARIABLE, log_to_stderr
 from eimi_lab.process.stderr import never_blocking, open_closed_streams
 from eimi_lab.process.stopping import Stopped, leaving, unwind_on_termination
 from eimi_lab.process.threads import one_thread_each
@@ -59,8 +60,13 @@ def _before_any_command(
             "--version", help="print the versions and do no more", callback=showing.print_versions, is_eager=True
         ),
     ] = False,
+    log: Annotated[
+        str, typer.Option(envvar=VARIABLE, help="log on standard error for a maintainer: info, or debug for the wire")
+    ] = "",
 ) -> None:
-    pass
+    if log not in ("", *LEVELS):
+        raise InputError(f"--log {log} (or {VARIABLE}): should be one of {', '.join(LEVELS)}")
+    log_to_stderr(log)
 
 
 def main() -> None:

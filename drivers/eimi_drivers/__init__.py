@@ -5,3 +5,7 @@
 serve a coil supply with no hardware. This package knows currents, volts and pixels: no physics of the
 specimen, no files of the laboratory, and nothing of the packages that use it.
 """
+
+import logging
+
+logging.getLogger(__name__).addHandler(logging.NullHandler())

@@ -47,9 +47,10 @@ from eimi_lab.acquisition.guardian import (
     TAKING_OVER,
     Ward,
 )
+from eimi_lab.process.log import VARIABLE, log_to_stderr
 from eimi_lab.process.stderr import never_blocking
 
-_log = logging.getLogger(__name__)
+_log = logging.getLogger("eimi_lab.acquisition.guardian_process")  # the process runs this module as __main__
 
 TRY_FOR_S = 3600.0  # a cable may be put back; a person who was told will have come by then
 TRY_AGAIN_AFTER_S, TRY_AGAIN_LATER_S = 0.1, 1.0
@@ -198,6 +199,7 @@ def _tell(event: Event) -> None:
 def main(ward: str, events: str | None = None) -> None:
     """Stand guard over a supply, given as JSON. events: the number of a descriptor that somebody may read."""
     with never_blocking(), heard_by(_tell, None if events is None else int(events)) as on_event:
+        log_to_stderr(os.environ.get(VARIABLE, ""))
         guarded = Ward(**json.loads(ward))
         unpack(guarded.driver, guarded.packed)
         stand_guard(guarded, on_event)

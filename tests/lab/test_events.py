@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -353,3 +354,26 @@ def test_lines_for_a_reader_that_left_are_dropped_in_silence() -> None:
     for _ in range(1000):
         lines(PauseRequested())
     lines.finish()
+
+
+def test_the_log_tells_a_maintainer_of_wire_guardian_and_events(bench: Path) -> None:
+    with emulated(bench):
+        logged = subprocess.run(
+            command("rig.toml"),
+            cwd=bench,
+            env=os.environ | {"EIMI_LOG": "debug"},
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=True,
+        )
+    assert_whole(read(logged.stdout.splitlines()))
+    assert re.search(r"eimi_drivers\.supplies\.logged: .* > b'.*CURR", logged.stderr)
+    assert re.search(r"\d+ messages, \d+ answers, the slowest after \d+\.\d+ s; 0 faults", logged.stderr)
+    assert re.search(r"guardian.*: armed", logged.stderr)
+    assert re.search(r"eimi_lab\.acquisition\.run: StateStored\(", logged.stderr)
+
+
+def test_a_level_that_there_is_not_is_refused_in_one_line(run: Callable[..., tuple[int, str]]) -> None:
+    status, said = run("--log", "loud", "instruments")
+    assert (status, said) == (2, "eimi: --log loud (or EIMI_LOG): should be one of info, debug\n")

@@ -16,6 +16,7 @@ from eimi_drivers.supplies.genesys import GenesysSupply
 from eimi_drivers.supplies.interruptible import InterruptibleTransport
 from eimi_drivers.supplies.kepco import KepcoBopSupply
 from eimi_drivers.supplies.korad import KoradSupply
+from eimi_drivers.supplies.logged import LoggedTransport, is_logged
 from eimi_drivers.supplies.scpi import scpi_driver
 from eimi_drivers.supplies.scpi_profiles import PROFILES
 from eimi_drivers.supplies.transcript import RecordingTransport
@@ -117,6 +118,8 @@ def open_with(
             if transcript is not None:
                 opened.callback(link.close)
                 link = RecordingTransport(link, transcript, clock)
+            if is_logged():
+                link = LoggedTransport(link, clock)
             if between_messages is not None:
                 link = InterruptibleTransport(link, between_messages)
             opened.callback(link.close)

@@ -1,0 +1,72 @@
+"""What goes over the wire, for a maintainer: each message in the log, and a summary when the line is closed."""
+
+from __future__ import annotations
+
+import logging
+
+from eimi_drivers.interfaces import Clock, InstrumentError
+from eimi_drivers.supplies.transport import Transport
+
+_log = logging.getLogger(__name__)
+
+
+def is_logged() -> bool:
+    """Return whether anybody wants to see it."""
+    return _log.isEnabledFor(logging.INFO)
+
+
+class LoggedTransport:
+    """A transport that logs what goes over another one: messages at level DEBUG, faults and the summary at INFO."""
+
+    def __init__(self, link: Transport, clock: Clock) -> None:
+        self.address = link.address
+        self._link = link
+        self._clock = clock
+        self._messages = self._answers = self._faults = self._reopened = 0
+        self._sent_s = self._slowest_s = 0.0
+
+    def write(self, message: bytes) -> None:
+        """See `Transport.write`."""
+        _log.debug("%s > %r", self.address, message)
+        self._messages += 1
+        self._sent_s = self._clock.now()
+        try:
+            self._link.write(message)
+        except InstrumentError as error:
+            self._fault(error)
+            raise
+
+    def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
+        """See `Transport.read`."""
+        try:
+            received = self._link.read(size, timeout_s, end)
+        except InstrumentError as error:
+            self._fault(error)
+            raise
+        _log.debug("%s < %r", self.address, received)
+        self._answers += 1
+        self._slowest_s = max(self._slowest_s, self._clock.now() - self._sent_s)
+        return received
+
+    def reopen(self) -> None:
+        """See `Transport.reopen`."""
+        self._reopened += 1
+        _log.info("%s: the line is opened anew", self.address)
+        self._link.reopen()
+
+    def close(self) -> None:
+        """See `Transport.close`."""
+        _log.info(
+            "%s: %d messages, %d answers, the slowest after %.3f s; %d faults, opened anew %d times",
+            self.address,
+            self._messages,
+            self._answers,
+            self._slowest_s,
+            self._faults,
+            self._reopened,
+        )
+        self._link.close()
+
+    def _fault(self, error: InstrumentError) -> None:
+        self._faults += 1
+        _log.info("%s: %s: %s", self.address, type(error).__name__, error)

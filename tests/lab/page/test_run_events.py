@@ -1,0 +1,103 @@
+"""What the page knows of the coil comes from events: the words that a run and its guardian say may be any."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eimi_lab.acquisition.events import Event, OffConfirmed, OffNotConfirmed, OutputSwitched, RunBegun, StateStored
+from eimi_lab.page.bench_run import BenchRun, Order
+from tests.patience import PATIENCE_S
+
+OTHER_WORDS = """
+import eimi_lab.acquisition.event_words as words
+words.in_words = lambda event: "xyzzy"
+"""
+
+
+def a_run(folder: Path) -> BenchRun:
+    files = {name: str(folder / f"{name}.toml") for name in ("protocol", "specimen", "rig")}
+    order = Order(dataset=folder / "words.h5", **files)
+    return BenchRun(order, "words.h5", lambda: None, lambda about, picture: None)
+
+
+async def until(true: Callable[[], bool]) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while not true():
+            await asyncio.sleep(0.02)
+
+
+async def stopped(run: BenchRun) -> str:
+    return await run.stop()
+
+
+async def killed(run: BenchRun) -> str:
+    os.kill(run._run.pid, signal.SIGKILL)
+    return ""
+
+
+@pytest.mark.parametrize("end", [stopped, killed])
+def test_the_page_knows_that_the_coil_is_off_whatever_the_words(
+    emulated_bench: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: Callable[..., Any]
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(OTHER_WORDS)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+
+    async def watch() -> BenchRun:
+        run = a_run(emulated_bench.folder)
+        await run.begin()
+        await until(lambda: run.progress.coil == "on" or not run.going_on)
+        assert run.progress.coil == "on", run.progress.last_words
+        await end(run)
+        await until(lambda: not run.going_on)
+        await run.closed()
+        return run
+
+    run = asyncio.run(watch())
+    assert emulated_bench.is_off()
+    assert (run.progress.coil, run.progress.phase) == ("off", "ended")
+    assert "xyzzy" in run.progress.last_words or end is stopped
+
+
+def heard(*events: Event) -> BenchRun:
+    run = a_run(Path("nowhere"))
+    for event in events:
+        run.heard(event)
+    return run
+
+
+def test_the_page_s_coil_follows_the_events() -> None:
+    on, off = OutputSwitched(on=True), OffConfirmed(by="guardian", determined_by="commanded", takeover="run_died")
+    assert heard().progress.coil == "off"
+    assert heard(on).progress.coil == "on"
+    assert heard(on, OutputSwitched(on=False)).progress.coil == "on"  # not before it is confirmed
+    assert heard(on, off).progress.coil == "off"
+    assert heard(on, OffNotConfirmed(by="run", reason="")).progress.coil == "unknown"
+    assert heard(on, OffNotConfirmed(by="run", reason=""), off).progress.coil == "off"
+
+
+def test_the_page_counts_states_and_tolerates_what_it_does_not_know() -> None:
+    begun = RunBegun(
+        dataset="run.h5",
+        protocol="p",
+        specimen="s",
+        rig="r",
+        states=4,
+        currents_A=(0.0, 0.1, 0.2, 0.3),
+        resumes=False,
+        guardian=False,
+        without_contact="",
+        hottest_share=0.5,
+    )
+    states = [StateStored(state=k, current_A=k / 10, waited_s=1.0, flags=(), time_s=100.0 + 7.0 * k) for k in range(3)]
+    run = heard(begun, *states)
+    run.heard(None)
+    assert (run.progress.states, run.progress.stored) == (4, 3)
+    assert run.progress.left_s == pytest.approx(7.0)
+    assert run.progress.without_contact == "nothing is switched: the coil is simulated"
