@@ -28,7 +28,7 @@ def on_config(config: Any) -> Any:
 
 def block(source: str, *_: object, **__: object) -> str:
     """Return the HTML of one block; its lines are one equation."""
-    return f'<div class="math" style="overflow-x:auto">{equation(" ".join(source.split()))}</div>'
+    return f'<div class="math">{equation(" ".join(source.split()))}</div>'
 
 
 def equation(tex: str) -> str:
@@ -44,6 +44,6 @@ def equation(tex: str) -> str:
         f'<svg role="img" aria-label="{html.escape(tex)}" fill="currentColor" '
         f'width="{box.width * PIXELS_PER_PT:.0f}" height="{box.height * PIXELS_PER_PT:.0f}" '
         f'viewBox="{box.x0:.2f} {-box.y1:.2f} {box.width:.2f} {box.height:.2f}" '
-        f'style="display:block;margin:0.6em 1.5em">'
+        f'style="display:block;margin:0.6em 1.5em;max-width:94%;height:auto">'
         f'<path transform="scale(1,-1)" d="{drawing}"/></svg>'
     )
