@@ -119,7 +119,7 @@ def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bo
         specimen = dataclasses.replace(specimen, section=section)
     used, observed = _observed(dataset, flagged)
     states = tuple(dataset.states[i] for i in used)
-    model = BeamModel(specimen).refined()
+    model = BeamModel(specimen, plane=specimen.planar_section).refined()
     if isinstance(observed, PointObservation):
         rest = observed.rest_mm[np.isfinite(observed.sigma_mm)]
         try:
@@ -150,7 +150,10 @@ def experiment_so_far(dataset: Dataset, edges: Sequence[EdgeSet]) -> Experiment 
     states = [dataset.states[index] for index in used]
     specimen = dataset.specimen.mechanics()
     return Experiment(
-        BeamModel(specimen), _loads(dataset, states), _seen(dataset, edges, used), stated=_stated(dataset)
+        BeamModel(specimen, plane=specimen.planar_section),
+        _loads(dataset, states),
+        _seen(dataset, edges, used),
+        stated=_stated(dataset),
     )
 
 

@@ -95,4 +95,4 @@ def experiment_of(kind: str, edges: Array, fields: Array, section: Section) -> E
     specimen = replace(specimen_of(kind), section=section)
     sigma = np.full(edges.shape[2], NOISE_MM)
     observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in edges])
-    return Experiment(BeamModel(specimen).refined(), Loads.along(fields), observed)
+    return Experiment(BeamModel(specimen, plane=specimen.planar_section).refined(), Loads.along(fields), observed)

@@ -128,7 +128,9 @@ def _experiment() -> Experiment:
     fields = field_mT(MATERIALS[key], Extent(states=_STATES))
     edges = outlines_mm(MATERIALS[key], specimen_of(TRAINED_ON), fields)[:, :, ::_EVERY]
     edges = edges + noise_mm(edges.shape, "optimisers")
-    return replace(experiment_of(TRAINED_ON, edges, fields, "solid"), model=BeamModel(specimen_of(TRAINED_ON)))
+    experiment = experiment_of(TRAINED_ON, edges, fields, "solid")
+    specimen = experiment.model.specimen
+    return replace(experiment, model=BeamModel(specimen, plane=specimen.planar_section))
 
 
 def _run(optimiser: Callable[[_Counted, int, int], None], problem: Problem, seed: int) -> _Counted:

@@ -145,7 +145,7 @@ def simulate(
     if not modulus > 0:
         raise InputError(f"--parameter: the initial shear modulus of {law.name} is {modulus:g} Pa; should be above 0")
     beam = specimen.mechanics()
-    planar = BeamModel(beam, along=_ALONG)
+    planar = BeamModel(beam, along=_ALONG, plane=beam.planar_section)
     model = SolidBeside(beam, _ALONG, 2 * planar.across) if beam.section == "solid" else planar
     bulk = None if bulk_modulus_kPa is None else np.array([1e3 * bulk_modulus_kPa])
     loads = Loads.along(field_mT, field_angle_deg, gravity_angle_deg)

@@ -15,6 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from eimi_fitting.beam.bending import Beam
     from eimi_fitting.beam.loads import Loads
     from eimi_fitting.beam.model import BeamModel
     from eimi_fitting.beam.specimen import Magnet, Specimen
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "LAWS": "laws",
+    "Beam": "beam.bending",
     "BeamModel": "beam.model",
     "EdgeObservation": "inference.evidence.measurements",
     "Experiment": "inference.evidence.experiment",
@@ -49,6 +51,7 @@ _HOMES = {
 
 __all__ = [
     "LAWS",
+    "Beam",
     "BeamModel",
     "EdgeObservation",
     "Experiment",

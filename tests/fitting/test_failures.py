@@ -133,7 +133,9 @@ def test_a_block_turned_inside_out_is_no_equilibrium(name):
     fixed = np.abs(mesh.nodes) < 1e-9  # its axes of symmetry stay where they are
     solid = Solid(mesh, fixed)
     batch = Batch(LAWS[name], moduli_in_MPa(np.array([SOUND[name]]), LAWS[name].units), "plane-stress", np.ones(1))
-    nothing = SolidLoads(np.zeros((1, len(mesh.nodes), 2)), np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1))
+    nothing = SolidLoads(
+        np.zeros((1, len(mesh.nodes), 2)), np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1), np.zeros(1)
+    )
     rest = solid.rest(1)
     inside_out = replace(rest, displacement=mesh.nodes[None] * [0.0, -2.0])
     for start, expected in ((rest, Status.CONVERGED), (inside_out, Status.DIVERGED)):

@@ -149,7 +149,7 @@ def test_thick_cylinder_under_pressure(stretch, pressure):
     batch, now = Batch(NEO, np.array([[1.0]]), "plane-strain", np.array([1e6])), solid.rest(1)
     for p in np.linspace(0, pressure, 7)[1:]:
         nothing = np.zeros((1, len(solid.mesh.nodes), 2))
-        loads = SolidLoads(nothing, np.zeros((1, 2)), np.zeros((1, 2, 2)), np.array([p]))
+        loads = SolidLoads(nothing, np.zeros((1, 2)), np.zeros((1, 2, 2)), np.array([p]), np.zeros(1))
         now, status, _ = solid.equilibrium(batch, loads, now, 1e-9)
         assert status[0] == Status.CONVERGED
     radius = np.linalg.norm(solid.mesh.nodes + now.displacement[0], axis=1)[solid.mesh.row(0)]

@@ -64,7 +64,11 @@ def test_it_moves_as_a_very_stiff_part_of_the_mesh_does(section, width, offset):
     for field in loads.field_T[1:]:
         nodal = slopes[:, :1] * density * field
         now, status, _ = solid.equilibrium(
-            batch, SolidLoads(nodal[None], np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1)), now, 1e-7, 60
+            batch,
+            SolidLoads(nodal[None], np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1), np.zeros(1)),
+            now,
+            1e-7,
+            60,
         )
         assert status[0] == Status.CONVERGED
     assert model.tip_angle_deg(ours)[0, -1] > 40

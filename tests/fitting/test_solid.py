@@ -164,7 +164,7 @@ def test_weight_force_and_field_do_the_work_that_the_supports_take(magnet):
     block = magnet.length_mm * magnet.width_mm * magnet.depth_mm if magnet else 0.0
     mass = 1e-9 * (1070.0 * (30 * 3 * 5 - block) + 7500.0 * block)
     expected = mass * 9.80665 + 2e-4
-    own = model.actuation.at(loads.state(0), np.ones(1)).nodal[0, clamp]  # borne by the clamp at once
+    own = loads.on(model.loaded)(loads.state(0), np.ones(1)).nodal[0, clamp]  # borne by the clamp at once
     assert 2 * (total[clamp] - own)[:, :2].sum(axis=0) == pytest.approx([0.0, expected], abs=1e-7 * expected + 1e-10)
 
 

@@ -33,7 +33,7 @@ def solve(solid: Solid, force: np.ndarray, mu: float, bulk: float, steps: int = 
     batch = Batch(NEO, np.array([[mu]]), "plane-strain", np.array([bulk]))
     now = solid.rest(1)
     for k in range(1, steps + 1):
-        loads = SolidLoads(force[None] * k / steps, np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1))
+        loads = SolidLoads(force[None] * k / steps, np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1), np.zeros(1))
         now, status, _ = solid.equilibrium(batch, loads, now, 1e-9)
         assert status[0] == Status.CONVERGED
     return now

@@ -32,7 +32,7 @@ def equilibrium(solid: Solid, name: str, force: np.ndarray, bulk: float, steps: 
     batch = Batch(LAWS[name], np.array([LAW_EXAMPLES[name]]), "solid", np.array([bulk]))
     now = solid.rest(1)
     for part in np.linspace(0, 1, steps + 1)[1:]:
-        dead = SolidLoads(part * force[None], np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1))
+        dead = SolidLoads(part * force[None], np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1), np.zeros(1))
         now, status, _ = solid.equilibrium(batch, dead, now, 1e-10)
         assert status[0] == Status.CONVERGED
     return now
@@ -96,7 +96,7 @@ def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float
     exact = np.column_stack([c * x - s * y, s * x + c * y, z]) - mesh.nodes
     solid = Solid(mesh, np.repeat(surface[:, None], 3, axis=1))
     batch = Batch(LAWS[name], np.array([LAW_EXAMPLES[name]]), "solid", np.array([1e4]))
-    nothing = SolidLoads(np.zeros((1, *mesh.nodes.shape)), np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1))
+    nothing = SolidLoads(np.zeros((1, *mesh.nodes.shape)), np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1), np.zeros(1))
     now = solid.rest(1)
     for part in np.linspace(0, 1, 6)[1:]:
         c, s = np.cos(part * twist * z), np.sin(part * twist * z)

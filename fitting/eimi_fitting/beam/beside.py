@@ -21,7 +21,7 @@ from eimi_fitting.beam.equilibrium import Configuration, Status, combine
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.mesh import Indices
 from eimi_fitting.beam.model import BeamModel
-from eimi_fitting.beam.path import Candidates, Shapes, candidates, mark_unstable
+from eimi_fitting.beam.path import Candidates, LoadsAt, Shapes, candidates, mark_unstable
 from eimi_fitting.beam.solid_model import SolidModel
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.laws.law import Law
@@ -138,7 +138,7 @@ class SolidBeside:
     def __init__(self, specimen: Specimen, along: int, across: int, more: int = 0) -> None:
         self.specimen = specimen
         self.solid = SolidModel(specimen, along, across, more)
-        self.planar = BeamModel(replace(specimen, section="plane-stress"), along, across)
+        self.planar = BeamModel(specimen, along, across, "plane-stress")
         self.mesh = self.solid.mesh
         self._plan, column = np.unique(self.mesh.nodes[:, :2], axis=0, return_inverse=True)
         self._column = column.reshape(-1)
@@ -171,9 +171,9 @@ class SolidBeside:
 
     def is_beside(self, model: BeamModel) -> bool:
         """Whether a planar model's lines are those of this solid, so that its shapes are the planar ones here."""
-        own = self.planar
-        lines = (own.along, own.across) == (model.along, model.across)
-        return lines and own.specimen == replace(model.specimen, section=model.specimen.planar_section)
+        planar = self.planar
+        same_lines = (planar.along, planar.across, planar.plane) == (model.along, model.across, model.plane)
+        return same_lines and replace(planar.specimen, section=model.specimen.section) == model.specimen
 
     def lifting(self, flat: Shapes | None) -> SolidBeside:
         """The same model, for the one candidate whose planar shapes are given: they are not sought again."""
@@ -286,7 +286,7 @@ class SolidBeside:
             k = int(left[np.argmax(distance)])
             foretold = effect.at(places[k]) if len(known) > 1 or effect.base else None
             lifted = self._lifted(lift, flat, np.array([k]))
-            found = self._solved(chosen, loads.state(k), lifted, foretold, tolerance_mm)
+            found = self._solved(chosen, loads.on(self.solid.loaded), loads.state(k), lifted, foretold, tolerance_mm)
             if found is None:
                 return None
             effect = effect.with_one(float(places[k]), found)
@@ -309,6 +309,7 @@ class SolidBeside:
     def _solved(
         self,
         chosen: Candidates,
+        loads_at: LoadsAt,
         load: Array,
         lifted: Configuration,
         foretold: Configuration | None,
@@ -318,7 +319,7 @@ class SolidBeside:
         guess = lifted if foretold is None else combine([1.0, 1.0], [lifted, foretold])
         batch, factor = chosen.take(np.arange(1))
         found, status, _ = self.solid.solid.equilibrium(
-            batch, self.solid.actuation.at(load, factor), guess, tolerance_mm, _FEW, only_try=True
+            batch, loads_at(load, factor), guess, tolerance_mm, _FEW, only_try=True
         )
         return combine([1.0, -1.0], [found, lifted]) if status[0] == Status.CONVERGED else None
 

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 
 _MOST_ITERATIONS = 25  # of Newton's method
+_LOADS = ("nodal", "force", "tensor", "pressure", "moment")
 _ELEMENTS_AT_ONCE = 4096  # of all candidates or states together: more of them are not strained at once
 
 
@@ -38,16 +39,25 @@ class Status(IntEnum):
 
 @dataclass(frozen=True)
 class SolidLoads:
-    """Loads, one row a candidate or one for all: forces that keep their direction, and a pressure.
+    """Loads on a mesh, with one row for each of B candidates or one row for all; see `beam.actuation`.
 
-    nodal: (B, N, d) N on the nodes; force: (B, 2) N and tensor: (B, 2, 2) N mm on the rigid body, whose potential is
-    -force . U - tensor : R; pressure: (B,) N/mm² on the face. All per mm of depth where the mesh is planar.
+    All are per mm of depth if the mesh is planar.
+
+    Attributes
+    ----------
+    nodal : ndarray, shape (B, N, d)
+        Dead forces on the nodes in N.
+    force, tensor, moment : ndarray, shapes (B, 2), (B, 2, 2) and (B,)
+        Load on the rigid body, in N and N mm. Its potential is -force . U - tensor : R(theta) - moment theta.
+    pressure : ndarray, shape (B,)
+        Pressure on the face in N/mm².
     """
 
     nodal: Array
     force: Array
     tensor: Array
     pressure: Array
+    moment: Array
 
 
 @dataclass(frozen=True)
@@ -103,9 +113,7 @@ def joined(parts: Sequence[Configuration]) -> Configuration:
 
 def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
     """Loads of batches one after another."""
-    return SolidLoads(
-        *(np.concatenate([getattr(own, name) for own in parts]) for name in ("nodal", "force", "tensor", "pressure"))
-    )
+    return SolidLoads(*(np.concatenate([getattr(own, name) for own in parts]) for name in _LOADS))
 
 
 @dataclass(frozen=True)
@@ -209,7 +217,7 @@ class Solid:
             tie = body.matrix(now.rigid)
             moment, turning = dead_moment(loads.tensor, now.rigid)
             pull = np.empty((b, 3))
-            pull[:, :2], pull[:, 2] = loads.force, moment
+            pull[:, :2], pull[:, 2] = loads.force, moment + loads.moment
             tied = tie, turning + body.stiffness_of_turning(force, now.rigid), pull
         x, rigid, sound, indefinite = self.system.solve(K, effective, right, tied, ev.valid, symmetric, only_definite)
         flat = np.zeros((b, self.dimensions * len(self.mesh.nodes)))
@@ -293,4 +301,4 @@ def _rows_of_batch(batch: Batch, rows: Indices) -> Batch:
 def _rows_of_loads(loads: SolidLoads, rows: Indices) -> SolidLoads:
     if len(loads.force) == 1:
         return loads
-    return SolidLoads(loads.nodal[rows], loads.force[rows], loads.tensor[rows], loads.pressure[rows])
+    return SolidLoads(*(getattr(loads, name)[rows] for name in _LOADS))

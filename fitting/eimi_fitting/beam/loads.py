@@ -1,38 +1,47 @@
-"""What bends the beam: magnet torque, gravity, a tip force, magnetised silicone, all dead loads; pressure on a face.
-
-A dipole in a uniform field has the potential -B . R m, a weight W at s of a rigid body -W . (U + R s): both are
-linear in the body's rotation matrix R, so a rigid body needs only a total force F and a 2 x 2 tensor Q with the
-potential -F . U - Q : R.
-"""
+"""The loads on one specimen in a sequence of states: a composition of actuations."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import prod
-from typing import Protocol
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eimi_fitting.beam.equilibrium import Solid, SolidLoads
-from eimi_fitting.beam.mesh import Indices
-from eimi_fitting.beam.specimen import STANDARD_GRAVITY, Specimen
-from eimi_fitting.units import MPA_PER_PA
+from eimi_fitting.beam.kinds_of_load import Gravity, Pressure, TipForce, UniformField
+from eimi_fitting.beam.specimen import STANDARD_GRAVITY
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from eimi_fitting.beam.actuation import Actuation, LoadedMesh
+    from eimi_fitting.beam.equilibrium import SolidLoads
 
 Array = NDArray[np.float64]
 
 
 def _direction(angle_deg: ArrayLike) -> Array:
-    """(2,) or (2, K) of one angle or K of them."""
+    """Return the unit vector (2,) of one angle, or the unit vectors (2, K) of K angles."""
     return np.array([np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))])
 
 
 @dataclass(frozen=True)
 class Loads:
-    """The K states of one specimen, in the beam frame.
+    """The loads on one specimen in K states, in the beam frame.
 
-    field_T: (K, 2); gravity: (K, 2) in m/s²; tip_force_N: (K, 2), whole specimen (not per depth); pressure_Pa: (K,)
-    on the specimen's pressure face, positive into the body, one value for all states or none.
+    Parameters
+    ----------
+    field_T : ndarray, shape (K, 2)
+        Uniform magnetic flux density in T.
+    gravity : ndarray, shape (K, 2)
+        Acceleration of gravity in m/s².
+    tip_force_N : ndarray, shape (K, 2)
+        Force at the tip, on the whole specimen, in N.
+    pressure_Pa : array_like, shape (K,) or ()
+        Pressure on the specimen's pressure face, positive into the body, one value for all states or one for each.
+    others : tuple of Actuation
+        Further kinds of load, see `plus`.
 
     Examples
     --------
@@ -47,6 +56,7 @@ class Loads:
     gravity: Array
     tip_force_N: Array
     pressure_Pa: ArrayLike = 0.0
+    others: tuple[Actuation, ...] = ()
 
     @staticmethod
     def along(
@@ -57,10 +67,27 @@ class Loads:
         pressure_Pa: ArrayLike = 0.0,
         tip_force_angle_deg: ArrayLike | None = None,
     ) -> Loads:
-        """K states from field magnitudes (K,) in mT, tip forces (K,) in N and pressures (K,).
+        """Return K states from magnitudes and angles.
 
-        Angles are in the beam frame, from +x toward +y; ``gravity_angle_deg=None`` switches gravity off. Tip forces act
-        along gravity unless an angle, or (K,) of them, says otherwise; ValueError for a force without a direction.
+        Parameters
+        ----------
+        field_mT : array_like, shape (K,)
+            Magnitude of the field in mT.
+        field_angle_deg : float
+            Direction of the field. All angles are in the beam frame, from +x toward +y.
+        gravity_angle_deg : float or None
+            Direction of gravity; None for a beam that gravity does not bend.
+        tip_force_N : array_like, shape (K,) or ()
+            Force at the tip in N.
+        pressure_Pa : array_like, shape (K,) or ()
+            Pressure on the pressure face in Pa.
+        tip_force_angle_deg : array_like, shape (K,) or (), or None
+            Direction of the tip force; None: along gravity.
+
+        Raises
+        ------
+        ValueError
+            A tip force has no direction: neither its angle nor that of gravity is given.
         """
         magnitude, force = np.broadcast_arrays(
             np.atleast_1d(np.asarray(field_mT, float)), np.asarray(tip_force_N, float)
@@ -79,89 +106,55 @@ class Loads:
             pressure_Pa,
         )
 
+    def plus(self, *actuations: Actuation) -> Loads:
+        """Return these loads and further kinds of load on the same specimen.
+
+        Raises
+        ------
+        ValueError
+            An actuation has another number of states.
+        """
+        for actuation in actuations:
+            if len(actuation.numbers) != len(self):
+                raise ValueError(
+                    f"{type(actuation).__name__} has {len(actuation.numbers)} states, the other loads have {len(self)}"
+                )
+        return replace(self, others=(*self.others, *actuations))
+
+    @cached_property
+    def actuations(self) -> tuple[Actuation, ...]:
+        """Every kind of load, in the order in which `state` has their numbers."""
+        pressure = np.broadcast_to(np.asarray(self.pressure_Pa, float), len(self))
+        return (
+            UniformField(self.field_T),
+            Gravity(self.gravity),
+            TipForce(self.tip_force_N),
+            Pressure(pressure[:, None]),
+            *self.others,
+        )
+
     def __len__(self) -> int:
         return len(self.field_T)
 
     def take(self, states: NDArray[np.intp]) -> Loads:
-        """Some of the states, in the order given."""
+        """Return some of the states, in the order given."""
         pressure = np.asarray(self.pressure_Pa, float)
         return Loads(
             self.field_T[states],
             self.gravity[states],
             self.tip_force_N[states],
             pressure[states] if pressure.ndim else pressure,
+            tuple(actuation.take(states) for actuation in self.others),
         )
 
     def state(self, k: int) -> Array:
-        """State k as one vector (7,): field, gravity, tip force, pressure."""
-        pressure = np.asarray(self.pressure_Pa, float)
-        return np.concatenate(
-            [self.field_T[k], self.gravity[k], self.tip_force_N[k], [pressure[k] if pressure.ndim else pressure]]
-        )
+        """Return the numbers (m,) of state k: field, gravity, tip force, pressure, then those of the other kinds."""
+        return np.concatenate([actuation.numbers[k] for actuation in self.actuations])
 
+    def at_rest(self) -> Array:
+        """Return the numbers (m,) of a state without loads."""
+        return np.zeros(sum(actuation.numbers.shape[1] for actuation in self.actuations))
 
-class Places(Protocol):
-    """What the loads ask of a grid: see `Grid` and `SolidGrid`."""
-
-    specimen: Specimen
-    block_mm: tuple[float, float, float]
-    per_specimen: float
-
-    def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """(n,): which points (n, 2), given at rest, the magnet carries."""
-
-    def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Nodes and weights that take a force on the line in depth through a point (2,)."""
-
-
-class Actuation:
-    """What one state's loads put on a mesh of a specimen: per mm of its depth where it is planar, or on half of it."""
-
-    def __init__(self, grid: Places, solid: Solid) -> None:
-        self._grid, self._specimen = grid, grid.specimen
-        spec, magnet = grid.specimen, grid.specimen.magnet
-        nodes, self._dimensions = solid.mesh.nodes.shape
-        self._mass = np.zeros(nodes)  # kg/mm, kg
-        np.add.at(self._mass, solid.mesh.elements, 1e-9 * spec.density_kg_m3 * solid.ops.load)
-        slopes = np.zeros((nodes, self._dimensions))  # integrals of dN/dX
-        np.add.at(slopes, solid.mesh.elements, solid.ops.slope)
-        # Hard-magnetic silicone: the energy -B . F M is linear in the displacement, so its forces are dead
-        # (Zhao, Kim, Cianchetti, Zhao 2019, J. Mech. Phys. Solids 124:244). A/m T = J/m³ = Pa.
-        self._moments = MPA_PER_PA * slopes[:, :2] @ np.array(spec.magnetisation_A_per_m)
-        self._body = solid.body
-        self._body_mass, self._body_moment, self._body_centre = 0.0, 0.0, np.zeros(2)
-        if magnet:
-            part = grid.per_specimen
-            body = magnet.length_mm * magnet.width_mm * magnet.depth_mm
-            around = prod(grid.block_mm) - body  # silicone that is carried rigidly
-            self._body_mass = 1e-9 * (body * magnet.density_kg_m3 + around * spec.density_kg_m3) * part
-            self._body_moment = 1e3 * magnet.moment_A_m2 * part  # A m² = N m / T -> N mm / T
-            self._body_centre = np.array([0.5 * magnet.length_mm, 0.0])  # of the block, from its inner face
-
-    def at(self, load: Array, field_factor: Array) -> SolidLoads:
-        """load: (7,), see `Loads.state`; field_factor: (B,) on the magnetic loads, or (1,) for all candidates."""
-        gravity, tip_force = load[2:4], load[4:6] * self._grid.per_specimen
-        b = len(field_factor)
-        field = field_factor[:, None] * load[0:2]  # (B, 2)
-        nodal = np.zeros((b, len(self._mass), self._dimensions))
-        nodal[..., :2] = self._mass[:, None] * gravity + self._moments[:, None] * field[:, None, :]
-        force = np.empty((b, 2))
-        force[:] = self._body_mass * gravity
-        tensor = force[:, :, None] * self._body_centre
-        tensor[:, :, 0] += self._body_moment * field
-        if tip_force.any():
-            spec = self._specimen
-            point = np.array(spec.tip_load_mm if spec.tip_load_mm is not None else (spec.length_mm, 0.0))
-            if self._grid.on_magnet(point)[0]:
-                force += tip_force
-                tensor += np.outer(tip_force, point - [spec.flexible_length_mm, 0.0])
-            else:
-                nodes, weights = self._grid.through_depth(point)
-                shares = np.zeros((len(self._mass), 2))
-                np.add.at(shares, nodes, weights[..., None] * tip_force)
-                nodal[..., :2] += shares
-        if self._body:  # what the silicone's loads put on the nodes that it carries
-            carried = nodal[:, self._body.nodes, :2]
-            force += carried.sum(axis=1)
-            tensor += np.einsum("bni,nj->bij", carried, self._body.arms)
-        return SolidLoads(nodal, force, tensor, np.full(b, MPA_PER_PA * load[6]))
+    def on(self, mesh: LoadedMesh) -> Callable[[Array, Array], SolidLoads]:
+        """Return the function of a state's numbers (m,) and field factors (B,) that gives the loads on a mesh."""
+        return partial(mesh.loads, self.actuations)

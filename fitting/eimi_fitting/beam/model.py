@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.beam.actuation import LoadedMesh
 from eimi_fitting.beam.equilibrium import Configuration, Solid
 from eimi_fitting.beam.grid import Grid
-from eimi_fitting.beam.loads import Actuation, Loads
+from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.mesh import Indices
 from eimi_fitting.beam.path import Shapes, at_once, candidates, follow
 from eimi_fitting.beam.specimen import Specimen
-from eimi_fitting.laws.law import Law
+from eimi_fitting.laws.law import Law, Section
 
 Array = NDArray[np.float64]
 
@@ -46,8 +47,17 @@ class BeamModel:
     True
     """
 
-    def __init__(self, specimen: Specimen, along: int = 13, across: int | None = None) -> None:
-        self.specimen = specimen
+    def __init__(
+        self, specimen: Specimen, along: int = 13, across: int | None = None, plane: Section | None = None
+    ) -> None:
+        if plane is None:
+            if specimen.section == "solid":
+                raise ValueError(
+                    "the specimen's section is solid and this model is planar: use Beam(specimen), or name the plane "
+                    'that stands for the solid, plane="plane-stress"'
+                )
+            plane = specimen.section
+        self.specimen, self.plane = specimen, plane
         flexible, width = specimen.flexible_length_mm, specimen.width_mm
         if flexible <= 0:
             raise ValueError(
@@ -61,23 +71,23 @@ class BeamModel:
         fixed = np.zeros((len(self.mesh.nodes), 2), bool)
         fixed[self.mesh.column(0)] = True
         self.solid = Solid(self.mesh, fixed, self.grid.magnet_nodes, (flexible, 0.0), self.grid.pressure_face())
-        self._actuation = Actuation(self.grid, self.solid)
+        self._loaded = LoadedMesh(self.grid, self.solid)
 
-    def __reduce__(self) -> tuple[type[BeamModel], tuple[Specimen, int, int]]:
-        """To another process go the arguments, a thousandth of what is made of them."""
-        return BeamModel, (self.specimen, self.along, self.across)
+    def __reduce__(self) -> tuple[type[BeamModel], tuple[Specimen, int, int, Section]]:
+        """Pickle the arguments alone, which are a thousandth of the model's arrays."""
+        return BeamModel, (self.specimen, self.along, self.across, self.plane)
 
     def of(self, specimen: Specimen) -> BeamModel:
         """Another specimen on as many elements."""
-        return BeamModel(specimen, self.along, self.across)
+        return BeamModel(specimen, self.along, self.across, self.plane)
 
     def refined(self) -> BeamModel:
         """The same specimen on a mesh twice as fine along and three times across."""
-        return BeamModel(self.specimen, 2 * self.along, 3 * self.across)
+        return BeamModel(self.specimen, 2 * self.along, 3 * self.across, self.plane)
 
     def halved(self) -> BeamModel:
         """The same specimen on elements of half the size."""
-        return BeamModel(self.specimen, 2 * self.along, 2 * self.across)
+        return BeamModel(self.specimen, 2 * self.along, 2 * self.across, self.plane)
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
         """`Grid.place`: nodes and weights that give the displacement of material points. Raises ValueError."""
@@ -138,14 +148,12 @@ class BeamModel:
 
         Raises ValueError for a pressure on a specimen that has no pressure face.
         """
-        if np.any(loads.pressure_Pa) and self.solid.face is None:
-            raise ValueError("a pressure is given, but the specimen names no face for it")
-        chosen = candidates(law, parameters, self.specimen.planar_section, bulk_modulus_Pa, field_factor)
+        chosen = candidates(law, parameters, self.plane, bulk_modulus_Pa, field_factor)
         if near is not None:
-            found = at_once(self.solid, self._actuation, chosen, loads, tolerance_mm, near, keep)
+            found = at_once(self.solid, self._loaded, chosen, loads, tolerance_mm, near, keep)
             if found is not None:
                 return found
-        return follow(self.solid, self._actuation, chosen, loads, tolerance_mm, start, keep)
+        return follow(self.solid, self._loaded, chosen, loads, tolerance_mm, start, keep)
 
     def element_stretch(self, shapes: Shapes) -> Array:
         """(P, K, E): largest principal stretch in each element, of its Gauss points."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import prod
 from typing import Literal
@@ -9,9 +10,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.beam.actuation import LoadedMesh
 from eimi_fitting.beam.element import Batch
-from eimi_fitting.beam.equilibrium import Configuration, Solid, Status, combine, joined, loads_joined
-from eimi_fitting.beam.loads import Actuation, Loads
+from eimi_fitting.beam.equilibrium import Configuration, Solid, SolidLoads, Status, combine, joined, loads_joined
+from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.mesh import Indices
 from eimi_fitting.laws.law import Law, Section
 from eimi_fitting.laws.stability import stable_stretch
@@ -31,7 +33,9 @@ _MOST_POINTS = 6  # of the path, that an extrapolation looks at
 _AT_ONCE = 1400  # elements, of all candidates and states: more of them need more memory, and no less time
 
 Path = list[tuple[Array, Configuration]]
-"""Loads (7,) and where the candidates stood under them."""
+"""Numbers of a state's loads (m,), see `Loads.state`, and where the candidates stood under them."""
+LoadsAt = Callable[[Array, Array], SolidLoads]
+"""The loads on the mesh, from a state's numbers and the candidates' field factors; see `Loads.on`."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +122,7 @@ def candidates(
 
 def follow(
     solid: Solid,
-    actuation: Actuation,
+    mesh: LoadedMesh,
     chosen: Candidates,
     loads: Loads,
     tolerance_mm: float,
@@ -132,6 +136,7 @@ def follow(
     two is extrapolated, and tried first.
     """
     p, k_states = len(chosen.sound), len(loads)
+    loads_at = loads.on(mesh)
     now = solid.rest(p) if start is None else start.copy()
     shapes = Shapes(
         np.zeros((p, k_states, *solid.mesh.nodes.shape)),
@@ -142,7 +147,7 @@ def follow(
         now,
     )
     rows = np.flatnonzero(chosen.sound)
-    path: Path = [(np.zeros(7), solid.rest(p))]
+    path: Path = [(loads.at_rest(), solid.rest(p))]
     apart: Path = []  # what is between this model and the one beside it
     first: list[Configuration] = []
     for k in range(k_states):
@@ -152,7 +157,7 @@ def follow(
         if there is not None and len(rows):
             near = combine([1.0, 1.0], [there, _extrapolate(apart, load) or apart[-1][1]]) if apart else there
         with np.errstate(all="ignore"):
-            status, iterations = _advance(solid, actuation, chosen, rows, path, load, now, tolerance_mm, near)
+            status, iterations = _advance(solid, loads_at, chosen, rows, path, load, now, tolerance_mm, near)
         shapes.displacement[:, k] = now.displacement
         shapes.rigid[:, k] = now.rigid
         shapes.status[rows, k] = status
@@ -170,7 +175,7 @@ def follow(
 
 def at_once(
     solid: Solid,
-    actuation: Actuation,
+    mesh: LoadedMesh,
     chosen: Candidates,
     loads: Loads,
     tolerance_mm: float,
@@ -182,6 +187,7 @@ def at_once(
     None where Newton's method does not contract at once from there, for one of them.
     """
     p, k_states = len(chosen.sound), len(loads)
+    loads_at = loads.on(mesh)
     if not chosen.sound.all():
         return None
     displacement, rigid = np.empty((p, k_states, *solid.mesh.nodes.shape)), np.empty((p, k_states, 3))
@@ -193,7 +199,7 @@ def at_once(
         batch, factor = chosen.take(np.tile(np.arange(p), len(states)))
         own = near.take(np.repeat(states, p))
         factor = np.broadcast_to(factor, len(own.rigid))[:p]
-        every = loads_joined([actuation.at(loads.state(k), factor) for k in states])
+        every = loads_joined([loads_at(loads.state(k), factor) for k in states])
         with np.errstate(all="ignore"):
             there, told, spent = solid.equilibrium(batch, every, own, tolerance_mm, _FEW, only_try=True)
             if not ((told == Status.CONVERGED).all() and _as_foretold(solid, own, there).all()):
@@ -221,7 +227,7 @@ def mark_unstable(chosen: Candidates, shapes: Shapes) -> None:
 
 def _advance(
     solid: Solid,
-    actuation: Actuation,
+    loads_at: LoadsAt,
     chosen: Candidates,
     rows: Indices,
     path: Path,
@@ -242,7 +248,7 @@ def _advance(
     for cuts in _CUTS if near is None else (0, *_CUTS):
         way = [(load, near)] if near is not None and cuts == 0 else path
         part, outcome, spent, sure = _divided(
-            solid, actuation, chosen, rows[left], way, load, max(cuts, 1), tolerance_mm, cuts == 0
+            solid, loads_at, chosen, rows[left], way, load, max(cuts, 1), tolerance_mm, cuts == 0
         )
         arrived = np.flatnonzero(outcome == Status.CONVERGED)
         now.put(rows[left[arrived]], part.take(arrived))
@@ -262,7 +268,7 @@ def _advance(
 
 def _divided(
     solid: Solid,
-    actuation: Actuation,
+    loads_at: LoadsAt,
     chosen: Candidates,
     rows: Indices,
     path: Path,
@@ -293,9 +299,7 @@ def _divided(
         foretold = _extrapolate(own, target) if cuts == 1 or c > 1 else None
         guess = foretold or own[-1][1]
         batch, factor = chosen.take(rows[going])
-        part, outcome, spent = solid.equilibrium(
-            batch, actuation.at(target, factor), guess, tolerance_mm, most, only_try
-        )
+        part, outcome, spent = solid.equilibrium(batch, loads_at(target, factor), guess, tolerance_mm, most, only_try)
         contracts = spent <= few
         if foretold is not None:
             contracts &= _as_foretold(solid, foretold, part)
@@ -304,7 +308,7 @@ def _divided(
             # A beam that has only begun to turn is foretold too long, by the turn's square: at last from where it is.
             batch, factor = chosen.take(rows[going[again]])
             other, ended, more = solid.equilibrium(
-                batch, actuation.at(target, factor), own[-1][1].take(again), tolerance_mm
+                batch, loads_at(target, factor), own[-1][1].take(again), tolerance_mm
             )
             better = np.flatnonzero((ended == Status.CONVERGED) & (more <= few))
             part.put(again[better], other.take(better))

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.beam.actuation import LoadedMesh
 from eimi_fitting.beam.equilibrium import Configuration, Solid
-from eimi_fitting.beam.loads import Actuation, Loads
+from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.path import Shapes, candidates, follow
 from eimi_fitting.beam.solid_grid import SolidGrid
 from eimi_fitting.beam.specimen import Specimen
@@ -39,7 +40,7 @@ class SolidModel:
         fixed[numbers[0].ravel()] = True
         fixed[numbers[:, :, 0].ravel(), 2] = True
         self.solid = Solid(self.mesh, fixed, self.grid.magnet_nodes, (flexible, 0.0))
-        self.actuation = Actuation(self.grid, self.solid)
+        self.loaded = LoadedMesh(self.grid, self.solid)
 
     def __reduce__(self) -> tuple[type[SolidModel], tuple[Specimen, int, int, int]]:
         """As `BeamModel` is sent."""
@@ -61,10 +62,8 @@ class SolidModel:
 
         Raises ValueError for a pressure.
         """
-        if np.any(loads.pressure_Pa):
-            raise ValueError("the solid model takes no pressure_Pa: choose a planar section")
         chosen = candidates(law, parameters, "solid", bulk_modulus_Pa, field_factor)
-        return follow(self.solid, self.actuation, chosen, loads, tolerance_mm, start, beside=beside)
+        return follow(self.solid, self.loaded, chosen, loads, tolerance_mm, start, beside=beside)
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
         """(P, K): rotation of the tip from rest, of the magnet or of the last nodes in mid-depth."""

@@ -57,7 +57,7 @@ def test_a_strip_of_elements_reaches_the_stretch_that_belongs_to_its_stress():
         force = np.zeros((1, len(mesh.nodes), 2))
         nominal = 1e-6 * engineering_stress(OGDEN, OGDEN_1972_PA, np.array([stretch - 1]))[0]
         force[0, mesh.column(-1), 0] = nominal * np.array([1, 4, 1]) / 6
-        loads = SolidLoads(force, np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1))
+        loads = SolidLoads(force, np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1), np.zeros(1))
         now, status, _ = solid.equilibrium(batch, loads, now, 1e-9)
         assert status[0] == Status.CONVERGED
         assert now.displacement[0, mesh.column(-1), 0] == pytest.approx(2 * (stretch - 1), rel=1e-6)

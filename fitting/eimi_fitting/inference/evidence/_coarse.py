@@ -18,7 +18,7 @@ POINTS_OF_EDGE = 25  # about two an element
 
 def on_coarse_mesh(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
     """The same on the mesh of `BeamModel`'s defaults."""
-    return tuple(dataclasses.replace(e, model=BeamModel(e.model.specimen)) for e in experiments)
+    return tuple(dataclasses.replace(e, model=BeamModel(e.model.specimen, plane=e.model.plane)) for e in experiments)
 
 
 def coarsened(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:

@@ -88,7 +88,7 @@ def polished(experiment: Experiment) -> Experiment:
 @lru_cache(maxsize=8)
 def _on_lines_of_solid(specimen: Specimen) -> BeamModel:
     beside = solid_beside(specimen)
-    return BeamModel(specimen, beside.planar.along, beside.planar.across)
+    return BeamModel(specimen, beside.planar.along, beside.planar.across, beside.planar.plane)
 
 
 ALONG, _LEAST_ACROSS, _MOST_ACROSS = 20, 2, 4

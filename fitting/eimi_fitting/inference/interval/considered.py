@@ -134,7 +134,7 @@ class Candidate:
 @lru_cache(maxsize=8)
 def coarse_model(specimen: Specimen) -> BeamModel:
     """On which differences between candidates are computed."""
-    return BeamModel(specimen)
+    return BeamModel(specimen, plane=specimen.planar_section)
 
 
 def changes_by(

@@ -256,7 +256,7 @@ def rivals(
     noise: EdgeNoise,
 ) -> Rivals:
     """The states of ``loads`` that both laws reach, where the first is true. Raises ValueError where none is."""
-    loads = _reached(rival, BeamModel(specimen), loads)
+    loads = _reached(rival, BeamModel(specimen, plane=specimen.planar_section), loads)
     experiment = _experiment(known, specimen, loads, stated, noise)
     unknowns, unit = rival.unknowns()
     problem = Problem(rival.law, unknowns, (experiment,))

@@ -1,0 +1,173 @@
+"""The interface of an actuation: one kind of load, in every state, and how it loads a mesh.
+
+A dead load (a force that keeps its direction and its size) enters the potential of the beam linearly. On a node with
+the displacement u a force f has the potential -f . u. On the rigid magnet, with the translation U of its reference
+point, the rotation matrix R(theta) and the angle theta, every dead load has the potential
+
+    -F . U - Q : R(theta) - M theta
+
+with a force F (2,), a tensor Q (2, 2) and a moment M. For example a dipole m in a uniform field B has the energy
+-B . R m, so that Q = B m'; a force f at the distance s from the reference point has F = f and Q = f s'.
+"""
+
+from __future__ import annotations
+
+from math import prod
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.equilibrium import Solid, SolidLoads
+from eimi_fitting.beam.mesh import Indices
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.units import MPA_PER_PA
+
+Array = NDArray[np.float64]
+
+
+class Actuation(Protocol):
+    """One kind of load in K states. Any class with these members can be added to `Loads`.
+
+    The forces must be linear in the numbers of a state, and zero numbers must mean no load: between two states the
+    solver interpolates the numbers. The class has to be importable where fits run in several processes.
+    """
+
+    @property
+    def numbers(self) -> Array:
+        """Return (K, m) numbers that describe the load in each state, in any unit."""
+        ...
+
+    def take(self, states: NDArray[np.intp]) -> Self:
+        """Return the same kind of load in some of the states, in the order given."""
+        ...
+
+    def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
+        """Add the load of one state to the total.
+
+        Parameters
+        ----------
+        numbers : ndarray, shape (m,)
+            The numbers of the state.
+        field_factor : ndarray, shape (B,)
+            Factor of each candidate on loads that a magnetic field causes.
+        mesh : LoadedMesh
+            What the specimen's mesh offers to loads.
+        total : SolidLoads
+            The arrays to add to, one row for each candidate. All forces are multiplied by ``mesh.share``.
+        """
+        ...
+
+
+class Places(Protocol):
+    """The part of `Grid` and `SolidGrid` that loads need."""
+
+    specimen: Specimen
+    block_mm: tuple[float, float, float]
+    per_specimen: float
+
+    def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
+        """Return (n,): which points (n, 2), given at rest, the magnet carries."""
+
+    def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
+        """Return nodes and weights that spread a force along the line in depth through a point (2,)."""
+
+
+class LoadedMesh:
+    """The mesh of a specimen with the integrals that loads need.
+
+    Attributes
+    ----------
+    specimen : Specimen
+    share : float
+        The part of a load on the whole specimen that the mesh bears: 1 / depth in mm for a planar mesh, one half for
+        a solid one, which covers half of the depth.
+    nodal_mass : ndarray, shape (N,)
+        Mass of the silicone, in kg (per mm of depth for a planar mesh), shared out to the nodes.
+    slopes : ndarray, shape (N, d)
+        Integrals of the derivatives of the nodes' shape functions over the silicone.
+    nodal_dipole : ndarray, shape (N,)
+        Product of ``slopes`` and the magnetisation of the silicone: the nodal force in a field of 1 T.
+    magnet_mass : float
+        Mass, in kg, of the magnet and of the silicone that it carries rigidly.
+    magnet_centre_mm : ndarray, shape (2,)
+        Centre of mass from the reference point of the rigid body, which is the middle of the magnet's inner face.
+    magnet_dipole : ndarray, shape (2,)
+        Magnetic moment at rest in N mm / T.
+    """
+
+    def __init__(self, grid: Places, solid: Solid) -> None:
+        self.specimen, self.share = grid.specimen, grid.per_specimen
+        self._grid, self._solid = grid, solid
+        specimen, magnet = grid.specimen, grid.specimen.magnet
+        elements = solid.mesh.elements
+        nodes, self._dimensions = solid.mesh.nodes.shape
+        self.nodal_mass = np.zeros(nodes)
+        np.add.at(self.nodal_mass, elements, 1e-9 * specimen.density_kg_m3 * solid.ops.load)
+        self.slopes = np.zeros((nodes, self._dimensions))
+        np.add.at(self.slopes, elements, solid.ops.slope)
+        # A/m T = J/m³ = Pa
+        self.nodal_dipole = MPA_PER_PA * self.slopes[:, :2] @ np.array(specimen.magnetisation_A_per_m)
+        self.magnet_mass, self.magnet_centre_mm, self.magnet_dipole = 0.0, np.zeros(2), np.zeros(2)
+        if magnet:
+            volume = magnet.length_mm * magnet.width_mm * magnet.depth_mm
+            around = prod(grid.block_mm) - volume  # silicone that is carried rigidly
+            self.magnet_mass = (
+                1e-9 * (volume * magnet.density_kg_m3 + around * specimen.density_kg_m3) * grid.per_specimen
+            )
+            self.magnet_centre_mm = np.array([0.5 * magnet.length_mm, 0.0])
+            self.magnet_dipole = np.array([1e3 * magnet.moment_A_m2 * grid.per_specimen, 0.0])  # A m² = N m / T
+
+    @property
+    def has_pressure_face(self) -> bool:
+        """Whether a pressure can act on the mesh."""
+        return self._solid.face is not None
+
+    @property
+    def is_solid(self) -> bool:
+        """Whether the mesh is that of a solid, not of a plane."""
+        return self._dimensions == 3
+
+    def apply_force(self, force: Array, point_mm: Array, total: SolidLoads) -> None:
+        """Add a dead force (2,), already multiplied by ``share``, at a material point (2,) given at rest in mm."""
+        if self._grid.on_magnet(point_mm)[0]:
+            total.force[:] += force
+            total.tensor[:] += np.outer(force, point_mm - [self.specimen.flexible_length_mm, 0.0])
+        else:
+            nodes, weights = self._grid.through_depth(point_mm)
+            shares = np.zeros((len(self.nodal_mass), 2))
+            np.add.at(shares, nodes, weights[..., None] * force)
+            total.nodal[..., :2] += shares
+
+    def loads(self, actuations: tuple[Actuation, ...], numbers: Array, field_factor: Array) -> SolidLoads:
+        """Return the sum of all actuations in one state.
+
+        Parameters
+        ----------
+        actuations : tuple of Actuation
+        numbers : ndarray, shape (m,)
+            The numbers of all actuations in the state, one after another.
+        field_factor : ndarray, shape (B,)
+            Factor of each candidate on magnetic loads, or (1,) for all candidates.
+        """
+        batch = len(field_factor)
+        total = SolidLoads(
+            nodal=np.zeros((batch, len(self.nodal_mass), self._dimensions)),
+            force=np.zeros((batch, 2)),
+            tensor=np.zeros((batch, 2, 2)),
+            pressure=np.zeros(batch),
+            moment=np.zeros(batch),
+        )
+        first = 0
+        for actuation in actuations:
+            count = actuation.numbers.shape[1]
+            of_actuation = numbers[first : first + count]
+            if of_actuation.any():
+                actuation.apply(of_actuation, field_factor, self, total)
+            first += count
+        body = self._solid.body
+        if body:  # The nodes that the body carries pass their loads on to it.
+            carried = total.nodal[:, body.nodes, :2]
+            total.force[:] += carried.sum(axis=1)
+            total.tensor[:] += np.einsum("bni,nj->bij", carried, body.arms)
+        return total

@@ -1,0 +1,218 @@
+"""The public forward model: a specimen, a law and loads in, the bent beam out, whatever the specimen's section is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from eimi_fitting.beam.equilibrium import Status
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.outline import outline, points_on
+from eimi_fitting.beam.path import Shapes
+from eimi_fitting.beam.solid_model import SolidModel
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.beam.view import View
+from eimi_fitting.laws import named_law
+from eimi_fitting.laws.law import Law
+
+Array = NDArray[np.float64]
+
+_ALONG = 26  # elements of the flexible part, twice as many as the search of a fit uses
+
+
+@dataclass(frozen=True)
+class BentBeam:
+    """The shapes of one candidate, or of P candidates, in K states.
+
+    For one candidate, given as parameters (n,), the arrays have no axis P.
+
+    Attributes
+    ----------
+    model : BeamModel or SolidModel
+        The finite-element model that was solved.
+    shapes : Shapes
+        Its displacements for all candidates, with an axis P also for one candidate.
+    is_one : bool
+        Whether one candidate was given.
+    """
+
+    model: BeamModel | SolidModel
+    shapes: Shapes
+    is_one: bool
+
+    @property
+    def status(self) -> NDArray[np.int8]:
+        """`Status` of each state, (K,) or (P, K)."""
+        return self._rows(self.shapes.status)
+
+    @property
+    def converged(self) -> bool | NDArray[np.bool_]:
+        """Whether every state is in equilibrium, one value or (P,)."""
+        return bool(self.shapes.converged[0]) if self.is_one else self.shapes.converged
+
+    @property
+    def max_stretch(self) -> Array:
+        """Largest principal stretch in the silicone, (K,) or (P, K)."""
+        return self._rows(self._where_reached(self.shapes.max_stretch))
+
+    @property
+    def tip_angle_deg(self) -> Array:
+        """Rotation of the tip from rest in degrees, (K,) or (P, K); NaN where no equilibrium was found."""
+        return self._rows(self._where_reached(self.model.tip_angle_deg(self.shapes)))
+
+    def positions(self, points_mm: ArrayLike) -> Array:
+        """Return the places of material points in every state.
+
+        Parameters
+        ----------
+        points_mm : array_like, shape (n, 2) or (n, 3)
+            Points given at rest, in mm, in the beam frame. A point without z lies at mid-depth.
+
+        Returns
+        -------
+        ndarray, shape (K, n, 2 or 3) or (P, K, n, 2 or 3)
+            In mm, NaN where no equilibrium was found.
+
+        Raises
+        ------
+        ValueError
+            A point is not on the specimen, or has a depth although the section is planar.
+        """
+        points = np.atleast_2d(np.asarray(points_mm, float))
+        dimensions = points.shape[1]
+        if isinstance(self.model, SolidModel):
+            points = np.column_stack([points, np.zeros(len(points))]) if dimensions == 2 else points
+        elif dimensions != 2:
+            raise ValueError(f"points_mm: a {self.model.plane} model takes points (n, 2), not {points.shape}")
+        places = self.model.positions(self.shapes, points)[..., :dimensions]
+        return self._rows(self._where_reached(places))
+
+    def outline(self, view: View | None = None) -> Array:
+        """Return the left and the right outline as a camera sees them.
+
+        Parameters
+        ----------
+        view : View or None
+            The camera's lens; None for a telecentric lens.
+
+        Returns
+        -------
+        ndarray, shape (K, 2, S, 3, 2) or (P, K, 2, S, 3, 2)
+            S quadratic segments of three points in mm, from clamp to tip: left outline (y < 0 at rest), then right
+            outline. NaN where no equilibrium was found.
+        """
+        return self._rows(self._where_reached(outline(self.model, self.shapes, view)))
+
+    def edges(self, per_segment: int = 4, view: View | None = None) -> Array:
+        """Return the outlines as polylines, (K, 2, m, 2) or (P, K, 2, m, 2) in mm; see `outline`."""
+        return points_on(self.outline(view), per_segment)
+
+    def _where_reached(self, values: Array) -> Array:
+        """Return values (P, K, ...) with NaN in states that are not in equilibrium."""
+        is_reached = np.isin(self.shapes.status, (Status.CONVERGED, Status.UNSTABLE))
+        return np.where(is_reached.reshape(*is_reached.shape, *[1] * (values.ndim - 2)), values, np.nan)
+
+    def _rows(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return values (P, ...), without the axis P for one candidate."""
+        return values[0] if self.is_one else values
+
+
+class Beam:
+    """A specimen that can be bent, with its section: a plane, or the solid that it is.
+
+    Parameters
+    ----------
+    specimen : Specimen
+    along : int
+        Number of elements along the flexible part.
+    across : int or None
+        Number of elements across the width; by default it follows from the proportions.
+
+    Raises
+    ------
+    ValueError
+        The magnet leaves no flexible part, or the specimen is a solid with a pressure face.
+
+    Examples
+    --------
+    How far two silicones of 40 and 50 kPa turn their tips in a field of 5 mT, in degrees:
+
+    >>> from eimi_fitting import Beam, Loads, Magnet, Specimen
+    >>> magnet = Magnet(
+    ...     length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0
+    ... )
+    >>> specimen = Specimen(
+    ...     length_mm=30.0, width_mm=3.0, depth_mm=5.0, density_kg_m3=1070.0, section="plane-strain", magnet=magnet
+    ... )
+    >>> bent = Beam(specimen).solve("neo-hookean", [[40e3], [50e3]], Loads.along([0.0, 5.0]))
+    >>> bent.converged.tolist()
+    [True, True]
+    >>> bent.tip_angle_deg.shape
+    (2, 2)
+    """
+
+    def __init__(self, specimen: Specimen, along: int = _ALONG, across: int | None = None) -> None:
+        self.specimen = specimen
+        self.model: BeamModel | SolidModel
+        if specimen.section == "solid":
+            self.model = SolidModel(specimen, along, *([] if across is None else [across]))
+        elif across is None:
+            coarse = BeamModel(specimen, max(1, along // 2))
+            self.model = BeamModel(specimen, along, 3 * coarse.across)
+        else:
+            self.model = BeamModel(specimen, along, across)
+
+    def solve(
+        self,
+        law: Law | str,
+        parameters: ArrayLike,
+        loads: Loads,
+        *,
+        bulk_modulus_Pa: ArrayLike | None = None,
+        field_factor: ArrayLike | None = None,
+    ) -> BentBeam:
+        """Find the equilibrium of one candidate or of P candidates in K states, one state after another.
+
+        Parameters
+        ----------
+        law : Law or str
+            A law, or its name in `LAWS`.
+        parameters : array_like, shape (n,) or (P, n)
+            The law's parameters, moduli in Pa.
+        loads : Loads
+            The loads in K states.
+        bulk_modulus_Pa : array_like, shape () or (P,), or None
+            Bulk modulus; None for an incompressible material.
+        field_factor : array_like, shape () or (P,), or None
+            Factor on each candidate's magnetic loads, such as an uncertain magnetic moment.
+
+        Returns
+        -------
+        BentBeam
+
+        Raises
+        ------
+        ValueError
+            The name of the law is unknown, the number of parameters is wrong, a pressure is given but the specimen
+            has no face for it, or a bulk modulus is given in plane stress.
+        """
+        chosen_law = named_law(law) if isinstance(law, str) else law
+        candidates = np.asarray(parameters, float)
+        names = chosen_law.parameter_names
+        if candidates.ndim not in (1, 2) or candidates.shape[-1] != len(names):
+            raise ValueError(
+                f"parameters: {chosen_law.name} takes ({len(names)},) or (P, {len(names)}) values "
+                f"({', '.join(names)}), not {candidates.shape}"
+            )
+        shapes = self.model.solve(
+            chosen_law,
+            np.atleast_2d(candidates),
+            loads,
+            bulk_modulus_Pa=None if bulk_modulus_Pa is None else np.asarray(bulk_modulus_Pa, float),
+            field_factor=None if field_factor is None else np.asarray(field_factor, float),
+        )
+        return BentBeam(self.model, shapes, is_one=candidates.ndim == 1)

@@ -1,0 +1,97 @@
+"""The actuations that every specimen knows: a uniform field, gravity, a force at the tip, a pressure on a face."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.actuation import LoadedMesh
+from eimi_fitting.beam.equilibrium import SolidLoads
+from eimi_fitting.units import MPA_PER_PA
+
+Array = NDArray[np.float64]
+States = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class UniformField:
+    """A uniform magnetic flux density, numbers (K, 2) in T, on the magnet and on magnetised silicone.
+
+    The energy of hard-magnetic silicone, the integral of -B . F M with the deformation gradient F, is linear in the
+    displacements, so its nodal forces are dead (Zhao, Kim, Cianchetti, Zhao 2019, J. Mech. Phys. Solids 124:244).
+    """
+
+    numbers: Array
+
+    def take(self, states: States) -> UniformField:
+        """Return the field in some of the states."""
+        return UniformField(self.numbers[states])
+
+    def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
+        """Add B m' to the magnet's tensor and the dead forces on magnetised silicone to the nodes."""
+        field = field_factor[:, None] * numbers  # (B, 2)
+        total.tensor[:] += field[:, :, None] * mesh.magnet_dipole
+        if mesh.nodal_dipole.any():
+            total.nodal[..., :2] += mesh.nodal_dipole[:, None] * field[:, None, :]
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """The acceleration of gravity, numbers (K, 2) in m/s²."""
+
+    numbers: Array
+
+    def take(self, states: States) -> Gravity:
+        """Return gravity in some of the states."""
+        return Gravity(self.numbers[states])
+
+    def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
+        """Add the weight of the silicone to the nodes, that of the magnet to the rigid body."""
+        total.nodal[..., :2] += mesh.nodal_mass[:, None] * numbers
+        weight = mesh.magnet_mass * numbers
+        total.force[:] += weight
+        total.tensor[:] += np.outer(weight, mesh.magnet_centre_mm)
+
+
+@dataclass(frozen=True)
+class TipForce:
+    """A force on the whole specimen, numbers (K, 2) in N, at ``Specimen.tip_load_mm`` or in the middle of the tip."""
+
+    numbers: Array
+
+    def take(self, states: States) -> TipForce:
+        """Return the force in some of the states."""
+        return TipForce(self.numbers[states])
+
+    def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
+        """Add the force to the nodes or to the magnet, whichever is at its point."""
+        specimen = mesh.specimen
+        point = specimen.tip_load_mm if specimen.tip_load_mm is not None else (specimen.length_mm, 0.0)
+        mesh.apply_force(numbers * mesh.share, np.array(point), total)
+
+
+@dataclass(frozen=True)
+class Pressure:
+    """A pressure on the specimen's pressure face, numbers (K, 1) in Pa; see `beam.pressure`."""
+
+    numbers: Array
+
+    def take(self, states: States) -> Pressure:
+        """Return the pressure in some of the states."""
+        return Pressure(self.numbers[states])
+
+    def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
+        """Add the pressure.
+
+        Raises
+        ------
+        ValueError
+            The specimen has no face for a pressure, or is solved as a solid.
+        """
+        if mesh.is_solid:
+            raise ValueError("the solid model takes no pressure_Pa: choose a planar section")
+        if not mesh.has_pressure_face:
+            raise ValueError("a pressure is given, but the specimen names no face for it")
+        total.pressure[:] += MPA_PER_PA * numbers[0]
