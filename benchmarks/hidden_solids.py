@@ -54,7 +54,8 @@ def seen(specimen: Specimen, law: str, sigma_mm: float = 0.001) -> EdgeObservati
 
 def fitted(specimen: Specimen, law: str, observed: EdgeObservation, true_Pa: float) -> str:
     """Bias and interval in per cent, mean error in µm, and what the solid changed."""
-    fit = identify(law, [Experiment(BeamModel(specimen).refined(), LOADS, observed)])
+    flat = BeamModel(specimen, plane=specimen.planar_section).refined()
+    fit = identify(law, [Experiment(flat, LOADS, observed)])
     modulus = fit.initial_shear_modulus
     value, low, high = (100 * (v / true_Pa - 1) for v in (modulus.value, *modulus.interval_95))
     change = fit.corrections.get("section")

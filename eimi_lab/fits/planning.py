@@ -178,13 +178,11 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
         choice = exchange(criterion, states)
     except ValueError:  # the beam does not reach so many states
         return None
-    field_T = criterion.loads.take(choice).field_T
-    reached = field_T @ Loads.along(1.0, BeamFrame(rig.calibration).field_deg).field_T[0] / 1e-6
     spaced = equally_spaced(len(criterion), states)
     good = criterion.apart if isinstance(criterion, Rivals) else criterion.half_width_percent
     return PlannedRun(
         mounting=mounting,
-        currents_A=tuple(float(b) for b in np.round(1e3 * reached / constant / 1e3, 3)),
+        currents_A=tuple(currents_A[criterion.states[choice]].tolist()),
         expected=good(choice),
         spaced=good(spaced),
         effects_percent=criterion.effects_percent(choice) if isinstance(criterion, Candidates) else {},

@@ -47,7 +47,8 @@ def observed(sigma_mm=0.001):
 
 
 def fitted(section, free=()):
-    model = BeamModel(replace(BEAM, section=section)).refined()
+    specimen = replace(BEAM, section=section)
+    model = BeamModel(specimen, plane=specimen.planar_section).refined()
     return identify("neo-hookean", [Experiment(model, LOADS, observed())], free=free)
 
 
@@ -147,10 +148,10 @@ def test_what_is_known_no_better_than_asked_for_takes_fewer_states():
 def test_a_planar_shape_that_is_there_is_not_sought_again(monkeypatch):
     loads, modulus = Loads.along(np.linspace(0, 6, 7)), np.array([[TRUE_PA]])
     beside = SolidBeside(BEAM, 13, 1)
-    assert beside.is_beside(BeamModel(replace(BEAM, section="solid"), 13, 1))
-    assert not beside.is_beside(BeamModel(BEAM, 14, 1))
+    assert beside.is_beside(BeamModel(BEAM, 13, 1, "plane-stress"))
+    assert not beside.is_beside(BeamModel(BEAM, 14, 1, "plane-stress"))
     assert not beside.is_beside(BeamModel(replace(BEAM, section="plane-strain"), 13, 1))
-    assert not beside.is_beside(BeamModel(replace(BEAM, width_mm=1.1 * BEAM.width_mm), 13, 1))
+    assert not beside.is_beside(BeamModel(replace(BEAM, width_mm=1.1 * BEAM.width_mm), 13, 1, "plane-stress"))
     expected = beside.solve(NEO, modulus, loads)
     flat = beside.planar.solve(NEO, modulus, loads, tolerance_mm=1e-2)
     monkeypatch.setattr(BeamModel, "solve", None)
@@ -221,7 +222,7 @@ def test_tracked_points_lie_at_their_depth():
     moved = model.positions(shapes, np.column_stack([rest, depth]))[0, :, :, :2]
     k = len(LOADS)
     every = [np.tile(rest, (k, 1, 1)), moved, np.full((k, len(rest)), 0.002)]
-    flat = BeamModel(BEAM).refined()
+    flat = BeamModel(BEAM, plane="plane-stress").refined()
     found = identify("neo-hookean", [Experiment(flat, LOADS, PointObservation(*every, np.tile(depth, (k, 1))))])
     amid = identify("neo-hookean", [Experiment(flat, LOADS, PointObservation(*every))])
     assert found.initial_shear_modulus.value == pytest.approx(TRUE_PA, rel=0.005)

@@ -71,7 +71,7 @@ def test_the_modulus_with_and_without_the_outlines_of_both_faces():
 
 @pytest.mark.parametrize("centre", [(10.0, 1.0), (10.0, -20.0)], ids=["before it", "aside"])
 def test_the_outline_of_a_flat_section_is_that_of_its_outer_face(centre):
-    model = BeamModel(SPECIMEN.mechanics(), *MESH)
+    model = BeamModel(SPECIMEN.mechanics(), *MESH, "plane-stress")
     shapes = model.solve(LAWS["neo-hookean"], np.array([[TRUE_PA]]), Loads.along([0.0, 4.0]))
     flat, projected = outline(model, shapes)[0], outline(model, shapes, View(np.array(centre), 100.0))[0]
     depth = model.specimen.depth_mm

@@ -108,13 +108,15 @@ class EdgeNoise:
 class Candidates:
     """S states of one specimen that could be measured, linearised.
 
-    loads: theirs; normal: (S, n, n) sums of J'J over a state's points, over the variance of as many as count as one;
+    loads: theirs; states: (S,) the index of each among the loads that were considered.
+    normal: (S, n, n) sums of J'J over a state's points, over the variance of as many as count as one;
     moved: (S, n, C) sums of J'C; sources: names of the C; prior: (n, n); goal: (n,) the derivative of what is to be
     known, as a share of it; points: of a state that are independent; left: standard deviation, as a share, that no
     state lowers.
     """
 
     loads: Loads
+    states: Choice
     normal: Array
     moved: Array
     sources: tuple[str, ...]
@@ -177,11 +179,13 @@ class Candidates:
 class Rivals:
     """S states in which two laws could be told apart.
 
+    loads: theirs; states: (S,) the index of each among the loads that were considered.
     square: (S,) of what the rival leaves of the first law's edges; score: (S, m) and normal: (S, m, m) of the rival's
     unknowns and of the stated sources, all over the variance of as many points as count as one; prior: (m, m).
     """
 
     loads: Loads
+    states: Choice
     square: Array
     score: Array
     normal: Array
@@ -226,7 +230,9 @@ def candidates(
     elements of the fit's mesh, whose error is one more source. Raises KeyError for a goal that the law does not have,
     ValueError where no state is reached.
     """
-    experiment = _experiment(known, specimen, loads, stated, noise)
+    model = _planar_model(specimen)
+    states = _reached(known, model, loads)
+    experiment = _experiment(known, model, loads.take(states), stated, noise)
     unknowns, unit = known.unknowns()
     problem = Problem(known.law, unknowns, (experiment,))
     slopes = _slopes(problem, unit)
@@ -237,6 +243,7 @@ def candidates(
     moves = np.array(list(moved.values())).reshape(len(moved), *slopes.shape[1:])
     return Candidates(
         loads=experiment.loads,
+        states=states,
         normal=scale * np.einsum("ikgn,jkgn->kij", slopes, slopes),
         moved=scale * np.einsum("ikgn,ckgn->kic", slopes, moves),
         sources=tuple(moved),
@@ -256,8 +263,10 @@ def rivals(
     noise: EdgeNoise,
 ) -> Rivals:
     """The states of ``loads`` that both laws reach, where the first is true. Raises ValueError where none is."""
-    loads = _reached(rival, BeamModel(specimen, plane=specimen.planar_section), loads)
-    experiment = _experiment(known, specimen, loads, stated, noise)
+    model = _planar_model(specimen)
+    states = _reached(rival, model, loads)
+    states = states[_reached(known, model, loads.take(states))]
+    experiment = _experiment(known, model, loads.take(states), stated, noise)
     unknowns, unit = rival.unknowns()
     problem = Problem(rival.law, unknowns, (experiment,))
     slopes = _slopes(problem, unit)
@@ -267,6 +276,7 @@ def rivals(
     scale = _over_variance(noise, slopes.shape[-1])
     return Rivals(
         loads=experiment.loads,
+        states=states,
         square=scale * np.einsum("kgn,kgn->k", left, left),
         score=scale * np.einsum("ikgn,kgn->ki", every, left),
         normal=scale * np.einsum("ikgn,jkgn->kij", every, every),
@@ -319,20 +329,23 @@ def _exchanged(criterion: Criterion, choice: Choice) -> Choice:
     return choice
 
 
-def _reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Loads:
-    """The states in which the beam finds an equilibrium. Raises ValueError where there is none."""
+def _planar_model(specimen: Specimen) -> BeamModel:
+    """Return the planar model that stands for the specimen, on the mesh that a search uses."""
+    return BeamModel(replace(specimen, section=specimen.planar_section))
+
+
+def _reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
+    """Return the indices of the states in which the beam has an equilibrium. Raises ValueError if there is none."""
     converged = model.solve(known.law, known.parameters[None], loads).status[0] == Status.CONVERGED
     if not converged.any():
         raise ValueError("the beam finds no equilibrium in any of the states")
-    return loads.take(np.flatnonzero(converged))
+    return np.flatnonzero(converged)
 
 
 def _experiment(
-    known: KnownLaw, specimen: Specimen, loads: Loads, stated: Sequence[StatedSource], noise: EdgeNoise
+    known: KnownLaw, model: BeamModel, loads: Loads, stated: Sequence[StatedSource], noise: EdgeNoise
 ) -> Experiment:
-    """What would be seen of the known law, without noise."""
-    model = BeamModel(replace(specimen, section=specimen.planar_section))
-    loads = _reached(known, model, loads)
+    """Return the experiment that would be made with the known law, without noise."""
     shapes = model.solve(known.law, known.parameters[None], loads)
     edges = points_on(edge_curves(model, shapes)[0], 4)[:, :, 4:-4]
     observed = EdgeObservation(edges, np.full(edges.shape[:3], noise.residual_mm))
