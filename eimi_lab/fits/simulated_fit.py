@@ -14,7 +14,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.beam.beside import FORETOLD_MM, Reach
+from eimi_fitting.beam.beside import ACCURACY_MM, Method, SolidOptions
 from eimi_fitting.beam.outline import points_on
 from eimi_fitting.inference.evidence.corrections import Correction, by_better_model, polished
 from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
@@ -86,7 +86,7 @@ def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Predictio
     """
     near: list[Correction] = []
     for fitted_law, plain in zip(laws, _planar_comparisons(evidence, [own.fit for own in laws]), strict=True):
-        prediction, depth = _simulated(evidence, fitted_law, near, plain, "at once")
+        prediction, depth = _simulated(evidence, fitted_law, near, plain, "interpolate")
         near += [depth.without_shapes()] if depth else []
         yield prediction
 
@@ -94,7 +94,7 @@ def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Predictio
 def simulate_alone(evidence: Evidence, fitted_law: Law) -> Prediction[Law]:
     """Simulate a fit for which `simulate_each` yielded None. Raises InputError as that does."""
     (plain,) = _planar_comparisons(evidence, [fitted_law.fit])
-    prediction, _ = _simulated(evidence, fitted_law, (), plain, "followed")
+    prediction, _ = _simulated(evidence, fitted_law, (), plain, "follow")
     assert prediction
     return prediction
 
@@ -119,12 +119,12 @@ def _planar_comparisons(evidence: Evidence, fits: Sequence[FitRecord | TensileRe
 
 
 def _simulated(
-    evidence: Evidence, fitted_law: Law, near: Sequence[Correction], plain: Comparison, reach: Reach
+    evidence: Evidence, fitted_law: Law, near: Sequence[Correction], plain: Comparison, method: Method
 ) -> tuple[Prediction[Law] | None, Correction | None]:
     """Return the prediction, and the correction by the better model.
 
-    near: the corrections of other fits on the same dataset; plain: of `_planar_comparisons`; reach: how a solid is
-    sought; no prediction where it has to be followed and may not.
+    near: the corrections of other fits on the same dataset; plain: of `_planar_comparisons`; method: how a
+    solid is solved. No prediction is returned if "interpolate" fails.
     """
     fit, path, index = fitted_law.fit, fitted_law.path, fitted_law.index
     section = evidence.experiment.model.specimen.section
@@ -139,9 +139,9 @@ def _simulated(
     def against(experiments: Sequence[Experiment]) -> Comparison:
         return own.compared(fit.model, np.array([fit.values()]), experiments[0])
 
-    foretold_mm = max(FORETOLD_MM, _OF_ERROR * float(plain.error_mm[0].mean()))
-    better = by_better_model(experiment, plain, against, near, foretold_mm, reach)
-    if better is None and reach == "at once" and not plain.unconverged[0]:
+    options = SolidOptions(method, max(ACCURACY_MM, _OF_ERROR * float(plain.error_mm[0].mean())))
+    better = by_better_model(experiment, plain, against, near, options)
+    if better is None and method == "interpolate" and not plain.unconverged[0]:
         return None, None
     misfit, curves, found = better or (None, None, None)
     validation = _validation(evidence, fitted_law, seen is not None, plain, misfit)

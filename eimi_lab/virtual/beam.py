@@ -11,7 +11,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.beside import SolidBeside, SolidOptions
+from eimi_fitting.beam.depth_effect import DepthEffect
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Specimen
@@ -82,7 +83,7 @@ class VirtualBeam:
         """
         sign = -1.0 if field_mT < -_BACKWARD * self._strongest_mT else 1.0
         material = self._material
-        model, reach_mT = _solved(
+        model, effect, reach_mT = _solved(
             self._specimen,
             material.model,
             tuple(material.values),
@@ -91,10 +92,9 @@ class VirtualBeam:
             self._field_angle_deg,
             sign * self._strongest_mT,
         )
-        if abs(field_mT) > abs(reach_mT):
-            model = model.knowing(None)
+        options = SolidOptions(effect=effect if abs(field_mT) <= abs(reach_mT) else None)
         loads = Loads.along(field_mT, self._field_angle_deg, self._gravity_angle_deg)
-        shape = model.solve(LAWS[material.model], np.array([material.values]), loads)
+        shape = model.solve(LAWS[material.model], np.array([material.values]), loads, options=options)
         if not shape.converged[0]:
             raise ArithmeticError(f"no equilibrium of the virtual beam was found at {field_mT:g} mT")
         self._field_mT = field_mT
@@ -117,8 +117,8 @@ def _solved(
     gravity_angle_deg: float | None,
     field_angle_deg: float,
     strongest_mT: float,
-) -> tuple[SolidBeside, float]:
-    """Return the solid model with its interpolated effect of depth, and the largest field of the interpolation.
+) -> tuple[SolidBeside, DepthEffect | None, float]:
+    """Return the solid model, its depth effect, and the largest field in mT that the effect covers.
 
     The largest field is the strongest one, or half or a quarter of it if no equilibrium is found there.
     """
@@ -127,6 +127,6 @@ def _solved(
         loads = Loads.along(np.linspace(0, reach_mT, _FIELDS), field_angle_deg, gravity_angle_deg)
         effect = beside.solve(LAWS[law], np.array([values]), loads).effect
         if effect is not None and effect.by_turn:
-            return beside.knowing(effect), reach_mT
+            return beside, effect, reach_mT
         reach_mT *= 0.5
-    return beside, 0.0
+    return beside, None, 0.0

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.beside import SolidBeside, SolidOptions
 from eimi_fitting.beam.equilibrium import Status
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
@@ -24,6 +24,10 @@ NEO, TRUE_PA = LAWS["neo-hookean"], 46e3
 BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, "solid", Magnet(4.0, 3.0, 5.0, 0.48, 7500.0))
 SHALLOW = replace(BEAM, magnet=Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
 LOADS = Loads.along([0.0, 2.0, 4.0, 6.0])
+
+
+def similar_to(*effects):
+    return SolidOptions(similar=effects)
 
 
 @cache
@@ -73,7 +77,7 @@ def test_few_states_tell_the_others(specimen):
     assert len(first.effect.places) < 8
     assert first.displacement == pytest.approx(every.displacement, abs=1e-3)
     assert first.max_stretch == pytest.approx(every.max_stretch, abs=1e-3)
-    near = beside.starting(first.effect).solve(NEO, 0.98 * modulus, loads)
+    near = beside.solve(NEO, 0.98 * modulus, loads, options=similar_to(first.effect))
     assert len(near.effect.places) < len(first.effect.places)
     every = beside.solid.solve(NEO, 0.98 * modulus, loads, tolerance_mm=1e-4)
     assert near.displacement == pytest.approx(every.displacement, abs=1e-3)
@@ -84,7 +88,7 @@ def test_one_state_tells_of_a_candidate_very_near(gravity_deg):
     loads = Loads.along(np.linspace(0, 6, 7), gravity_angle_deg=gravity_deg)
     beside = SolidBeside(BEAM, 13, 1)
     effect = beside.solve(NEO, np.array([[TRUE_PA]]), loads).effect
-    near = beside.starting(effect).solve(NEO, np.array([[1.003 * TRUE_PA]]), loads)
+    near = beside.solve(NEO, np.array([[1.003 * TRUE_PA]]), loads, options=similar_to(effect))
     assert len(near.effect.places) == 1
     every = beside.solid.solve(NEO, np.array([[1.003 * TRUE_PA]]), loads, tolerance_mm=1e-4)
     assert near.displacement == pytest.approx(every.displacement, abs=1e-3)
@@ -103,9 +107,9 @@ def test_a_candidate_of_the_same_law_and_planar_shapes_is_not_solved_again(monke
     expected = beside.solve(ogden, of_two_terms(0.2), loads)
     moved = beside.solve(ogden, 1.002 * of_two_terms(0.2), loads)
     assert moved.displacement != pytest.approx(first.displacement, abs=5e-3)
-    near = beside.starting(first.effect)
-    monkeypatch.setattr(SolidBeside, "_solved", None)
-    again = near.solve(ogden, of_two_terms(0.2), loads)
+    options = similar_to(first.effect)
+    monkeypatch.setattr(SolidBeside, "_difference", None)
+    again = beside.solve(ogden, of_two_terms(0.2), loads, options=options)
     assert again.effect is first.effect
     assert again.displacement == pytest.approx(expected.displacement, abs=1e-4)
     # Another law, another shape and another bulk modulus are each solved.
@@ -115,7 +119,7 @@ def test_a_candidate_of_the_same_law_and_planar_shapes_is_not_solved_again(monke
         (ogden, of_two_terms(0.2), np.array([1e3 * TRUE_PA])),
     ):
         with pytest.raises(TypeError):
-            near.solve(law, parameters, loads, bulk_modulus_Pa=bulk)
+            beside.solve(law, parameters, loads, bulk_modulus_Pa=bulk, options=options)
 
 
 def test_of_candidates_known_the_one_that_bends_alike_tells_of_another():
@@ -126,12 +130,12 @@ def test_of_candidates_known_the_one_that_bends_alike_tells_of_another():
         modulus = np.array([[candidate * TRUE_PA]])
         every = beside.solid.solve(NEO, modulus, loads, tolerance_mm=1e-4)
         for order in (known, known[::-1]):
-            near = beside.starting(*order).solve(NEO, modulus, loads)
+            near = beside.solve(NEO, modulus, loads, options=similar_to(*order))
             assert len(near.effect.places) == 1
             assert near.effect.base.places == known[fewest].places
             assert near.displacement == pytest.approx(every.displacement, abs=1e-3)
     # One that was told by another is as good as one that was solved alone.
-    again = beside.starting(near.effect).solve(NEO, np.array([[TRUE_PA]]), loads)
+    again = beside.solve(NEO, np.array([[TRUE_PA]]), loads, options=similar_to(near.effect))
     assert len(again.effect.places) == 1
     assert again.displacement == pytest.approx(beside.solve(NEO, np.array([[TRUE_PA]]), loads).displacement, abs=1e-3)
 
@@ -140,7 +144,10 @@ def test_what_is_known_no_better_than_asked_for_takes_fewer_states():
     loads, modulus = Loads.along(np.linspace(0, 6, 7)), np.array([[0.9 * TRUE_PA]])
     beside = SolidBeside(BEAM, 13, 1)
     effect = beside.solve(NEO, np.array([[TRUE_PA]]), loads).effect
-    well, loosely = (beside.starting(effect, foretold_mm=own).solve(NEO, modulus, loads) for own in (1e-3, 2e-2))
+    well, loosely = (
+        beside.solve(NEO, modulus, loads, options=SolidOptions(accuracy_mm=accuracy, similar=(effect,)))
+        for accuracy in (1e-3, 2e-2)
+    )
     assert len(loosely.effect.places) < len(well.effect.places)
     assert 1e-5 < np.abs(loosely.displacement - well.displacement).max() < 2e-2
 
@@ -148,14 +155,16 @@ def test_what_is_known_no_better_than_asked_for_takes_fewer_states():
 def test_a_planar_shape_that_is_there_is_not_sought_again(monkeypatch):
     loads, modulus = Loads.along(np.linspace(0, 6, 7)), np.array([[TRUE_PA]])
     beside = SolidBeside(BEAM, 13, 1)
-    assert beside.is_beside(BeamModel(BEAM, 13, 1, "plane-stress"))
-    assert not beside.is_beside(BeamModel(BEAM, 14, 1, "plane-stress"))
-    assert not beside.is_beside(BeamModel(replace(BEAM, section="plane-strain"), 13, 1))
-    assert not beside.is_beside(BeamModel(replace(BEAM, width_mm=1.1 * BEAM.width_mm), 13, 1, "plane-stress"))
+    assert beside.has_mesh_of(BeamModel(BEAM, 13, 1, "plane-stress"))
+    assert not beside.has_mesh_of(BeamModel(BEAM, 14, 1, "plane-stress"))
+    assert not beside.has_mesh_of(BeamModel(replace(BEAM, section="plane-strain"), 13, 1))
+    assert not beside.has_mesh_of(BeamModel(replace(BEAM, width_mm=1.1 * BEAM.width_mm), 13, 1, "plane-stress"))
     expected = beside.solve(NEO, modulus, loads)
     flat = beside.planar.solve(NEO, modulus, loads, tolerance_mm=1e-2)
     monkeypatch.setattr(BeamModel, "solve", None)
-    assert beside.lifting(flat).solve(NEO, modulus, loads).displacement == pytest.approx(expected.displacement)
+    assert beside.solve(NEO, modulus, loads, options=SolidOptions(planar_shapes=flat)).displacement == pytest.approx(
+        expected.displacement
+    )
 
 
 def test_states_that_lie_on_no_ray_of_loads_are_all_solved():
@@ -185,18 +194,18 @@ def test_where_no_effect_is_carried_the_plane_leads_the_solid_from_state_to_stat
 
 
 def test_a_solid_that_is_not_near_its_plane_is_followed_where_that_is_allowed():
-    """Of loads on no ray each state is solved; it is told at no cost that this has to be done."""
+    """Solve every state separately if the loads do not lie on one ray; the check itself is free."""
     loads, modulus = Loads.along([0.0, 3.0, 3.0], gravity_angle_deg=0.0, tip_force_N=[0.0, 0.0, 0.003]), [[TRUE_PA]]
     beside = SolidBeside(BEAM, 13, 1)
-    given_up = beside.starting(reach="at once").solve(NEO, np.array(modulus), loads)
+    given_up = beside.solve(NEO, np.array(modulus), loads, options=SolidOptions("interpolate"))
     assert (given_up.status == Status.DIVERGED).all()
-    followed = beside.starting(reach="followed").solve(NEO, np.array(modulus), loads)
+    followed = beside.solve(NEO, np.array(modulus), loads, options=SolidOptions("follow"))
     assert followed.converged.all()
     assert followed.displacement == pytest.approx(beside.solve(NEO, np.array(modulus), loads).displacement)
     on_a_ray = Loads.along([0.0, 3.0, 6.0])
-    near = beside.starting(reach="at once").solve(NEO, np.array(modulus), on_a_ray)
+    near = beside.solve(NEO, np.array(modulus), on_a_ray, options=SolidOptions("interpolate"))
     assert near.converged.all()
-    assert beside.starting(reach="followed").solve(NEO, np.array(modulus), on_a_ray).effect is None
+    assert beside.solve(NEO, np.array(modulus), on_a_ray, options=SolidOptions("follow")).effect is None
 
 
 def test_a_solid_stands_last_where_it_stands_in_the_last_state():
@@ -207,9 +216,9 @@ def test_a_solid_stands_last_where_it_stands_in_the_last_state():
     assert found.last.rigid == pytest.approx(found.rigid[:, -1])
     on = beside.solid.solve(NEO, modulus, Loads.along([6.0]), start=found.last, tolerance_mm=1e-2)
     assert on.iterations[0, 0] == 1
-    near = beside.starting(found.effect).solve(NEO, 0.95 * modulus, loads)
+    near = beside.solve(NEO, 0.95 * modulus, loads, options=similar_to(found.effect))
     places = np.array([0.01, 0.05, 0.2])
-    moved, turned = near.effect.moves(places)
+    moved, turned = near.effect.displacements(places)
     for place, nodes, body in zip(places, moved, turned, strict=True):
         assert nodes == pytest.approx(near.effect.at(place).displacement[0])
         assert body == pytest.approx(near.effect.at(place).rigid[0])

@@ -11,12 +11,14 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from eimi_fitting.beam.beside import DepthEffect, SolidBeside
+from eimi_fitting.beam.beside import SolidBeside, SolidOptions
+from eimi_fitting.beam.depth_effect import DepthEffect
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
@@ -146,19 +148,26 @@ def measured(case: Case, deviations: Mapping[str, Array], rng: np.random.Generat
     setup = Setup.of(((s, part, value) for s, own in deviations.items() for part, value in enumerate(own)), 1)
     loads = Loads.along(FIELD_MT)
     beam = specimen_under(case.specimen, deviations)
-    known = effect_of_depth(case.model, case.specimen)
-    model = SolidBeside(beam, ALONG, ACROSS).knowing(known) if known else BeamModel(beam, ALONG, ACROSS)
+    effect = effect_of_depth(case.model, case.specimen)
+    model: BeamModel | SolidBeside
+    more: dict[str, Any] = {}
+    if effect is None:
+        model = BeamModel(beam, ALONG, ACROSS, beam.planar_section)
+    else:
+        model, more = SolidBeside(beam, ALONG, ACROSS), {"options": SolidOptions(effect=effect)}
     shapes = model.solve(
         LAWS[case.model],
         true_parameters(case.model),
         loads_under(loads, deviations),
         tolerance_mm=1e-3,
         field_factor=setup.field_factor,
+        **more,
     )
     if not shapes.converged[0]:
         raise RuntimeError(f"{case}: the true beam has no equilibrium")
     seen = setup.imaged(points_on(outline(model, shapes)[0], 4)[:, :, 4:-4])
-    return Experiment(BeamModel(case.specimen), loads, with_noise(seen, case.noise_mm, rng), stated=stated())
+    flat = BeamModel(case.specimen, plane=case.specimen.planar_section)
+    return Experiment(flat, loads, with_noise(seen, case.noise_mm, rng), stated=stated())
 
 
 def with_noise(edges: Array, noise_mm: float, rng: np.random.Generator) -> EdgeObservation:

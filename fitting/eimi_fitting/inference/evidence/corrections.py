@@ -28,7 +28,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.beam.beside import FORETOLD_MM, DepthEffect, Reach, SolidBeside, SolidShapes
+from eimi_fitting.beam.beside import SolidBeside, SolidOptions, SolidShapes
+from eimi_fitting.beam.depth_effect import DepthEffect
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import Model, outline
 from eimi_fitting.beam.specimen import Specimen
@@ -149,20 +150,21 @@ def correction(
     here: Comparison,
     compare: Callable[[Sequence[Experiment]], Comparison],
     near: Sequence[Correction] = (),
-    foretold_mm: float = FORETOLD_MM,
-    reach: Reach = "any",
+    options: SolidOptions | None = None,
 ) -> Correction | None:
     """What the refinement changes for a candidate; None where the better model finds no equilibrium.
 
     here: of the experiments, with the candidate first; compare: says how far the candidate is from experiments; near:
-    of candidates near this one; foretold_mm, reach: see `SolidBeside.starting`.
+    of candidates near this one; options: how a solid is solved.
     """
+    options = options or SolidOptions()
     every = [refinement.better(e) for e in experiments]
     for i, e in enumerate(every):
         if e.solid:
-            near_it = e.solid.starting(*(own.effects[i] for own in near), foretold_mm=foretold_mm, reach=reach)
-            same_lines = here.shapes and e.solid.is_beside(e.model)
-            every[i] = replace(e, solid=near_it.lifting(here.shapes[i].take(_FIRST)) if same_lines else near_it)
+            similar = tuple(effect for earlier in near if (effect := earlier.effects[i]))
+            has_planar_shapes = here.shapes and e.solid.has_mesh_of(e.model)
+            planar_shapes = here.shapes[i].take(_FIRST) if has_planar_shapes else None
+            every[i] = replace(e, solid_options=replace(options, similar=similar, planar_shapes=planar_shapes))
     better = compare(every)
     # Nearer to a singular corner the stretch is larger, and may be beyond the law's stability; the edges still tell.
     if here.unconverged[0] or better.unconverged[0]:
@@ -179,8 +181,7 @@ def by_better_model(
     here: Comparison,
     compare: Callable[[Sequence[Experiment]], Comparison],
     near: Sequence[Correction] = (),
-    foretold_mm: float = FORETOLD_MM,
-    reach: Reach = "any",
+    options: SolidOptions | None = None,
 ) -> tuple[Misfit, Array, Correction | None] | None:
     """Simulate a candidate by the better model that is due to an experiment; for the arguments see `correction`.
 
@@ -194,7 +195,7 @@ def by_better_model(
     if here.unconverged[0]:
         return None
     (due,) = refinements([experiment])
-    better = correction(due, [experiment], here, compare, near, foretold_mm, reach)
+    better = correction(due, [experiment], here, compare, near, options)
     if better is None and due is SOLID:
         return None
     observed, residuals = experiment.observed, here.misfits[0].residuals

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.beside import SolidBeside, SolidOptions
 from eimi_fitting.beam.equilibrium import Configuration, Status
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel, Shapes
@@ -31,7 +31,7 @@ class Experiment:
     """One specimen in K states: its model, its loads and what was seen of it.
 
     change: (K, G, m) mm, what is added to the residuals, see `inference.evidence.corrections`; solid: solved in the
-    model's place; stated: how well known the numbers are that it rests on.
+    model's place, with solid_options; stated: how well known the numbers are that it rests on.
 
     Examples
     --------
@@ -52,6 +52,7 @@ class Experiment:
     observed: Observation
     change: Array | None = None
     solid: SolidBeside | None = None
+    solid_options: SolidOptions | None = None
     stated: tuple[StatedSource, ...] = ()
 
     @property
@@ -89,6 +90,7 @@ class Experiment:
             self,
             model=self.model if same else self.model.of(specimen),
             solid=self.solid if same or not self.solid else self.solid.of(specimen),
+            solid_options=self.solid_options if same else None,
             loads=loads_under(self.loads, deviations),
             observed=_observed_of(self.observed, before, specimen, deviations),
         )
@@ -228,7 +230,7 @@ def _solved(
         _, found, place = np.unique(every, axis=0, return_index=True, return_inverse=True)
         first = np.sort(found)  # the first candidate stays the first
         own = np.searchsorted(first, found[place.reshape(-1)])
-    planar: dict[str, Any] = {} if experiment.solid else {"near": near, "keep": keep}
+    more: dict[str, Any] = {"options": experiment.solid_options} if experiment.solid else {"near": near, "keep": keep}
     shapes = experiment.solved.solve(
         law,
         parameters[first],
@@ -236,6 +238,6 @@ def _solved(
         tolerance_mm=TOLERANCE_MM,
         bulk_modulus_Pa=None if bulk_modulus_Pa is None else bulk_modulus_Pa[first],
         field_factor=None if setup is None else setup.field_factor[first],
-        **planar,
+        **more,
     )
     return shapes if setup is None else shapes.take(own)

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.beside import SolidBeside, SolidOptions
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
@@ -40,8 +40,9 @@ def expected_bias(specimen: Specimen) -> float:
     stated, stiffer = (np.array([[_MODULUS_PA * np.exp(step)]]) for step in (0.0, _STEP))
     here = planar.solve(law, stated, loads, tolerance_mm=TOLERANCE_MM, keep=True)
     ahead = planar.solve(law, stiffer, loads, tolerance_mm=TOLERANCE_MM, near=here.every)
-    solid = beside.lifting(here) if beside.is_beside(planar) else beside
-    target = points_on(outline(solid, solid.solve(law, stated, loads, tolerance_mm=TOLERANCE_MM))[0], 2)
+    options = SolidOptions(planar_shapes=here if beside.has_mesh_of(planar) else None)
+    solid = beside.solve(law, stated, loads, tolerance_mm=TOLERANCE_MM, options=options)
+    target = points_on(outline(beside, solid)[0], 2)
     # One step of Gauss-Newton: another would move it by 0.1 % of the modulus where it is a quarter, and by less else.
     off, off_ahead = (signed_distance(outline(planar, own), target[None]).ravel() for own in (here, ahead))
     slope = (off_ahead - off) / _STEP
