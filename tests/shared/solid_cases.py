@@ -96,7 +96,9 @@ def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float
     exact = np.column_stack([c * x - s * y, s * x + c * y, z]) - mesh.nodes
     solid = Solid(mesh, np.repeat(surface[:, None], 3, axis=1))
     batch = Batch(LAWS[name], np.array([LAW_EXAMPLES[name]]), "solid", np.array([1e4]))
-    nothing = SolidLoads(np.zeros((1, *mesh.nodes.shape)), np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1), np.zeros(1))
+    nothing = SolidLoads(
+        np.zeros((1, *mesh.nodes.shape)), np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1), np.zeros(1)
+    )
     now = solid.rest(1)
     for part in np.linspace(0, 1, 6)[1:]:
         c, s = np.cos(part * twist * z), np.sin(part * twist * z)
