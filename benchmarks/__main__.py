@@ -19,7 +19,11 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Benchmark:
-    """One script: what its table says, the page that has its figures, and its arguments, all and for a short run."""
+    """One script.
+
+    words: what its table shows; page: the page that explains its figures; arguments: of every run; short: further
+    arguments of a short run.
+    """
 
     name: str
     script: str
@@ -31,21 +35,22 @@ class Benchmark:
 
 ALL = (
     Benchmark(
-        "forward", "speed", "What one simulated curve of 16 field states costs, and how the cost grows.", "why/speed.md"
+        "forward",
+        "speed",
+        "Time of one simulated curve of 16 field states, and how it grows with candidates, states and elements.",
+        "why/speed.md",
     ),
-    Benchmark(
-        "mesh", "mesh_convergence", "How far the tip of a 30 x 3 mm beam is off, by the mesh.", "why/verification.md"
-    ),
+    Benchmark("mesh", "mesh_convergence", "Error of the tip of a 30 x 3 mm beam, by the mesh.", "why/verification.md"),
     Benchmark(
         "solid",
         "solid",
-        "The solid in three dimensions: patches, orders of convergence, cost.",
+        "The solid in three dimensions: patch tests, orders of convergence, cost.",
         "why/section.md",
         short=("--short",),
     ),
     Benchmark("edges", "edges", "Error of the edges on rendered beams of known shape.", "why/edges.md"),
     Benchmark(
-        "storage", "storage", "Acquisition: frames stored a second, with compression and checksum.", "why/safety.md"
+        "storage", "storage", "Acquisition: frames stored per second, with compression and checksum.", "why/safety.md"
     ),
     Benchmark(
         "start", "first_frame", "Acquisition: from the start of the program to the first frame.", "why/safety.md"
@@ -59,28 +64,28 @@ ALL = (
     Benchmark(
         "report",
         "report_cost",
-        "What `eimi report` costs, by datasets and fits.",
+        "Time and memory of `eimi report`, by datasets and fits.",
         "howto/report.md",
         short=("--repeats", "1"),
     ),
     Benchmark(
         "coverage",
         "coverage",
-        "How many of the 95 % intervals hold the truth, and how wide they are over what would hold 95 %.",
+        "Share of the 95 % intervals that hold the truth, and their width over the width that would hold 95 %.",
         "why/statistics.md",
         short=("--experiments", "48"),
     ),
     Benchmark(
         "plan",
         "plan",
-        "Half-widths in per cent of the 95 % interval of the modulus: what a plan foretold, and what came out.",
+        "Half-widths in per cent of the 95 % interval of the modulus: predicted by a plan, and measured.",
         "why/planning.md",
         short=("--experiments", "1"),
     ),
     Benchmark(
         "discover",
         "discover",
-        "Terms of hidden laws: found, not identifiable, and wrong, from bending and tension and from bending alone.",
+        "Terms of hidden laws that were found, not identifiable or wrong, from bending with tension and from bending alone.",
         "howto/discover.md",
         short=("--laws", "4"),
     ),
@@ -102,7 +107,7 @@ def section(benchmark: Benchmark, short: bool) -> tuple[str, bool]:
 
 
 def sections_of(page: Path) -> dict[str, str]:
-    """The parts of a page that was written before, by their names."""
+    """Return the sections of the earlier page by their names."""
     if not page.is_file():
         return {}
     _, *parts = page.read_text(encoding="utf-8").split("\n## ")
@@ -110,20 +115,20 @@ def sections_of(page: Path) -> dict[str, str]:
 
 
 def heading() -> str:
-    """All benchmarks with their pages."""
+    """Return the head of the page: the table of all benchmarks."""
     rows = "".join(
         f"| {b.name} | {b.words} | `python -m benchmarks.{b.script}` | [{Path(b.page).stem}]({b.page}) |\n" for b in ALL
     )
     return (
-        "# Benchmarks\n\nAll with one command, `python -m benchmarks -o docs/benchmarks.md`, which writes it;\n"
-        "`--short` takes reduced sizes, `--only NAME` one of them and leaves the others' tables. The pages named here\n"
-        "have the figures and what they mean.\n\n"
-        "| name | what | alone | figures |\n| --- | --- | --- | --- |\n" + rows
+        "# Benchmarks\n\n`python -m benchmarks -o docs/benchmarks.md` runs all benchmarks and writes this page.\n"
+        "`--short` uses reduced sizes. `--only NAME` runs one benchmark and keeps the tables of the others. The pages in\n"
+        "the last column explain the figures.\n\n"
+        "| name | what it measures | command | explained in |\n| --- | --- | --- | --- |\n" + rows
     )
 
 
 def environment() -> str:
-    """What was measured with, without naming a machine."""
+    """Return the date and the versions of Python and the packages."""
     packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy"))
     return f"{date.today().isoformat()}, Python {platform.python_version()}, {packages}."
 
