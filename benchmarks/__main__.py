@@ -85,7 +85,7 @@ ALL = (
     Benchmark(
         "discover",
         "discover",
-        "Terms of hidden laws that were found, not identifiable or wrong, from bending with tension and from bending alone.",
+        "Terms of hidden laws: found, not identifiable or wrong; from bending with tension, and from bending alone.",
         "howto/discover.md",
         short=("--laws", "4"),
     ),
@@ -121,8 +121,8 @@ def heading() -> str:
     )
     return (
         "# Benchmarks\n\n`python -m benchmarks -o docs/benchmarks.md` runs all benchmarks and writes this page.\n"
-        "`--short` uses reduced sizes. `--only NAME` runs one benchmark and keeps the tables of the others. The pages in\n"
-        "the last column explain the figures.\n\n"
+        "`--short` uses reduced sizes. `--only NAME` runs one benchmark and keeps the tables of the others. The pages\n"
+        "in the last column explain the figures.\n\n"
         "| name | what it measures | command | explained in |\n| --- | --- | --- | --- |\n" + rows
     )
 
