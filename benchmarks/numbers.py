@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from eimi_lab.notebook import open_dataset
+from eimi_lab.dataset.reading import open_dataset
 
 RIGS = Path(__file__).parents[1] / "protocols" / "rigs"
 SPECIMENS = ("type1", "type2", "type3", "type4")

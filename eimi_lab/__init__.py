@@ -1,24 +1,109 @@
-"""What a person runs: `eimi` on the command line, `eimi_lab.notebook` in a notebook.
+"""Identify a soft material from pictures of a bent beam: `import eimi_lab as eimi`, or `eimi` on the command line.
 
-config        the files that a person edits           acquisition   a run on the bench
-dataset       the HDF5 file of a run                   vision        the beam's edges in its frames
-fits          from datasets to materials               report        one HTML file that shows them
-virtual       a rig that needs no hardware             commands      what each command of `eimi` takes and prints
+open, acquire, import_pictures, import_points, segment    from the bench or from pictures to a dataset with edges
+fit, open_fits, tensile, discover, Prior                  from datasets to laws
+simulate, validate, plan, report, export                  what a law is used for
+LAWS, SUPPLIES, CAMERAS                                   what there is by name; an own one joins by LAWS[name] = law
+
+The rooms, from the bottom: process and showing (tools); config (the files that a person edits); vision (the beam's
+edges in its frames); dataset (the HDF5 file of a run); virtual (a rig that needs no hardware); acquisition (a run on
+the bench); fits (from datasets to materials); reporting (one HTML file that shows them); page and study; face (the
+functions above); commands (what each command of `eimi` takes and prints).
 """
 
+from __future__ import annotations
+
 import logging
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 if TYPE_CHECKING:
-    __version__: str
-else:
+    from eimi_drivers.cameras.camera_names import CAMERAS as CAMERAS
+    from eimi_drivers.supplies.supply_names import SUPPLIES as SUPPLIES
+    from eimi_fitting.inference.evidence.parameter_priors import Prior as Prior
+    from eimi_fitting.laws import LAWS as LAWS
+    from eimi_lab.face.acquiring import acquire as acquire
+    from eimi_lab.face.acquiring import open as open
+    from eimi_lab.face.identifying import discover as discover
+    from eimi_lab.face.identifying import fit as fit
+    from eimi_lab.face.identifying import open_fits as open_fits
+    from eimi_lab.face.identifying import tensile as tensile
+    from eimi_lab.face.segmenting import import_pictures as import_pictures
+    from eimi_lab.face.segmenting import import_points as import_points
+    from eimi_lab.face.segmenting import segment as segment
+    from eimi_lab.face.using import export as export
+    from eimi_lab.face.using import plan as plan
+    from eimi_lab.face.using import report as report
+    from eimi_lab.face.using import simulate as simulate
+    from eimi_lab.face.using import validate as validate
+    from eimi_lab.process.errors import InputError as InputError
 
-    def __getattr__(name: str) -> str:
-        """`__version__`, looked up when it is asked for: `eimi` is to start quickly."""
-        if name != "__version__":
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    __version__: str
+
+_HOMES = {
+    "CAMERAS": "eimi_drivers.cameras.camera_names",
+    "InputError": "eimi_lab.process.errors",
+    "LAWS": "eimi_fitting.laws",
+    "Prior": "eimi_fitting.inference.evidence.parameter_priors",
+    "SUPPLIES": "eimi_drivers.supplies.supply_names",
+    "acquire": "eimi_lab.face.acquiring",
+    "discover": "eimi_lab.face.identifying",
+    "export": "eimi_lab.face.using",
+    "fit": "eimi_lab.face.identifying",
+    "import_pictures": "eimi_lab.face.segmenting",
+    "import_points": "eimi_lab.face.segmenting",
+    "open": "eimi_lab.face.acquiring",
+    "open_fits": "eimi_lab.face.identifying",
+    "plan": "eimi_lab.face.using",
+    "report": "eimi_lab.face.using",
+    "segment": "eimi_lab.face.segmenting",
+    "simulate": "eimi_lab.face.using",
+    "tensile": "eimi_lab.face.identifying",
+    "validate": "eimi_lab.face.using",
+}
+
+__all__ = [
+    "CAMERAS",
+    "LAWS",
+    "SUPPLIES",
+    "InputError",
+    "Prior",
+    "__version__",
+    "acquire",
+    "discover",
+    "export",
+    "fit",
+    "import_pictures",
+    "import_points",
+    "open",
+    "open_fits",
+    "plan",
+    "report",
+    "segment",
+    "simulate",
+    "tensile",
+    "validate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Return a public name, and load the module that holds it when the name is first asked for (PEP 562)."""
+    value: Any
+    if name == "__version__":
         from importlib.metadata import version
 
-        return version("eimi-lab")
+        value = version("eimi-lab")
+    elif name in _HOMES:
+        value = getattr(import_module(_HOMES[name]), name)
+    else:
+        from eimi_fitting.suggestion import suggestion
+
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; {suggestion(name, __all__)}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -2,10 +2,7 @@
 
 import numpy as np
 
-from eimi_fitting.beam.loads import Loads
-from eimi_fitting.beam.model import BeamModel
-from eimi_fitting.beam.specimen import Specimen
-from eimi_fitting.laws import LAWS
+from eimi_fitting import LAWS, BeamModel, Loads, Specimen
 
 
 def main() -> float:

@@ -5,9 +5,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from eimi_fitting.laws import LAWS
-from eimi_fitting.laws.tensile import engineering_stress
-from eimi_lab.notebook import fit_window, read_tensile
+import eimi_lab as eimi
+from eimi_fitting.laws import engineering_stress
 
 TRUTH = np.array([20e3, 4e3, 200.0])  # C10, C20, C30 in Pa: an initial shear modulus of 40 kPa
 
@@ -15,12 +14,12 @@ TRUTH = np.array([20e3, 4e3, 200.0])  # C10, C20, C30 in Pa: an initial shear mo
 def main() -> float:
     """Initial shear modulus in Pa of the law with the smallest error."""
     strain = np.linspace(0.02, 1.0, 50)
-    stress_kPa = 1e-3 * engineering_stress(LAWS["yeoh"], TRUTH, strain)
+    stress_kPa = 1e-3 * engineering_stress(eimi.LAWS["yeoh"], TRUTH, strain)
     with TemporaryDirectory() as folder:
         curve = Path(folder) / "curve.csv"
         rows = (f"{e},{s}" for e, s in zip(strain, stress_kPa, strict=True))
         curve.write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")
-        fits = [fit_window(read_tensile(curve), law, window_percent=100.0) for law in LAWS]
+        fits = eimi.tensile(curve, list(eimi.LAWS), window=100)
     for fit in fits:
         print(fit.summary())
     best = min(fits, key=lambda fit: fit.rmse_Pa)

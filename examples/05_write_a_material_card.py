@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from eimi_fitting.laws import LAWS
-from eimi_fitting.laws.cards import Material, material_card
+from eimi_fitting import LAWS, Material, material_card
 
 
 def main() -> float:

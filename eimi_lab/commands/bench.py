@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -11,9 +10,7 @@ import typer
 
 from eimi_lab.commands.result import Result
 from eimi_lab.commands.shared_options import Force, Output, Specimen
-from eimi_lab.process.errors import InputError, tell
-
-STANDARD_OUTPUT = 1  # the number of its descriptor
+from eimi_lab.process.errors import InputError
 
 
 def instruments() -> Result:
@@ -75,74 +72,36 @@ def acquire(
     watched_by: Annotated[str | None, typer.Option(hidden=True, help="descriptors that a page reads")] = None,
 ) -> Result:
     """Run a protocol: currents, frames, dataset."""
-    from eimi_lab.acquisition.event_lines import heard_by
-    from eimi_lab.acquisition.event_words import on_terminal
-    from eimi_lab.acquisition.open_bench import open_bench
-    from eimi_lab.acquisition.playback import pictures_needed
-    from eimi_lab.acquisition.resuming import refuse_taken
-    from eimi_lab.acquisition.run import acquire as run
-    from eimi_lab.acquisition.run import check_request
     from eimi_lab.config.protocol import load_protocol
     from eimi_lab.config.rig import load_rig
     from eimi_lab.config.specimen import load_specimen
-    from eimi_lab.dataset.file_system import network_file_system
-    from eimi_lab.page.watched_run import Descriptors, watched
-    from eimi_lab.process.outputs import check_distinct, refuse_existing
-    from eimi_lab.process.progress import progress
-    from eimi_lab.process.writer_lock import only_writer
+    from eimi_lab.face.acquiring import dry_steps, run_protocol
+    from eimi_lab.process.outputs import check_distinct
 
+    read = list(dict.fromkeys(map(Path, (protocol, specimen, rig))))
     if output is not None and not dry_run:
-        check_distinct(list(dict.fromkeys(map(Path, (protocol, specimen, rig)))), [output])
+        check_distinct(read, [output])
     chosen, beam, bench_rig = load_protocol(protocol), load_specimen(specimen), load_rig(rig)
-    check_request(chosen, beam, bench_rig)
-    if words := pictures_needed(chosen, bench_rig):
-        tell(words)
     if dry_run:
         if events:
             raise InputError("--dry-run begins no run and has no events: leave out --events")
-        from eimi_lab.acquisition.dry_run import dry_run as tell_steps
-
-        steps: list[str] = []
-        tell_steps(chosen, beam, bench_rig, steps.append)
+        steps = dry_steps(chosen, beam, bench_rig)
         return Result(steps, {"dry_run": steps})
     if output is None:
         raise InputError("-o FILE.h5 is missing: the dataset to write; only --dry-run does without")
-    if not resume:
-        refuse_taken(output, force)
-    elif force or note:
-        raise InputError("--resume goes on with what the dataset holds: give neither --force nor --note with it")
-    if transcript is not None:
-        check_distinct([output], [transcript])
-        refuse_existing(transcript, force=False)
-        if bench_rig.simulated:
-            raise InputError("--transcript: the virtual supply has no wire; leave it out")
-    if kind := network_file_system(output.parent):
-        tell(f"warning: {output} is on a network ({kind}): a crash may cost stored states; a local disk is safer")
-    if sys.stdin is not None and sys.stdin.isatty():
-        tell("p and Enter pause the run, with the coil off; Ctrl-C ends it")
-    page = Descriptors.of(watched_by) if watched_by else None
-    read_at = page.events if page else STANDARD_OUTPUT if events else None
-    with (
-        only_writer(output),
-        progress("acquire", len(chosen.currents_A)) as report,
-        heard_by(on_terminal(report), read_at) as on_event,
-        open_bench(bench_rig, beam, chosen.limits, transcript, on_event=on_event, guardian_events=read_at) as bench,
-        watched(page, bench, bench_rig, on_event) as seen,
-    ):
-        stored = run(
-            chosen,
-            beam,
-            bench_rig,
-            seen.bench,
-            output,
-            on_event,
-            force,
-            resume=resume,
-            take_over=take_over,
-            note=note,
-            show=seen.show,
-            typed=seen.typed,
-        )
+    stored = run_protocol(
+        chosen,
+        beam,
+        bench_rig,
+        output,
+        resume=resume,
+        take_over=take_over,
+        note=note,
+        transcript=transcript,
+        events=events,
+        force=force,
+        watched_by=watched_by,
+    )
     states = len(chosen.currents_A)
     lines = [] if events else [f"{stored}: {states} states"]  # the events alone are on standard output
     return Result(lines, {"dataset": stored, "states": states})

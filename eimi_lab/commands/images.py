@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,7 +12,7 @@ from eimi_lab.commands.picture_options import PictureOptions, ask_where
 from eimi_lab.commands.result import Result
 from eimi_lab.commands.shared_options import Force, Output, Specimen, Workers, with_fields
 from eimi_lab.commands.track_options import ImportOptions
-from eimi_lab.process.errors import InputError, tell
+from eimi_lab.process.errors import InputError
 
 if TYPE_CHECKING:  # OpenCV is slow to load, and most commands do without
     from eimi_lab.config.specimen import SpecimenFile
@@ -277,49 +276,25 @@ def segment(
     force: Force = False,
 ) -> Result:
     """Find the beam's edges in every state and store them in the dataset, as a dark frame and a flat field are."""
-    from eimi_lab.dataset.dark_and_flat import forget_correction, read_correction_images, store_correction
     from eimi_lab.dataset.reading import open_dataset
-    from eimi_lab.dataset.restating import restate
-    from eimi_lab.dataset.segmentation import explain_missing_beam, write_csv, write_explained, write_overlays
-    from eimi_lab.dataset.segmentation import segment as find
-    from eimi_lab.process.outputs import whole_folder, write_file
-    from eimi_lab.process.progress import progress
-    from eimi_lab.process.workers import executor_for
+    from eimi_lab.face.segmenting import find_edges
     from eimi_lab.vision.check import leaves_out
 
-    with open_dataset(dataset) as opened:
-        total = len(opened.states)
-    correction = read_correction_images(dark, flat)
-    if uncorrected and correction:
-        raise InputError("--uncorrected: goes neither with --dark nor with --flat")
-    with ExitStack() as stack:
-        unfinished = {
-            folder: stack.enter_context(whole_folder(folder, force)) for folder in (csv, overlay, explain) if folder
-        }
-        changes = options.changes()
-        restated: tuple[str, ...] = ()
-        if changes or specimen or calibration:
-            restated = restate(dataset, specimen=specimen, calibration=calibration, changes=changes)
-            if not restated:
-                tell(f"{dataset}: states the same already")
-        if correction:
-            store_correction(dataset, correction)
-        if uncorrected:
-            forget_correction(dataset)
-        with progress("segment", total) as report:
-            edge_sets = find(dataset, report, executor_for(workers, None))
-        if csv:
-            write_csv(unfinished[csv], edge_sets)
-        if overlay:
-            write_overlays(unfinished[overlay], dataset, edge_sets)
-        if explain:
-            write_explained(unfinished[explain], dataset)
-    without = [index for index, found in enumerate(edge_sets) if not len(found.left.sigma_mm)]
-    if without:
-        words, picture = explain_missing_beam(dataset, without[0])
-        shown = dataset.with_name(f"{dataset.stem}_where.png")
-        write_file(shown, picture, force=True)
-        tell(f"state {without[0]}: no beam was found; {words} {shown} shows where it was looked for")
+    edge_sets, restated = find_edges(
+        dataset,
+        specimen=specimen,
+        calibration=calibration,
+        changes=options.changes(),
+        csv=csv,
+        overlay=overlay,
+        explain=explain,
+        dark=dark,
+        flat=flat,
+        uncorrected=uncorrected,
+        workers=workers,
+        force=force,
+    )
+    total = len(edge_sets)
     flagged = sum(bool(edge_set.flags) for edge_set in edge_sets)
     unusable = sum(leaves_out(edge_set.flags) for edge_set in edge_sets)
     with open_dataset(dataset) as opened:

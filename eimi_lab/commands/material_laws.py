@@ -36,45 +36,25 @@ def fit(
     force: Force = False,
 ) -> Result:
     """Identify the parameters of one law or several; datasets without edges are segmented first."""
-    from eimi_lab.fits.checkpoint import Checkpoint, Head
-    from eimi_lab.fits.fit_grid import fit_grid, grid
+    from eimi_lab.face.identifying import identify_laws
     from eimi_lab.fits.fit_summary import comparison_table, remarks, section_remarks
-    from eimi_lab.fits.fits_file import write_fits
-    from eimi_lab.fits.fitting import check_models, check_section
-    from eimi_lab.fits.records import package_versions
-    from eimi_lab.process.outputs import check_distinct, refuse_existing
-    from eimi_lab.process.progress import progress
-    from eimi_lab.process.workers import executor_for
+    from eimi_lab.fits.records import FitRecord
 
-    models = check_models(model)
-    check_section(options.section)
-    check_distinct([*datasets, *(options.tensile or [])], [output, *([checkpoint] if checkpoint else [])])
-    for_identify = options.for_identify()
-    executor = executor_for(workers, scheduler)
-    refuse_existing(output, force)
-    evidence = [options.load(path) for path in datasets]
-    options.check(evidence)
-    tasks = grid(models, evidence, seed or [1], each=each, bootstrap=bootstrap)
-    log = None
-    if checkpoint or resume:
-        head = Head(
-            fits=tuple(map(str, tasks)),
-            datasets=tuple(e.sha256 for e in evidence),
-            options=options.head(),
-            versions=package_versions(),
-        )
-        log = Checkpoint.of(checkpoint, head, resume=resume, force=force)
-    with progress("fit", len(tasks)) as report:
-        fits = fit_grid(
-            tasks,
-            for_identify,
-            executor=executor,
-            checkpoint=log,
-            share_checkpoint=scheduler is None,
-            report=report,
-            underway=report.underway,
-        )
-    content = write_fits(output, fits, force)
+    content, evidence = identify_laws(
+        datasets,
+        model,
+        options,
+        seeds=seed or [1],
+        each=each,
+        bootstrap=bootstrap,
+        workers=workers,
+        scheduler=scheduler,
+        checkpoint=checkpoint,
+        resume=resume,
+        output=output,
+        force=force,
+    )
+    fits = [found for found in content if isinstance(found, FitRecord)]
     lines = list(dict.fromkeys(dataset.in_words() for found in fits for dataset in found.datasets))
     for found in fits:
         lines += [found.summary(), *(f"  {line}" for line in remarks(found))]

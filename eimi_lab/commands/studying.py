@@ -35,25 +35,24 @@ def discover(
     force: Force = False,
 ) -> Result:
     """Which terms a law is made of, by the error of what was left out; or that the data do not tell."""
-    import json
-
-    from eimi_lab.fits.discovering import content, discovered, library_of, lines
-    from eimi_lab.fits.evidence import load_evidence
+    from eimi_lab.face.identifying import discover as discover_terms
+    from eimi_lab.fits.discovering import lines
     from eimi_lab.fits.fitting import check_section
-    from eimi_lab.fits.tensile_files import check_windows, read_curve
-    from eimi_lab.process.outputs import check_distinct, refuse_existing, write_file
 
-    library, chosen = library_of(term or ()), check_section(section)
-    (percent,) = check_windows([tensile_window], "--tensile-window")
-    check_distinct([*datasets, *(tensile or [])], [output])
-    refuse_existing(output, force)
-    curves = tuple(read_curve(path, percent, 1.0) for path in tensile or ())
-    evidence = tuple(load_evidence(path, section=chosen, flagged=include_flagged) for path in datasets)
-    numbers = {"most_terms": most_terms, "lot": lot, "seed": seed}
-    found = discovered(evidence, curves, library=library, **numbers)
-    told = content(found, evidence, curves, **numbers)
-    write_file(output, json.dumps(told, indent=1) + "\n", force)
-    return Result(lines(found, output), told)
+    discovered = discover_terms(
+        datasets,
+        tensile=tensile or (),
+        tensile_window=tensile_window,
+        term=term or (),
+        most_terms=most_terms,
+        lot=lot,
+        section=check_section(section),
+        include_flagged=include_flagged,
+        seed=seed,
+        output=output,
+        force=force,
+    )
+    return Result(lines(discovered.found, output), discovered.content)
 
 
 def study(

@@ -82,6 +82,12 @@ class Dataset:
         """Close the file."""
         self._file.close()
 
+    def reopen(self) -> None:
+        """Open the file again, as it is now. Raises InputError."""
+        self._file.close()
+        file, finished = open_file(self.path)
+        self.__init__(self.path, file, finished, self._if_damaged)  # type: ignore[misc]
+
     def __enter__(self) -> Self:
         return self
 
@@ -302,6 +308,9 @@ class Dataset:
         if edges is None:
             raise InputError(f"{self.path}: has no edges yet; `eimi segment` finds them")
         return edges
+
+    def __repr__(self) -> str:
+        return f"<Dataset {self.path}: {self.specimen.specimen.name}, {len(self.states)} states of {self.kind}>"
 
     def _repr_html_(self) -> str:
         beam, rows = self.specimen.specimen, []

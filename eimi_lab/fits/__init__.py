@@ -9,6 +9,8 @@ fitting            one fit to any number of datasets
 grid               many of them: laws, datasets, seeds, bootstrap replicates
 checkpoint         the log of all generations, from which a killed run goes on
 law_record         what every fit says of its law
+bootstrap_record   a fit repeated on replicates of its data
+residuals          distances by state, edge and arc length
 records            what stands in a result file
 fits_file          fits.json: its laws compared, written and read
 fit_summary        a fit and the comparison of laws in lines to print

@@ -18,8 +18,10 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationError
 
 from eimi_fitting.inference.searching.search import Generation, Objectives, OtherSearch
+from eimi_lab.fits.bootstrap_record import ReplicateRecord
 from eimi_lab.fits.fits_file import first_fault
-from eimi_lab.fits.records import FitRecord, Record, ReplicateRecord
+from eimi_lab.fits.law_record import Record
+from eimi_lab.fits.records import FitRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import refuse_existing
 from eimi_lab.process.writer_lock import WriterLock

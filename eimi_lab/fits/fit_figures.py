@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
 from eimi_fitting.laws.law import Law
 from eimi_fitting.laws.tensile import engineering_stress
 from eimi_lab.showing.drawing import Drawing, by_field, label, styled
-from eimi_lab.showing.palette import PALETTE
+from eimi_lab.showing.palette import IN_ORDER, MARKERS, PALETTE
 
 Array = NDArray[np.float64]
 
@@ -50,4 +53,47 @@ def drawn_errors(
     axes.errorbar(x, error, yerr=[below, deviation], color=PALETTE[0], marker="o", capsize=2)
     axes.set_ylim(bottom=0)
     label(axes, words, "error, µm")
+    return drawing
+
+
+@styled
+def drawn_residuals(edges: Sequence[str], field_mT: Array, arc_length_mm: Array, distance_mm: Array) -> Drawing:
+    """Distances (K, 2, m) along both edges, a line a state in the colour of its field."""
+    values = field_mT if np.ptp(field_mT) > 0 else np.arange(float(len(field_mT)))
+    scale = ScalarMappable(Normalize(values.min(), max(values.max(), values.min() + 1e-9)), colormaps[IN_ORDER])
+    drawing = Drawing(4.2)
+    grid = drawing.subplots(2, 1, sharex=True, sharey=True)
+    for side, (axes, name) in enumerate(zip(grid, edges, strict=True)):
+        for k, value in enumerate(values):
+            order = np.argsort(arc_length_mm[k, side])
+            axes.plot(
+                arc_length_mm[k, side, order],
+                1e3 * distance_mm[k, side, order],
+                color=scale.to_rgba(value),
+                linewidth=0.9,
+            )
+        axes.axhline(0, color="0.2", linewidth=0.6)
+        axes.set_title(name, loc="left")
+        label(axes, "from the clamp, mm", "measured − simulated, µm")
+        axes.label_outer()
+    drawing.colorbar(scale, ax=grid, label="field, mT" if np.ptp(field_mT) > 0 else "state", pad=0.01, aspect=30)
+    return drawing
+
+
+@styled
+def drawn_errors_of_several(errors: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> Drawing:
+    """Errors in mm against the field in mT, a line for each name."""
+    drawing = Drawing(3.0, 4.8)
+    axes = drawing.subplots()
+    for number, (name, (field_mT, error_mm)) in enumerate(errors.items()):
+        axes.plot(
+            field_mT,
+            1e3 * np.array(error_mm),
+            label=name,
+            color=PALETTE[number % len(PALETTE)],
+            marker=MARKERS[number % len(MARKERS)],
+        )
+    axes.set_ylim(bottom=0)
+    label(axes, "field, mT", "error, µm")
+    axes.legend()
     return drawing

@@ -11,10 +11,11 @@ from typing import Any
 from eimi_fitting.inference.identification import Fit, identify
 from eimi_fitting.inference.interval.bootstrap import resampled
 from eimi_fitting.inference.searching.search import Generation, Objectives, OtherSearch
+from eimi_lab.fits.bootstrap_record import BootstrapRecord, ReplicateRecord
 from eimi_lab.fits.checkpoint import Checkpoint
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.fitting import REFUSALS, check_evidence, refused
-from eimi_lab.fits.records import BootstrapRecord, FitRecord, ReplicateRecord
+from eimi_lab.fits.records import FitRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.progress import silent
 from eimi_lab.process.workers import completed

@@ -37,8 +37,8 @@ def what_is_fixed(fit: FitRecord) -> list[str]:
 
 
 def what_was_fitted_beside(fit: FitRecord) -> list[str]:
-    """Lines on what was freed, and on tensile curves."""
-    lines = []
+    """Lines on priors, on what was freed, and on tensile curves."""
+    lines = fit.priors_in_words()
     for value in fit.freed:
         lines.append(
             f"{value.name} off by {_deviation(value.deviation)}, "

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, ValidationError
 
 from eimi_fitting.inference.planning.choice_of_law import Candidate, Choice, choose
+from eimi_fitting.suggestion import suggestion
 from eimi_lab.config.toml import read_text
 from eimi_lab.fits.law_record import Record
 from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import write_file
+from eimi_lab.showing.tables import installed
 
 
 def _kind(fit: Any) -> str:
@@ -27,11 +29,52 @@ AnyFit = Annotated[
 ]
 
 
-class FitsFile(Record):
-    """A whole fits.json; comparison: of its laws, where all were fitted to the same data."""
+class Fits(Record):
+    """All that a fits.json holds: its fits in order, and the comparison of their laws.
+
+    ``fits[0]`` is the first fit, ``fits["yeoh"]`` the first of that law. comparison: empty unless all laws were fitted
+    to the same data.
+    """
 
     fits: tuple[AnyFit, ...] = Field(min_length=1)
     comparison: tuple[Choice, ...] = ()
+
+    @staticmethod
+    def of(fits: Sequence[FitRecord | TensileRecord]) -> Fits:
+        """Compare the laws of these fits."""
+        return Fits(fits=tuple(fits), comparison=_comparison(fits))
+
+    def write(self, path: str | Path, force: bool = False) -> Path:
+        """Write fits.json and return its path. Raises InputError when the file exists without ``force``."""
+        write_file(Path(path), self.model_dump_json(indent=1) + "\n", force)
+        return Path(path)
+
+    def __len__(self) -> int:
+        return len(self.fits)
+
+    def __iter__(self) -> Iterator[FitRecord | TensileRecord]:  # type: ignore[override]
+        return iter(self.fits)
+
+    def __getitem__(self, which: int | str) -> FitRecord | TensileRecord:
+        if isinstance(which, int):
+            return self.fits[which]
+        for fit in self.fits:
+            if fit.model == which:
+                return fit
+        raise InputError(
+            f"there is no fit of {which!r}; {suggestion(which, dict.fromkeys(f.model for f in self.fits))}"
+        )
+
+    def __repr__(self) -> str:
+        return f"<Fits: {'; '.join(fit.summary() for fit in self.fits)}>"
+
+    def _repr_html_(self) -> str:
+        return "".join(fit._repr_html_() for fit in self.fits)
+
+    def to_pandas(self) -> Any:
+        """pandas.DataFrame of all fits, a row for each parameter; see `FitRecord.to_pandas`. Raises ImportError."""
+        tables = {f"{index} {fit.model}": fit.to_pandas() for index, fit in enumerate(self.fits)}
+        return installed("pandas").concat(tables, names=["fit"])
 
 
 def _comparison(fits: Sequence[FitRecord | TensileRecord]) -> tuple[Choice, ...]:
@@ -68,14 +111,14 @@ def _candidate(fit: FitRecord, points: float, error_mm: float, stated_squares: f
         len(fit.identifiability.names),
         ((points, error_mm), *((c.weight * c.rows / c.correlation_rows, c.rmse_Pa) for c in fit.tensile)),
         fit.held_out_error_mm,
-        stated_squares,
+        stated_squares + fit.prior_squares(),
     )
 
 
-def write_fits(path: Path, fits: Sequence[FitRecord | TensileRecord], force: bool = False) -> FitsFile:
+def write_fits(path: Path, fits: Sequence[FitRecord | TensileRecord], force: bool = False) -> Fits:
     """Write fits.json and return what it holds. Raises InputError when the file exists without ``force``."""
-    content = FitsFile(fits=tuple(fits), comparison=_comparison(fits))
-    write_file(path, content.model_dump_json(indent=1) + "\n", force)
+    content = Fits.of(fits)
+    content.write(path, force)
     return content
 
 
@@ -87,12 +130,12 @@ def read_any_fits(path: str | Path) -> tuple[FitRecord | TensileRecord, ...]:
     return read_fits_file(path).fits
 
 
-def read_fits_file(path: str | Path) -> FitsFile:
+def read_fits_file(path: str | Path) -> Fits:
     """Read fits.json. Raises InputError naming the file and the key."""
     path = Path(path)
     text = read_text(path)
     try:
-        return FitsFile.model_validate(json.loads(text))
+        return Fits.model_validate(json.loads(text))
     except json.JSONDecodeError as error:
         raise InputError(f"{path}: line {error.lineno}: is not JSON ({error.msg}); {_EXPECTED}") from error
     except ValidationError as error:

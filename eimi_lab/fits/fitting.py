@@ -12,6 +12,7 @@ from eimi_fitting.inference.searching.modulus_range import NothingActs, NothingC
 from eimi_fitting.inference.searching.named_causes import NamedCause
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import CannotFit
+from eimi_fitting.suggestion import suggestion
 from eimi_lab.fits.before_search import check_states, in_words
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.records import FitRecord
@@ -22,7 +23,7 @@ def check_models(models: Sequence[str]) -> list[str]:
     """The models asked for, each once. Raises InputError for an unknown one."""
     for model in models:
         if model not in LAWS:
-            raise InputError(f"--model {model}: should be one of {', '.join(LAWS)}")
+            raise InputError(f"--model {model}: there is no law {model!r}; {suggestion(model, LAWS)}")
     return list(dict.fromkeys(models))
 
 
@@ -33,7 +34,7 @@ def check_section(section: str | None) -> Section | None:
             return known
     if section is None:
         return None
-    raise InputError(f"--section {section}: should be one of {', '.join(get_args(Section))}")
+    raise InputError(f"--section {section}: there is no such section; {suggestion(section, get_args(Section))}")
 
 
 REFUSALS = (

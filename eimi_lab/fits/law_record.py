@@ -115,8 +115,13 @@ class LawRecord(Record):
             f"initial shear modulus {self.modulus_in_words()}, 95 % interval",
             *([f"{_HELD_BY}: {', '.join(held)}"] if held else []),
             self.stretch_in_words(),
+            *self.priors_in_words(),
             *(f"doubt: {words}" for words in self.doubts_in_words()),
         ]
+
+    def priors_in_words(self) -> list[str]:
+        """Return what was known of the parameters before the fit."""
+        return []
 
     def doubts_in_words(self) -> list[str]:
         """Every doubt, with what it is about."""
@@ -153,6 +158,13 @@ class LawRecord(Record):
 
         law = LAWS[self.model]
         return drawn_law(law, np.array(self.values()), self.drawn(200), self.max_stretch)
+
+    def summary(self) -> str:
+        """Return one line: law and initial shear modulus with its interval."""
+        return f"{self.model}: initial shear modulus {self.modulus_in_words()}"
+
+    def __repr__(self) -> str:
+        return f"<{self.summary()}>"
 
     def _repr_html_(self) -> str:
         rows = [

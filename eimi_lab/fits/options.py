@@ -16,7 +16,8 @@ import typer
 from eimi_lab.process.errors import InputError
 
 if TYPE_CHECKING:
-    from eimi_fitting.inference.evidence.unknowns import Prior
+    from eimi_fitting.inference.evidence.parameter_priors import Prior
+    from eimi_fitting.inference.evidence.unknowns import NuisancePrior
     from eimi_lab.fits.evidence import Evidence
     from eimi_lab.fits.tensile_files import FileCurve
 
@@ -40,6 +41,14 @@ class FitOptions:
             "width=0.02, roll=0.1, coil=0.01, ...; or bulk",
         ),
     ] = None
+    prior: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PARAMETER=MEAN,DEVIATION",
+            help="what is known of a parameter of the law, by mean and standard deviation in its unit: C10=20000,500, "
+            "or initial_shear_modulus=...; may be repeated",
+        ),
+    ] = None
     tensile: Annotated[
         list[Path] | None, typer.Option(help="a tensile curve that the law has to follow as well; may be repeated")
     ] = None
@@ -53,9 +62,10 @@ class FitOptions:
     def for_identify(self) -> dict[str, Any]:
         """As `eimi_fitting.identify` takes them. Raises InputError."""
         return {
-            "free": self._priors,
+            "free": self._nuisances,
             "free_bulk": self._bulk,
             "tensile": self._curves,
+            "priors": self._priors,
             "restarts": self.restarts,
             "bipop": self.bipop,
         }
@@ -63,6 +73,17 @@ class FitOptions:
     def head(self) -> dict[str, Any]:
         """As a checkpoint writes them down: files by their content."""
         return {**asdict(self), "tensile": [curve.sha256 for curve in self._curves]}
+
+    def check_laws(self, models: Sequence[str]) -> None:
+        """Raise InputError for a prior on a parameter that one of these laws does not have."""
+        from eimi_fitting.inference.evidence.parameter_priors import check_priors
+        from eimi_fitting.laws import LAWS
+
+        for model in models:
+            try:
+                check_priors(self._priors, LAWS[model])
+            except ValueError as error:
+                raise InputError(f"--prior: {error}") from error
 
     def load(self, path: Path) -> Evidence:
         """A dataset as these options take it. Raises InputError."""
@@ -86,13 +107,13 @@ class FitOptions:
                     f"--free bulk: {seen.path} is taken as {section}, whose search model is exactly incompressible; "
                     "a bulk modulus takes --section plane-strain"
                 )
-            for prior in self._priors:
+            for prior in self._nuisances:
                 if SOURCES[prior.kind].field and not seen.experiment.loads.field_T.any():
                     raise InputError(f"--free {prior.kind}: {seen.path} has no state with a field")
                 self._check_spread(prior, seen)
 
     @staticmethod
-    def _check_spread(prior: Prior, seen: Evidence) -> None:
+    def _check_spread(prior: NuisancePrior, seen: Evidence) -> None:
         """Raises InputError where the standard deviation of what is freed is not known of this dataset."""
         from eimi_fitting.inference.evidence.sources import SOURCES
 
@@ -112,11 +133,15 @@ class FitOptions:
 
     @cached_property
     def _priors(self) -> tuple[Prior, ...]:
-        priors: dict[str, Prior] = {}
+        return tuple(map(_prior, self.prior or ()))
+
+    @cached_property
+    def _nuisances(self) -> tuple[NuisancePrior, ...]:
+        priors: dict[str, NuisancePrior] = {}
         for words in self.free or ():
             if words == _BULK:
                 continue
-            prior = _prior(words)
+            prior = _nuisance(words)
             if prior.kind in priors:
                 raise InputError(f"--free {words}: {prior.kind} is given twice")
             priors[prior.kind] = prior
@@ -142,8 +167,24 @@ class FitOptions:
 
 
 def _prior(words: str) -> Prior:
+    from eimi_fitting.inference.evidence.parameter_priors import Prior
+
+    parameter, _, numbers = words.partition("=")
+    try:
+        mean, deviation = map(float, numbers.split(","))
+    except ValueError as error:
+        raise InputError(
+            f"--prior {words}: should be PARAMETER=MEAN,DEVIATION in the parameter's unit, such as C10=20000,500"
+        ) from error
+    try:
+        return Prior(parameter.strip(), mean, deviation)
+    except ValueError as error:
+        raise InputError(f"--prior {words}: {error}") from error
+
+
+def _nuisance(words: str) -> NuisancePrior:
     from eimi_fitting.inference.evidence.sources import SOURCES
-    from eimi_fitting.inference.evidence.unknowns import Prior
+    from eimi_fitting.inference.evidence.unknowns import NuisancePrior
 
     units = {key: {"1": "relative", "deg": "degrees"}.get(source.unit, source.unit) for key, source in SOURCES.items()}
     key, equals, number = words.partition("=")
@@ -151,7 +192,7 @@ def _prior(words: str) -> Prior:
         examples = ", ".join(f"{key}={source.usual:g} ({units[key]})" for key, source in SOURCES.items())
         raise InputError(f"--free {words}: should be a standard deviation such as {examples}, or {_BULK}")
     try:
-        return Prior(key, float(number) if equals else None)
+        return NuisancePrior(key, float(number) if equals else None)
     except ValueError as error:
         raise InputError(
             f"--free {words}: should be {key}=NUMBER above 0, at most {SOURCES[key].largest:g} ({units[key]})"

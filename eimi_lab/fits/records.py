@@ -11,13 +11,14 @@ import platform
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import model_validator
+from pydantic import PrivateAttr, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from eimi_fitting.inference.doubts.checks import Doubt
+from eimi_fitting.inference.evidence.parameter_priors import Prior
 from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_fitting.inference.evidence.tensile_curves import TensileEvidence
@@ -27,11 +28,16 @@ from eimi_fitting.inference.interval.estimate import CorrectionEffect, FreedNuis
 from eimi_fitting.inference.interval.identifiability import Identifiability
 from eimi_fitting.inference.searching.polish import Polish
 from eimi_fitting.inference.searching.search import Discards, Generation, Run
+from eimi_fitting.laws import LAWS
+from eimi_lab.fits.bootstrap_record import BootstrapRecord
 from eimi_lab.fits.evidence import WHOLE_FILES, Evidence
 from eimi_lab.fits.law_record import LawRecord, Record, Stability
+from eimi_lab.fits.residuals import Residuals
 from eimi_lab.fits.states_used import StatesUsed
 from eimi_lab.fits.tensile_files import FileCurve
+from eimi_lab.process.errors import InputError
 from eimi_lab.process.workers import PACKAGES
+from eimi_lab.showing.tables import installed
 
 Array = NDArray[np.float64]
 
@@ -59,57 +65,6 @@ class StateError(Record):
                 deviation_mm=float(deviation),
             )
             for state, error, deviation in zip(evidence.states, error_mm, deviation_mm, strict=True)
-        )
-
-
-class ReplicateRecord(Record):
-    """A law fitted to one bootstrap replicate of the data; parameters in the units of the fit."""
-
-    replicate: int
-    parameters: dict[str, float]
-    initial_shear_modulus_Pa: float
-    mean_error_mm: float
-    evaluations: int
-    stop: str
-    wall_s: float
-
-    @staticmethod
-    def of(fit: Fit, replicate: int) -> ReplicateRecord:
-        """What is written down of a fit to one replicate of the data."""
-        return ReplicateRecord(
-            replicate=replicate,
-            parameters={name: quantity.value for name, quantity in fit.parameters.items()},
-            initial_shear_modulus_Pa=fit.initial_shear_modulus.value,
-            mean_error_mm=fit.mean_error_mm,
-            evaluations=fit.evaluations,
-            stop=fit.stop,
-            wall_s=fit.wall_s,
-        )
-
-
-FEWEST_FOR_INTERVAL = 40  # replicates: one beyond each end of a 95 % interval
-
-
-class BootstrapRecord(Record):
-    """The fit repeated on replicates of the data: states drawn again, with replacement.
-
-    interval_95: percentiles of the initial shear modulus (Efron and Tibshirani 1993, An Introduction to the Bootstrap,
-    section 13.3), null where there are too few replicates to have any.
-    """
-
-    drawn: Literal["states"] = "states"
-    initial_shear_modulus_interval_95_Pa: tuple[float, float] | None
-    replicates: tuple[ReplicateRecord, ...]
-
-    @staticmethod
-    def of(replicates: Sequence[ReplicateRecord]) -> BootstrapRecord:
-        """All replicates of one fit, and what they say together."""
-        moduli = [replicate.initial_shear_modulus_Pa for replicate in replicates]
-        enough = len(moduli) >= FEWEST_FOR_INTERVAL
-        low, high = np.quantile(moduli, [0.025, 0.975]) if enough else (0.0, 0.0)
-        return BootstrapRecord(
-            initial_shear_modulus_interval_95_Pa=(float(low), float(high)) if enough else None,
-            replicates=tuple(replicates),
         )
 
 
@@ -173,7 +128,7 @@ class FitRecord(LawRecord):
     mesh: what a mesh twice as fine changed, null where all is taken as solid; section_change: what the solid changed,
     null where a planar section was taken throughout; held_out_error_mm: mean error of states left out of the fit;
     taken_as_exact: keys of which nobody stated an uncertainty, or dimensions or calibration where none was stated at
-    all.
+    all; priors: on parameters of the law, not in the file where there are none.
     """
 
     kind: Literal["bending"] = "bending"
@@ -189,6 +144,7 @@ class FitRecord(LawRecord):
     identifiability: Identifiability
     bulk_modulus: Quantity | None
     freed: tuple[FreedNuisance, ...]
+    priors: tuple[Prior, ...] = ()
     tensile: tuple[CurveRecord, ...]
     mesh: CorrectionEffect | None
     section_change: CorrectionEffect | None = None
@@ -201,13 +157,62 @@ class FitRecord(LawRecord):
     runs: tuple[Run, ...]
     history: tuple[Generation, ...]
     bootstrap: BootstrapRecord | None = None
+    _residuals: tuple[Residuals, ...] = PrivateAttr(default=())
+
+    def residuals(self, dataset: int = 0) -> Residuals:
+        """Return the distances of the measured places from the fit's simulated ones, by state, edge and arc length.
+
+        Parameters
+        ----------
+        dataset : int
+            Which of the fit's datasets, from 0.
+
+        Raises
+        ------
+        InputError
+            For a fit that was read from a file, which does not hold the distances.
+        """
+        if not self._residuals:
+            raise InputError(
+                f"residuals of {self.model}: fits.json does not hold them; eimi.validate(DATASET, fit).residuals() "
+                "simulates the fit again"
+            )
+        return self._residuals[dataset]
+
+    def to_xarray(self) -> Any:
+        """xarray.Dataset of parameters with their intervals and draws, and of the errors of all states.
+
+        Raises ImportError without xarray.
+        """
+        quantities = self._quantities()
+        draws, ends = np.array(self.draws.values if self.draws else ()), [q.interval_95 for q in quantities.values()]
+        by_state = {
+            name: ("state", np.array([getattr(state, key) for state in self.by_state]), {"units": unit})
+            for name, key, unit in (("error", "error_mm", "mm"), ("deviation", "deviation_mm", "mm"))
+        }
+        variables = {
+            "value": ("parameter", np.array([q.value for q in quantities.values()])),
+            "interval_95": (("parameter", "end"), np.array(ends)),
+            "draw": (("sample", "unknown"), draws.reshape(len(draws), -1)),
+            **by_state,
+        }
+        coordinates = {
+            "parameter": list(quantities),
+            "unit": ("parameter", [q.unit for q in quantities.values()]),
+            "end": ["low", "high"],
+            "unknown": list(self.draws.names) if self.draws else [],
+            "field": ("state", np.array([state.field_mT for state in self.by_state]), {"units": "mT"}),
+            "dataset": ("state", [state.dataset for state in self.by_state]),
+            "number": ("state", [state.state for state in self.by_state]),
+        }
+        return installed("xarray").Dataset(variables, coordinates, {"law": self.model})
 
     @staticmethod
     def of(fit: Fit, evidence: Sequence[Evidence]) -> FitRecord:
-        """What is written down of a fit to this evidence."""
+        """What is written down of a fit to this evidence, with the residuals that a file does not hold."""
         ends = np.cumsum([len(e.states) for e in evidence])[:-1]
         errors, deviations = np.split(fit.error_mm, ends), np.split(fit.deviation_mm, ends)
-        return FitRecord(
+        record = FitRecord(
             **{name: getattr(fit, name) for name in _AS_IT_IS},
             model=fit.law.name,
             by_state=tuple(
@@ -241,6 +246,14 @@ class FitRecord(LawRecord):
             taken_as_exact=tuple(dict.fromkeys(word for e in evidence for word in e.taken_as_exact)),
             versions=package_versions(),
         )
+        record._residuals = tuple(Residuals.of(e, r) for e, r in zip(evidence, fit.residuals_mm, strict=True))
+        return record
+
+    @model_serializer(mode="wrap")
+    def _without_absent_priors(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Write a fit without priors exactly as releases did that had none."""
+        written: dict[str, Any] = serialize(self)
+        return written if self.priors else {key: value for key, value in written.items() if key != "priors"}
 
     @model_validator(mode="after")
     def _is_stiff(self) -> Self:
@@ -248,6 +261,21 @@ class FitRecord(LawRecord):
         if not self.initial_shear_modulus.value > 0:
             raise ValueError(f"initial shear modulus {self.initial_shear_modulus.value:g} Pa should be above 0")
         return self
+
+    def prior_squares(self) -> float:
+        """Return the sum over the priors of the squared distance of the parameter from the mean, in deviations."""
+        values, law = np.array([self.values()]), LAWS[self.model]
+        return sum(float(prior.standardised(law, values)[0]) ** 2 for prior in self.priors)
+
+    def priors_in_words(self) -> list[str]:
+        """Return a sentence for each prior on a parameter: what was taken as known, and what came out."""
+        law, quantities = LAWS[self.model], self._quantities()
+        return [
+            f"Prior on {prior.parameter}: {prior.mean:.5g} ± {prior.standard_deviation:.3g}"
+            f"{'' if prior.unit(law) == '1' else ' ' + prior.unit(law)} (mean, standard deviation); with the data "
+            f"{quantities[prior.parameter].value:.5g}."
+            for prior in self.priors
+        ]
 
     def doubts_in_words(self) -> list[str]:
         """Every doubt, with the dataset, the state or the curve that it is about."""
@@ -286,6 +314,7 @@ class FitRecord(LawRecord):
             *(f"{dataset.in_words()}." for dataset in self.datasets),
             f"Mean error {error:.3g} µm, mean deviation {deviation:.3g} µm.",
             self.identifiability.statement,
+            *self.priors_in_words(),
         ]
 
 
@@ -295,6 +324,7 @@ _AS_IT_IS = (
     "initial_shear_modulus",
     "bulk_modulus",
     "freed",
+    "priors",
     "identifiability",
     "held_out_error_mm",
     "budget",

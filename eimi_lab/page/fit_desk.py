@@ -90,7 +90,7 @@ class FitDesk:
     async def _start(self, asked: dict[str, Any]) -> Any:
         if self._task is not None and not self._task.done():
             raise InputError("a fit is going on; wait for it, or end it")
-        name, model = str(asked.get("dataset", "")), asked.get("model")
+        name, model = str(asked.get("dataset", "")), str(asked.get("model", ""))
         dataset = self._folder.inside(name)
         if not dataset.is_file():
             raise InputError(f"{name}: no such file")

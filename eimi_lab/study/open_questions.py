@@ -18,7 +18,7 @@ from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Section
 from eimi_fitting.inference.evidence.experiment import Experiment
-from eimi_fitting.inference.evidence.unknowns import Prior
+from eimi_fitting.inference.evidence.unknowns import NuisancePrior
 from eimi_fitting.inference.identification import Fit, identify
 from eimi_fitting.laws import LAWS
 from eimi_lab.study.extent import TRAINED_ON, Extent
@@ -91,7 +91,7 @@ def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
     rows = []
     for words, factor, spread in settings[: extent.cases]:
         edges = outlines_mm(PLAIN, specimen_of(TRAINED_ON), factor * _FIELDS_MT)
-        fit = _fit(edges, "solid", seed, free=() if spread is None else (Prior("moment", spread),))
+        fit = _fit(edges, "solid", seed, free=() if spread is None else (NuisancePrior("moment", spread),))
         freed = fit.freed[0].deviation if fit.freed else None
         names = fit.identifiability.names
         rows.append(

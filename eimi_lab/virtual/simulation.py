@@ -6,6 +6,7 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +18,14 @@ from eimi_fitting.beam.mesh import Indices
 from eimi_fitting.beam.model import BeamModel, Shapes
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.laws import LAWS, Law
+from eimi_fitting.suggestion import suggestion
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.process.errors import InputError
-from eimi_lab.process.outputs import write_whole
+from eimi_lab.process.outputs import whole_folder, write_whole
+from eimi_lab.showing.tables import html_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure  # slow to import
 
 Array = NDArray[np.float64]
 
@@ -53,6 +59,45 @@ class Simulation:
         """The left and the right edge of each state from the clamp to the tip, (K, 2, n, 2), in mm."""
         return points_on(outline(self.model, self.shapes)[0], 4)
 
+    @property
+    def tip_mm(self) -> Array:
+        """(K, 2): x and y of the tip, mm."""
+        return _tip(self.model, self.shapes)[0, :, :2]
+
+    @property
+    def tip_angle_deg(self) -> Array:
+        """(K,): by how much the tip is turned, degrees."""
+        return _tip(self.model, self.shapes)[0, :, 2]
+
+    @property
+    def max_stretch(self) -> Array:
+        """(K,): the largest principal stretch anywhere in the beam."""
+        return np.asarray(self.shapes.max_stretch[0])
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the shapes in up to six states, coloured by their stretch."""
+        return _drawn(self)
+
+    def write(self, folder: str | Path, force: bool = False) -> Path:
+        """Fill a folder and return its path. Raises InputError when it exists without ``force``."""
+        with whole_folder(Path(folder), force) as unfinished:
+            write_simulation(unfinished, self)
+        return Path(folder)
+
+    def __repr__(self) -> str:
+        beam, tip = self.model.specimen, float(self.tip_angle_deg[-1])
+        return f"<Simulation as {beam.section}: {len(self.field_mT)} states, tip at {tip:.2f} degrees in the last>"
+
+    def _repr_html_(self) -> str:
+        columns = (self.field_mT, *self.tip_mm.T, self.tip_angle_deg, self.max_stretch)
+        rows = [[f"{value:.4g}" for value in row] for row in zip(*columns, strict=True)]
+        return html_table(repr(self)[1:-1], ("field, mT", "x, mm", "y, mm", "angle, degrees", "stretch"), rows)
+
+
+def keys_of(law: Law) -> list[str]:
+    """The law's parameters as `--parameter` takes them: a modulus with its unit."""
+    return [f"{n}_Pa" if u == "Pa" else n for n, u in zip(law.parameter_names, law.units, strict=True)]
+
 
 def parse_parameters(model: str, texts: Sequence[str]) -> tuple[Law, Array]:
     """Return the law of a name, and its parameters from texts.
@@ -75,9 +120,9 @@ def parse_parameters(model: str, texts: Sequence[str]) -> tuple[Law, Array]:
         If the law is unknown, or if a parameter is missing, unknown or not a number.
     """
     if model not in LAWS:
-        raise InputError(f"--model {model}: should be one of {', '.join(LAWS)}")
+        raise InputError(f"--model {model}: there is no law {model!r}; {suggestion(model, LAWS)}")
     law = LAWS[model]
-    keys = [f"{n}_Pa" if u == "Pa" else n for n, u in zip(law.parameter_names, law.units, strict=True)]
+    keys = keys_of(law)
     values: dict[str, float] = {}
     for text in texts:
         key, _, value = text.partition("=")
@@ -203,7 +248,9 @@ def write_simulation(folder: Path, simulation: Simulation) -> None:
         for side, points in zip(("left", "right"), sides, strict=True):
             write_whole(folder / f"state_{k:02d}_{side}.csv", _csv(points, "x_mm,y_mm"))
         _write_vtu(folder / f"state_{k:02d}.vtu", simulation, k)
-    write_whole(folder / "shapes.png", _drawn(simulation))
+    image = io.BytesIO()
+    _drawn(simulation).savefig(image, dpi=110)
+    write_whole(folder / "shapes.png", image.getvalue())
 
 
 def _csv(columns: Array, header: str) -> bytes:
@@ -266,11 +313,12 @@ def _seen_from_the_side(model: BeamModel | SolidBeside) -> tuple[Indices, Indice
     return amid, elements[amid][:, 3 * around]
 
 
-def _drawn(simulation: Simulation) -> bytes:
+def _drawn(simulation: Simulation) -> Figure:
     from matplotlib.collections import PolyCollection
-    from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6, 6), layout="constrained")
+    from eimi_lab.showing.drawing import Drawing
+
+    figure = Drawing(6.0, 6.0)
     axes = figure.add_subplot()
     model, shapes = simulation.model, simulation.shapes
     shown, outlines = _seen_from_the_side(model)
@@ -289,6 +337,4 @@ def _drawn(simulation: Simulation) -> bytes:
     axes.set_aspect("equal")
     axes.set_xlabel("y across, mm")
     axes.set_ylabel("−x along, mm")
-    image = io.BytesIO()
-    figure.savefig(image, dpi=110)
-    return image.getvalue()
+    return figure

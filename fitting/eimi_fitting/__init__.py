@@ -21,10 +21,12 @@ if TYPE_CHECKING:
     from eimi_fitting.beam.specimen import Magnet, Specimen
     from eimi_fitting.inference.evidence.experiment import Experiment
     from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation
+    from eimi_fitting.inference.evidence.parameter_priors import Prior
     from eimi_fitting.inference.evidence.quantity import Quantity
     from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
-    from eimi_fitting.inference.evidence.unknowns import Prior
+    from eimi_fitting.inference.evidence.unknowns import NuisancePrior
     from eimi_fitting.inference.identification import Fit, identify
+    from eimi_fitting.inference.planning.sensitivity import edge_sensitivity
     from eimi_fitting.laws import LAWS
     from eimi_fitting.laws.cards import Material, material_card
     from eimi_fitting.laws.tensile import fit_tensile
@@ -39,11 +41,13 @@ _HOMES = {
     "Loads": "beam.loads",
     "Magnet": "beam.specimen",
     "Material": "laws.cards",
+    "NuisancePrior": "inference.evidence.unknowns",
     "PointObservation": "inference.evidence.measurements",
-    "Prior": "inference.evidence.unknowns",
+    "Prior": "inference.evidence.parameter_priors",
     "Quantity": "inference.evidence.quantity",
     "Specimen": "beam.specimen",
     "TensileCurve": "inference.evidence.tensile_curves",
+    "edge_sensitivity": "inference.planning.sensitivity",
     "fit_tensile": "laws.tensile",
     "identify": "inference.identification",
     "material_card": "laws.cards",
@@ -59,11 +63,13 @@ __all__ = [
     "Loads",
     "Magnet",
     "Material",
+    "NuisancePrior",
     "PointObservation",
     "Prior",
     "Quantity",
     "Specimen",
     "TensileCurve",
+    "edge_sensitivity",
     "fit_tensile",
     "identify",
     "material_card",

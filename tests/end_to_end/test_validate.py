@@ -15,7 +15,10 @@ import pytest
 
 from eimi_fitting.inference.evidence import corrections
 from eimi_fitting.inference.evidence.corrections import correction
-from eimi_lab.notebook import load_evidence, open_dataset, read_any_fits, validate
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.fits.evidence import load_evidence
+from eimi_lab.fits.fits_file import read_any_fits
+from eimi_lab.fits.prediction import validate
 
 Eimi = Callable[..., tuple[int, str, str]]
 Done = Callable[..., list[str]]

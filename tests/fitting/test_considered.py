@@ -14,7 +14,7 @@ from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation, edge_curves, points_on
 from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource
-from eimi_fitting.inference.evidence.unknowns import Prior, Unknowns
+from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Unknowns
 from eimi_fitting.inference.identification import Fit, identify, refine
 from eimi_fitting.inference.interval.estimate import Estimate
 from eimi_fitting.inference.planning.choice_of_law import Candidate, choose
@@ -51,7 +51,7 @@ def experiment(observed: EdgeObservation, beam: Specimen = BEAM, **stated: float
     return Experiment(BeamModel(beam), LOADS, observed, stated=known)
 
 
-def fitted(*experiments: Experiment, free: tuple[Prior, ...] = ()) -> Fit:
+def fitted(*experiments: Experiment, free: tuple[NuisancePrior, ...] = ()) -> Fit:
     return identify("neo-hookean", experiments, free=free)
 
 
@@ -156,14 +156,14 @@ def test_datasets_of_one_specimen_share_its_error_and_two_specimens_do_not(magne
 
 
 def test_a_freed_width_is_found_from_the_edges_with_its_stated_uncertainty_as_the_prior():
-    fit = fitted(experiment(seen(THICKER), width=0.02, remanence=0.02), free=(Prior("width"),))
+    fit = fitted(experiment(seen(THICKER), width=0.02, remanence=0.02), free=(NuisancePrior("width"),))
     (freed,) = fit.freed
     assert (freed.name, freed.prior_standard_deviation, freed.deviation.unit) == ("width", 0.02, "mm")
     assert freed.deviation.value == pytest.approx(0.03, abs=2e-3)
     assert fit.initial_shear_modulus.value == pytest.approx(TRUTH_PA, rel=0.005)
     assert [entry.source for entry in fit.budget] == ["remanence"]
     with pytest.raises(ValueError, match="depth: dataset 0 states no standard uncertainty"):
-        fitted(experiment(seen()), free=(Prior("depth"),))
+        fitted(experiment(seen()), free=(NuisancePrior("depth"),))
 
 
 def test_without_anything_uncertain_noise_is_all_there_is_and_it_is_told_from_a_source(thicker):

@@ -20,7 +20,7 @@ from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointO
 from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource, loads_under, specimen_under
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve, TensileEvidence
-from eimi_fitting.inference.evidence.unknowns import Prior, SharedUnknowns, Unknowns, nuisances
+from eimi_fitting.inference.evidence.unknowns import NuisancePrior, SharedUnknowns, Unknowns, nuisances
 from eimi_fitting.inference.identification import identify, refine
 from eimi_fitting.inference.interval.budget import Moves, budget
 from eimi_fitting.inference.interval.considered import ConsideredSources, Steps, sources_of
@@ -70,6 +70,8 @@ def linearisation(states: LinearStates, prior: float) -> Linearisation:
         curves=np.zeros(0),
         curve_slopes=np.zeros((1, 0)),
         priors=np.zeros(0),
+        known=np.zeros(0),
+        known_slopes=np.zeros((1, 0)),
         information=states.information,
         score_variance=states.score_variance(NOWHERE),
         prior=np.array([[prior]]),
@@ -196,7 +198,7 @@ def test_a_quantity_has_its_ends_in_their_order_and_each_in_its_place() -> None:
     assert found.interval_95_fit == pytest.approx((40.5, 59.5))
 
 
-def problem(*freed: Prior, stated: tuple[str, ...] = ()) -> Problem:
+def problem(*freed: NuisancePrior, stated: tuple[str, ...] = ()) -> Problem:
     known = tuple(StatedSource(source, SOURCES[source].usual, "here") for source in stated)
     model, loads = BeamModel(BEAM), Loads.along((3.0,))
     experiment = Experiment(model, loads, NOWHERE, stated=known)
@@ -207,13 +209,13 @@ def problem(*freed: Prior, stated: tuple[str, ...] = ()) -> Problem:
 def test_what_is_freed_and_what_says_the_same_is_not_counted_beside_it() -> None:
     both = ("remanence", "width")
     assert [group.source for group in sources_of(problem(stated=both))] == list(both)[::-1]
-    assert [group.source for group in sources_of(problem(Prior("moment", 0.02), stated=both))] == ["width"]
-    assert [group.source for group in sources_of(problem(Prior("width"), stated=both))] == ["remanence"]
+    assert [group.source for group in sources_of(problem(NuisancePrior("moment", 0.02), stated=both))] == ["width"]
+    assert [group.source for group in sources_of(problem(NuisancePrior("width"), stated=both))] == ["remanence"]
 
 
 def test_a_freed_number_is_held_by_its_prior_alone() -> None:
     """One standard deviation costs as much as one standard deviation of anything else."""
-    unknowns = problem(Prior("moment", 0.02)).unknowns
+    unknowns = problem(NuisancePrior("moment", 0.02)).unknowns
     one_off = np.array([[0.3, 0.5]])
     one_off[0, 1] += 1 / np.sqrt(unknowns.prior[1])
     assert unknowns.standardised(one_off) == pytest.approx(np.ones((1, 1)))

@@ -15,7 +15,7 @@ from eimi_fitting.inference.doubts.checks import NotExplained
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation, edge_curves, points_on
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
-from eimi_fitting.inference.evidence.unknowns import Prior
+from eimi_fitting.inference.evidence.unknowns import NuisancePrior
 from eimi_fitting.inference.identification import identify
 from eimi_fitting.inference.searching.named_causes import NamedCause
 from eimi_fitting.laws import LAWS
@@ -81,7 +81,7 @@ def test_an_unknown_moment_widens_the_modulus_by_its_prior():
     # Without gravity torque and stiffness scale together: the data fix the ratio of modulus and moment alone.
     bent = edges_of("neo-hookean", [46e3], gravity=None)
     known = identify("neo-hookean", [bent], seed=1)
-    freed = identify("neo-hookean", [bent], seed=1, free=[Prior("moment", 0.02)])
+    freed = identify("neo-hookean", [bent], seed=1, free=[NuisancePrior("moment", 0.02)])
     assert relative_width(known) < 2e-3
     assert relative_width(freed) == pytest.approx(1.96 * 0.02, rel=0.15)
     (moment,) = freed.freed
@@ -95,7 +95,7 @@ def test_an_unknown_moment_widens_the_modulus_by_its_prior():
 def test_gravity_tells_a_wrong_moment():
     bent = edges_of("neo-hookean", [46e3], field_factor=1.05, field_mT=(0.0, 3.0, 6.0, 9.0))
     taken_for_right = identify("neo-hookean", [bent], seed=1)
-    freed = identify("neo-hookean", [bent], seed=1, free=[Prior("moment", 0.1)])
+    freed = identify("neo-hookean", [bent], seed=1, free=[NuisancePrior("moment", 0.1)])
     assert taken_for_right.initial_shear_modulus.value < 45e3
     low, high = freed.initial_shear_modulus.interval_95
     assert low < 46e3 < high
@@ -106,14 +106,14 @@ def test_gravity_tells_a_wrong_moment():
 
 def test_roll_and_clamp_are_found_and_a_coil_constant_is_common_to_all():
     turned = edges_of("neo-hookean", [46e3], turned_deg=0.2)
-    fit = identify("neo-hookean", [turned], seed=1, free=[Prior("roll", 0.3), Prior("clamp", 0.05)])
+    fit = identify("neo-hookean", [turned], seed=1, free=[NuisancePrior("roll", 0.3), NuisancePrior("clamp", 0.05)])
     found = {value.name: value for value in fit.freed}
     assert set(found) == {"roll", "clamp x", "clamp y"}
     assert found["roll"].deviation.value == pytest.approx(0.2, abs=0.02)
     assert abs(found["clamp y"].deviation.value) < 0.01
     assert fit.initial_shear_modulus.value == pytest.approx(46e3, rel=0.01)
     assert fit.error_mm.mean() == pytest.approx(NOISE_MM, rel=0.3)
-    freed = [Prior("coil", 0.01), Prior("roll", 0.3)]
+    freed = [NuisancePrior("coil", 0.01), NuisancePrior("roll", 0.3)]
     both = identify("neo-hookean", [turned, turned], seed=1, free=freed, most_generations=3)
     assert [(v.name, v.datasets) for v in both.freed] == [
         ("coil constant", (0, 1)),

@@ -13,7 +13,7 @@ from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.inference.doubts.checks import NotExplained, deflection_mm
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import PointObservation
-from eimi_fitting.inference.evidence.unknowns import Prior
+from eimi_fitting.inference.evidence.unknowns import NuisancePrior
 from eimi_fitting.inference.identification import identify
 from eimi_fitting.inference.searching.modulus_range import NothingActs
 from eimi_fitting.laws import LAWS
@@ -87,7 +87,7 @@ def test_a_clamp_that_is_elsewhere_is_a_doubt_with_its_remedy():
     assert (said.dataset, said.state) == (0, None)
     assert "clamp_midpoint_px" in said.words
     assert "or free it (--free clamp=0.9)" in said.words
-    freed = identify("neo-hookean", [off], free=[Prior("clamp", 0.9)])
+    freed = identify("neo-hookean", [off], free=[NuisancePrior("clamp", 0.9)])
     assert [doubt for doubt in freed.doubts if "clamp" in doubt.words] == []
     assert freed.initial_shear_modulus.value == pytest.approx(46e3, rel=0.02)
     # One state that is elsewhere is no clamp.

@@ -13,7 +13,7 @@ from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, edge_curves, points_on
 from eimi_fitting.inference.evidence.sources import SOURCES, Source
-from eimi_fitting.inference.evidence.unknowns import Prior, Setup, freed_number, nuisances
+from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Setup, freed_number, nuisances
 from eimi_fitting.inference.identification import identify
 from eimi_fitting.laws import LAWS
 
@@ -42,7 +42,7 @@ def test_another_nuisance_is_one_entry(bent: Experiment, monkeypatch: pytest.Mon
     monkeypatch.setitem(SOURCES, "magnification", scale)
     points = 1.01 * bent.observed.points_mm
     larger = replace(bent, observed=replace(bent.observed, points_mm=points))
-    fit = identify("neo-hookean", [larger], free=[Prior("magnification", 0.02)])
+    fit = identify("neo-hookean", [larger], free=[NuisancePrior("magnification", 0.02)])
     (freed,) = fit.freed
     assert (freed.name, freed.deviation.unit, freed.prior_standard_deviation) == ("magnification", "1", 0.02)
     assert freed.deviation.value == pytest.approx(0.01, abs=1e-3)
@@ -61,7 +61,7 @@ def test_what_the_camera_does_is_taken_out_as_it_was_put_in() -> None:
 
 @pytest.mark.parametrize("datasets", [1, 3])
 def test_every_number_that_is_freed_is_found_again_by_its_name(datasets: int) -> None:
-    freed = nuisances([Prior(key, source.usual) for key, source in SOURCES.items()], datasets)
+    freed = nuisances([NuisancePrior(key, source.usual) for key, source in SOURCES.items()], datasets)
     assert len({nuisance.name for nuisance in freed}) == len(freed)
     for nuisance in freed:
         assert freed_number(nuisance.name) == (nuisance.source, nuisance.part)

@@ -67,7 +67,7 @@ def test_terms_are_found_with_a_curve_and_not_without(strip: Path, run) -> None:
         (["--term", "gent"], "--term gent: should be one of i1, i2"),
         (["--term", "i1^2"], "--term: the library holds no term with stiffness at rest"),
         (["--term", "i1", "--term", "i1"], "--term: the library holds a term twice"),
-        (["--section", "solid-ish"], "--section solid-ish: should be one of"),
+        (["--section", "solid-ish"], "--section solid-ish: there is no such section; did you mean 'solid'?"),
         (["--tensile-window", "-1"], "--tensile-window -1: should be a strain in percent"),
     ],
 )

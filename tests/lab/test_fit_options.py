@@ -63,3 +63,19 @@ def test_curves_are_checked_before_anything_is_fitted(tmp_path: Path) -> None:
     (tmp_path / "short.csv").write_text("strain,stress_kPa\n0.1,5\n0.2,9\n")
     with pytest.raises(InputError, match="2 rows in the window"):
         FitOptions(tensile=[tmp_path / "short.csv"]).for_identify()
+
+
+def test_a_prior_reaches_the_fit_and_a_wrong_one_is_told_with_what_would_be_right() -> None:
+    options = FitOptions(prior=["C10=20000,500"])
+    (prior,) = options.for_identify()["priors"]
+    assert (prior.parameter, prior.mean, prior.standard_deviation) == ("C10", 20e3, 500.0)
+    options.check_laws(["yeoh"])
+    with pytest.raises(InputError, match="--prior: ogden has no parameter 'C10'; there are mu1, alpha1"):
+        options.check_laws(["yeoh", "ogden"])
+    with pytest.raises(InputError, match="did you mean 'C10'"):
+        FitOptions(prior=["c10=20000,500"]).check_laws(["yeoh"])
+    for words in ("C10", "C10=20000", "C10=20000,five", "C10=1,2,3"):
+        with pytest.raises(InputError, match=f"--prior {words}: should be PARAMETER=MEAN,DEVIATION"):
+            FitOptions(prior=[words]).for_identify()
+    with pytest.raises(InputError, match=r"--prior C10=20000,0: .*should be a number above 0"):
+        FitOptions(prior=["C10=20000,0"]).for_identify()

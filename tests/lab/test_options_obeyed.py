@@ -27,6 +27,7 @@ OTHERS: dict[str, Any] = {
     "section": "plane-stress",
     "include_flagged": True,
     "free": ["roll=0.2"],
+    "prior": ["C10=20000,500"],
     "tensile": ["curve.csv"],
     "tensile_window": "20",
     "tensile_weight": 0.5,
@@ -93,6 +94,7 @@ def test_every_option_of_a_fit_reaches_the_mathematics(curve: Path) -> None:
         "free": (),
         "free_bulk": False,
         "tensile": (),
+        "priors": (),
         "restarts": 0,
         "bipop": False,
     }

@@ -64,7 +64,7 @@ def test_files_of_a_simulation(tmp_path: Path, specimen: SpecimenFile, tip_deg: 
 @pytest.mark.parametrize(
     ("model", "parameters", "told"),
     [
-        ("hooke", ["mu_Pa=1"], "--model hooke: should be one of neo-hookean"),
+        ("hooke", ["mu_Pa=1"], "--model hooke: there is no law 'hooke'; did you mean 'neo-hookean'?"),
         ("neo-hookean", ["mu=1"], "takes mu_Pa, each once; got mu=1"),
         ("neo-hookean", ["mu_Pa=soft"], "--parameter mu_Pa=soft: should be KEY=NUMBER"),
         ("neo-hookean", ["mu_Pa=nan"], "--parameter mu_Pa=nan: should be KEY=NUMBER"),

@@ -207,7 +207,7 @@ def test_a_card_says_where_it_is_from(run: Run, fits: Path, solver: str) -> None
         ("yeoh abaqus --bulk-ratio 9", "holds 2 fits of yeoh; give one of --index 0 (yeoh, window 50 %)"),
         ("yeoh abaqus --index 2 --bulk-ratio 9", "--index 2: should be the index of a yeoh fit"),
         ("ogden abaqus --bulk-ratio 9", "--model ogden: should be one of the file's fits"),
-        ("hooke abaqus --bulk-ratio 9", "--model hooke: should be one of neo-hookean"),
+        ("hooke abaqus --bulk-ratio 9", "--model hooke: there is no law 'hooke'; did you mean 'neo-hookean'?"),
         ("neo-hookean nastran --bulk-ratio 9", "--to nastran: should be one of abaqus"),
         ("neo-hookean ansys", "give --bulk-modulus-kPa, or --bulk-ratio"),
         ("neo-hookean ansys --bulk-ratio 9 --bulk-modulus-kPa 9", "and not both"),

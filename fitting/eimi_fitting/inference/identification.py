@@ -23,6 +23,7 @@ from eimi_fitting.inference.doubts.checks import (
     common_doubts,
     curve_doubts,
     doubts,
+    prior_doubts,
     slip_doubts,
 )
 from eimi_fitting.inference.doubts.common_error import common_errors
@@ -39,8 +40,9 @@ from eimi_fitting.inference.evidence.corrections import (
 )
 from eimi_fitting.inference.evidence.experiment import DISCARDED_MM, Comparison, Experiment
 from eimi_fitting.inference.evidence.objective import Evaluation, Problem
+from eimi_fitting.inference.evidence.parameter_priors import Prior, check_priors
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve, TensileEvidence
-from eimi_fitting.inference.evidence.unknowns import Prior, Unknowns, nuisances
+from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Unknowns, nuisances
 from eimi_fitting.inference.interval.considered import considered
 from eimi_fitting.inference.interval.covariance import independent_points
 from eimi_fitting.inference.interval.estimate import Effect, Estimate, estimate
@@ -81,9 +83,10 @@ _LOOSE = 1e-2  # of the objective: what a step gains before the corrections are 
 class Fit(Estimate):
     """An identified law: what is known of it, the errors that it leaves, and how it was found.
 
-    Beside what every `Estimate` holds: error_mm, deviation_mm: (K,) by state; curves: the tensile curves and how well
-    the law fits them alone, curve_rmse_Pa: and here; stable_to: largest stretch up to which the law is stable (None: no
-    limit met); stop: why the search ended.
+    Beside what every `Estimate` holds: error_mm, deviation_mm: (K,) by state; residuals_mm: (K, G, m) of each
+    experiment, see `Misfit`, NaN where nothing was measured; curves: the tensile curves and how well the law fits them
+    alone, curve_rmse_Pa: and here; priors: on the law's own parameters; stable_to: largest stretch up to which the law
+    is stable (None: no limit met); stop: why the search ended.
 
     Examples
     --------
@@ -101,9 +104,11 @@ class Fit(Estimate):
     law: Law
     error_mm: Array
     deviation_mm: Array
+    residuals_mm: tuple[Array, ...]
     max_stretch: float
     curves: tuple[TensileEvidence, ...]
     curve_rmse_Pa: tuple[float, ...]
+    priors: tuple[Prior, ...] = ()
     doubts: tuple[Doubt, ...]
     stable_to: float | None
     stability_checked_to: float
@@ -136,9 +141,10 @@ def identify(
     model: str,
     experiments: Sequence[Experiment],
     *,
-    free: Sequence[Prior] = (),
+    free: Sequence[NuisancePrior] = (),
     free_bulk: bool = False,
     tensile: Sequence[TensileCurve] = (),
+    priors: Sequence[Prior] = (),
     seed: int = 1,
     population: int | None = None,
     most_generations: int = 400,
@@ -159,12 +165,14 @@ def identify(
         A key of `LAWS`.
     experiments : sequence of Experiment
         What was done and seen, fitted together.
-    free : sequence of Prior
+    free : sequence of NuisancePrior
         Nuisances that are freed, with their priors.
     free_bulk : bool
         Search the bulk modulus too.
     tensile : sequence of TensileCurve
         Curves that the law has to follow as well.
+    priors : sequence of Prior
+        What is known of the law's own parameters, beside the data.
     seed, population, most_generations, restarts, bipop, replay, progress
         Of the search, see `inference.searching.search.search`; ``progress`` is called once a generation.
 
@@ -189,7 +197,8 @@ def identify(
     OtherSearch
         ``replay`` is of another search.
     ValueError
-        For a free bulk modulus in plane stress, and for a nuisance whose uncertainty nobody states.
+        For a free bulk modulus in plane stress, for a nuisance whose uncertainty nobody states, and for a prior on a
+        parameter that the law does not have.
     KeyError
         For an unknown law.
 
@@ -212,10 +221,10 @@ def identify(
     True
     """
     begun = time.perf_counter()
-    stated = _problem(model, experiments, free, free_bulk, tensile)
+    stated = _problem(model, experiments, free, free_bulk, tensile, priors)
     coarse = replace(stated, experiments=coarsened(stated.experiments))
     guessed = _INDEPENDENT_A_STATE * sum(len(experiment.loads) for experiment in experiments)
-    beam_alone = replace(coarse, curves=())
+    beam_alone = replace(coarse, curves=(), priors=())
     scan = narrowed(beam_alone, scanned(beam_alone, guessed), guessed)
     slips = doubtful_loads(beam_alone, scan, guessed)
     bounds_Pa = scan.searched()
@@ -251,9 +260,11 @@ def identify(
         law=problem.law,
         error_mm=final.error_mm[0],
         deviation_mm=final.deviation_mm[0],
+        residuals_mm=tuple(np.where(m.weights > 0, m.residuals[0], np.nan) for m in final.misfits),
         max_stretch=refined.max_stretch,
         curves=problem.curves,
         curve_rmse_Pa=curve_rmse_Pa,
+        priors=problem.priors,
         doubts=(
             *slip_doubts(slips),
             *doubts(
@@ -263,6 +274,7 @@ def identify(
             ),
             *common_doubts(final, alike),
             *curve_doubts(problem.curves, curve_rmse_Pa),
+            *prior_doubts(problem.priors, refined.estimate.prior_distances),
         ),
         stable_to=stable_up_to(problem.law, parameters[0]),
         stability_checked_to=LARGEST_STRETCH_CHECKED,
@@ -314,11 +326,13 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
 def _problem(
     model: str,
     experiments: Sequence[Experiment],
-    free: Sequence[Prior],
+    free: Sequence[NuisancePrior],
     free_bulk: bool,
     tensile: Sequence[TensileCurve],
+    priors: Sequence[Prior],
 ) -> Problem:
     law, space = LAWS[model], search_space(LAWS[model])
+    check_priors(priors, law)
     if free_bulk:
         if any(experiment.model.specimen.section != "plane-strain" for experiment in experiments):
             raise ValueError("the search knows a bulk modulus in plane strain alone: no other section can free it")
@@ -328,6 +342,7 @@ def _problem(
         Unknowns(space, nuisances(free, len(experiments), [e.stated for e in experiments])),
         tuple(polished(e) for e in experiments),
         tuple(TensileEvidence.of(curve, model) for curve in tensile),
+        tuple(priors),
     )
 
 

@@ -9,6 +9,7 @@ sum_of_terms   a law that is a sum of chosen terms and linear in its coefficient
 invariants     base classes for laws that are functions of the invariants I1 and I2
 stability      Drucker's stability criterion and the largest stretch up to which a law fulfils it
 stable_cells   proof of stability over cells of stretches, for Ogden's law
+known_laws     the dictionary of the laws by their names
 search_space   conversion from the unit cube, in which the search moves, to a law's parameters
 tensile        engineering stress in uniaxial tension, and the least-squares fit of a tensile test
 cards          material cards for finite-element programs
@@ -22,6 +23,7 @@ import difflib
 
 from eimi_fitting.laws.cards import SOLVERS, Material, material_card
 from eimi_fitting.laws.invariants import InvariantLaw
+from eimi_fitting.laws.known_laws import KnownLaws, UnknownLaw
 from eimi_fitting.laws.law import CannotFit, CardConstants, Coordinate, Law, NotInSolver, PlanarEnergy, Section
 from eimi_fitting.laws.mooney_rivlin import MooneyRivlin
 from eimi_fitting.laws.neo_hookean import NeoHookean
@@ -31,7 +33,7 @@ from eimi_fitting.laws.stability import LARGEST_STRETCH_CHECKED, stable_stretch,
 from eimi_fitting.laws.tensile import TensileFit, engineering_stress, fit_tensile
 from eimi_fitting.laws.yeoh import Yeoh
 
-LAWS: dict[str, Law] = {law.name: law for law in (NeoHookean(), MooneyRivlin(), Yeoh(), Ogden())}
+LAWS = KnownLaws({law.name: law for law in (NeoHookean(), MooneyRivlin(), Yeoh(), Ogden())})
 
 
 def named_law(name: str) -> Law:
@@ -57,6 +59,7 @@ __all__ = [
     "CardConstants",
     "Coordinate",
     "InvariantLaw",
+    "KnownLaws",
     "Law",
     "Material",
     "MooneyRivlin",
@@ -67,6 +70,7 @@ __all__ = [
     "SearchSpace",
     "Section",
     "TensileFit",
+    "UnknownLaw",
     "Yeoh",
     "engineering_stress",
     "fit_tensile",

@@ -15,12 +15,13 @@ from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.planning.choice_of_law import Choice
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import engineering_stress
+from eimi_lab.fits.bootstrap_record import BootstrapRecord, ReplicateRecord
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.export import bulk_modulus_Pa
 from eimi_lab.fits.fit_figures import drawn_errors as errors_in_a_notebook
 from eimi_lab.fits.fit_figures import drawn_law
 from eimi_lab.fits.fit_summary import comparison_table, remarks
-from eimi_lab.fits.records import BootstrapRecord, FitRecord, ReplicateRecord, TensileRecord
+from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.fits.states_used import FlaggedState, StatesUsed, WidenedState
 
 OF_THE_RECORD = ("doubts", "stability", "model", "tensile", "by_state", "datasets")
@@ -96,6 +97,7 @@ def test_states_are_told_by_their_own_numbers_and_datasets_apart(fitted: FitReco
         law=LAWS["neo-hookean"],
         error_mm=np.array([0.1, 0.2, 0.3, 0.4]),
         deviation_mm=np.array([0.01, 0.02, 0.03, 0.04]),
+        residuals_mm=(np.zeros((1, 2, 1)), np.zeros((3, 2, 1))),
         corrections={},
         curves=(),
         curve_rmse_Pa=(),

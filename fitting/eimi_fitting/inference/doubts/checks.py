@@ -20,6 +20,7 @@ from eimi_fitting.beam.model import BeamModel, Shapes
 from eimi_fitting.inference.doubts.common_error import CommonError
 from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit
+from eimi_fitting.inference.evidence.parameter_priors import Prior
 from eimi_fitting.inference.evidence.tensile_curves import TensileEvidence
 from eimi_fitting.inference.interval.estimate import Estimate
 from eimi_fitting.inference.interval.identifiability import is_open
@@ -121,6 +122,7 @@ DoubtKind = Literal[
     "roll",
     "scale",
     "curve_contradicts",
+    "prior_contradicts",
     "perspective",
     "rows_left_out",
     "curve_shape",
@@ -172,6 +174,19 @@ def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) ->
         Doubt(words, curve=index, kind="curve_contradicts")
         for index, (curve, rmse) in enumerate(zip(curves, rmse_Pa, strict=True))
         if rmse > _CONTRADICTS * curve.noise_Pa
+    )
+
+
+def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[Doubt, ...]:
+    """Return a doubt for each prior from which the data alone lie more than three standard deviations."""
+    return tuple(
+        Doubt(
+            f"the data alone lie {abs(distance):.1f} standard deviations from the prior on {prior.parameter}, "
+            f"{prior.mean:.5g} ± {prior.standard_deviation:.3g}: one of the two is wrong",
+            kind="prior_contradicts",
+        )
+        for prior, distance in zip(priors, distances, strict=True)
+        if abs(distance) > _CONTRADICTS
     )
 
 

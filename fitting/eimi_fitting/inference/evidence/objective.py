@@ -2,8 +2,9 @@
 
 The metric of the design is the mean over all states of error_k. For normal noise of unknown level the likelihood of N
 independent points, with the level at its best value, is proportional to that error to the power -N (Seber and Wild
-1989, Nonlinear Regression, section 2.2.1). What is known beside the edges (tensile curves, priors of freed nuisances)
-comes in standardised residuals z, whose likelihood is exp(-sum z^2 / 2). Their product is largest where
+1989, Nonlinear Regression, section 2.2.1). What is known beside the edges (tensile curves, priors on the law's
+parameters and on freed nuisances) comes in standardised residuals z, whose likelihood is exp(-sum z^2 / 2). Their
+product is largest where
 
     objective = mean error * exp(sum z^2 / (2 N))
 
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from eimi_fitting.beam.path import Shapes
 from eimi_fitting.inference.evidence.experiment import DISCARDED_MM, Comparison, Experiment, compare, joined
 from eimi_fitting.inference.evidence.measurements import Misfit
+from eimi_fitting.inference.evidence.parameter_priors import Prior
 from eimi_fitting.inference.evidence.tensile_curves import TensileEvidence
 from eimi_fitting.inference.evidence.unknowns import Unknowns
 from eimi_fitting.laws.law import Law
@@ -35,13 +37,14 @@ _MOST_MM = 0.99 * DISCARDED_MM  # of a candidate that is valid
 class Evaluation:
     """P candidates before all the evidence.
 
-    curves: (P, m) and priors: (P, f) standardised residuals of tensile curves and freed nuisances;
-    independent_points: N.
+    curves: (P, m), priors: (P, f) and known: (P, q) standardised residuals of tensile curves, of freed nuisances and of
+    the priors on the law's parameters; independent_points: N.
     """
 
     comparison: Comparison
     curves: Array
     priors: Array
+    known: Array
     independent_points: float
 
     @property
@@ -56,8 +59,8 @@ class Evaluation:
 
     @property
     def standardised(self) -> Array:
-        """(P, m + f): all that is known beside the edges."""
-        return np.concatenate([self.curves, self.priors], axis=1)
+        """(P, m + f + q): all that is known beside the edges."""
+        return np.concatenate([self.curves, self.priors, self.known], axis=1)
 
     @property
     def objective_mm(self) -> Array:
@@ -68,6 +71,11 @@ class Evaluation:
         far = np.maximum(x - 5, 0.0)
         factor = np.exp(np.minimum(x, 5.0)) * (1 + far)
         return np.where(mean < DISCARDED_MM, np.minimum(mean * factor, _MOST_MM), DISCARDED_MM)
+
+    @property
+    def without_known(self) -> Evaluation:
+        """The same without the priors on the law's parameters."""
+        return replace(self, known=self.known[:, :0])
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
@@ -97,17 +105,18 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Problem:
-    """A law, what is unknown, and the evidence."""
+    """A law, what is unknown, and the evidence; priors: on the law's own parameters."""
 
     law: Law
     unknowns: Unknowns
     experiments: tuple[Experiment, ...]
     curves: tuple[TensileEvidence, ...] = ()
+    priors: tuple[Prior, ...] = ()
 
     @property
     def has_more_than_edges(self) -> bool:
         """Whether there are priors or tensile curves."""
-        return bool(self.unknowns.freed or self.curves)
+        return bool(self.unknowns.freed or self.curves or self.priors)
 
     def with_own_changes(self, evaluation: Evaluation, before: Problem) -> Evaluation:
         """What was evaluated of a problem whose experiments differ from these in their changes alone, as this one's."""
@@ -158,7 +167,13 @@ class Problem:
                 for rows, deviations in self.unknowns.bent(unit, len(used))
             ]
         )
-        curves = [np.zeros((len(unit), 0)), *(curve.standardised(self.law, parameters) for curve in self.curves)]
+        none = np.zeros((len(unit), 0))
+        curves = [none, *(curve.standardised(self.law, parameters) for curve in self.curves)]
+        known = [none, *(prior.standardised(self.law, parameters)[:, None] for prior in self.priors)]
         return Evaluation(
-            comparison, np.concatenate(curves, axis=1), self.unknowns.standardised(unit), independent_points
+            comparison,
+            np.concatenate(curves, axis=1),
+            self.unknowns.standardised(unit),
+            np.concatenate(known, axis=1),
+            independent_points,
         )

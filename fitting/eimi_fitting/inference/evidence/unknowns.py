@@ -24,7 +24,7 @@ _BOUNDS_VARIANCE = 1.0 / 12.0  # of a uniform distribution over the unit interva
 
 
 @dataclass(frozen=True)
-class Prior:
+class NuisancePrior:
     """A key of SOURCES that is freed, and the standard deviation of what is known of it, in the source's unit.
 
     Without a spread it is what the experiments state. Raises ValueError for an unknown key, and for a standard
@@ -32,9 +32,9 @@ class Prior:
 
     Examples
     --------
-    >>> Prior("moment", 0.02)
-    Prior(kind='moment', spread=0.02)
-    >>> Prior("roll", 90.0)
+    >>> NuisancePrior("moment", 0.02)
+    NuisancePrior(kind='moment', spread=0.02)
+    >>> NuisancePrior("roll", 90.0)
     Traceback (most recent call last):
     ValueError: roll: a standard deviation of 90 should be in 0..45
     """
@@ -151,7 +151,7 @@ def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[Share
 
 
 def nuisances(
-    priors: Sequence[Prior], datasets: int, stated: Sequence[Sequence[StatedSource]] | None = None
+    priors: Sequence[NuisancePrior], datasets: int, stated: Sequence[Sequence[StatedSource]] | None = None
 ) -> tuple[Nuisance, ...]:
     """The unknown numbers that the priors stand for. Raises ValueError where no standard deviation is known."""
     found: list[Nuisance] = []

@@ -69,14 +69,14 @@ class LinearStates:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """The evidence about ``unit`` (n,), with the objective there.
+    """The evidence about ``unit`` (n,), with the objective there, the priors on the law's parameters left out.
 
     states: one an experiment; points: number of points; independent_points: N;
     likelihood_points, noise_points, noise_mm: as many as the likelihood takes, and N and standard deviation of the
-    noise alone, see `inference.interval.noise`;
-    residual_mm: residual standard
-    deviation; curves (m,) and curve_slopes (n, m): standardised residuals of the tensile curves; priors: (f,) those of
-    the freed nuisances; information, score_variance and prior: A, B and P (n, n).
+    noise alone, see `inference.interval.noise`; residual_mm: residual standard deviation;
+    curves (m,) and curve_slopes (n, m): standardised residuals of the tensile curves; priors: (f,) those of the freed
+    nuisances; known (q,) and known_slopes (n, q): those of the priors on the law's parameters; information,
+    score_variance and prior: A, B and P (n, n), P without the priors on the law's parameters.
     """
 
     unit: Array
@@ -91,25 +91,35 @@ class Linearisation:
     curves: Array
     curve_slopes: Array
     priors: Array
+    known: Array
+    known_slopes: Array
     information: Array
     score_variance: Array
     prior: Array
 
     @property
+    def known_information(self) -> Array:
+        """(n, n): what the priors on the law's parameters add to P."""
+        return np.asarray(self.known_slopes @ self.known_slopes.T)
+
+    @property
     def hessian(self) -> Array:
         """A + P (n, n)."""
-        return self.information + self.prior
+        return self.information + self.prior + self.known_information
 
     @property
     def score(self) -> Array:
         """(n,): the gradient of minus the log-likelihood; zero at an optimum that no bound holds."""
-        total = self.curve_slopes @ self.curves
+        total = self.curve_slopes @ self.curves + self.known_slopes @ self.known
         for own in self.states:
             total = total + own.score(own.residuals)
         return self._with_priors(np.asarray(total)[None], self.priors[None])[0]
 
     def score_of(self, candidates: Evaluation) -> Array:
-        """(P, n): of other candidates; slopes are those of the optimum, weights those of the candidates' own errors."""
+        """(P, n): of other candidates, without the priors on the law's parameters.
+
+        Slopes are those of the optimum, weights those of the candidates' own errors.
+        """
         total = candidates.curves @ self.curve_slopes.T
         for own, misfit in zip(self.states, candidates.comparison.misfits, strict=True):
             here = np.sqrt((own.residuals**2).sum(axis=(1, 2)) / np.maximum(own.counts, 1e-12))
@@ -122,10 +132,23 @@ class Linearisation:
         score[:, searched:] += priors * np.sqrt(np.diag(self.prior)[searched:])
         return score
 
+    def prior_distances(self) -> tuple[float, ...]:
+        """Return how far the optimum without each prior lies from its mean, in deviations of both together.
+
+        The optimum without a prior is that of the quadratic about this one: a prior whose standardised residual is z
+        there has z (1 + s' inv(H) s), H the Hessian without it and s its slope, and that number's own variance is
+        1 + s' inv(H) s where prior and data agree.
+        """
+        found = []
+        for z, slope in zip(self.known, self.known_slopes.T, strict=True):
+            others = self.hessian - np.outer(slope, slope)
+            found.append(float(z * np.sqrt(1 + slope @ np.linalg.solve(others, slope))))
+        return tuple(found)
+
     def covariance(self, widened: float = 1.0) -> Array:
         """(n, n) of the optimum, with the noise's standard deviation taken for ``widened`` times what it seems."""
         inverse = np.linalg.inv(self.hessian)
-        return np.asarray(inverse @ (widened**2 * self.score_variance + self.prior) @ inverse)
+        return np.asarray(inverse @ (widened**2 * self.score_variance + self.prior + self.known_information) @ inverse)
 
 
 def point_correlation(residuals: Array, weights: Array, observed: Observation) -> float:
@@ -158,7 +181,7 @@ def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points:
     taken = counted if likelihood_points is None else likelihood_points
     scale = taken / (count * max(mean, 1e-12))
     states = tuple(_linear_states(misfit, distance, scale) for misfit in misfits)
-    curve_slopes = (here.curves[1 : n + 1] - here.curves[n + 1 :]) / distance[:, None]
+    curve_slopes, known_slopes = ((z[1 : n + 1] - z[n + 1 :]) / distance[:, None] for z in (here.curves, here.known))
     variance = np.zeros((n, n))
     for own, experiment in zip(states, problem.experiments, strict=True):
         variance += own.score_variance(experiment.observed)
@@ -166,7 +189,7 @@ def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points:
     square = sum(float((own.residuals**2).sum()) for own in states)
     return Linearisation(
         unit=optimum.unit,
-        objective_mm=float(replace(here, independent_points=taken).objective_mm[0]),
+        objective_mm=float(replace(here.without_known, independent_points=taken).objective_mm[0]),
         states=states,
         points=round(points),
         independent_points=counted,
@@ -177,6 +200,8 @@ def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points:
         curves=here.curves[0],
         curve_slopes=curve_slopes,
         priors=here.priors[0],
+        known=here.known[0],
+        known_slopes=known_slopes,
         information=sum((own.information for own in states), np.zeros((n, n))) + curve_slopes @ curve_slopes.T,
         score_variance=variance + _curves_score_variance(problem, here.curves[0], curve_slopes),
         prior=np.diag(problem.unknowns.prior),

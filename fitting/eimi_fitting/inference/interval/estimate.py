@@ -107,7 +107,8 @@ class Estimate:
     parameters: the law's own, by name and in its order; bulk_modulus: where it was freed; corrections: by the name of
     the refinement; held_out_error_mm: mean error of states left out of the fit, with the sources where they explain
     most, None where there is one alone; budget: of the interval of the modulus, largest first; not_considered: what is
-    said of sources that are not in the intervals; draws: of the joint distribution, whose quantiles the intervals are.
+    said of sources that are not in the intervals; prior_distances: of the priors on the law's parameters, see
+    `Linearisation.prior_distances`; draws: of the joint distribution, whose quantiles the intervals are.
     """
 
     parameters: dict[str, Quantity]
@@ -120,6 +121,7 @@ class Estimate:
     budget: tuple[BudgetEntry, ...]
     measure_next: MeasureNext
     not_considered: tuple[str, ...]
+    prior_distances: tuple[float, ...]
     draws: Draws
 
 
@@ -153,9 +155,7 @@ def estimate(
     moves = Moves(unit, noise, normal_draws(rng, len(sources)), steps)
     entries, measure_next = budget(sources, moves, lambda units: _modulus(problem.law, unknowns, units))
     quantities = _quantities(problem.law, unknowns, moves, sources, seed)
-    told = _identifiability(
-        unknowns, about, explained, everything, remaining, ends, quantities["initial_shear_modulus"]
-    )
+    told = _identifiability(problem, about, explained, everything, remaining, ends, quantities["initial_shear_modulus"])
     return Estimate(
         **quantities,
         identifiability=replace(told, model_mm=float(np.concatenate(model_mm).mean()) if model_mm else 0.0),
@@ -169,6 +169,7 @@ def estimate(
             for group in sources_of(problem)
             if group not in {source.shared for source in sources}
         ),
+        prior_distances=about.prior_distances(),
     )
 
 
@@ -240,19 +241,22 @@ def _ends(
     looked_at: tuple[int, ...],
 ) -> Ends:
     """Interval ends by the objective itself, where it is not the quadratic that the covariance takes it for."""
-    searched = problem.unknowns.searched
+    searched, known_squares = problem.unknowns.searched, float((about.known**2).sum())
     bounds_prior = np.where(np.arange(len(about.unit)) < searched, np.diag(about.prior), 0.0)
 
     def deviance(unit: Array) -> tuple[Array, Array]:
         candidates = problem.evaluate(unit, about.likelihood_points, near=optimum.evaluation.comparison.shapes)
-        objective = candidates.objective_mm
+        objective = candidates.without_known.objective_mm
         valid = objective < DISCARDED_MM
         moved = unit - about.unit
         # The sum of squares above its least in units of its variance: with a noise level that is unknown too, this is
         # what Student's t looks at (Seber and Wild 1989, section 5.3).
         ratio = np.where(valid, objective, np.inf) / about.objective_mm
-        value = about.likelihood_points * (ratio**2 - 1) + (bounds_prior * moved**2).sum(axis=1)
-        score = about.score_of(candidates) * np.where(valid, ratio, 1.0)[:, None] + bounds_prior * moved
+        # The deviation of a prior is known: its part is the sum of squares itself.
+        beside = (bounds_prior * moved**2).sum(axis=1) + (candidates.known**2).sum(axis=1) - known_squares
+        value = about.likelihood_points * (ratio**2 - 1) + beside
+        score = about.score_of(candidates) * np.where(valid, ratio, 1.0)[:, None]
+        score += bounds_prior * moved + candidates.known @ about.known_slopes.T
         return np.where(valid, value, np.inf), score
 
     ends = interval_ends(deviance, about.unit, about.score, about.hessian, half_width, looked_at)
@@ -316,7 +320,7 @@ def _columns(unknowns: Unknowns, units: Array) -> dict[str, Array]:
 
 
 def _identifiability(
-    unknowns: Unknowns,
+    problem: Problem,
     about: Linearisation,
     explained: Explained,
     covariance: Array,
@@ -324,9 +328,10 @@ def _identifiability(
     ends: Ends,
     modulus: Quantity,
 ) -> Identifiability:
+    unknowns = problem.unknowns
     names, space = unknowns.names, unknowns.space
     correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
-    eigen = directions(names, about.information, about.prior)
+    eigen = directions(names, about.information + about.known_information, about.prior)
     open_coordinates = np.arange(len(names)) < unknowns.searched
     open_coordinates &= remaining > NOT_FIXED
     open_coordinates[0] |= is_open(modulus)
@@ -334,7 +339,15 @@ def _identifiability(
     held = held_by_bounds(_slopes(unknowns, about.unit), covariance, open_coordinates)
     return Identifiability(
         statement=statement(
-            names, unknowns.searched, not_fixed, correlation, eigen, unknowns.ratios, remaining.tolist(), modulus
+            names,
+            unknowns.searched,
+            not_fixed,
+            correlation,
+            eigen,
+            unknowns.ratios,
+            remaining.tolist(),
+            modulus,
+            bool(problem.priors),
         ),
         not_fixed=not_fixed,
         held_by_bounds=tuple(name for name, is_so in zip(space.law.parameter_names, held, strict=True) if is_so),

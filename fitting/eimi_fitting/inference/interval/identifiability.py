@@ -108,10 +108,14 @@ def statement(
     ratios: Sequence[str],
     remaining: Sequence[float],
     modulus: Quantity,
+    priors: bool = False,
 ) -> str:
-    """A few sentences. ratios: nuisances that multiply what the modulus divides; remaining: of each prior spread."""
+    """A few sentences. ratios: nuisances that multiply what the modulus divides; remaining: of each prior spread.
+
+    priors: whether there are any on the law's parameters.
+    """
     own = names[:law_coordinates]
-    data = "These data" if len(own) == len(names) else "These data and what is known beside them"
+    data = "These data" if len(own) == len(names) and not priors else "These data and what is known beside them"
     fixed = [name for name in own if name not in not_fixed]
     rough = {name: share for name, share in zip(own[1:], remaining[1:], strict=False) if _ROUGH < share <= NOT_FIXED}
     if names[0] in not_fixed:

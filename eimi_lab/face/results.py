@@ -1,0 +1,161 @@
+"""What functions of the face return where no other room has a class for it: values that show themselves."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from eimi_fitting.discovery.terms_of_a_law import Discovery
+from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.toml import parse
+from eimi_lab.fits import planning
+from eimi_lab.fits.discovering import lines
+from eimi_lab.fits.residuals import Residuals
+from eimi_lab.fits.simulated_fit import FittedLaw, Prediction
+from eimi_lab.fits.validation import Validation, write_validation
+from eimi_lab.fits.validation_tables import by_dataset
+from eimi_lab.process.outputs import write_file
+from eimi_lab.showing.tables import html_table, installed
+
+
+@dataclass(frozen=True, repr=False)
+class Validations:
+    """Fits on datasets: predictions, one for each dataset and fit, in the order in which they were given."""
+
+    predictions: tuple[Prediction[FittedLaw], ...]
+
+    def __len__(self) -> int:
+        return len(self.predictions)
+
+    def __iter__(self) -> Iterator[Validation]:
+        return (prediction.validation for prediction in self.predictions)
+
+    def __getitem__(self, index: int) -> Validation:
+        return self.predictions[index].validation
+
+    def residuals(self, index: int = 0) -> Residuals:
+        """Return the distances of one dataset's measured places from those of one fit, see `Residuals`."""
+        prediction = self.predictions[index]
+        return Residuals.of(prediction.evidence, prediction.residuals_mm)
+
+    def to_pandas(self) -> Any:
+        """pandas.DataFrame with a row for each dataset, fit and state. Raises ImportError without pandas."""
+        tables = {(own.dataset, f"{own.fit.index} {own.model}"): own.to_pandas() for own in self}
+        return installed("pandas").concat(tables, names=["dataset", "fit"])
+
+    def write(self, path: str | Path, force: bool = False) -> Path:
+        """Write validation.json and return its path. Raises InputError when the file exists without ``force``."""
+        write_validation(Path(path), list(self), force)
+        return Path(path)
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the errors of the states of each fit on each dataset."""
+        from eimi_lab.fits.fit_figures import drawn_errors_of_several  # matplotlib is slow to import
+
+        return drawn_errors_of_several(
+            {
+                f"{own.model} on {Path(own.dataset).name}": (
+                    [state.field_mT for state in own.by_state],
+                    [state.error_mm for state in own.by_state],
+                )
+                for own in self
+            }
+        )
+
+    def __repr__(self) -> str:
+        return "\n".join(by_dataset(list(self)))
+
+    def _repr_html_(self) -> str:
+        return "".join(own._repr_html_() for own in self)
+
+
+@dataclass(frozen=True, repr=False)
+class Plan:
+    """States chosen for the next run: runs, the best mounting first, for the goal that was aimed at."""
+
+    goal: planning.Goal
+    runs: tuple[planning.PlannedRun, ...]
+    base: Protocol
+
+    @property
+    def text(self) -> str:
+        """The protocol of the best run, as TOML."""
+        return planning.protocol_text(self.goal, self.runs[0], self.base)
+
+    @property
+    def protocol(self) -> Protocol:
+        """The protocol of the best run."""
+        return parse(Protocol, self.text, "plan")
+
+    def write(self, path: str | Path, force: bool = False) -> Path:
+        """Write the protocol and return its path. Raises InputError when the file exists without ``force``."""
+        write_file(Path(path), self.text, force)
+        return Path(path)
+
+    def __repr__(self) -> str:
+        return "\n".join(planning.table(self.goal, self.runs))
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                run.mounting.in_words(),
+                self.goal.value(run.expected),
+                self.goal.value(run.spaced),
+                ", ".join(f"{current:g}" for current in run.currents_A),
+            )
+            for run in self.runs
+        ]
+        return html_table(self.goal.in_words(), ("mounting", "planned", "equally spaced", "currents, A"), rows)
+
+
+@dataclass(frozen=True, repr=False)
+class Discovered:
+    """The terms of which a law is made, as far as the data determine them.
+
+    found: sets of terms and their errors; content: the same for discovery.json.
+    """
+
+    found: Discovery
+    content: Mapping[str, Any]
+
+    @property
+    def statement(self) -> str:
+        """Whether the data determine the terms, in a sentence."""
+        return self.found.statement
+
+    @property
+    def identified(self) -> bool:
+        """Whether the data single out one set of terms."""
+        return self.found.identified
+
+    def write(self, path: str | Path, force: bool = False) -> Path:
+        """Write discovery.json and return its path. Raises InputError when the file exists without ``force``."""
+        write_file(Path(path), json.dumps(self.content, indent=1) + "\n", force)
+        return Path(path)
+
+    def __repr__(self) -> str:
+        return "\n".join(lines(self.found, Path("discovery.json")))
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (" + ".join(term.name for term in own.terms), f"{own.held_out_error:.2f}")
+            for own in self.found.alternatives
+        ]
+        return html_table(self.statement, ("terms", "held-out error over noise"), rows)
+
+
+@dataclass(frozen=True)
+class Report:
+    """A report that was written: path of its page, and the folder of its figures and tables, if one was asked for."""
+
+    path: Path
+    assets: Path | None = None
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    def _repr_html_(self) -> str:
+        return f'<a href="{self.path.as_posix()}" target="_blank">{self.path.name}</a>'

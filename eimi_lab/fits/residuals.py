@@ -1,0 +1,136 @@
+"""Distances of what was measured from what a fit simulates: by state, by edge and along the edge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation
+from eimi_lab.fits.evidence import Evidence
+from eimi_lab.showing.tables import data_frame, html_table, installed
+
+Array = NDArray[np.float64]
+
+_SMOOTHED = 9  # points of an edge in whose mean their scatter no longer lengthens the path along them
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Distances of one dataset's measured places from a fit's simulated ones, as arrays.
+
+    Parameters
+    ----------
+    dataset : str
+        The dataset's path.
+    state : ndarray, shape (K,)
+        Numbers of the states that were used, as the dataset counts them.
+    field_mT : ndarray, shape (K,)
+        Field of each state, mT.
+    edge : tuple of str
+        ``("left", "right")``; of tracked points ``("x", "y")``, the components of a point's distance.
+    arc_length_mm : ndarray, shape (K, 2, m)
+        Length of the measured edge from the clamp to each point, mm; of tracked points the distance from the clamp
+        along the beam at rest. NaN where nothing was measured.
+    distance_mm : ndarray, shape (K, 2, m)
+        Measured minus simulated, mm: of an edge the distance along its normal, positive to the left of the direction
+        from clamp to tip. NaN where nothing was measured.
+    """
+
+    dataset: str
+    state: NDArray[np.intp]
+    field_mT: Array
+    edge: tuple[str, str]
+    arc_length_mm: Array
+    distance_mm: Array
+
+    @staticmethod
+    def of(evidence: Evidence, residuals_mm: Array) -> Residuals:
+        """Label the residuals (K, 2, m) of a fit on a dataset."""
+        observed = evidence.experiment.observed
+        is_edges = isinstance(observed, EdgeObservation)
+        return Residuals(
+            dataset=str(evidence.path),
+            state=np.array([state.index for state in evidence.states]),
+            field_mT=np.array([state.field_mT for state in evidence.states]),
+            edge=("left", "right") if is_edges else ("x", "y"),
+            arc_length_mm=np.where(np.isfinite(residuals_mm), _arc_length_mm(observed), np.nan),
+            distance_mm=residuals_mm,
+        )
+
+    @property
+    def root_mean_square_mm(self) -> Array:
+        """(K,): root mean square of each state, mm; of tracked points that of a point's two components together."""
+        squares = np.nansum(self.distance_mm**2, axis=(1, 2))
+        points = np.isfinite(self.distance_mm).sum(axis=(1, 2)) / (1 if self.edge == ("left", "right") else 2)
+        return np.asarray(np.sqrt(squares / points))
+
+    def to_pandas(self) -> Any:
+        """pandas.DataFrame with a row for each measured place, in mm. Raises ImportError without pandas."""
+        rows = [
+            {
+                "state": int(self.state[k]),
+                "field_mT": float(self.field_mT[k]),
+                "edge": self.edge[side],
+                "arc_length_mm": float(self.arc_length_mm[k, side, i]),
+                "distance_mm": float(self.distance_mm[k, side, i]),
+            }
+            for k, side, i in np.argwhere(np.isfinite(self.distance_mm))
+        ]
+        return data_frame(rows, "state")
+
+    def to_xarray(self) -> Any:
+        """xarray.Dataset with the axes state, edge and point, in mm. Raises ImportError without xarray."""
+        axes, mm = ("state", "edge", "point"), {"units": "mm"}
+        variables = {"distance": (axes, self.distance_mm, mm)}
+        coordinates = {
+            "state": self.state,
+            "edge": list(self.edge),
+            "field": ("state", self.field_mT, {"units": "mT"}),
+            "arc_length": (axes, self.arc_length_mm, mm),
+        }
+        return installed("xarray").Dataset(variables, coordinates, {"path": self.dataset})
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the distances along both edges, a line for each state."""
+        from eimi_lab.fits.fit_figures import drawn_residuals  # matplotlib is slow to import
+
+        return drawn_residuals(self.edge, self.field_mT, self.arc_length_mm, self.distance_mm)
+
+    def __repr__(self) -> str:
+        places = int(np.isfinite(self.distance_mm).any(axis=1).sum()) if self.edge == ("x", "y") else None
+        points = int(np.isfinite(self.distance_mm).sum()) if places is None else places
+        return f"<Residuals of {self.dataset}: {len(self.state)} states, {points} points>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (str(state), f"{field:.3f}", f"{1e3 * error:.3g}")
+            for state, field, error in zip(self.state, self.field_mT, self.root_mean_square_mm, strict=True)
+        ]
+        return html_table(repr(self)[1:-1], ("state", "field, mT", "root mean square, µm"), rows)
+
+
+def _arc_length_mm(observed: EdgeObservation | PointObservation) -> Array:
+    """(K, 2, m): see `Residuals`; arbitrary where nothing was measured."""
+    if isinstance(observed, PointObservation):
+        return np.repeat(observed.rest_mm[:, None, :, 0], 2, axis=1)
+    lengths = np.full(observed.sigma_mm.shape, np.nan)
+    for k, side in np.ndindex(lengths.shape[:2]):
+        measured = np.isfinite(observed.sigma_mm[k, side])
+        lengths[k, side, measured] = _along_mm(observed.points_mm[k, side, measured])
+    return lengths
+
+
+def _along_mm(points_mm: Array) -> Array:
+    """(m,): length from the clamp, at x = 0, along points (m, 2) of an edge from clamp to tip."""
+    if not len(points_mm):
+        return np.zeros(0)
+    half = min(_SMOOTHED, len(points_mm)) // 2
+    ahead = np.concatenate(
+        [2 * points_mm[0] - points_mm[half:0:-1], points_mm, 2 * points_mm[-1] - points_mm[-2 : -half - 2 : -1]]
+    )
+    smooth = np.lib.stride_tricks.sliding_window_view(ahead, 2 * half + 1, axis=0).mean(axis=-1)
+    steps = np.linalg.norm(np.diff(smooth, axis=0), axis=1)
+    return points_mm[0, 0] + np.concatenate([[0.0], np.cumsum(steps)])

@@ -1,0 +1,89 @@
+"""What is known of a law's parameter before the fit: a normal distribution about a stated value.
+
+The prior enters the fit as one more observation (Theil and Goldberger 1961, Int. Econ. Rev. 2:65): its residual is the
+distance of the parameter from the stated value in standard deviations, and it counts like one independent point whose
+noise is known. The optimum weighs it against the noise of the edges alone: where a stated source, such as the beam's
+width, is more uncertain than the prior, free that source to have the prior decide about it as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.laws.law import Law
+from eimi_fitting.suggestion import suggestion
+
+Array = NDArray[np.float64]
+
+INITIAL_SHEAR_MODULUS = "initial_shear_modulus"
+"""Of any law, beside its own parameters."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """A normal prior on one parameter of a law.
+
+    Parameters
+    ----------
+    parameter : str
+        A parameter of the law, such as ``"C10"``, or ``"initial_shear_modulus"``, which every law has.
+    mean : float
+        Its expected value, in the parameter's unit: Pa for a modulus, 1 for an exponent.
+    standard_deviation : float
+        The standard deviation of that value, in the same unit; above 0.
+
+    Raises
+    ------
+    ValueError
+        For a mean that is not finite, and for a standard deviation that is not above 0.
+
+    Examples
+    --------
+    >>> Prior("C10", 20e3, 500.0)
+    Prior(parameter='C10', mean=20000.0, standard_deviation=500.0)
+    >>> Prior("C10", 20e3, 0.0)
+    Traceback (most recent call last):
+    ValueError: prior on C10: a standard deviation of 0 should be a number above 0
+    """
+
+    parameter: str
+    mean: float
+    standard_deviation: float
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.mean):
+            raise ValueError(f"prior on {self.parameter}: a mean of {self.mean:g} should be a finite number")
+        if not 0 < self.standard_deviation < math.inf:
+            raise ValueError(
+                f"prior on {self.parameter}: a standard deviation of {self.standard_deviation:g} should be a number "
+                "above 0"
+            )
+
+    def standardised(self, law: Law, parameters: Array) -> Array:
+        """(P,): by how many standard deviations each of P candidates (P, n) lies above the mean."""
+        if self.parameter == INITIAL_SHEAR_MODULUS:
+            values = law.initial_shear_modulus(parameters)
+        else:
+            values = parameters[:, law.parameter_names.index(self.parameter)]
+        return np.asarray((values - self.mean) / self.standard_deviation)
+
+    def unit(self, law: Law) -> str:
+        """Return the unit of the parameter: "Pa", or "1" for a plain number."""
+        if self.parameter == INITIAL_SHEAR_MODULUS:
+            return "Pa"
+        return law.units[law.parameter_names.index(self.parameter)]
+
+
+def check_priors(priors: Sequence[Prior], law: Law) -> None:
+    """Raise ValueError for a prior on a parameter that the law does not have, and for two priors on one parameter."""
+    names = (*law.parameter_names, INITIAL_SHEAR_MODULUS)
+    for index, prior in enumerate(priors):
+        if prior.parameter not in names:
+            raise ValueError(f"{law.name} has no parameter {prior.parameter!r}; {suggestion(prior.parameter, names)}")
+        if any(prior.parameter == other.parameter for other in priors[:index]):
+            raise ValueError(f"two priors on {prior.parameter}: give one")

@@ -1,0 +1,30 @@
+"""The laws by their names; a name that does not exist is an error that says which name comes near it."""
+
+from __future__ import annotations
+
+from typing import NoReturn
+
+from eimi_fitting.laws.law import Law
+from eimi_fitting.suggestion import suggestion
+
+
+class UnknownLaw(KeyError):
+    """There is no law of this name; the message says which name may have been meant."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+class KnownLaws(dict[str, Law]):
+    """Laws by their names, as a dictionary: ``LAWS[law.name] = law`` adds one.
+
+    Examples
+    --------
+    >>> from eimi_fitting.laws import LAWS
+    >>> LAWS["yeo"]
+    Traceback (most recent call last):
+    eimi_fitting.laws.known_laws.UnknownLaw: there is no law 'yeo'; did you mean 'yeoh'?
+    """
+
+    def __missing__(self, name: str) -> NoReturn:
+        raise UnknownLaw(f"there is no law {name!r}; {suggestion(name, self)}")

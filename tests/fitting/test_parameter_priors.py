@@ -1,0 +1,135 @@
+"""A prior on a law's own parameter: it is weighed with the data as Bayes' rule has it for normal errors."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eimi_fitting import BeamModel, Experiment, Loads, NuisancePrior, PointObservation, Prior, Specimen, identify
+from eimi_fitting.inference.evidence.objective import Problem
+from eimi_fitting.inference.evidence.unknowns import Unknowns
+from eimi_fitting.laws import LAWS, search_space
+
+STRIP = Specimen(length_mm=30.0, width_mm=3.0, depth_mm=10.0, density_kg_m3=1070.0, section="plane-stress")
+NOISE_MM = 0.05
+
+
+def tracked(model: str, parameters: list[float], forces_N: Sequence[float] = (0.0, 0.001, 0.002, 0.004)) -> Experiment:
+    """Nine noisy markers of a level strip of a known law under tip forces."""
+    beam = BeamModel(STRIP)
+    loads = Loads.along(np.zeros(len(forces_N)), gravity_angle_deg=90.0, tip_force_N=forces_N)
+    rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
+    places = beam.positions(beam.solve(LAWS[model], np.array([parameters]), loads), rest)[0]
+    moved = places + np.random.default_rng(1).normal(0, NOISE_MM, places.shape)
+    return Experiment(
+        beam, loads, PointObservation(np.tile(rest, (len(moved), 1, 1)), moved, np.full(moved.shape[:2], NOISE_MM))
+    )
+
+
+SEEN = tracked("neo-hookean", [46e3])
+
+
+@pytest.fixture(scope="module")
+def alone():
+    """The fit of one parameter without a prior."""
+    return identify("neo-hookean", [SEEN])
+
+
+def spread(fit) -> float:
+    """Standard deviation of the only parameter, from its interval."""
+    low, high = fit.parameters["mu"].interval_95
+    return float((high - low) / (2 * 1.96))
+
+
+def objective_mm(prior: Prior, moduli_Pa: np.ndarray, independent_points: float) -> np.ndarray:
+    """The objective along the only parameter."""
+    space = search_space(LAWS["neo-hookean"])
+    unit = np.log(moduli_Pa / space.lower[0]) / np.log(space.upper[0] / space.lower[0])
+    problem = Problem(LAWS["neo-hookean"], Unknowns(space), (SEEN,), priors=(prior,))
+    return problem.evaluate(unit[:, None], independent_points).objective_mm
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0, 2.0], ids=["firm", "equal", "loose"])
+def test_value_and_interval_are_those_of_two_normal_measurements(alone, share):
+    """The posterior mean is weighted by inverse variances, and the posterior variance is their inverse sum."""
+    own, noise = alone.values[0], spread(alone)
+    mean, deviation = own - 2 * noise, share * noise
+    fit = identify("neo-hookean", [SEEN], priors=[Prior("mu", mean, deviation)])
+    weight, prior_weight = noise**-2, deviation**-2
+    expected = (weight * own + prior_weight * mean) / (weight + prior_weight)
+    assert fit.values[0] == pytest.approx(expected, abs=0.1 * noise)
+    assert spread(fit) == pytest.approx((weight + prior_weight) ** -0.5, rel=0.1)
+    assert fit.priors == (Prior("mu", mean, deviation),)
+
+
+def test_the_objective_has_the_factor_of_a_normal_prior():
+    prior, moduli = Prior("mu", 45e3, 300.0), np.array([44.4e3, 45e3, 45.9e3])
+    with_prior = objective_mm(prior, moduli, independent_points=12.0)
+    without = objective_mm(replace(prior, standard_deviation=1e12), moduli, independent_points=12.0)
+    z = (moduli - 45e3) / 300.0
+    assert with_prior / without == pytest.approx(np.exp(z**2 / (2 * 12.0)), rel=1e-9)
+
+
+def test_a_very_wide_prior_changes_nothing(alone):
+    fit = identify("neo-hookean", [SEEN], priors=[Prior("mu", 10e3, 1e9)])
+    assert fit.values == pytest.approx(alone.values, rel=1e-4)
+    assert fit.parameters["mu"].interval_95 == pytest.approx(alone.parameters["mu"].interval_95, rel=1e-3)
+
+
+def test_a_prior_fixes_what_the_data_leave_open():
+    """Bending hardly tells C10 from C01: what is known of C10 then determines both."""
+    truth = [16e3, 7e3]
+    seen = tracked("mooney-rivlin", truth)
+    without = identify("mooney-rivlin", [seen])
+    with_prior = identify("mooney-rivlin", [seen], priors=[Prior("C10", 16e3, 200.0)])
+    assert without.identifiability.not_fixed == ("C01/(C10+C01)",)
+    assert with_prior.identifiability.not_fixed == ()
+    assert with_prior.identifiability.statement.startswith("These data and what is known beside them fix")
+    low, high = with_prior.parameters["C10"].interval_95
+    assert low < 16e3 < high
+    assert high - low == pytest.approx(2 * 1.96 * 200.0, rel=0.1)
+    assert with_prior.values == pytest.approx(truth, rel=0.1)
+
+
+def test_a_prior_on_the_initial_shear_modulus_is_one_on_the_sum(alone):
+    mean = alone.values[0] - 500.0
+    of_modulus = identify("neo-hookean", [SEEN], priors=[Prior("initial_shear_modulus", mean, 100.0)])
+    of_parameter = identify("neo-hookean", [SEEN], priors=[Prior("mu", mean, 100.0)])
+    assert of_modulus.values == pytest.approx(of_parameter.values, rel=1e-9)
+
+
+def test_a_prior_goes_with_a_freed_nuisance(alone):
+    """Another stiffness explains what another width would: what is known of the one determines the other."""
+    freed = [NuisancePrior("width", 0.1)]
+    open_fit = identify("neo-hookean", [SEEN], free=freed)
+    held = identify("neo-hookean", [SEEN], free=freed, priors=[Prior("mu", 46e3, 50.0)])
+    assert spread(held) < 0.5 * spread(open_fit)
+
+
+def test_a_prior_that_the_data_contradict_is_doubted():
+    seen = tracked("neo-hookean", [46e3], np.linspace(0.0, 0.004, 24).tolist())
+    own = identify("neo-hookean", [seen])
+    far, near = (Prior("mu", own.values[0] - away * spread(own), spread(own)) for away in (8, 1))
+    (distance,) = (fit := identify("neo-hookean", [seen], priors=[far])).prior_distances
+    assert 3 < distance < 8
+    assert any(re.search(r"lie \d+\.\d standard deviations from the prior on mu, ", d.words) for d in fit.doubts)
+    fit = identify("neo-hookean", [seen], priors=[near])
+    assert fit.prior_distances == pytest.approx([2**-0.5], rel=0.2)
+    assert not any("prior" in d.words for d in fit.doubts)
+
+
+def test_wrong_priors_are_refused():
+    with pytest.raises(ValueError, match=r"mooney-rivlin has no parameter 'c10'; did you mean 'C10'\?"):
+        identify("mooney-rivlin", [SEEN], priors=[Prior("c10", 1e4, 1e3)])
+    with pytest.raises(ValueError, match="neo-hookean has no parameter 'alpha'; there are mu, initial_shear_modulus"):
+        identify("neo-hookean", [SEEN], priors=[Prior("alpha", 1e4, 1e3)])
+    with pytest.raises(ValueError, match="two priors on mu"):
+        identify("neo-hookean", [SEEN], priors=[Prior("mu", 1e4, 1e3), Prior("mu", 2e4, 1e3)])
+    with pytest.raises(ValueError, match="a mean of inf should be a finite number"):
+        Prior("mu", np.inf, 1.0)
+    with pytest.raises(ValueError, match="a standard deviation of -1 should be a number above 0"):
+        Prior("mu", 1e4, -1.0)
