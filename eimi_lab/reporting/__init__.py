@@ -1,13 +1,16 @@
-"""The report: one HTML file that holds everything it shows.
+"""Write the report: one HTML file that contains all its figures and tables.
 
-shown        the fits of all files, by their names, colours and marks
-simulated    the fits, simulated again for the datasets that are shown
-steps        the same in steps, which workers share
-contents     both, as the panels are given them
-findings     what it all comes to: the number, what limits it, whether to believe it
-panel        what a panel is; `panels` holds one a file
-drawn_panels what they show, drawn as soon as it is known
-elements     numbered figures and tables, as HTML and as files of their own
-frames, stress, numbers, citation    what panels have in common
-page         fills page.html with the panels
+shown          read the fits of all files, and give each a label and a style
+sections       choose the section assumption of each fit
+contents       hold fits, datasets and predictions as the panels receive them
+findings       state the result in words: the modulus, its interval, what limits it, how reliable it is
+panel          describe a panel: place, title, template and values
+panels         the panels, one in each module
+drawn_panels   draw each panel as soon as its contents are available
+elements       number figures and tables, and write them as HTML and as files
+frames         cut frames to the beam, and choose states to show
+stress         compute stress against strain of each fit in three modes of deformation
+rounded        format a quantity and its interval
+citation       the references to cite
+page           fill page.html with the panels
 """

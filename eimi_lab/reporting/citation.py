@@ -1,4 +1,4 @@
-"""What to cite, as CITATION.cff has it."""
+"""The references that a user of the suite should cite, the same as in CITATION.cff."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 @dataclass(frozen=True)
 class Citation:
-    """A reference: authors as in a bibliography, and the entry's other fields."""
+    """An entry of a bibliography; each author is written `family name, given names`."""
 
     key: str
     authors: tuple[str, ...]
@@ -19,13 +19,13 @@ class Citation:
 
     @property
     def short(self) -> str:
-        """`Di Lecce et al. 2022`."""
+        """Return author and year, such as `Di Lecce et al. 2022`."""
         family = self.authors[0].split(",")[0]
         return f"{family}{' et al.' if len(self.authors) > 1 else ''} {self.year}"
 
     @property
     def text(self) -> str:
-        """A line of a bibliography."""
+        """Return the entry as one line of a bibliography."""
         doi = f" doi:{self.doi}" if self.doi else ""
         return f"{'; '.join(self.authors)} ({self.year}). {self.title}. {self.where}.{doi}"
 
@@ -45,7 +45,7 @@ SUITE = Citation(
 
 
 def bibtex() -> str:
-    """Both as BibTeX entries."""
+    """Return the entries of the method and of the suite in BibTeX."""
     journal, _, number = METHOD.where.rpartition(" ")
     volume, _, article = number.partition(":")
     return (

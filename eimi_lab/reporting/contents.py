@@ -1,4 +1,4 @@
-"""What a report is about: what the panels are given to show."""
+"""Hold the fits and datasets of a report, as its panels receive them."""
 
 from __future__ import annotations
 
@@ -17,9 +17,19 @@ from eimi_lab.reporting.shown import ShownFit
 
 @dataclass(frozen=True)
 class DatasetContents:
-    """One open dataset, and the predictions of all fits for it.
+    """One open dataset and the prediction of each fit for it.
 
-    name: of its file, with as many folders as tell it from the others. leading: the fit that stands for it.
+    Attributes
+    ----------
+    dataset : Dataset
+    evidence : Evidence
+        The states of the dataset that are compared with simulations.
+    predictions : sequence of Prediction
+        One for each fit of the report, in the order of the fits.
+    name : str
+        Name of the file, with as many of its folders as distinguish it from the other datasets.
+    leading : ShownFit, optional
+        The fit that represents the dataset in figures with one fit.
     """
 
     dataset: Dataset
@@ -30,21 +40,21 @@ class DatasetContents:
 
     @property
     def simulated(self) -> list[Prediction[ShownFit]]:
-        """The predictions of the fits with which the beam has an equilibrium."""
+        """Return the predictions in which the beam has an equilibrium."""
         return [prediction for prediction in self.predictions if prediction.has_equilibrium]
 
     @property
     def validations(self) -> list[Validation]:
-        """The errors of all fits."""
+        """Return the errors of each fit on this dataset."""
         return [prediction.validation for prediction in self.predictions]
 
     def simulated_by(self, shown: ShownFit | None) -> Prediction[ShownFit] | None:
-        """The prediction of a fit, if the beam has an equilibrium with it."""
+        """Return the prediction of a fit; None if the beam has no equilibrium with it."""
         return next((prediction for prediction in self.simulated if prediction.fitted_law == shown), None)
 
     @property
     def best(self) -> Prediction[ShownFit] | None:
-        """The leading fit, or else the one with the smallest mean error; None without any."""
+        """Return the prediction of the leading fit, or else the one with the smallest mean error; None without any."""
         return self.simulated_by(self.leading) or min(
             self.simulated, key=lambda prediction: float(prediction.error_mm.mean()), default=None
         )
@@ -52,26 +62,35 @@ class DatasetContents:
 
 @dataclass(frozen=True)
 class ReportContents:
-    """All fits and all datasets; when the report was written, and by what command line where it was by one."""
+    """The fits and datasets of a report, its date, and the command line that wrote it (empty if there was none)."""
 
-    every: tuple[ShownFit, ...]
+    fits: tuple[ShownFit, ...]
     datasets: tuple[DatasetContents, ...]
     written: datetime
     command: str = ""
 
     @property
     def bending(self) -> list[ShownFit]:
-        """The fits of datasets."""
-        return [shown for shown in self.every if isinstance(shown.fit, FitRecord)]
+        """Return the fits to datasets of bent beams."""
+        return [shown for shown in self.fits if isinstance(shown.fit, FitRecord)]
 
     @property
     def tensile(self) -> list[ShownFit]:
-        """The fits of tensile tests."""
-        return [shown for shown in self.every if isinstance(shown.fit, TensileRecord)]
+        """Return the fits to tensile tests."""
+        return [shown for shown in self.fits if isinstance(shown.fit, TensileRecord)]
 
 
 def short_names(paths: Sequence[Path]) -> list[str]:
-    """Each path's last parts, as many as tell it from all the others."""
+    """Return the last parts of each path, the same number for all and as many as make the names differ.
+
+    Examples
+    --------
+    >>> short_names([Path("monday/beam.h5"), Path("friday/beam.h5")]) == [
+    ...     str(Path("monday/beam.h5")), str(Path("friday/beam.h5"))]
+    True
+    >>> short_names([Path("monday/first.h5"), Path("monday/second.h5")])
+    ['first.h5', 'second.h5']
+    """
     for parts in range(1, max((len(path.parts) for path in paths), default=1)):
         names = [str(Path(*path.parts[-parts:])) for path in paths]
         if len(set(names)) == len(paths):

@@ -1,4 +1,8 @@
-"""What the panels of a report show, drawn as soon as that is known: of fits, of each dataset, of all, of intervals."""
+"""Draw each panel of a report as soon as its contents are available.
+
+The order is: panels of the fits, panels of each dataset, panels of all datasets, panels of the intervals of errors.
+Drawing thus goes on while workers simulate.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +12,15 @@ from typing import Any
 
 from eimi_lab.reporting.contents import DatasetContents, ReportContents
 from eimi_lab.reporting.elements import Picture
-from eimi_lab.reporting.panel import DatasetPanel, ReportPanel, every_panel
+from eimi_lab.reporting.panel import DatasetPanel, ReportPanel, all_panels
 
 AnyPanel = ReportPanel | DatasetPanel
 Values = Mapping[str, Any] | None
-"""What fills a panel's template; None leaves the panel out."""
+"""The values that fill the template of a panel; None omits the panel."""
 
 
 class DrawnPanels:
-    """Each panel is drawn once."""
+    """The panels that were drawn, with their values. Each panel is drawn once."""
 
     def __init__(self) -> None:
         self._report: dict[ReportPanel, Values] = {}
@@ -24,14 +28,14 @@ class DrawnPanels:
 
     @cached_property
     def _panels(self) -> list[AnyPanel]:
-        return every_panel()  # with matplotlib, which is slow to import: not before the first is drawn
+        return all_panels()  # imports matplotlib, which is slow: wait until the first panel is drawn
 
     @property
     def _of_report(self) -> list[ReportPanel]:
         return [panel for panel in self._panels if isinstance(panel, ReportPanel)]
 
     def fits(self, report: ReportContents) -> None:
-        """Draw what shows the fits of a report alone."""
+        """Draw the panels that need only the fits."""
         self._draw(report, [panel for panel in self._of_report if panel.of_fits])
 
     def dataset(self, shown: DatasetContents) -> None:
@@ -41,20 +45,19 @@ class DrawnPanels:
         ]
 
     def datasets(self, report: ReportContents) -> None:
-        """Draw what shows all datasets, but for intervals of errors."""
+        """Draw the panels that need all datasets, except those that need the intervals of errors."""
         self._draw(report, [panel for panel in self._of_report if not panel.of_intervals])
 
     def report(self, report: ReportContents) -> None:
-        """Draw what is left."""
+        """Draw the remaining panels of the report."""
         self._draw(report, self._of_report)
 
     def of_report(self, *, after_datasets: bool) -> list[tuple[AnyPanel, Values]]:
-        """In their places before the datasets or after them."""
-        own = [panel for panel in self._of_report if panel.after_datasets == after_datasets]
-        return [(panel, self._report[panel]) for panel in own]
+        """Return the panels before or after the datasets with their values, in their order."""
+        return [(panel, self._report[panel]) for panel in self._of_report if panel.after_datasets == after_datasets]
 
     def of_dataset(self, shown: DatasetContents) -> list[tuple[AnyPanel, Values]]:
-        """In their places."""
+        """Return the panels of a dataset with their values, in their order."""
         return self._datasets[shown.name]
 
     def _draw(self, report: ReportContents, panels: Sequence[ReportPanel]) -> None:
@@ -63,6 +66,7 @@ class DrawnPanels:
 
 
 def _drawn(panel: AnyPanel, contents: Any) -> Values:
+    """Return the values of a panel, with its pictures already encoded for the page."""
     from eimi_lab.showing.drawing import styled
 
     values: Values = styled(panel.values)(contents)

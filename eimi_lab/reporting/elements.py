@@ -1,4 +1,4 @@
-"""Figures and tables as the page has them: numbered in their order, with a caption each, and as files of their own."""
+"""Number the figures and tables of the page, and write them as HTML and as separate files."""
 
 from __future__ import annotations
 
@@ -15,18 +15,27 @@ from eimi_lab.showing.tables import csv_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_RASTER_DPI = 220  # of pictures that hold photographs: sharp at twice the screen's pixels
-_WHOLE = 14  # rows that a page does not tear apart
-_SHORT = 18  # letters that stay on one line
-_LONG = 24  # letters of a word, such as a path, that a narrow column may break
+_RASTER_DPI = 220  # resolution of photographs: twice that of a common screen
+_WHOLE = 14  # a table of at most so many rows is printed on one page
+_SHORT = 18  # a cell of at most so many letters stays on one line
+_LONG = 24  # a word of more letters, such as a path, may be broken
 _WEBP = {"quality": 82, "method": 2}
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure of the report. name: of its files; says: what it shows, for those who do not see it.
+    """A figure of the report.
 
-    photograph: it holds frames, and is embedded as an image of pixels.
+    Attributes
+    ----------
+    name : str
+        Name of its files, without number and ending.
+    figure : matplotlib Figure
+    says : str
+        Alternative text for readers who cannot see the figure.
+    caption : str or Markup
+    photograph : bool
+        Whether the figure contains frames; it is then embedded as pixels, otherwise as SVG.
     """
 
     name: str
@@ -37,7 +46,7 @@ class Picture:
 
     @cached_property
     def embedded(self) -> str:
-        """The figure as an address that holds all of it."""
+        """The figure as a `data:` URL, which contains the whole image."""
         from eimi_lab.showing.drawing import saved  # matplotlib is slow to import
 
         if self.photograph:
@@ -49,7 +58,10 @@ class Picture:
 
 @dataclass(frozen=True)
 class Cell:
-    """A table's cell, or a line in one, with a mark: "best" or "held"."""
+    """A cell of a table, or one line of a cell, with a mark.
+
+    The mark is "best" for the smallest error of a column, "held" for a value that the data do not determine, or empty.
+    """
 
     text: str
     mark: str
@@ -60,7 +72,7 @@ AnyCell = str | Cell | tuple[str | Cell, ...]
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the report; a cell may have several lines. Notes stand below."""
+    """A table of the report. A cell is a tuple if it has several lines; the notes are written below the table."""
 
     name: str
     caption: str | Markup
@@ -69,15 +81,15 @@ class Table:
     notes: Sequence[str | Markup] = ()
 
     def texts(self) -> list[list[str]]:
-        """The rows as plain text; what is held by bounds says so."""
+        """Return the rows as plain text; a value marked "held" is followed by "(not measured)"."""
         return [[_text(cell) for cell in row] for row in self.rows]
 
     def to_csv(self) -> str:
-        """Comma-separated, the head first."""
+        """Return the table as CSV; the first line is the head."""
         return csv_text([self.head, *self.texts()])
 
     def to_latex(self) -> str:
-        """A `tabular` with the rules of the package booktabs."""
+        """Return the table as a LaTeX `tabular`, with the rules of the package booktabs."""
         rows = [" & ".join(_latex(text) for text in row) + r" \\" for row in [list(self.head), *self.texts()]]
         rules = [rf"\begin{{tabular}}{{{'l' * len(self.head)}}}", r"\toprule", rows[0], r"\midrule", *rows[1:]]
         return "\n".join([f"% {' '.join(str(self.caption).split())}", *rules, r"\bottomrule", r"\end{tabular}", ""])
@@ -85,13 +97,13 @@ class Table:
 
 @dataclass
 class Elements:
-    """The figures and tables of one page, in the order in which they came into it."""
+    """The figures and tables of one page, in the order in which they were inserted."""
 
     pictures: list[Picture] = field(default_factory=list)
     tables: list[Table] = field(default_factory=list)
 
     def figure(self, picture: Picture) -> Markup:
-        """A picture as HTML; it is the next figure of the page."""
+        """Add a picture as the next figure of the page, and return its HTML."""
         self.pictures.append(picture)
         number = len(self.pictures)
         return Markup(
@@ -100,7 +112,7 @@ class Elements:
         ).format(number=number, source=picture.embedded, says=picture.says, caption=picture.caption)
 
     def table(self, table: Table) -> Markup:
-        """A table as HTML; it is the next one of the page."""
+        """Add the next table of the page, and return its HTML."""
         self.tables.append(table)
         head = Markup("").join(Markup('<th scope="col">{}</th>').format(name) for name in table.head)
         rows = Markup("").join(
@@ -114,26 +126,27 @@ class Elements:
         ).format(kind=kind, number=len(self.tables), caption=table.caption, head=head, rows=rows, notes=notes)
 
     def files(self) -> dict[str, bytes]:
-        """Each figure as SVG and PDF, each table as CSV and LaTeX, by the names of their files."""
+        """Return each figure as SVG and PDF, and each table as CSV and LaTeX, by file name."""
         from eimi_lab.showing.drawing import saved
 
-        found: dict[str, bytes] = {}
+        contents: dict[str, bytes] = {}
         for number, picture in enumerate(self.pictures, 1):
             for kind in ("svg", "pdf"):
-                content = saved(picture.figure, kind, dpi=_RASTER_DPI)
-                found[f"figure_{number:02d}_{picture.name}.{kind}"] = content
+                name = f"figure_{number:02d}_{picture.name}.{kind}"
+                contents[name] = saved(picture.figure, kind, dpi=_RASTER_DPI)
         for number, table in enumerate(self.tables, 1):
             name = f"table_{number:02d}_{table.name}"
-            found |= {f"{name}.csv": table.to_csv().encode(), f"{name}.tex": table.to_latex().encode()}
-        return found
+            contents |= {f"{name}.csv": table.to_csv().encode(), f"{name}.tex": table.to_latex().encode()}
+        return contents
 
 
 def _lines(cell: AnyCell) -> list[Cell]:
-    own = cell if isinstance(cell, tuple) else (cell,)
-    return [line if isinstance(line, Cell) else Cell(line, "") for line in own]
+    lines = cell if isinstance(cell, tuple) else (cell,)
+    return [line if isinstance(line, Cell) else Cell(line, "") for line in lines]
 
 
 def _cell(cell: AnyCell) -> Markup:
+    """Return a cell as HTML. Its classes state whether it holds the best value, a long word, or short lines only."""
     lines = _lines(cell)
     shown = Markup("<br>").join(
         Markup('{} <span class="held">not measured</span>').format(line.text)
@@ -152,7 +165,7 @@ def _text(cell: AnyCell) -> str:
     return "; ".join(line.text + (" (not measured)" if line.mark == "held" else "") for line in _lines(cell))
 
 
-# What LaTeX reads as a command, and the signs that it has in mathematics alone.
+# LaTeX for the characters that it would read as commands, and for those that it has only in mathematics.
 _LATEX = {
     **{sign: f"\\{sign}" for sign in "&%$#_{}"},
     **{"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"},

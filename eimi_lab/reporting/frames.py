@@ -1,4 +1,4 @@
-"""Frames of a dataset, cut to where the beam goes."""
+"""Cut the frames of a dataset to the region that the beam reaches, and choose states to show."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from eimi_lab.vision.beam_frame import BeamFrame
 
 Array = NDArray[np.float64]
 
-_MARGIN = 0.06  # of the beam's length in the picture, around all that it reaches
+_MARGIN = 0.06  # around the region that the beam reaches, as a fraction of the beam's length
 
 
 @dataclass(frozen=True)
 class Crop:
-    """The part of the frames that the beam reaches in any state: left, top, right, bottom in pixels."""
+    """The rectangle of the frames that the beam reaches in any state; its sides are in pixels."""
 
     left: int
     top: int
@@ -30,10 +30,11 @@ class Crop:
 
     @property
     def height_over_width(self) -> float:
+        """Return the height of the rectangle divided by its width."""
         return (self.bottom - self.top) / (self.right - self.left)
 
     def of(self, image: NDArray[Any]) -> NDArray[Any]:
-        """The crop of an image as matplotlib shows it: grey from 0 to 1, or red, green and blue."""
+        """Cut an image, and scale it for matplotlib: grey levels from 0 to 1 (H, W), or red, green, blue (H, W, 3)."""
         cut = image[self.top : self.bottom, self.left : self.right]
         scaled = cut / (np.iinfo(cut.dtype).max if cut.dtype.kind in "ui" and cut.dtype.itemsize > 1 else 255)
         if cut.dtype.itemsize > 1:  # cameras of 10 or 12 bits leave most of the range unused
@@ -41,34 +42,31 @@ class Crop:
         return np.asarray(np.clip(scaled[..., ::-1] if cut.ndim == 3 else scaled, 0, 1))
 
     def places(self, points_px: Array) -> Array:
-        """Pixels of the frame (n, 2) as pixels of the crop."""
+        """Convert pixel coordinates (n, 2) of the frame to those of the crop."""
         return np.asarray(points_px - [self.left, self.top])
 
 
 def frame_of(contents: DatasetContents) -> BeamFrame:
-    """The map to pixels. Raises ValueError for a dataset of tracked points."""
-    calibration: Calibration | None = contents.dataset.calibration
-    if calibration is None:
-        raise ValueError("tracked points have no frames")
-    return BeamFrame(calibration)
+    """Return the map from millimetres to pixels. Raises ValueError for a dataset of tracked points."""
+    return BeamFrame(_calibration_of(contents))
 
 
 def crop_of(contents: DatasetContents) -> Crop:
-    """Around all measured edges; the whole frame where none was found."""
+    """Return the crop around the measured edges of all states; the whole frame if no edge was measured."""
     (height, width, *_), _ = contents.dataset.frame_format()
     frame = frame_of(contents)
-    every = [edge.points_mm for found in contents.dataset.edges() or () for edge in (found.left, found.right)]
-    points = np.concatenate([np.zeros((0, 2)), *(frame.to_px(p) for p in every if len(p))])
+    edges_mm = [edge.points_mm for pair in contents.dataset.edges() or () for edge in (pair.left, pair.right)]
+    points = np.concatenate([np.zeros((0, 2)), *(frame.to_px(edge) for edge in edges_mm if len(edge))])
     if not len(points):
         return Crop(0, 0, width, height)
-    margin = max(10.0, _MARGIN * contents.dataset.specimen.specimen.length_mm * _pixels_per_mm(contents))
+    margin = max(10.0, _MARGIN * contents.dataset.specimen.specimen.length_mm * _calibration_of(contents).pixels_per_mm)
     left, top = np.maximum(points.min(axis=0) - margin, 0).astype(int)
     right, bottom = np.minimum(points.max(axis=0) + margin, [width, height]).astype(int)
     return Crop(int(left), int(top), int(right), int(bottom))
 
 
 def measured_mm(contents: DatasetContents, k: int) -> list[Array]:
-    """The measured left and right edge of the evidence's state k, those points that count."""
+    """Return the points (n, 2) of the left and of the right edge that a fit uses, in state k of the evidence."""
     observed = contents.evidence.experiment.observed
     if not isinstance(observed, EdgeObservation):
         raise ValueError("tracked points have no edges")
@@ -76,35 +74,37 @@ def measured_mm(contents: DatasetContents, k: int) -> list[Array]:
 
 
 def edges_px(contents: DatasetContents, state: State) -> list[Array]:
-    """Both edges of a state in pixels: simulated by the leading fit, or else as measured; none where there are none."""
-    frame, numbers = frame_of(contents), [own.index for own in contents.evidence.states]
-    if contents.best is not None and state.index in numbers:
-        return [frame.to_px(side) for side in contents.best.edges_mm[numbers.index(state.index)]]
-    found = contents.dataset.edges()
-    sides = (found[state.index].left, found[state.index].right) if found else ()
+    """Return both edges of a state in pixels: simulated by the leading fit if possible, or else as measured."""
+    frame, indices = frame_of(contents), [used.index for used in contents.evidence.states]
+    if contents.best is not None and state.index in indices:
+        return [frame.to_px(side) for side in contents.best.edges_mm[indices.index(state.index)]]
+    edges = contents.dataset.edges()
+    sides = (edges[state.index].left, edges[state.index].right) if edges else ()
     return [frame.to_px(side.points_mm) for side in sides if len(side.points_mm)]
 
 
 def some_states(contents: DatasetContents, most: int) -> list[int]:
-    """Of the evidence's states, from the smallest load to the largest, as many as asked for or as there are."""
+    """Choose at most `most` states of the evidence, evenly spread over the loads, and return their places."""
     order = np.argsort(loads(contents), kind="stable")
     rows = np.unique(np.linspace(0, len(order) - 1, min(most, len(order))).round().astype(int))
     return [int(order[row]) for row in rows]
 
 
 def loads(contents: DatasetContents) -> Array:
-    """(K,) how hard each of the evidence's states is loaded, for ordering them."""
-    own = np.abs([(s.field_mT, s.tip_force_N) for s in contents.evidence.states])
-    return np.asarray((own / np.maximum(own.max(axis=0), 1e-12)).sum(axis=1))
+    """Return the size (K,) of the load of each state: field and force, each divided by its largest value, and added."""
+    field_and_force = np.abs([(s.field_mT, s.tip_force_N) for s in contents.evidence.states])
+    return np.asarray((field_and_force / np.maximum(field_and_force.max(axis=0), 1e-12)).sum(axis=1))
 
 
 def load_words(state: State) -> str:
-    """A state's load: `7.05 mT`, with the force at its tip where there is one."""
+    """Return the load of a state in words: `7.05 mT`, or `7.05 mT, 2 mN` with a force at the tip."""
     force = f"{1e3 * state.tip_force_N:.3g} mN" if state.tip_force_N else ""
     field = f"{state.field_mT:.3g} mT" if state.field_mT or not force else ""
     return ", ".join(word for word in (field, force) if word)
 
 
-def _pixels_per_mm(contents: DatasetContents) -> float:
-    calibration = contents.dataset.calibration
-    return calibration.pixels_per_mm if calibration else 1.0
+def _calibration_of(contents: DatasetContents) -> Calibration:
+    calibration: Calibration | None = contents.dataset.calibration
+    if calibration is None:
+        raise ValueError("tracked points have no frames")
+    return calibration

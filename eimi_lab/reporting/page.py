@@ -1,4 +1,4 @@
-"""The report's page: one HTML file with everything in it, and its figures and tables as files of their own."""
+"""Write the report as one HTML file that needs no other file, and on request each figure and table as a file."""
 
 from __future__ import annotations
 
@@ -39,43 +39,64 @@ def write_report(
     executor: Callable[[], AbstractContextManager[Executor]] | None = None,
     progress: Progress = lambda title, total: nullcontext(silent),
 ) -> None:
-    """Write the report on datasets and on the fits of fits.json files, laid over them. Raises InputError.
+    """Write a report that compares datasets with the simulations of fitted laws.
 
-    assets: a folder for each figure as SVG and PDF, each table as CSV and LaTeX. command: the line that asked for it.
-    executor: whose workers share the simulations.
+    Parameters
+    ----------
+    output : Path
+        The HTML file.
+    datasets, fits : sequence of Path
+        Datasets and fits files.
+    flagged : bool
+        Whether to use states that a quality check has flagged.
+    force : bool
+        Whether to overwrite existing files.
+    assets : Path, optional
+        Folder for each figure as SVG and PDF, and for each table as CSV and LaTeX.
+    command : str
+        The command line, which the report quotes.
+    executor : callable, optional
+        Starts the workers that share the simulations; without it they run in this process.
+    progress : callable
+        Receives a title and the number of steps, and gives a function that is called after each step.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or if an output exists and `force` is false.
     """
-    every, written = read_shown(fits), datetime.now().astimezone()
+    shown_fits, written = read_shown(fits), datetime.now().astimezone()
     with ExitStack() as stack:
         folder = stack.enter_context(whole_folder(assets, force)) if assets is not None else None
-        told = stack.enter_context(progress("report", len(datasets) * (2 + 2 * len(every)) + 1))
+        step_done = stack.enter_context(progress("report", len(datasets) * (2 + 2 * len(shown_fits)) + 1))
         names, shown, drawn = short_names(datasets), dict[int, DatasetContents](), DrawnPanels()
 
         def contents() -> ReportContents:
-            return ReportContents(every, tuple(shown[place] for place in sorted(shown)), written, command)
+            return ReportContents(shown_fits, tuple(shown[place] for place in sorted(shown)), written, command)
 
-        def of_fits() -> None:
+        def draw_fits() -> None:
             drawn.fits(contents())
 
         evidence, fits_on = [], []
         for path in datasets:
-            own, fits_on_it = evidence_for_fits(path, every, flagged)
-            evidence.append(own)
-            fits_on.append(fits_on_it)
-            told(f"{path.name} read")
-        for place, predictions in predict_on_each(fits_on, told, executor, of_fits):
+            evidence_here, fits_here = evidence_for_fits(path, shown_fits, flagged)
+            evidence.append(evidence_here)
+            fits_on.append(fits_here)
+            step_done(f"{path.name} read")
+        for place, predictions in predict_on_each(fits_on, step_done, executor, draw_fits):
             if place in shown:
                 shown[place] = replace(shown[place], predictions=predictions)  # with their intervals
                 continue
             dataset = stack.enter_context(open_dataset(datasets[place]))
-            own = evidence[place]
-            shown[place] = DatasetContents(dataset, own, predictions, names[place], leading(every, own.sha256))
+            leading_fit = leading(shown_fits, evidence[place].sha256)
+            shown[place] = DatasetContents(dataset, evidence[place], predictions, names[place], leading_fit)
             drawn.dataset(shown[place])
-            told(f"{names[place]}, its figures")
-            of_fits()
+            step_done(f"{names[place]}: figures drawn")
+            draw_fits()
             if len(shown) == len(datasets):
                 drawn.datasets(contents())
         page, elements = render(contents(), drawn)
-        told("the page")
+        step_done("page written")
         if folder is not None:
             for name, content in elements.files().items():
                 write_whole(folder / name, content)
@@ -83,7 +104,7 @@ def write_report(
 
 
 def render(report: ReportContents, drawn: DrawnPanels) -> tuple[str, Elements]:
-    """The page as HTML, with every panel that has something to show, and its figures and tables."""
+    """Return the page as HTML, and its numbered figures and tables. Panels without values are omitted."""
     elements = Elements()
     environment = _environment(elements)
     drawn.report(report)
@@ -112,13 +133,13 @@ def _title(report: ReportContents) -> str:
     names = ", ".join(shown.name for shown in report.datasets)
     beams = [shown.dataset.specimen.specimen for shown in report.datasets]
     materials = ", ".join(dict.fromkeys(beam.material for beam in beams))
-    if not report.every:
+    if not report.fits:
         return f"Measured: {materials} ({names})"
     return f"Material identified: {materials}" if materials else "Material identified"
 
 
 def _filled(environment: Environment, drawn: Iterable[tuple[AnyPanel, Values]]) -> list[dict[str, str]]:
-    """Title, anchor and body of each panel that has something to show."""
+    """Return title, anchor and body of each panel that is not omitted."""
     filled = []
     for panel, values in drawn:
         if values is not None:

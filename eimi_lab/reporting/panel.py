@@ -1,6 +1,6 @@
-"""A panel of the report: where it stands, its title, its text, and what it needs for them.
+"""Describe a panel of the report: its place, its title, its template and the function that fills the template.
 
-Each file of `eimi_lab/reporting/panels` holds one, named `PANEL`; no list of them is kept anywhere else.
+Each module of `eimi_lab.reporting.panels` defines one panel, named `PANEL`. There is no other list of the panels.
 """
 
 from __future__ import annotations
@@ -17,10 +17,15 @@ from eimi_lab.reporting.contents import DatasetContents, ReportContents
 
 @dataclass(frozen=True, kw_only=True)
 class _Panel:
-    """place: panels stand in the order of these numbers. title, template: Jinja, filled with what `values` gives.
+    """Place and text of a panel.
 
-    Filters beside Jinja's: `figure` (of a Picture) and `table` (of a Table), which number what they are given. A panel
-    without a title has no heading.
+    Attributes
+    ----------
+    place : int
+        Panels are shown in increasing order of this number.
+    title, template : str
+        Jinja templates, filled with the result of `values`. A panel with an empty title has no heading. The filters
+        `figure` (for a Picture) and `table` (for a Table) insert a numbered figure or table.
     """
 
     place: int
@@ -30,10 +35,18 @@ class _Panel:
 
 @dataclass(frozen=True, kw_only=True)
 class ReportPanel(_Panel):
-    """Once in a report, before its datasets or after them. values: None leaves the panel out.
+    """A panel that a report shows once.
 
-    of_fits: it shows the fits alone and asks for no dataset, so that it can be drawn while these are simulated;
-    of_intervals: it shows the intervals of errors, which are known last.
+    Attributes
+    ----------
+    values : callable
+        Returns the values that fill the template, or None to omit the panel.
+    after_datasets : bool
+        Whether the panel follows the sections of the datasets; otherwise it precedes them.
+    of_fits : bool
+        Whether the panel needs the fits only, so that it can be drawn while the datasets are simulated.
+    of_intervals : bool
+        Whether the panel needs the intervals of the errors, which are computed last.
     """
 
     values: Callable[[ReportContents], Mapping[str, Any] | None]
@@ -44,12 +57,12 @@ class ReportPanel(_Panel):
 
 @dataclass(frozen=True, kw_only=True)
 class DatasetPanel(_Panel):
-    """Once for each dataset. values: None leaves the panel out."""
+    """A panel that a report shows once for each dataset; `values` returns None to omit it."""
 
     values: Callable[[DatasetContents], Mapping[str, Any] | None]
 
 
-def every_panel() -> list[ReportPanel | DatasetPanel]:
-    """The panels of all files in the folder, in their places."""
-    modules = [import_module(f"{panels.__name__}.{found.name}") for found in pkgutil.iter_modules(panels.__path__)]
+def all_panels() -> list[ReportPanel | DatasetPanel]:
+    """Return the panels of all modules in the folder `panels`, in the order of their places."""
+    modules = [import_module(f"{panels.__name__}.{module.name}") for module in pkgutil.iter_modules(panels.__path__)]
     return sorted((module.PANEL for module in modules), key=lambda panel: panel.place)

@@ -1,4 +1,4 @@
-"""Numbers for people: a value with the digits that its interval leaves it, in a unit of its size."""
+"""Format a quantity and its interval: choose the unit, and round to the digits that the interval supports."""
 
 from __future__ import annotations
 
@@ -10,14 +10,23 @@ NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
 def format_quantity(quantity: Quantity) -> str:
-    """A value with its interval, moduli in kPa, large ones in MPa or GPa: ``46.39 kPa [46.31, 46.48]``."""
+    """Format a value with its 95 % interval to four digits, a pressure in kPa, MPa or GPa.
+
+    Examples
+    --------
+    >>> format_quantity(Quantity(46390.0, "Pa", (46310.0, 46480.0)))
+    '46.39 kPa [46.31, 46.48]'
+    """
     scale, unit = _unit(quantity)
     low, high = (scale * bound + 0.0 for bound in quantity.interval_95)  # no negative zeros
     return f"{scale * quantity.value + 0.0:.4g}{unit and ' '}{unit} [{low:.4g}, {high:.4g}]"
 
 
 def value_and_interval(quantity: Quantity) -> tuple[str, str]:
-    """``46.38 kPa`` and ``46.26 to 46.50 kPa, ±0.26 %``: to two digits of half the interval's width.
+    """Format a value, and its 95 % interval in its unit and in per cent of the value.
+
+    Both are rounded to the second digit of half the width of the interval. The percentages of the two ends are
+    written separately if the interval is clearly asymmetric about the value.
 
     Examples
     --------
@@ -37,6 +46,7 @@ def value_and_interval(quantity: Quantity) -> tuple[str, str]:
 
 
 def _unit(quantity: Quantity) -> tuple[float, str]:
+    """Return the factor from pascal to the unit in which a quantity is written, and that unit."""
     if quantity.unit != "Pa":
         return 1.0, ""
     size = max(map(abs, quantity.interval_95))

@@ -1,4 +1,4 @@
-"""The section assumption under which a report takes a dataset for each of its fits."""
+"""Choose the section assumption (solid, plane stress, plane strain) with which each fit of a report is simulated."""
 
 from __future__ import annotations
 
@@ -12,27 +12,48 @@ from eimi_lab.reporting.shown import ShownFit, sections_of
 
 
 def evidence_for_fits(
-    path: Path, every: Sequence[ShownFit], flagged: bool
+    path: Path, fits: Sequence[ShownFit], flagged: bool
 ) -> tuple[Evidence, list[tuple[ShownFit, Evidence]]]:
-    """Return a dataset as evidence, and every fit with the evidence as which it takes the dataset.
+    """Read a dataset as evidence, once for each section assumption that the fits need.
 
-    A fit is simulated under the section under which it took the dataset, or else all of its datasets; a tensile fit
-    under the one that all the other fits share, or else the specimen's own. Raises InputError.
+    A bending fit uses the section with which it was fitted to this dataset, or else the one of all its datasets. A
+    tensile fit uses the section that all bending fits share, or else the section of the specimen.
+
+    Parameters
+    ----------
+    path : Path
+        The dataset.
+    fits : sequence of ShownFit
+    flagged : bool
+        Whether to use states that a quality check has flagged.
+
+    Returns
+    -------
+    shared_evidence : Evidence
+        The dataset with the section that all bending fits share, or else with the section of the specimen.
+    evidence_of_fits : list of tuple
+        Each fit with the evidence for its section.
+
+    Raises
+    ------
+    InputError
+        If the dataset cannot be used.
     """
-    shared = {section for shown in every if isinstance(shown.fit, FitRecord) for section in sections_of(shown.fit)}
-    common = shared.pop() if len(shared) == 1 else None
-    first = load_evidence(path, flagged=flagged, section=check_section(common))
-    by_section = {first.experiment.model.specimen.section: first}
-    fits = []
-    for shown in every:
-        section = check_section(_own_section(shown, first.sha256))
+    sections = {section for shown in fits if isinstance(shown.fit, FitRecord) for section in sections_of(shown.fit)}
+    common = sections.pop() if len(sections) == 1 else None
+    shared_evidence = load_evidence(path, flagged=flagged, section=check_section(common))
+    by_section = {shared_evidence.experiment.model.specimen.section: shared_evidence}
+    evidence_of_fits = []
+    for shown in fits:
+        section = check_section(_section_of(shown, shared_evidence.sha256))
         if section and section not in by_section:
             by_section[section] = load_evidence(path, flagged=flagged, section=section)
-        fits.append((shown, by_section[section] if section else first))
-    return first, fits
+        evidence_of_fits.append((shown, by_section[section] if section else shared_evidence))
+    return shared_evidence, evidence_of_fits
 
 
-def _own_section(shown: ShownFit, sha256: str) -> str | None:
+def _section_of(shown: ShownFit, sha256: str) -> str | None:
+    """Return the section with which a fit used the dataset of this hash; None if the fit does not determine it."""
     if not isinstance(shown.fit, FitRecord):
         return None
     used = {reference.sha256: reference.section for reference in shown.fit.datasets}

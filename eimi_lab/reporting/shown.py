@@ -1,4 +1,4 @@
-"""The fits that a report shows: what each is called, and how it is drawn."""
+"""Read the fits that a report shows, and give each a label, a colour, a marker and a line style."""
 
 from __future__ import annotations
 
@@ -19,9 +19,18 @@ from eimi_lab.showing.palette import LINES, MARKERS, PALETTE
 
 @dataclass(frozen=True, eq=False)
 class ShownFit(FittedLaw):
-    """One fit of a file; origin says what the law was fitted to.
+    """One fit of a fits file, with its label and its style in figures.
 
-    comparison: of the laws of its file. A law has its colour and marker, and an origin its line, throughout a report.
+    Attributes
+    ----------
+    comparison : tuple of Choice
+        The comparison of the laws in the same file; empty if the file holds none.
+    origin : str
+        What the law was fitted to, such as `bending` or `tensile 50 %`.
+    colour, marker : str
+        Style of the law, the same throughout a report.
+    line : str or tuple
+        Matplotlib line style of the origin, the same throughout a report.
     """
 
     comparison: tuple[Choice, ...]
@@ -32,48 +41,61 @@ class ShownFit(FittedLaw):
 
     @property
     def label(self) -> str:
-        """Law and origin: `yeoh, tensile 50 %`."""
+        """Return law and origin, such as `yeoh, tensile 50 %`."""
         return f"{self.fit.model}, {self.origin}"
 
 
 def read_shown(paths: Sequence[Path]) -> tuple[ShownFit, ...]:
-    """Every fit of the files, named as far as is needed to tell them apart. Raises InputError."""
+    """Read the fits of all files. If two fits would have the same label, add file name, path or index to the origin.
+
+    Raises
+    ------
+    InputError
+        If a file is not a fits file.
+    """
     read = [(path, read_fits_file(path)) for path in paths]
     bending = [fit for _, file in read for fit in file.fits if isinstance(fit, FitRecord)]
     several = len({section for fit in bending for section in sections_of(fit)}) > 1
-    found = [
+    fits = [
         ShownFit(path, index, fit, file.comparison, _origin(fit, several))
         for path, file in read
         for index, fit in enumerate(file.fits)
     ]
-    for more in (lambda s: s.path.name, lambda s: str(s.path), lambda s: f"fit {s.index}"):
-        alike = Counter(shown.label for shown in found)
-        found = [replace(s, origin=f"{s.origin}, {more(s)}") if alike[s.label] > 1 else s for s in found]
-    laws = list(dict.fromkeys(shown.fit.model for shown in found))
-    origins = list(dict.fromkeys(shown.origin for shown in found))
-    return tuple(_drawn(s, laws.index(s.fit.model), origins.index(s.origin)) for s in found)
+    for distinction in (lambda s: s.path.name, lambda s: str(s.path), lambda s: f"fit {s.index}"):
+        counts = Counter(shown.label for shown in fits)
+        fits = [replace(s, origin=f"{s.origin}, {distinction(s)}") if counts[s.label] > 1 else s for s in fits]
+    laws = list(dict.fromkeys(shown.fit.model for shown in fits))
+    origins = list(dict.fromkeys(shown.origin for shown in fits))
+    return tuple(_styled(s, laws.index(s.fit.model), origins.index(s.origin)) for s in fits)
 
 
 def sections_of(fit: FitRecord) -> tuple[str, ...]:
-    """The section assumptions under which a fit took its datasets, each once."""
+    """Return the section assumptions of a fit, one for each dataset, without repetitions."""
     return tuple(dict.fromkeys(reference.section for reference in fit.datasets))
 
 
 def chosen(group: Sequence[ShownFit]) -> ShownFit:
-    """The law of the smallest AICc, or else BIC, in the first file that compares; else the smallest misfit."""
+    """Choose the best fit of a group that is not empty.
+
+    If a file of the group compares its laws, return the fit of the first such file with the smallest AICc, or with the
+    smallest BIC if there are too few data for AICc. Otherwise return the fit with the smallest misfit.
+    """
     for shown in group:
         order = {c.model: (np.inf if c.aicc is None else c.aicc, c.bic) for c in shown.comparison}
         if order:
-            own = [s for s in group if s.path == shown.path]
-            return min(own, key=lambda s: order[s.fit.model])
+            same_file = [s for s in group if s.path == shown.path]
+            return min(same_file, key=lambda s: order[s.fit.model])
     return min(group, key=_misfit)
 
 
-def leading(every: Sequence[ShownFit], sha256: str) -> ShownFit | None:
-    """The fit that stands for a dataset: the chosen one of those made from it, or else of all of bending, or of all."""
-    bending = [shown for shown in every if isinstance(shown.fit, FitRecord)]
-    own = [s for s in bending if isinstance(s.fit, FitRecord) and sha256 in {d.sha256 for d in s.fit.datasets}]
-    group = own or bending or list(every)
+def leading(fits: Sequence[ShownFit], sha256: str) -> ShownFit | None:
+    """Choose the fit that represents a dataset.
+
+    It is the best of the fits to the dataset with this hash; or else of all bending fits; or else of all fits.
+    """
+    bending = [shown for shown in fits if isinstance(shown.fit, FitRecord)]
+    to_dataset = [s for s in bending if isinstance(s.fit, FitRecord) and sha256 in {d.sha256 for d in s.fit.datasets}]
+    group = to_dataset or bending or list(fits)
     return chosen(group) if group else None
 
 
@@ -81,7 +103,8 @@ def _misfit(shown: ShownFit) -> float:
     return shown.fit.mean_error_mm if isinstance(shown.fit, FitRecord) else shown.fit.rmse_Pa
 
 
-def _drawn(shown: ShownFit, law: int, origin: int) -> ShownFit:
+def _styled(shown: ShownFit, law: int, origin: int) -> ShownFit:
+    """Return a fit with the colour and marker of its law and the line of its origin, given by their numbers."""
     return replace(
         shown,
         colour=PALETTE[law % len(PALETTE)],
@@ -93,5 +116,5 @@ def _drawn(shown: ShownFit, law: int, origin: int) -> ShownFit:
 def _origin(fit: FitRecord | TensileRecord, several_sections: bool) -> str:
     if isinstance(fit, TensileRecord):
         return f"tensile {fit.window()}"
-    words = fit.fitted_to()
-    return f"{words}, {' and '.join(sections_of(fit))}" if several_sections else words
+    sections = f", {' and '.join(sections_of(fit))}" if several_sections else ""
+    return fit.fitted_to() + sections

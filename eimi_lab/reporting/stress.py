@@ -1,4 +1,13 @@
-"""Stress against strain: what each fit says of it in three ways of stretching, and the tensile tests themselves."""
+"""Compute the stress of each fit against strain in three modes of deformation, and read the tensile tests.
+
+Uniaxial tension, planar tension and simple shear deform an incompressible material in one parameter, the strain e. The
+logarithmic principal stretches are h(e) (r1, r2, r3) with constant ratios r whose sum is 0. The work done per volume is
+the strain energy W, so the engineering stress is
+
+    dW/de = h'(e) Σ r_i ∂W/∂h_i
+
+(R. W. Ogden, Non-Linear Elastic Deformations, 1984, section 4.3).
+"""
 
 from __future__ import annotations
 
@@ -18,17 +27,26 @@ from eimi_lab.reporting.shown import ShownFit
 
 Array = NDArray[np.float64]
 
-_LARGEST_STRAIN = 1.0  # drawn; silicones tear at ten times that, and bending reaches a tenth
-_BENDING_ALONE = 3.0  # how far beyond the bent specimen's largest strain to draw where there is no tensile fit
-_DRAWS = 200  # of a fit's, evenly over the modulus: enough for the ends of 95 %
-BAND = "Bands: 95 % of the draws of each fit, of tensile fits as far as their data went."
+_LARGEST_STRAIN = 1.0  # largest strain in a figure
+_BENDING_ALONE = 3.0  # without a tensile fit, the figure ends at this multiple of the largest strain in bending
+_DRAWS = 200  # draws per fit, evenly spread over the modulus: enough for an interval of 95 %
+BAND = "Bands contain 95 % of the draws of each fit; those of tensile fits end with their data."
 
 
 @dataclass(frozen=True)
 class Mode:
-    """A way of stretching an incompressible law, and the stress that its energy gives by the chain rule.
+    """A mode of deformation of an incompressible material (see the equation of this module).
 
-    ratios: of the three logarithmic strains to the first; log, slope: the first one of strains (m,) and its derivative.
+    Attributes
+    ----------
+    words : str
+        Name of the mode.
+    strain : str
+        Name of its strain.
+    ratios : tuple of float
+        The ratios r of the three logarithmic principal stretches to the first.
+    log, slope : callable
+        The first logarithmic stretch h and its derivative h' at strains (m,).
     """
 
     words: str
@@ -38,11 +56,11 @@ class Mode:
     slope: Callable[[Array], Array]
 
     def at_stretch(self, stretch: float) -> float:
-        """The strain at which the largest principal stretch is this."""
+        """Return the strain at which the largest principal stretch has this value."""
         return stretch - 1 / stretch if self.strain == "shear" else stretch - 1
 
     def stress_Pa(self, law: Law, parameters: Array, strain: Array) -> Array:
-        """Engineering stress of parameters (..., n) at strains (m,): (..., m)."""
+        """Return the engineering stress (..., m) in Pa for parameters (..., n) of a law at strains (m,)."""
         stretches = np.exp(np.outer(self.log(strain), self.ratios))
         _, gradient, _ = law.principal(np.asarray(parameters)[..., None, :], stretches)
         return np.asarray(gradient @ np.array(self.ratios) * self.slope(strain))
@@ -54,7 +72,7 @@ def _inverse(strain: Array) -> Array:
 
 UNIAXIAL = Mode("uniaxial tension", "strain", (1.0, -0.5, -0.5), np.log1p, _inverse)
 PLANAR = Mode("planar tension", "strain", (1.0, -1.0, 0.0), np.log1p, _inverse)
-# A simple shear by s turns, and stretches by exp(h) with 2 sinh(h) = s.
+# The principal stretches of a simple shear s are exp(h), exp(-h) and 1, with 2 sinh(h) = s.
 SHEAR = Mode(
     "simple shear",
     "shear",
@@ -67,7 +85,7 @@ MODES = (UNIAXIAL, PLANAR, SHEAR)
 
 @dataclass(frozen=True)
 class StressCurve:
-    """A fit's engineering stress (m,) in Pa at strains (m,) in one mode, and its band (m, 2)."""
+    """The engineering stress (m,) of a fit in Pa at strains (m,) in one mode, and the ends (m, 2) of its 95 % band."""
 
     shown: ShownFit
     mode: Mode
@@ -78,32 +96,32 @@ class StressCurve:
 
 @dataclass(frozen=True)
 class TensilePoints:
-    """The rows of a tensile test as far as they are drawn."""
+    """The rows of a tensile test within the strains of the figure."""
 
     label: str
     strain: Array
     stress_Pa: Array
 
 
-def bending_strain(every: Sequence[ShownFit]) -> float | None:
-    """The largest engineering strain that a bent specimen reached in any fit; None without such a fit."""
-    return max((s.fit.max_stretch - 1 for s in every if isinstance(s.fit, FitRecord)), default=None)
+def bending_strain(fits: Sequence[ShownFit]) -> float | None:
+    """Return the largest engineering strain of a bent specimen in any fit; None without a bending fit."""
+    return max((s.fit.max_stretch - 1 for s in fits if isinstance(s.fit, FitRecord)), default=None)
 
 
-def largest_strain(every: Sequence[ShownFit]) -> float:
-    """How far to draw: up to the largest strain of the tensile fits, or a little beyond what bending reached."""
-    tensile = [s.fit.max_stretch - 1 for s in every if isinstance(s.fit, TensileRecord)]
-    return min(max(tensile), _LARGEST_STRAIN) if tensile else _BENDING_ALONE * (bending_strain(every) or 0.0)
+def largest_strain(fits: Sequence[ShownFit]) -> float:
+    """Return the strain at which the figure ends: that of the tensile fits, or a multiple of that of bending."""
+    tensile = [s.fit.max_stretch - 1 for s in fits if isinstance(s.fit, TensileRecord)]
+    return min(max(tensile), _LARGEST_STRAIN) if tensile else _BENDING_ALONE * (bending_strain(fits) or 0.0)
 
 
 def reached(shown: ShownFit, mode: Mode) -> float:
-    """The strain of this mode at the largest stretch in the fit's data, of a tensile curve in a bending fit too."""
+    """Return the strain of a mode at the largest stretch in the data of a fit, including its tensile curves."""
     curves = shown.fit.tensile if isinstance(shown.fit, FitRecord) else ()
     return mode.at_stretch(max([shown.fit.max_stretch, *(1 + curve.largest_strain for curve in curves)]))
 
 
 def stress_curve(shown: ShownFit, strain: Array, mode: Mode = UNIAXIAL) -> StressCurve:
-    """A fit's stress at strains (m,), with the band of its draws; without any, the band is NaN."""
+    """Return the stress of a fit at strains (m,), with the 95 % band of its draws; the band is NaN without draws."""
     fit = shown.fit
     law, drawn = LAWS[fit.model], fit.drawn(_DRAWS)
     stress = mode.stress_Pa(law, np.array(fit.values()), strain)
@@ -113,18 +131,33 @@ def stress_curve(shown: ShownFit, strain: Array, mode: Mode = UNIAXIAL) -> Stres
     return StressCurve(shown, mode, strain, stress, band.T)
 
 
-def tensile_points(every: Sequence[ShownFit], largest_strain: float) -> tuple[list[TensilePoints], list[str]]:
-    """The tensile tests behind the fits, each once, and a sentence for each thing that cannot be drawn."""
+def tensile_points(fits: Sequence[ShownFit], largest_strain: float) -> tuple[list[TensilePoints], list[str]]:
+    """Read each tensile test to which a law was fitted, up to the largest strain of the figure.
+
+    Parameters
+    ----------
+    fits : sequence of ShownFit
+    largest_strain : float
+
+    Returns
+    -------
+    points : list of TensilePoints
+        One for each test that could be read.
+    missing : list of str
+        A sentence for each test or band that cannot be drawn, with the reason.
+    """
     points = []
     missing = [
-        f"{s.path} is of an earlier release and holds no draws: no band for {s.label}."
-        for s in every
+        f"{s.path} was written by an earlier release and holds no draws: no band for {s.label}."
+        for s in fits
         if not s.fit.draws
     ]
-    sources = [(s.fit.source.path, s.fit.source.sha256) for s in every if isinstance(s.fit, TensileRecord)]
-    curves = [c for s in every if isinstance(s.fit, FitRecord) for c in s.fit.tensile]
+    sources = [(s.fit.source.path, s.fit.source.sha256) for s in fits if isinstance(s.fit, TensileRecord)]
+    curves = [c for s in fits if isinstance(s.fit, FitRecord) for c in s.fit.tensile]
     sources += [(c.path, c.sha256) for c in curves if c.path]
-    missing += [f"Not drawn: {name}." for name in dict.fromkeys(c.name for c in curves if not c.path)]
+    missing += [
+        f"{name} is not drawn: the fit names no file." for name in dict.fromkeys(c.name for c in curves if not c.path)
+    ]
     for name, sha256 in dict.fromkeys(sources):
         path = Path(name)
         try:

@@ -1,4 +1,4 @@
-"""The report on datasets, seen and unseen, and on fits of bending and of tension."""
+"""The report on datasets that were fitted and others, with fits to bending and to tension."""
 
 from __future__ import annotations
 
@@ -40,17 +40,17 @@ def page_of(done: Done, folder: Path, *arguments: str) -> str:
     return (folder / "report.html").read_text(encoding="utf-8")
 
 
-def fits_on(paths: list[Path], every: tuple[ShownFit, ...]) -> list[Any]:
-    return [evidence_for_fits(path, every, flagged=False)[1] for path in paths]
+def fits_on(paths: list[Path], fits: tuple[ShownFit, ...]) -> list[Any]:
+    return [evidence_for_fits(path, fits, flagged=False)[1] for path in paths]
 
 
-def test_a_report_lays_tensile_fits_beside_those_of_bending(done: Done, folder: Path) -> None:
+def test_a_report_shows_tensile_fits_beside_bending_fits(done: Done, folder: Path) -> None:
     page = page_of(done, folder, "train.h5", "unseen.h5", "--fit", "fits.json", "--fit", "tensile.json")
-    for words in ("tensile 20 %", "tensile full", "bending", "Every fit on every specimen", "is an extrapolation"):
+    for words in ("tensile 20 %", "tensile full", "bending", "Each fit on each specimen", "is an extrapolation"):
         assert words in page
     assert "is not drawn" not in page
     assert "://" not in page
-    # What `eimi validate` writes is what the report shows.
+    # The report shows the errors that `eimi validate` writes.
     fits = ("--fit", "fits.json", "--fit", "tensile.json")
     done("validate", "train.h5", "unseen.h5", *fits, "-o", "shown.json", "--force", folder=folder)
     for v in json.loads((folder / "shown.json").read_text())["validations"]:
@@ -60,97 +60,100 @@ def test_a_report_lays_tensile_fits_beside_those_of_bending(done: Done, folder: 
 
 
 class Copying(ThreadPoolExecutor):
-    """Sends what it is given and what comes of it as other processes do."""
+    """An executor that pickles arguments and results, as one with other processes does."""
 
-    def submit(self, function: Callable[..., Any], /, *given: Any, **named: Any) -> Future[Any]:
-        copy = pickle.loads(pickle.dumps((given, named)))
+    def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
+        copy = pickle.loads(pickle.dumps((arguments, options)))
         return super().submit(lambda: pickle.loads(pickle.dumps(function(*copy[0], **copy[1]))))
 
 
 def test_workers_share_the_simulations_of_a_report_and_change_no_digit(folder: Path) -> None:
     paths = [folder / "train.h5", folder / "unseen.h5"]
-    every = read_shown([folder / "fits.json", folder / "tensile.json"])
-    here, there = list[str](), list[str]()
-    alone = dict(predict_on_each(fits_on(paths, every), here.append))
-    waited = list[str]()
+    fits = read_shown([folder / "fits.json", folder / "tensile.json"])
+    steps_alone, steps_shared, waits = list[str](), list[str](), list[str]()
+    alone = dict(predict_on_each(fits_on(paths, fits), steps_alone.append))
     shared = dict(
-        predict_on_each(fits_on(paths, every), there.append, partial(Copying, 2), lambda: waited.append("once"))
+        predict_on_each(fits_on(paths, fits), steps_shared.append, partial(Copying, 2), lambda: waits.append("once"))
     )
-    assert waited == ["once"]
-    assert len(here) == len(there) == 2 * 2 * len(every)
+    assert waits == ["once"]
+    assert len(steps_alone) == len(steps_shared) == 2 * 2 * len(fits)
     assert set(alone) == set(shared) == {0, 1}
-    for place, own in alone.items():
-        other = shared[place]
-        assert all(o.has_equilibrium for o in own)
-        assert [o.evidence.path for o in other] == [o.evidence.path for o in own] == [paths[place]] * len(every)
-        assert all(o.fitted_law == s and o.fitted_law.label == s.label for o, s in zip(other, every, strict=True))
-        assert [o.validation.model_dump() for o in other] == [o.validation.model_dump() for o in own]
-        assert [o.edges_mm.tolist() for o in other] == [o.edges_mm.tolist() for o in own]
+    for place, expected in alone.items():
+        actual = shared[place]
+        assert all(p.has_equilibrium for p in expected)
+        assert [p.evidence.path for p in actual] == [p.evidence.path for p in expected] == [paths[place]] * len(fits)
+        assert all(p.fitted_law == s and p.fitted_law.label == s.label for p, s in zip(actual, fits, strict=True))
+        assert [p.validation.model_dump() for p in actual] == [p.validation.model_dump() for p in expected]
+        assert [p.edges_mm.tolist() for p in actual] == [p.edges_mm.tolist() for p in expected]
 
 
-def test_a_dataset_is_shown_before_the_intervals_of_its_errors_are_known(folder: Path) -> None:
-    every = read_shown([folder / "fits.json", folder / "tensile.json"])
+def test_a_dataset_is_shown_before_the_intervals_of_its_errors_are_computed(folder: Path) -> None:
+    fits = read_shown([folder / "fits.json", folder / "tensile.json"])
     intervals = [
         (place, [p.validation.mean_error_interval_mm is not None for p in on], sum(p.has_equilibrium for p in on))
-        for place, on in predict_on_each(fits_on([folder / "train.h5", folder / "unseen.h5"], every))
+        for place, on in predict_on_each(fits_on([folder / "train.h5", folder / "unseen.h5"], fits))
     ]
-    count = len(every)
+    count = len(fits)
     first, last = [False] * count, [True] * count
     assert intervals == [(0, first, count), (1, first, count), (0, last, count), (1, last, count)]
 
 
 @pytest.mark.parametrize("executor", [None, partial(Copying, 2)], ids=["one process", "workers"])
-def test_a_fit_that_tells_nothing_of_the_others_is_simulated_by_itself(
+def test_a_fit_that_fails_beside_the_others_is_simulated_alone(
     folder: Path, monkeypatch: pytest.MonkeyPatch, executor: Any
 ) -> None:
-    every = read_shown([folder / "fits.json", folder / "tensile.json"])
-    paths, told = [folder / "train.h5", folder / "unseen.h5"], list[str]()
-    expected = dict(predict_on_each(fits_on(paths, every)))
+    fits = read_shown([folder / "fits.json", folder / "tensile.json"])
+    paths, steps = [folder / "train.h5", folder / "unseen.h5"], list[str]()
+    expected = dict(predict_on_each(fits_on(paths, fits)))
 
-    def but_the_second(evidence: Any, fits: Any) -> Iterator[Any]:
-        for i, found in enumerate(simulate_each(evidence, fits)):
-            yield None if i == 1 else found
+    def fail_the_second(evidence: Any, fits: Any) -> Iterator[Any]:
+        for i, simulated in enumerate(simulate_each(evidence, fits)):
+            yield None if i == 1 else simulated
 
-    monkeypatch.setattr(prediction, "simulate_each", but_the_second)
-    for place, on in predict_on_each(fits_on(paths, every), told.append, executor):
-        assert [o.edges_mm.tolist() for o in on] == [o.edges_mm.tolist() for o in expected[place]]
-    assert [o.validation.model_dump() for o in on] == [o.validation.model_dump() for o in expected[1]]
-    assert len(told) == 2 * 2 * len(every)
+    monkeypatch.setattr(prediction, "simulate_each", fail_the_second)
+    for place, on in predict_on_each(fits_on(paths, fits), steps.append, executor):
+        assert [p.edges_mm.tolist() for p in on] == [p.edges_mm.tolist() for p in expected[place]]
+    assert [p.validation.model_dump() for p in on] == [p.validation.model_dump() for p in expected[1]]
+    assert len(steps) == 2 * 2 * len(fits)
 
 
-def test_a_page_is_the_same_by_workers_and_without(folder: Path) -> None:
-    """Its panels are then drawn in another order: those of the fits first."""
+def test_a_page_is_the_same_with_workers_and_without(folder: Path) -> None:
+    """With workers the panels of the fits are drawn first; the page must not show it."""
     (folder / "again.json").write_text((folder / "fits.json").read_text())
     fits = [folder / name for name in ("fits.json", "tensile.json", "again.json")]
-    pages, steps = [], []
+    pages, totals = [], []
     for executor in (None, partial(Copying, 2)):
-        told = list[str]()
+        steps = list[str]()
         output = folder / f"page{len(pages)}.html"
-        progress = partial(counted, told, steps)
+        progress = partial(counted, steps, totals)
         write_report(output, [folder / "unseen.h5"], fits, executor=executor, progress=progress)
         pages.append(re.sub(r'<p class="byline">.*', "", output.read_text(encoding="utf-8")))
-        assert len(told) == steps[-1]
+        assert len(steps) == totals[-1]
     assert pages[0] == pages[1]
 
 
 @contextmanager
-def counted(told: list[str], steps: list[int], title: str, total: int) -> Iterator[Callable[[str], None]]:
-    steps.append(total)
-    yield told.append
+def counted(steps: list[str], totals: list[int], title: str, total: int) -> Iterator[Callable[[str], None]]:
+    totals.append(total)
+    yield steps.append
 
 
-@pytest.mark.parametrize(("asked", "started"), [((), 2), (("--workers", "1"), 1), (("--workers", "2"), 2)])
-def test_workers_of_a_report_are_one_a_dataset_unless_asked_for(
-    done: Done, folder: Path, monkeypatch: pytest.MonkeyPatch, asked: tuple[str, ...], started: int
+@pytest.mark.parametrize(("options", "started"), [((), 2), (("--workers", "1"), 1), (("--workers", "2"), 2)])
+def test_a_report_starts_one_worker_for_each_dataset_unless_the_option_says_otherwise(
+    done: Done, folder: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], started: int
 ) -> None:
     counts = list[int]()
     monkeypatch.setattr(workers, "executor_for", lambda count, scheduler: counts.append(count))
-    done("report", "train.h5", "unseen.h5", "--fit", "fits.json", *asked, "-o", "shared.html", "--force", folder=folder)
+    fits = ("--fit", "fits.json")
+    done("report", "train.h5", "unseen.h5", *fits, *options, "-o", "shared.html", "--force", folder=folder)
     assert counts == [started]
 
 
 class WellFormed(HTMLParser):
-    """Every element closed in its turn, no attribute or id twice, every image described; what the text says."""
+    """A page whose elements are closed in order, whose attributes and ids are unique, and whose images have `alt`.
+
+    `text` is the text of the page.
+    """
 
     VOID = frozenset({"meta", "img", "br"})
 
@@ -167,15 +170,15 @@ class WellFormed(HTMLParser):
         assert {link.removeprefix("#") for link in self.links} <= set(self.ids)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        given = dict(attrs)
-        assert len(given) == len(attrs)
+        values = dict(attrs)
+        assert len(values) == len(attrs)
         assert tag not in {"script", "link", "iframe"}
         assert "p" not in self.open or tag in {"b", "br", "code", "span"}, f"<{tag}> in a paragraph"
         if tag == "img":
-            assert given["alt"]
-            assert str(given["src"]).startswith("data:image/")
-        self.ids += [str(given["id"])] if "id" in given else []
-        self.links += [str(given["href"])] if "href" in given else []
+            assert values["alt"]
+            assert str(values["src"]).startswith("data:image/")
+        self.ids += [str(values["id"])] if "id" in values else []
+        self.links += [str(values["href"])] if "href" in values else []
         if tag not in self.VOID:
             self.open.append(tag)
 
@@ -186,7 +189,7 @@ class WellFormed(HTMLParser):
         self.text += data
 
 
-def test_a_hostile_name_stays_text_and_every_figure_is_a_file_too(done: Done, folder: Path) -> None:
+def test_a_hostile_name_stays_text_and_each_figure_is_also_a_file(done: Done, folder: Path) -> None:
     name = """<script>alert("1")</script> & </p> $x_1$ {{ 1 }} end{tabular}"""
     plain = (folder / "specimen.toml").read_text()
     (folder / "hostile.toml").write_text(plain.replace('"plain strip"', f"'''{name}'''"))
@@ -212,16 +215,16 @@ def test_a_hostile_name_stays_text_and_every_figure_is_a_file_too(done: Done, fo
     assert "doi:10.3389/frobt.2021.790571" in shown.text
 
 
-def test_what_to_cite_is_what_the_citation_file_says() -> None:
+def test_the_references_agree_with_the_citation_file() -> None:
     cff = (Path(__file__).parents[2] / "CITATION.cff").read_text(encoding="utf-8")
     for words in (METHOD.title, METHOD.doi, *(author.split(", ")[0] for author in METHOD.authors), SUITE.authors[0]):
         assert words in cff
 
 
-def test_a_panel_of_the_report_is_one_file(
+def test_one_new_file_adds_a_panel_to_the_report(
     done: Done, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The one that CONTRIBUTING.md shows: its file lies in the folder of panels, and nothing else is touched."""
+    """The example of CONTRIBUTING.md works if its file is in a folder of panels and nothing else is changed."""
     guide = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text(encoding="utf-8")
     (code,) = (block for block in re.findall(r"```python\n(.*?)```", guide, re.DOTALL) if "PANEL = " in block)
     (tmp_path / "tip_forces.py").write_text(code, encoding="utf-8")
@@ -237,7 +240,7 @@ def test_a_panel_of_the_report_is_one_file(
     assert after.startswith("Simulated and measured")
 
 
-def test_a_report_without_a_bending_fit_or_with_a_lost_curve(done: Done, folder: Path) -> None:
+def test_a_report_says_which_tensile_curve_or_band_cannot_be_drawn(done: Done, folder: Path) -> None:
     (folder / "curve.csv").rename(folder / "kept.csv")
     try:
         page = page_of(done, folder, "unseen.h5", "--fit", "tensile.json")
@@ -256,7 +259,7 @@ def test_a_report_without_a_bending_fit_or_with_a_lost_curve(done: Done, folder:
     assert "<h2>Search</h2>" not in page
 
 
-def test_a_report_shows_a_law_without_an_equilibrium_as_such(done: Done, folder: Path) -> None:
+def test_a_report_marks_a_law_without_an_equilibrium(done: Done, folder: Path) -> None:
     content = json.loads((folder / "tensile.json").read_text())
     content["fits"][0]["parameters"]["mu"]["value"] = -60e3
     (folder / "lost.json").write_text(json.dumps(content))
@@ -264,13 +267,13 @@ def test_a_report_shows_a_law_without_an_equilibrium_as_such(done: Done, folder:
     assert ">no equilibrium<" in page
 
 
-def test_bands_of_stress_are_those_of_the_parameters(folder: Path) -> None:
+def test_bands_of_stress_follow_from_the_intervals_of_the_parameters(folder: Path) -> None:
     strain = np.linspace(0, 1, 21)
     for shown in read_shown([folder / "tensile.json"]):
         low, high = shown.fit.parameters["mu"].interval_95
         ends = engineering_stress(LAWS["neo-hookean"], np.array([[low], [high]]), strain).T
         assert stress_curve(shown, strain).band_Pa == pytest.approx(ends, rel=0.02, abs=1e-6)
-    # A bending fit that fixes C10 + C01 alone: its band is between the laws of C10 and of C01 nearly only.
+    # A bending fit may determine only C10 + C01; its band then lies between a law of C10 and one of C01.
     content = json.loads((folder / "fits.json").read_text())
     (fit,) = content["fits"]
     half = {"value": 10e3, "unit": "Pa", "interval_95": [0.0, 20e3]}
@@ -284,7 +287,7 @@ def test_bands_of_stress_are_those_of_the_parameters(folder: Path) -> None:
 
 
 def test_planar_tension_and_shear_follow_their_closed_forms() -> None:
-    """Mooney and Rivlin's law (Treloar 1975, The Physics of Rubber Elasticity, chapter 5)."""
+    """Compare with the Mooney-Rivlin law (Treloar 1975, The Physics of Rubber Elasticity, chapter 5)."""
     law, strain = LAWS["mooney-rivlin"], np.linspace(0, 1, 11)
     c10, c01, stretch = 20e3, 4e3, 1 + strain
     uniaxial, planar, shear = (mode.stress_Pa(law, np.array([c10, c01]), strain) for mode in MODES)
@@ -298,9 +301,9 @@ def test_two_section_assumptions_stand_side_by_side_in_a_report(done: Done, fold
     page = page_of(done, folder, "train.h5", "unseen.h5", "--fit", "fits.json", "--fit", "strain.json")
     assert "bending, plane-stress" in page
     assert "bending, plane-strain" in page
-    # Each is simulated under its own assumption: the error is what each fit wrote.
+    # Each fit is simulated with its own section assumption, so that its error is the one in its file.
     for name in ("fits.json", "strain.json"):
         (fit,) = json.loads((folder / name).read_text())["fits"]
         error = 1e3 * fit["mean_error_mm"]
-        told = [float(number) for number in re.findall(r">([\d.]+) \[", page)]
-        assert any(number == pytest.approx(error, rel=5e-3, abs=0.025) for number in told)
+        printed = [float(number) for number in re.findall(r">([\d.]+) \[", page)]
+        assert any(number == pytest.approx(error, rel=5e-3, abs=0.025) for number in printed)

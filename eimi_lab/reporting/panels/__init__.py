@@ -1,13 +1,26 @@
-"""The panels of the report, a file each; the page shows them in the order of their places.
+"""The panels of the report, one in each module. The page shows them in the order of their places.
 
-laws               parameters, misfit and range of every fit, and the comparison of the laws
-uniaxial_tension   stress against strain of every law
-every_fit          every fit on every specimen
-frames, points     what was measured of a dataset, with the best fit over it
-errors_by_state    error of every fit in every state of a dataset
-largest_state      every fit over what was measured, in the state of the largest load
-residuals          what the best fit leaves along the edges
-search             how each search went
+Panels of the report:
 
-A new file with a `PANEL` is a new panel; `eimi_lab.reporting.panel` says what one is.
+first_screen            the result in words, with a picture of the beam
+laws                    parameters, misfit and range of each fit, and the comparison of the laws
+uncertainty_budget      the share of each source of uncertainty in the interval
+parameter_correlation   correlation of the errors of the unknowns of a fit
+stress_strain           stress against strain of each law
+error_boxes             errors of the states, by law and specimen
+every_fit               the mean error of each fit on each specimen
+convergence             best error against generation of each search
+law_stability           the stretch up to which each law is stable
+provenance              files, programs and command line
+methods                 a methods paragraph and references
+
+Panels of each dataset:
+
+what_was_measured       specimen, rig, protocol and date
+contact_sheet           the first frame of each state, and the flags
+error_against_field     error of each fit in each state
+magnified_residuals     residuals of the best fit as arrows on the beam
+residuals_along_beam    residuals of the best fit along the edges
+
+A new module that defines `PANEL` adds a panel; `eimi_lab.reporting.panel` describes its fields.
 """

@@ -1,4 +1,4 @@
-"""Every state's first frame with its edges, and its flags by name."""
+"""Show the first frame of each state with its edges, and the flags of the state."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from eimi_lab.vision.flags import Flag
 
 Array = NDArray[np.float64]
 
-_MOST = 48  # thumbnails: more say no more
+_MOST = 48  # thumbnails
 _ABREAST = 8
 _THUMB_PX = 180
-_GAP = 0.06  # of a thumbnail's width
-_LINE = 0.17  # of it too: a line of text above
+_GAP = 0.06  # between thumbnails, as a fraction of their width
+_LINE = 0.17  # height of a line of text, as a fraction of the width of a thumbnail
 _FLAG_CHARACTERS = 17
 
 
 def contact_sheet(contents: DatasetContents, flags: dict[int, list[Flag]]) -> Drawing:
-    """Thumbnails in the order of the states, in one pair of axes whose unit is a thumbnail's width."""
+    """Draw the thumbnails in the order of the states. The unit of the axes is the width of a thumbnail."""
     crop = crop_of(contents)
     states = shown_states(contents)
     rows = -(-len(states) // _ABREAST)
@@ -45,7 +45,7 @@ def contact_sheet(contents: DatasetContents, flags: dict[int, list[Flag]]) -> Dr
     drawing = Drawing(WIDTH_IN / columns / (1 + _GAP) * rows * tall)
     axes = drawing.subplots()
     edges: list[Array] = []
-    left_out = {own.state for own in contents.evidence.used.left_out}
+    left_out = {flagged.state for flagged in contents.evidence.used.left_out}
     for place, state in enumerate(states):
         row, column = divmod(place, columns)
         x, y = column * (1 + _GAP), row * tall
@@ -64,7 +64,7 @@ def contact_sheet(contents: DatasetContents, flags: dict[int, list[Flag]]) -> Dr
 
 
 def shown_states(contents: DatasetContents) -> tuple[State, ...]:
-    """All states, or every so-many-th of very many."""
+    """Return all states, or evenly spaced ones if there are more than `_MOST`."""
     states = contents.dataset.states
     return states[:: -(-len(states) // _MOST)]
 
@@ -72,7 +72,7 @@ def shown_states(contents: DatasetContents) -> tuple[State, ...]:
 def _thumbnail(
     axes: Axes, contents: DatasetContents, state: State, crop: Crop, corner: tuple[float, float]
 ) -> list[Array]:
-    """A frame one unit wide with its upper left corner there; gives where its edges are."""
+    """Draw a frame of width 1 at its upper left corner (x, y), and return its edges in the units of the axes."""
     x, y = corner
     size = (_THUMB_PX, max(1, round(_THUMB_PX * crop.height_over_width)))
     image = crop.of(contents.dataset.images(state.index, 1)[0])
@@ -82,21 +82,21 @@ def _thumbnail(
 
 
 def flags_of(contents: DatasetContents) -> dict[int, list[Flag]]:
-    """The flags of each state, of its run and of its edges."""
-    found = contents.dataset.edges()
-    return {s.index: [*s.flags, *(found[s.index].flags if found else ())] for s in contents.dataset.states}
+    """Return the flags of each state by its index: those of the run, then those of its edges."""
+    edges = contents.dataset.edges()
+    return {s.index: [*s.flags, *(edges[s.index].flags if edges else ())] for s in contents.dataset.states}
 
 
 def table_of_flags(flags: dict[int, list[Flag]]) -> Table | None:
-    """Each flag with the states that have it, the worst value, and what to do about it; None without any."""
+    """Return a table of the flags with their states, their worst value and their remedy; None without flags."""
     by_name: dict[str, list[tuple[int, Flag]]] = {}
-    for index, own in flags.items():
-        for flag in own:
+    for index, flags_of_state in flags.items():
+        for flag in flags_of_state:
             by_name.setdefault(flag.name, []).append((index, flag))
     rows = []
-    for name, every in by_name.items():
-        worst = max((flag for _, flag in every), key=lambda flag: abs(flag.value - flag.limit))
-        states = ", ".join(str(index) for index in dict.fromkeys(index for index, _ in every))
+    for name, cases in by_name.items():
+        worst = max((flag for _, flag in cases), key=lambda flag: abs(flag.value - flag.limit))
+        states = ", ".join(str(index) for index in dict.fromkeys(index for index, _ in cases))
         rows.append((name, worst.severity, states, f"{worst.value:.3g}", f"{worst.limit:.3g}", worst.remedy))
     head = ("flag", "severity", "states", "worst value", "limit", "what to do")
     return Table("flags", "Flags of the states.", head, rows) if rows else None
@@ -111,8 +111,8 @@ def _values(contents: DatasetContents) -> dict[str, Any] | None:
     words = (
         f"The first frame of {'each state' if shown == total else f'{shown} of {total} states'}, with the edges {edges}"
     )
-    words += ", and its flags by name." if any(flags.values()) else ". No state has a flag."
-    picture = Picture("contact_sheet", contact_sheet(contents, flags), "a frame of every state", words, photograph=True)
+    words += ", and the names of the flags." if any(flags.values()) else ". No state has a flag."
+    picture = Picture("contact_sheet", contact_sheet(contents, flags), "a frame of each state", words, photograph=True)
     return {"picture": picture, "flags": table_of_flags(flags)}
 
 

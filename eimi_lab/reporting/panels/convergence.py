@@ -1,4 +1,4 @@
-"""How each search went."""
+"""Show the convergence of each search."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ from eimi_lab.reporting.panel import ReportPanel
 from eimi_lab.reporting.shown import ShownFit
 from eimi_lab.showing.drawing import Drawing, label, plain_logarithm
 
-_HEAD = ("law", "generations", "evaluations", "discarded", "polish", "in the end", "stopped by", "seed", "time")
+_HEAD = ("law", "generations", "evaluations", "discarded", "polish", "final error", "stopped by", "seed", "time")
 _CAPTION = (
-    "Each search by CMA-ES; the mean error before and after the polish by Gauss-Newton, under the search's planar "
-    "assumption; and in the end, with what a finer mesh and the solid change."
+    "The search by CMA-ES of each fit. Polish: the mean error before and after the refinement by Gauss-Newton, on the "
+    "mesh and with the planar section of the search. Final error: with the corrections for a finer mesh and for the "
+    "solid section."
 )
 
 
-def drawn_convergence(every: Sequence[ShownFit]) -> Drawing:
-    """Best error of each generation of each search."""
+def drawn_convergence(fits: Sequence[ShownFit]) -> Drawing:
+    """Draw the best mean error of each search against the generation."""
     drawing = Drawing(3.2)
     axes = drawing.subplots()
-    for shown in every:
+    for shown in fits:
         if isinstance(shown.fit, FitRecord):
             best = [1e3 * generation.best_mm for generation in shown.fit.history]
             style = {"color": shown.colour, "linestyle": shown.line, "marker": shown.marker, "markersize": 3}
@@ -34,13 +35,13 @@ def drawn_convergence(every: Sequence[ShownFit]) -> Drawing:
     plain_logarithm(axes)
     label(axes, "generation", "best mean error, µm")
     drawing.legend(
-        loc="outside right upper" if len(every) > 6 else "outside lower center", ncols=1 if len(every) > 6 else 3
+        loc="outside right upper" if len(fits) > 6 else "outside lower center", ncols=1 if len(fits) > 6 else 3
     )
     return drawing
 
 
-def table_of_searches(every: Sequence[ShownFit]) -> Table:
-    """A row a search."""
+def table_of_searches(fits: Sequence[ShownFit]) -> Table:
+    """Return a table with a row for each search."""
     rows = [
         (
             shown.label,
@@ -53,7 +54,7 @@ def table_of_searches(every: Sequence[ShownFit]) -> Table:
             str(fit.seed),
             f"{fit.wall_s:.1f} s",
         )
-        for shown in every
+        for shown in fits
         if isinstance(fit := shown.fit, FitRecord)
     ]
     return Table("searches", _CAPTION, _HEAD, rows)
@@ -64,8 +65,8 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
         return None
     drawn = drawn_convergence(report.bending)
     caption = (
-        "The best mean error so far of each search, on its own mesh and under its planar assumption; what a finer mesh "
-        "and the solid change is added after it."
+        "The best mean error of each search up to each generation, on the mesh and with the planar section of the "
+        "search. The corrections for a finer mesh and for the solid section follow the search."
     )
     return {
         "picture": Picture("convergence", drawn, "best error by generation", caption),

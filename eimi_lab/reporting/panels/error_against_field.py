@@ -1,4 +1,4 @@
-"""Error of every fit in every state of a dataset."""
+"""Show the error of each fit in each state of a dataset."""
 
 from __future__ import annotations
 
@@ -17,26 +17,29 @@ from eimi_lab.reporting.panel import DatasetPanel
 from eimi_lab.reporting.shown import ShownFit
 from eimi_lab.showing.drawing import Drawing, by_field, label, plain_logarithm
 
-_LOG_FROM = 20  # largest over smallest mean error beyond which errors are drawn on a logarithmic axis
-_APART = 0.5  # of the least distance between two states: how far the fits of one state are moved apart in all
+_LOG_FROM = 20  # ratio of the largest to the smallest mean error from which the axis is logarithmic
+_SPREAD = 0.5  # width over which the fits of one state are spread, as a fraction of the smallest gap between states
 
 
-def drawn_errors(every: Sequence[Prediction[ShownFit]]) -> Drawing:
-    """All fits in one panel, against the field or, where that does not change, the state; bars are one deviation."""
-    states = every[0].evidence.states
+def drawn_errors(predictions: Sequence[Prediction[ShownFit]]) -> Drawing:
+    """Draw the errors of all fits against the field, or against the state if the field is constant.
+
+    The bars extend one standard deviation of the distances along the edges to each side.
+    """
+    states = predictions[0].evidence.states
     x, words = by_field([state.field_mT for state in states], [state.index for state in states])
     gaps = np.diff(np.unique(x))
-    apart = _APART * float(gaps.min()) if len(gaps) else 1.0
-    means = [float(s.error_mm.mean()) for s in every]
+    spread = _SPREAD * float(gaps.min()) if len(gaps) else 1.0
+    means = [float(s.error_mm.mean()) for s in predictions]
     logarithmic = max(means) > _LOG_FROM * max(min(means), 1e-9)
     drawing = Drawing(3.6)
     axes: Axes = drawing.subplots()
-    for place, s in enumerate(every):
+    for place, s in enumerate(predictions):
         error, deviation = 1e3 * s.error_mm, 1e3 * s.deviation_mm
-        # On a logarithmic axis a bar down to zero would have no end.
+        # On a logarithmic axis a bar that ends at zero would be infinitely long.
         below = error - np.maximum(error - deviation, 0.1 * error if logarithmic else 0.0)
         axes.errorbar(
-            x + apart * (place / max(len(every) - 1, 1) - 0.5) * (len(every) > 1),
+            x + spread * (place / max(len(predictions) - 1, 1) - 0.5) * (len(predictions) > 1),
             error,
             yerr=[below, deviation],
             color=s.fitted_law.colour,
@@ -54,16 +57,16 @@ def drawn_errors(every: Sequence[Prediction[ShownFit]]) -> Drawing:
     else:
         axes.set_ylim(bottom=0)
     label(axes, words, "error, µm")
-    legend_of_fits(drawing, [s.fitted_law for s in every])
+    legend_of_fits(drawing, [s.fitted_law for s in predictions])
     return drawing
 
 
-def legend_of_fits(drawing: Drawing, every: Sequence[ShownFit]) -> None:
-    """Colours and marks of the laws, and beside them lines of what they were fitted to where that differs."""
+def legend_of_fits(drawing: Drawing, fits: Sequence[ShownFit]) -> None:
+    """Add a legend with colour and marker of each law and, if there are several origins, the line of each origin."""
     handles = {
-        s.fit.model: Line2D([], [], color=s.colour, marker=s.marker, linestyle="", label=s.fit.model) for s in every
+        s.fit.model: Line2D([], [], color=s.colour, marker=s.marker, linestyle="", label=s.fit.model) for s in fits
     }
-    origins = {s.origin: Line2D([], [], color="0.3", linestyle=s.line, label=s.origin) for s in every}
+    origins = {s.origin: Line2D([], [], color="0.3", linestyle=s.line, label=s.origin) for s in fits}
     entries = [*handles.values(), *(origins.values() if len(origins) > 1 else [])]
     drawing.legend(handles=entries, loc="outside lower center", ncols=4)
 
@@ -71,9 +74,12 @@ def legend_of_fits(drawing: Drawing, every: Sequence[ShownFit]) -> None:
 def _values(contents: DatasetContents) -> dict[str, Any] | None:
     if not contents.simulated:
         return None
-    caption = "Error of every fit in every state; bars are one deviation, the scatter of the distances along the edges."
+    caption = (
+        "Error of each fit in each state: the mean distance between simulated and measured beam. Bars: the standard "
+        "deviation of the distances."
+    )
     if len(contents.simulated) > 1:
-        caption += " The fits of a state stand a little beside one another, so that none hides another."
+        caption += " The fits of one state are drawn slightly apart, so that none hides another."
     return {"picture": Picture("error_against_field", drawn_errors(contents.simulated), "error by state", caption)}
 
 

@@ -1,4 +1,4 @@
-"""Errors of the states of every specimen, by law: how each fit does where it was fitted and where it was not."""
+"""Compare the errors of all fits on each specimen by box plots over the states."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from eimi_lab.reporting.panels.error_against_field import legend_of_fits
 from eimi_lab.reporting.shown import ShownFit
 from eimi_lab.showing.drawing import Drawing, label, plain_logarithm
 
-_LOG_FROM = 20  # largest over smallest median beyond which the errors are drawn on a logarithmic axis
+_LOG_FROM = 20  # ratio of the largest to the smallest median from which the axis is logarithmic
 
 
 def drawn_boxes(report: ReportContents) -> Drawing:
-    """Axes for each specimen, all to one scale; a box for each fit in their order, in the colour of its law."""
+    """Draw axes of the same scale for each specimen, with a box for each fit in the colour of its law."""
     columns = min(3, len(report.datasets))
     rows = -(-len(report.datasets) // columns)
     drawing = Drawing(2.3 * rows + 0.6)
     grid = drawing.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     medians, drawn = [], {}
     for axes, contents in zip(grid, report.datasets, strict=False):
-        for place, s in enumerate(report.every):
-            own = contents.simulated_by(s)
-            if own is None:
+        for place, s in enumerate(report.fits):
+            prediction = contents.simulated_by(s)
+            if prediction is None:
                 continue
             drawn[s.label] = s
-            medians.append(float(np.median(own.error_mm)))
+            medians.append(float(np.median(prediction.error_mm)))
             edge = {"color": s.colour}
             axes.boxplot(
-                [1e3 * own.error_mm],
+                [1e3 * prediction.error_mm],
                 positions=[place],
                 widths=0.6,
                 whis=(0, 100),
@@ -47,7 +47,7 @@ def drawn_boxes(report: ReportContents) -> Drawing:
         axes.set_title(shorten(f"{contents.name}: {contents.dataset.specimen.specimen.name}", 38), loc="left")
         axes.set_xticks([])
         axes.grid(axis="x", visible=False)
-        axes.set_xlim(-0.7, len(report.every) - 0.3)
+        axes.set_xlim(-0.7, len(report.fits) - 0.3)
     for unused in grid[len(report.datasets) :]:
         unused.axis("off")
     if max(medians) > _LOG_FROM * max(min(medians), 1e-9):
@@ -66,10 +66,10 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
     if shown < 2:
         return None
     caption = (
-        "Errors of the states, by specimen and fit: median, quartiles and extremes. Fits stand in the order of the "
-        "table of laws; whiskers have the line of what the law was fitted to. The fits are simulated anew: of a "
-        "solid within half a µm of the errors that the fits had themselves, which told the depth's effect from state "
-        "to state."
+        "Errors of the states, by specimen and fit: median, quartiles and extremes. The fits are in the order of the "
+        "table of laws; the line of the whiskers shows what the law was fitted to. The fits were simulated again for "
+        "this figure. With a solid section the errors may differ by up to half a µm from those of the fits, which "
+        "interpolate the effect of the depth between states."
     )
     return {"picture": Picture("error_boxes", drawn_boxes(report), "box plots of the errors", caption)}
 

@@ -1,4 +1,4 @@
-"""Every fit on every specimen."""
+"""Show the mean error of each fit on each specimen."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from eimi_lab.reporting.elements import Cell, Table
 from eimi_lab.reporting.panel import ReportPanel
 from eimi_lab.reporting.shown import ShownFit
 
-_ABREAST = 4  # specimens in one table
+_ABREAST = 4  # columns of specimens in one table
 
 
 def matrix(report: ReportContents) -> list[tuple[ShownFit, list[tuple[Validation, bool]]]]:
-    """Each fit with its validation on every dataset, and whether that is the dataset's smallest error."""
-    validations = [shown.validations for shown in report.datasets]
-    least = [min((v.mean_error_mm for v in own if v.mean_error_mm is not None), default=None) for own in validations]
+    """Return each fit with its validation on each dataset, and whether its error is the smallest on that dataset."""
+    columns = [shown.validations for shown in report.datasets]
+    least = [min((v.mean_error_mm for v in column if v.mean_error_mm is not None), default=None) for column in columns]
     return [
-        (fit, [(own[i], own[i].mean_error_mm == best) for own, best in zip(validations, least, strict=True)])
-        for i, fit in enumerate(report.every)
+        (fit, [(column[i], column[i].mean_error_mm == best) for column, best in zip(columns, least, strict=True)])
+        for i, fit in enumerate(report.fits)
     ]
 
 
 def tables(report: ReportContents) -> list[Table]:
-    """The matrix, so many specimens abreast as a page holds."""
+    """Return the errors of all fits on all specimens, in as many tables as the width of a page requires."""
     names = [shown.name for shown in report.datasets]
-    found = []
+    caption = "Each fit on each specimen: mean error over the states in µm, with its 95 % interval."
+    parts = []
     for first in range(0, len(names), _ABREAST):
-        own = slice(first, first + _ABREAST)
-        rows = [(s.fit.model, s.origin, *(_cell(v, best) for v, best in row[own])) for s, row in matrix(report)]
-        caption = "Every fit on every specimen: mean error over the states in µm, with its 95 % interval."
-        found.append(Table("every_fit", caption, ("law", "fitted to", *names[own]), rows))
-    return found
+        part = slice(first, first + _ABREAST)
+        rows = [(s.fit.model, s.origin, *(_cell(v, best) for v, best in row[part])) for s, row in matrix(report)]
+        parts.append(Table("every_fit", caption, ("law", "fitted to", *names[part]), rows))
+    return parts
 
 
 def _cell(validation: Validation, best: bool) -> str | Cell:
@@ -42,19 +42,19 @@ def _cell(validation: Validation, best: bool) -> str | Cell:
 
 
 def _values(report: ReportContents) -> dict[str, Any] | None:
-    if not report.every or (len(report.datasets) == 1 and not report.tensile):
+    if not report.fits or (len(report.datasets) == 1 and not report.tensile):
         return None
     return {"tables": tables(report)}
 
 
 PANEL = ReportPanel(
     place=30,
-    title="Every fit on every specimen",
+    title="Each fit on each specimen",
     template="""
 {% for matrix in tables %}{{ matrix | table }}{% endfor %}
-<p class="note">The interval holds 95 % of the mean errors that the fit's draws have here, with what is uncertain
-about the specimen; &gt; where one of the draws finds no equilibrium. * fitted to this specimen; all others are
-predictions. Bold: the smallest.</p>
+<p class="note">The interval contains 95 % of the mean errors of the draws of the fit on this specimen, including the
+uncertainty of the specimen. &gt;: no upper end, because one of the draws has no equilibrium. *: fitted to this
+specimen; all other errors are those of predictions. Bold: the smallest error of the column.</p>
 """,
     values=_values,
     of_intervals=True,

@@ -1,4 +1,4 @@
-"""The first screen: the number, what limits it, whether to believe it, and a picture of it."""
+"""Show the result first: the modulus, what limits its interval, how reliable it is, and a picture of the beam."""
 
 from __future__ import annotations
 
@@ -20,14 +20,17 @@ from eimi_lab.showing.drawing import Drawing, label
 from eimi_lab.showing.palette import MEASURED, PALETTE
 
 _WIDTH_IN = 4.4
-_POINTS = 18  # of an edge, so that what is under them is seen
+_POINTS = 18  # measured points drawn on each edge, so few that the frame remains visible
 _SIMULATED, _DOTS = PALETTE[1], PALETTE[0]
-_CLOSE = 0.62  # width over height of the close view
-_LAST = 6  # of the edges is seen in it
+_CLOSE = 0.62  # width over height of the close-up of the tip
+_LAST = 6  # the close-up shows the last 1/6 of the edges
 
 
 def edges_over_frames(contents: DatasetContents, simulated: Prediction[ShownFit] | None) -> Drawing:
-    """Frames of the smallest and the largest load and a close view of its tip; dots are measured, lines simulated."""
+    """Draw measured edges (dots) and simulated ones (lines) over the frames of the smallest and the largest load.
+
+    The last axes show a close-up of the tip at the largest load.
+    """
     crop = crop_of(contents)
     states = some_states(contents, 2)
     tall = crop.height_over_width
@@ -36,7 +39,7 @@ def edges_over_frames(contents: DatasetContents, simulated: Prediction[ShownFit]
     for axes, k in zip(grid, [*states, states[-1]], strict=True):
         close = axes is grid[-1]
         _draw(axes, contents, simulated, k, crop, points=None if close else _POINTS)
-        axes.set_title("its tip" if close else load_words(contents.evidence.states[k]))
+        axes.set_title("tip" if close else load_words(contents.evidence.states[k]))
         if close:
             _look_at_tip(axes, contents, k, crop)
     handles = [Line2D([], [], marker="o", linestyle="", color=_DOTS, label="measured")]
@@ -54,7 +57,7 @@ def _draw(
     crop: Crop,
     points: int | None,
 ) -> None:
-    """One frame with its edges; points: how many of the measured ones on each side, None for all."""
+    """Draw one frame with its edges; `points` is the number of measured points on each edge, None for all."""
     frame, image = frame_of(contents), contents.dataset.images(contents.evidence.states[k].index, 1)[0]
     axes.imshow(crop.of(image), cmap="gray", vmin=0, vmax=1)
     for side, measured in enumerate(measured_mm(contents, k)):
@@ -69,7 +72,7 @@ def _draw(
 
 
 def _look_at_tip(axes: Axes, contents: DatasetContents, k: int, crop: Crop) -> None:
-    """The last part of both edges, as large as the axes are."""
+    """Set the limits of the axes to the last part of both edges."""
     ends = np.concatenate([points[-len(points) // _LAST :] for points in measured_mm(contents, k)])
     places = crop.places(frame_of(contents).to_px(ends))
     middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
@@ -79,7 +82,7 @@ def _look_at_tip(axes: Axes, contents: DatasetContents, k: int, crop: Crop) -> N
 
 
 def points_over_outlines(contents: DatasetContents, simulated: Prediction[ShownFit] | None) -> Drawing:
-    """Tracked points of the smallest, a middle and the largest load, with the simulated beams."""
+    """Draw the tracked points of the smallest, a middle and the largest load, with the simulated outlines."""
     observed = contents.evidence.experiment.observed
     if not isinstance(observed, PointObservation):
         raise ValueError("frames have no tracked points")
@@ -89,9 +92,9 @@ def points_over_outlines(contents: DatasetContents, simulated: Prediction[ShownF
         if simulated:
             left, right = contents.dataset.upright(simulated.edges_mm[k])
             axes.plot(*np.concatenate([left, right[::-1], left[:1]]).T, color=_SIMULATED, linewidth=1.2)
-        seen = np.isfinite(observed.sigma_mm[k])
+        measured = np.isfinite(observed.sigma_mm[k])
         words = load_words(contents.evidence.states[k])
-        places = contents.dataset.upright(observed.moved_mm[k, seen])
+        places = contents.dataset.upright(observed.moved_mm[k, measured])
         axes.plot(*places.T, marker, color=MEASURED, markersize=3.5, label=f"tracked, {words}")
     if simulated:
         axes.plot([], [], color=_SIMULATED, label=f"simulated, {simulated.fitted_law.fit.model}")
@@ -102,17 +105,17 @@ def points_over_outlines(contents: DatasetContents, simulated: Prediction[ShownF
 
 
 def picture_of(report: ReportContents) -> Picture | None:
-    """The first dataset that the chosen fit was simulated for, or simply the first."""
-    found = findings(report)
-    wanted = found[0].shown if found else None
+    """Draw the first dataset that was simulated with the fit of the first finding; the last one if there is none."""
+    results = findings(report)
+    best_fit = results[0].shown if results else None
     for contents in report.datasets:
-        simulated = contents.simulated_by(wanted)
-        if simulated or wanted is None or contents is report.datasets[-1]:
+        simulated = contents.simulated_by(best_fit)
+        if simulated or best_fit is None or contents is report.datasets[-1]:
             frames = contents.dataset.kind == "frames"
             drawn = (edges_over_frames if frames else points_over_outlines)(contents, simulated)
             words = "measured and simulated" if simulated else "measured"
-            caption = f"{contents.name}: the beam, {words}, at the least and the largest load"
-            caption += ", and the tip at the largest." if frames else "."
+            caption = f"{contents.name}: the beam, {words}, at the smallest and the largest load"
+            caption += ", and its tip at the largest load." if frames else "."
             return Picture("result", drawn, "measured and simulated beam", caption, photograph=frames)
     return None
 
@@ -130,7 +133,7 @@ PANEL = ReportPanel(
 {% for f in findings %}
 <div>
 <p class="number">{% if f.subject %}{{ f.subject }}: initial{% else %}Initial{% endif %} shear modulus
-<b>{{ f.value }}</b> ({{ f.interval }} at 95 %), {{ f.how }}. {{ f.limit }}</p>
+<b>{{ f.value }}</b> (95 % interval: {{ f.interval }}), {{ f.how }}. {{ f.limit }}</p>
 <dl class="verdicts">
 {% for v in f.verdicts %}<dt>{{ v.question }} <span>{{ v.answer }}</span></dt><dd>{{ v.words }}</dd>
 {% endfor %}

@@ -1,4 +1,4 @@
-"""How far each law is stable, against how far the data reached."""
+"""Compare the stretch up to which each law is stable with the largest stretch in its data."""
 
 from __future__ import annotations
 
@@ -14,16 +14,19 @@ _HEAD = ("law", "stretch reached", "stable up to", "stable over the data")
 
 def _row(label: str, fit: FitRecord | TensileRecord) -> tuple[str, ...]:
     limit, checked = fit.stability.stable_up_to_stretch, fit.stability.checked_up_to_stretch
-    told = f"≥ {checked:g}" if limit is None else "nowhere" if limit <= 1 else f"{limit:.2f}"
-    return label, f"{fit.max_stretch:.3f}", told, "yes" if limit is None or limit >= fit.max_stretch else "no"
+    stable_to = f"≥ {checked:g}" if limit is None else "nowhere" if limit <= 1 else f"{limit:.2f}"
+    return label, f"{fit.max_stretch:.3f}", stable_to, "yes" if limit is None or limit >= fit.max_stretch else "no"
 
 
 def _values(report: ReportContents) -> dict[str, Any] | None:
-    if not report.every:
+    if not report.fits:
         return None
-    note = "By Drucker's criterion, checked as far as ≥ says; a finite-element program may fail beyond."
-    rows = [_row(shown.label, shown.fit) for shown in report.every]
-    return {"stability": Table("stability", "How far each law is stable.", _HEAD, rows, [note])}
+    note = (
+        "Stability by Drucker's criterion. ≥: stable at all stretches that were checked. Beyond the limit a "
+        "finite-element program may fail."
+    )
+    rows = [_row(shown.label, shown.fit) for shown in report.fits]
+    return {"stability": Table("stability", "The stretch up to which each law is stable.", _HEAD, rows, [note])}
 
 
 PANEL = ReportPanel(

@@ -1,4 +1,4 @@
-"""Parameters, misfit and range of every fit, and the comparison of the laws."""
+"""Show parameters, misfit and range of each fit, and the comparison of the laws."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ _HEAD = (
 )
 _NOTE = (
     "Stretch reached: the largest in the data; beyond it a law is an extrapolation. Not measured: the bounds of the "
-    "search set the value and its interval, or a tensile curve does not tell it from zero."
+    "search determine the value and its interval, or the interval from a tensile curve contains zero."
 )
 _INTERVALS = (
-    "Intervals of bending fits hold the scatter of the measured edges or points about the simulated ones, what the "
-    "mesh leaves, and all that specimen, calibration and rig state as uncertain. What nobody states is taken as exact, "
-    "and so is the assumption about the section."
+    "Intervals of bending fits include the scatter of the measured edges or points about the simulated ones, the error "
+    "of the mesh, and all uncertainties that specimen, calibration and rig state. A number without a stated "
+    "uncertainty is taken as exact, and so is the section assumption."
 )
 
 
-def table_of_laws(every: Sequence[ShownFit], bending: bool) -> Table:
-    """A row a fit."""
+def table_of_laws(fits: Sequence[ShownFit], bending: bool) -> Table:
+    """Return a table with a row for each fit; `bending` adds the note on the intervals of bending fits."""
     rows = [
         (s.fit.model, s.origin, _modulus(s.fit), _parameters(s.fit), _misfit(s.fit), f"{s.fit.max_stretch:.3f}")
-        for s in every
+        for s in fits
     ]
     notes = [_NOTE, _INTERVALS] if bending else [_NOTE]
-    return Table("laws", "What each fit found.", _HEAD, rows, notes)
+    return Table("laws", "The result of each fit.", _HEAD, rows, notes)
 
 
 def table_of_choice(choices: Sequence[Choice]) -> Table:
-    """What speaks for each law."""
+    """Return a table with the information criteria of each law and its error on states left out of the fit."""
     head = ("law", "unknowns", "AICc", "BIC", "Akaike weight", "error on states left out, µm")
     rows = [
         (
@@ -60,7 +60,8 @@ def table_of_choice(choices: Sequence[Choice]) -> Table:
         for c in choices
     ]
     caption = (
-        "The laws compared. AICc and BIC above the best law's: what its further parameters are worth to these data."
+        "Comparison of the laws: the difference of AICc and of BIC from the best law. The smaller, the better do the "
+        "data support the law and the number of its parameters."
     )
     return Table("comparison", caption, head, rows, too_few_in_words(choices))
 
@@ -85,9 +86,9 @@ def _marked(text: str, held: bool) -> str | Cell:
 
 
 def _remarks(report: ReportContents) -> list[tuple[str, list[str]]]:
-    """What is to be said of each fit beside its doubts, of which several fits may have the same."""
-    found = []
-    for shown in report.every:
+    """Return the remarks on each fit, except its doubts: several fits may share a doubt."""
+    remarks_of_fits = []
+    for shown in report.fits:
         fit = shown.fit
         if isinstance(fit, TensileRecord):
             lines = fit.not_fixed_in_words()
@@ -95,31 +96,33 @@ def _remarks(report: ReportContents) -> list[tuple[str, list[str]]]:
             states = [d.in_words() for d in fit.datasets if d.states.left_out or d.states.flagged]
             at_bound = fit.identifiability.at_bound
             bound = [f"On a bound of the search: {', '.join(at_bound)}."] if at_bound else []
-            # the budget and the doubts are shown elsewhere
+            # the budget and the doubts have their own places in the report
             lines = [*states, *what_is_fixed(fit), *what_was_fitted_beside(fit), *bound]
         if lines:
-            found.append((shown.label, lines))
-    return found
+            remarks_of_fits.append((shown.label, lines))
+    return remarks_of_fits
 
 
-def _doubts(every: Sequence[ShownFit]) -> list[tuple[str, str]]:
-    """Each doubt once, and of which fits it is."""
-    found: dict[str, list[str]] = {}
-    for shown in every:
+def _doubts(fits: Sequence[ShownFit]) -> list[tuple[str, str]]:
+    """Return each doubt once, with the labels of the fits that it concerns."""
+    labels_of: dict[str, list[str]] = {}
+    for shown in fits:
         for words in shown.fit.doubts_in_words():
-            found.setdefault(words, []).append(shown.label)
-    whole = len(every)
-    return [(words, "every fit" if len(of) == whole > 1 else "; ".join(of)) for words, of in found.items()]
+            labels_of.setdefault(words, []).append(shown.label)
+    total = len(fits)
+    return [
+        (words, "all fits" if len(labels) == total > 1 else "; ".join(labels)) for words, labels in labels_of.items()
+    ]
 
 
 def _values(report: ReportContents) -> dict[str, Any] | None:
-    if not report.every:
+    if not report.fits:
         return None
     comparisons = dict.fromkeys(shown.comparison for shown in report.bending if shown.comparison)
     return {
-        "laws": table_of_laws(report.every, bool(report.bending)),
+        "laws": table_of_laws(report.fits, bool(report.bending)),
         "remarks": _remarks(report),
-        "doubts": _doubts(report.every),
+        "doubts": _doubts(report.fits),
         "comparisons": [table_of_choice(choices) for choices in comparisons],
     }
 
@@ -133,7 +136,7 @@ PANEL = ReportPanel(
 {% for label, lines in remarks %}
 <li><b>{{ label }}</b>: {% for words in lines %}{{ words }}{% if not loop.last %}<br>{% endif %}{% endfor %}</li>
 {% endfor %}
-{% for words, of in doubts %}<li><b>Doubt</b> of {{ of }}: {{ words }}</li>
+{% for words, labels in doubts %}<li><b>Doubt</b> about {{ labels }}: {{ words }}</li>
 {% endfor %}
 </ul>
 {% for choices in comparisons %}{{ choices | table }}{% endfor %}

@@ -1,4 +1,4 @@
-"""What the best fit leaves, as arrows on the beam in chosen states."""
+"""Show the residuals of the best fit as magnified arrows on the beam."""
 
 from __future__ import annotations
 
@@ -22,45 +22,59 @@ Array = NDArray[np.float64]
 
 _STATES = 3
 _ARROWS = 40  # on each edge
-_LONGEST = 0.9  # of the beam's width: how long the arrow of the largest residual but a few is drawn
-_TYPICAL = 0.95  # quantile that stands for the largest
+_LONGEST = 0.9  # length of the arrow of a large residual, as a fraction of the beam's width
+_LARGE = 0.95  # quantile of the residuals that counts as a large one
 
 
 def residual_vectors(simulated: Prediction[ShownFit], k: int) -> tuple[Array, Array]:
-    """(n, 2) where the measured points or markers of state k were seen, and (n, 2) measured minus simulated, in mm."""
+    """Return the residuals of state k as vectors.
+
+    Parameters
+    ----------
+    simulated : Prediction
+    k : int
+        Place of the state in the evidence.
+
+    Returns
+    -------
+    places_mm : ndarray, shape (n, 2)
+        The measured points, in the beam frame.
+    vectors_mm : ndarray, shape (n, 2)
+        Measured minus simulated; of edges, the component normal to the simulated edge.
+    """
     observed, residuals = simulated.evidence.experiment.observed, simulated.residuals_mm[k]
     if not isinstance(observed, EdgeObservation):
-        seen = np.isfinite(observed.sigma_mm[k])
-        return observed.moved_mm[k, seen], residuals[:, seen].T
+        measured = np.isfinite(observed.sigma_mm[k])
+        return observed.moved_mm[k, measured], residuals[:, measured].T
     places, vectors = [], []
     for side in range(2):
-        seen = np.flatnonzero(np.isfinite(residuals[side]))
-        rows = seen[np.unique(np.linspace(0, len(seen) - 1, _ARROWS).astype(int))]
+        measured = np.flatnonzero(np.isfinite(residuals[side]))
+        rows = measured[np.unique(np.linspace(0, len(measured) - 1, _ARROWS).astype(int))]
         points, edge = observed.points_mm[k, side, rows], simulated.edges_mm[k, side]
         tangent = np.gradient(edge, axis=0)[((points[:, None] - edge) ** 2).sum(axis=-1).argmin(axis=1)]
         normal = np.column_stack([-tangent[:, 1], tangent[:, 0]]) / np.linalg.norm(tangent, axis=1, keepdims=True)
         places.append(points)
-        vectors.append(normal * residuals[side, rows, None])  # positive to the left of clamp-to-tip
+        vectors.append(normal * residuals[side, rows, None])  # positive to the left, seen from the clamp to the tip
     return np.concatenate(places), np.concatenate(vectors)
 
 
 def drawn_residuals(contents: DatasetContents, simulated: Prediction[ShownFit]) -> tuple[Drawing, float]:
-    """The simulated outline with arrows from it to what was measured, magnified; and how many times."""
+    """Draw the simulated outlines with magnified arrows to the measured points; return also the magnification."""
     chosen = some_states(contents, _STATES)
-    found = [residual_vectors(simulated, k) for k in chosen]
-    sizes = np.concatenate([np.linalg.norm(vectors, axis=1) for _, vectors in found])
+    residuals = [residual_vectors(simulated, k) for k in chosen]
+    sizes = np.concatenate([np.linalg.norm(vectors, axis=1) for _, vectors in residuals])
     width = contents.dataset.specimen.specimen.width_mm
-    magnified = _round_down(_LONGEST * width / max(float(np.quantile(sizes, _TYPICAL)), 1e-9))
+    magnification = _round_down(_LONGEST * width / max(float(np.quantile(sizes, _LARGE)), 1e-9))
     outlines = [contents.dataset.upright(simulated.edges_mm[k]) for k in chosen]
     everywhere = np.concatenate([outline.reshape(-1, 2) for outline in outlines])
     span = np.ptp(everywhere, axis=0) + 2 * width
     drawing = Drawing(float(np.clip(7.1 / len(chosen) * span[1] / span[0] + 0.8, 2.0, 6.5)))
     grid = np.atleast_1d(drawing.subplots(1, len(chosen), sharex=True, sharey=True))
-    for axes, k, outline, (places, vectors) in zip(grid, chosen, outlines, found, strict=True):
+    for axes, k, outline, (places, vectors) in zip(grid, chosen, outlines, residuals, strict=True):
         left, right = outline
         axes.fill(*np.concatenate([left, right[::-1]]).T, facecolor="0.93", edgecolor=PALETTE[1], linewidth=1.0)
         start = contents.dataset.upright(places)
-        arrows = magnified * contents.dataset.upright(vectors)
+        arrows = magnification * contents.dataset.upright(vectors)
         axes.quiver(
             *start.T, *arrows.T, color=PALETTE[0], angles="xy", scale_units="xy", scale=1, width=0.006, headwidth=3
         )
@@ -73,11 +87,11 @@ def drawn_residuals(contents: DatasetContents, simulated: Prediction[ShownFit]) 
         axes.set_ylim(everywhere[:, 1].min() - width, everywhere[:, 1].max() + width)
         label(axes, "to the right, mm", "up, mm")
         axes.label_outer()
-    return drawing, magnified
+    return drawing, magnification
 
 
 def _round_down(factor: float) -> float:
-    """1, 2 or 5 times a power of ten."""
+    """Return the largest number of the form 1, 2 or 5 times a power of ten that is not larger than the factor."""
     power = 10.0 ** math.floor(math.log10(max(factor, 1e-6)))
     return next(step * power for step in (5.0, 2.0, 1.0) if step * power <= factor * (1 + 1e-9))
 
@@ -86,17 +100,17 @@ def _values(contents: DatasetContents) -> dict[str, Any] | None:
     best = contents.best
     if best is None:
         return None
-    drawn, magnified = drawn_residuals(contents, best)
+    drawn, magnification = drawn_residuals(contents, best)
     caption = (
-        f"The beam as {best.fitted_law.label} has it (grey, outlined), and what that leaves: arrows to what was "
-        f"measured, magnified {magnified:g} times. Above: the load, and the error of that state."
+        f"The beam simulated with {best.fitted_law.label} (grey), and its residuals: arrows to the measured points, "
+        f"magnified {magnification:g} times. The titles state load and error of each state."
     )
     return {"best": best, "picture": Picture("residual_arrows", drawn, "residuals as arrows on the beam", caption)}
 
 
 PANEL = DatasetPanel(
     place=30,
-    title="Simulated and measured, the difference magnified",
+    title="Simulated and measured beam, with magnified residuals",
     template="{{ picture | figure }}",
     values=_values,
 )

@@ -1,4 +1,4 @@
-"""A paragraph on methods, ready to be cited, and what to cite."""
+"""Write a methods paragraph for a paper, and the references to cite."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SECTIONS = {
 
 
 def paragraph(report: ReportContents) -> str:
-    """What was done, in the words of a methods section."""
+    """Return the paragraph: what was measured, how the law was identified, and the results."""
     sentences = [_measured(shown) for shown in report.datasets]
     bending = [shown.fit for shown in report.bending if isinstance(shown.fit, FitRecord)]
     if bending:
@@ -28,11 +28,12 @@ def paragraph(report: ReportContents) -> str:
     if report.tensile:
         windows = ", ".join(dict.fromkeys(shown.origin.removeprefix("tensile ") for shown in report.tensile))
         sentences.append(
-            f"For comparison laws were fitted by least squares to uniaxial tensile tests (window: {windows})."
+            f"For comparison, laws were fitted by least squares to uniaxial tensile tests (window: {windows})."
         )
-    for found in findings(report):
+    for finding in findings(report):
         sentences.append(
-            f"{found.subject or 'The material'}: initial shear modulus {found.value} (95 %: {found.interval})."
+            f"{finding.subject or 'The material'}: initial shear modulus {finding.value} "
+            f"(95 % interval: {finding.interval})."
         )
     return " ".join(sentences)
 
@@ -52,7 +53,7 @@ def _measured(shown: DatasetContents) -> str:
         words += f" in magnetic fields up to {max(fields):.3g} mT"
     if dataset.calibration is not None:
         words += f" at {dataset.calibration.pixels_per_mm:.4g} pixels/mm"
-    virtual = " The rig was a virtual one." if dataset.truth() is not None else ""
+    virtual = " The rig was virtual." if dataset.truth() is not None else ""
     return f"{words}; {shown.evidence.used.in_words()}.{virtual}"
 
 
@@ -61,18 +62,18 @@ def _identified(bending: Sequence[FitRecord]) -> str:
     sections = " and ".join(_SECTIONS[s] for s in dict.fromkeys(d.section for fit in bending for d in fit.datasets))
     seeds = ", ".join(dict.fromkeys(str(fit.seed) for fit in bending))
     return (
-        "Edges were found to a fraction of a pixel. The parameters of a hyperelastic law were searched by CMA-ES "
-        f"(seed {seeds}), polished by Gauss-Newton, such that the outline of a finite-element simulation, {sections}, "
-        f"lies on the measured edges (Evolutionary Inverse Material Identification, {METHOD.short}), with eimi-lab "
-        f"{bending[0].versions['eimi-lab']}. Laws: {laws}."
+        "Edges were located to a fraction of a pixel. The parameters of a hyperelastic law were searched by CMA-ES "
+        f"(seed {seeds}) and refined by Gauss-Newton, such that the outline of a finite-element simulation "
+        f"({sections}) matches the measured edges (Evolutionary Inverse Material Identification, {METHOD.short}). "
+        f"The software was eimi-lab {bending[0].versions['eimi-lab']}. Laws: {laws}."
     )
 
 
 def _intervals(bending: Sequence[FitRecord]) -> str:
     sources = list(dict.fromkeys(entry.words for fit in bending for entry in fit.budget))
-    words = "Intervals hold 95 % and contain the scatter along the edges and the error of the mesh"
+    words = "The 95 % intervals include the scatter along the edges and the error of the mesh"
     if sources:
-        words += f", and what is stated as uncertain: {', '.join(sources)}"
+        words += f", and these uncertainties: {', '.join(sources)}"
     exact = list(dict.fromkeys(word for fit in bending for word in fit.taken_as_exact))
     priors = list(dict.fromkeys(f"{fit.model}: {words}" for fit in bending for words in fit.priors_in_words()))
     known = "".join(f" {words}" for words in priors)
@@ -86,10 +87,10 @@ def _values(report: ReportContents) -> dict[str, Any]:
 PANEL = ReportPanel(
     place=40,
     after_datasets=True,
-    title="Methods, and what to cite",
+    title="Methods and references",
     template="""
 <p>{{ paragraph }}</p>
-<p class="note">Cite the method and the suite:</p>
+<p class="note">References for the method and for the suite:</p>
 <ul><li>{{ method.text }}</li><li>{{ suite.text }}</li></ul>
 <pre>{{ bibtex }}</pre>
 """,

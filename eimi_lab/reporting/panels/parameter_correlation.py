@@ -1,4 +1,4 @@
-"""How the errors of a fit's unknowns hang together."""
+"""Show the correlation of the errors of the unknowns of each fit."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from eimi_lab.showing.palette import OF_TWO_SIGNS
 _MOST = 6  # matrices
 
 
-def drawn_correlations(every: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
-    """A matrix for each fit, with its numbers."""
-    columns = min(2, len(every))
-    rows = -(-len(every) // columns)
-    most = max(len(fit.identifiability.names) for _, fit in every)
+def drawn_correlations(fits: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
+    """Draw the correlation matrix of each fit, with its numbers."""
+    columns = min(2, len(fits))
+    rows = -(-len(fits) // columns)
+    most = max(len(fit.identifiability.names) for _, fit in fits)
     drawing = Drawing((0.9 + 0.34 * most) * rows + 0.2)
     grid = drawing.subplots(rows, columns, squeeze=False).ravel()
-    for axes, (shown, fit) in zip(grid, every, strict=False):
+    for axes, (shown, fit) in zip(grid, fits, strict=False):
         names = [name.replace("_", " ") for name in fit.identifiability.names]
         matrix = np.round(fit.identifiability.correlation, 2)
         axes.imshow(matrix, cmap=OF_TWO_SIGNS, vmin=-1, vmax=1)
@@ -48,26 +48,25 @@ def drawn_correlations(every: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
         axes.grid(visible=False)
         axes.spines[:].set_visible(False)
         axes.tick_params(length=0)
-    for unused in grid[len(every) :]:
+    for unused in grid[len(fits) :]:
         unused.axis("off")
     return drawing
 
 
 def _values(report: ReportContents) -> dict[str, Any] | None:
-    every = [
-        (s, s.fit) for s in report.bending if isinstance(s.fit, FitRecord) and len(s.fit.identifiability.names) > 1
-    ]
-    if not every:
+    fits = [(s, s.fit) for s in report.bending if isinstance(s.fit, FitRecord) and len(s.fit.identifiability.names) > 1]
+    if not fits:
         return None
     caption = (
-        "Correlation of the errors of all unknowns of a fit: near ±1 the data fix a combination, not each of the two."
+        "Correlation of the errors of all unknowns of a fit. Near ±1 the data determine a combination of the two "
+        "unknowns, but not each of them."
     )
-    if len(every) > _MOST:
-        caption += f" The first {_MOST} of {len(every)} fits."
-    drawn = drawn_correlations(every[:_MOST])
+    if len(fits) > _MOST:
+        caption += f" The first {_MOST} of {len(fits)} fits."
+    drawn = drawn_correlations(fits[:_MOST])
     return {"picture": Picture("correlation", drawn, "correlation of the unknowns", caption)}
 
 
 PANEL = ReportPanel(
-    place=17, title="What hangs together", template="{{ picture | figure }}", values=_values, of_fits=True
+    place=17, title="Correlation of the unknowns", template="{{ picture | figure }}", values=_values, of_fits=True
 )

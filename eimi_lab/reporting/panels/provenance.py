@@ -1,4 +1,4 @@
-"""Which files, which programs and which command this report is from."""
+"""List the files, the programs and the command from which the report was made."""
 
 from __future__ import annotations
 
@@ -12,27 +12,26 @@ from eimi_lab.reporting.panel import ReportPanel
 
 
 def sources(report: ReportContents) -> Table:
-    """Every file by its content."""
+    """Return a table of all files with the hashes of their contents."""
     rows = [("dataset", str(shown.dataset.path), shown.evidence.sha256) for shown in report.datasets]
-    shown = {row[2] for row in rows}
-    rows += [
-        ("fits", str(p), hashlib.sha256(p.read_bytes()).hexdigest())
-        for p in dict.fromkeys(s.path for s in report.every)
-    ]
-    for found in report.every:
-        fit = found.fit
+    hashes = {sha256 for _, _, sha256 in rows}
+    paths = dict.fromkeys(shown.path for shown in report.fits)
+    rows += [("fits", str(path), hashlib.sha256(path.read_bytes()).hexdigest()) for path in paths]
+    for shown in report.fits:
+        fit = shown.fit
         if isinstance(fit, TensileRecord):
             rows.append(("tensile test", fit.source.path, fit.source.sha256))
         if isinstance(fit, FitRecord):
-            rows += [("dataset of a fit", d.path, d.sha256) for d in fit.datasets if d.sha256 not in shown]
+            rows += [("dataset of a fit", d.path, d.sha256) for d in fit.datasets if d.sha256 not in hashes]
             rows += [("tensile test", curve.name, curve.sha256) for curve in fit.tensile]
-    return Table("files", "The files, by their content.", ("what", "file", "SHA-256"), list(dict.fromkeys(rows)))
+    caption = "The files and the SHA-256 hashes of their contents."
+    return Table("files", caption, ("what", "file", "SHA-256"), list(dict.fromkeys(rows)))
 
 
 def versions(report: ReportContents) -> list[str]:
-    """The programs that made the fits, a line for each set of them."""
-    every = [", ".join(f"{name} {number}" for name, number in s.fit.versions.items()) for s in report.every]
-    return list(dict.fromkeys(every))
+    """Return the versions of the programs that made the fits, one line for each different set."""
+    lines = [", ".join(f"{name} {number}" for name, number in s.fit.versions.items()) for s in report.fits]
+    return list(dict.fromkeys(lines))
 
 
 def _values(report: ReportContents) -> dict[str, Any]:

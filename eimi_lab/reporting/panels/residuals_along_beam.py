@@ -1,4 +1,4 @@
-"""What the best fit leaves along the edges of a dataset's frames."""
+"""Show the residuals of the best fit along the edges of the beam."""
 
 from __future__ import annotations
 
@@ -19,16 +19,33 @@ from eimi_lab.showing.drawing import Drawing, by_field, colours_in_order, label
 Array = NDArray[np.float64]
 
 _AT_THE_MAGNET = (
-    "A narrow spike at the magnet's face, of a few µm and growing with the load, may be the corner and not the "
-    "material: the soft beam bends up to a rigid block, its edge turns there within less than a pixel, and blur and "
-    "mesh each round that off in their own way."
+    "A narrow spike of a few µm at the face of the magnet, which grows with the load, may come from the corner there "
+    "and not from the material: where the soft beam meets the rigid magnet, its edge turns within less than a pixel, "
+    "and the blur of the image and the mesh smooth this corner differently."
 )
 
 
 def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: float) -> Array:
-    """(m,) where on the beam at rest the points of a simulated edge (n, 2) are that lie nearest to measured (m, 2).
+    """Return the positions of measured points along the beam at rest.
 
-    rigid_mm: the magnet's part at the tip, which keeps its length; the rest is taken as stretched evenly.
+    The nearest point of the simulated edge is mapped back to the beam at rest. The soft part of the beam is assumed to
+    be stretched uniformly; the rigid part at the tip keeps its length.
+
+    Parameters
+    ----------
+    edge_mm : ndarray, shape (n, 2)
+        The simulated edge, from clamp to tip.
+    points_mm : ndarray, shape (m, 2)
+        The measured points.
+    length_mm : float
+        Length of the beam at rest.
+    rigid_mm : float
+        Length of the rigid part at the tip.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        Distances from the clamp in mm.
     """
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(edge_mm, axis=0), axis=1))])
     bent = lengths[((points_mm[:, None] - edge_mm) ** 2).sum(axis=-1).argmin(axis=1)]
@@ -38,7 +55,7 @@ def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: 
 
 
 def drawn_along_beam(contents: DatasetContents, simulated: Prediction[ShownFit]) -> Drawing:
-    """Measured minus simulated along both edges, a line a state in the colour of its field."""
+    """Draw measured minus simulated along both edges, a line for each state in the colour of its field."""
     observed = simulated.evidence.experiment.observed
     if not isinstance(observed, EdgeObservation):
         raise ValueError("tracked points have no edges")
@@ -52,9 +69,9 @@ def drawn_along_beam(contents: DatasetContents, simulated: Prediction[ShownFit])
         _shade_magnet(axes, contents)
         for k, value in enumerate(values):
             row = simulated.residuals_mm[k, side]
-            seen = np.isfinite(row)
-            at = along_beam_mm(simulated.edges_mm[k, side], observed.points_mm[k, side, seen], length_mm, rigid_mm)
-            axes.plot(at, 1e3 * row[seen], color=scale.to_rgba(value), linewidth=0.9)
+            used = np.isfinite(row)
+            at = along_beam_mm(simulated.edges_mm[k, side], observed.points_mm[k, side, used], length_mm, rigid_mm)
+            axes.plot(at, 1e3 * row[used], color=scale.to_rgba(value), linewidth=0.9)
         axes.axhline(0, color="0.2", linewidth=0.6)
         axes.set_title(name, loc="left")
         label(axes, "from the clamp along the beam at rest, mm", "measured − simulated, µm")
@@ -64,7 +81,7 @@ def drawn_along_beam(contents: DatasetContents, simulated: Prediction[ShownFit])
 
 
 def rigid_tip_mm(contents: DatasetContents) -> float:
-    """How much of the beam's length the magnet, and what is beyond it, takes."""
+    """Return the length of the rigid part at the tip: the magnet and the part of the beam beyond it."""
     magnet = contents.dataset.specimen.magnet
     return magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0
 
@@ -90,7 +107,7 @@ def _values(contents: DatasetContents) -> dict[str, Any] | None:
     best = contents.best
     if contents.dataset.kind != "frames" or best is None:
         return None
-    caption = f"What {best.fitted_law.label} leaves along both edges; what is left should look like noise."
+    caption = f"Residuals of {best.fitted_law.label} along both edges. If the law is right, they look like noise."
     if contents.dataset.specimen.magnet is not None:
         caption += " " + _AT_THE_MAGNET
     return {
@@ -103,7 +120,7 @@ def _values(contents: DatasetContents) -> dict[str, Any] | None:
 
 PANEL = DatasetPanel(
     place=40,
-    title="What {{ best.fitted_law.label }} leaves",
+    title="Residuals of {{ best.fitted_law.label }}",
     template="{{ picture | figure }}",
     values=_values,
 )

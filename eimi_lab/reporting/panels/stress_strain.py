@@ -1,4 +1,4 @@
-"""Stress against strain of every law in three ways of stretching, over the tensile tests where they are there."""
+"""Show stress against strain of each law in three modes of deformation, with the measured tensile tests."""
 
 from __future__ import annotations
 
@@ -29,18 +29,26 @@ from eimi_lab.reporting.stress import (
 from eimi_lab.showing.drawing import Drawing, label
 
 _STRAINS = 61
-_HEADROOM = 1.5  # above the measured stresses: a law that has left them need not be followed
+_HEADROOM = 1.5  # upper limit of the axis, relative to the largest measured stress
 
 
-def drawn_stress(every: Sequence[ShownFit], points: Sequence[TensilePoints], bent_to: float | None) -> Drawing:
-    """Three ways of stretching abreast, a row for what the laws were fitted to.
+def drawn_stress(fits: Sequence[ShownFit], points: Sequence[TensilePoints], bent_to: float | None) -> Drawing:
+    """Draw a column for each mode of deformation and a row for each origin of the fits.
 
-    Lines are solid as far as a fit's data went, thin and dashed beyond; what no bent specimen reached is shaded.
+    The lines are solid within the data of a fit, and thin and dashed beyond. Strains that no bent specimen reached are
+    shaded.
+
+    Parameters
+    ----------
+    fits : sequence of ShownFit
+    points : sequence of TensilePoints
+    bent_to : float or None
+        The largest strain of a bent specimen.
     """
-    origins = list(dict.fromkeys(shown.origin for shown in every))
+    origins = list(dict.fromkeys(shown.origin for shown in fits))
     drawing = Drawing(2.1 * len(origins) + 0.6)
     grid = drawing.subplots(len(origins), len(MODES), sharex=True, sharey=True, squeeze=False)
-    strain = np.linspace(0, largest_strain(every), _STRAINS)
+    strain = np.linspace(0, largest_strain(fits), _STRAINS)
     top = max((float(test.stress_Pa.max(initial=0)) for test in points), default=0.0)
     for row, origin in zip(grid, origins, strict=True):
         for axes, mode in zip(row, MODES, strict=True):
@@ -51,7 +59,7 @@ def drawn_stress(every: Sequence[ShownFit], points: Sequence[TensilePoints], ben
                     axes.plot(
                         100 * test.strain, 1e-3 * test.stress_Pa, marker, color="0.3", markersize=3, label=test.label
                     )
-            for shown in every:
+            for shown in fits:
                 if shown.origin == origin:
                     end = reached(shown, mode)
                     curve = stress_curve(shown, np.union1d(strain, [end] if end < strain[-1] else []), mode)
@@ -70,38 +78,39 @@ def drawn_stress(every: Sequence[ShownFit], points: Sequence[TensilePoints], ben
 def _draw(axes: Axes, curve: StressCurve, end: float) -> None:
     strain, stress, shown = 100 * curve.strain, 1e-3 * curve.stress_Pa, curve.shown
     within = curve.strain <= end + 1e-9
-    # Beyond their own data tensile fits are no more than dashed: their bands would hide everything else.
+    # The bands of tensile fits end with their data: beyond, they would hide all other lines.
     banded = within | (shown.fit.kind == "bending")
     low, high = (np.column_stack([strain[banded], end]) for end in 1e-3 * curve.band_Pa[banded].T)
     if shown.fit.draws:
         band = PolyCollection([np.concatenate([low, high[::-1]])], color=shown.colour, alpha=0.18, linewidth=0)
-        axes.add_collection(band, autolim=False)  # the limits are set, and looking for them takes longer than drawing
+        axes.add_collection(band, autolim=False)  # computing limits, which are set later, takes longer than drawing
     axes.plot(strain, stress, "--", color=shown.colour, linewidth=0.8)
     axes.plot(strain[within], stress[within], color=shown.colour, linewidth=1.8, label=shown.fit.model)
 
 
-def _legend(drawing: Drawing, every: Sequence[Axes]) -> None:
+def _legend(drawing: Drawing, all_axes: Sequence[Axes]) -> None:
+    """Add a legend in which each label occurs once."""
     entries: dict[str, Any] = {}
-    for axes in every:
+    for axes in all_axes:
         for handle, words in zip(*axes.get_legend_handles_labels(), strict=True):
             entries.setdefault(words, handle)
     drawing.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=4)
 
 
 def _values(report: ReportContents) -> dict[str, Any] | None:
-    if not report.every:
+    if not report.fits:
         return None
-    points, missing = tensile_points(report.every, largest_strain(report.every))
-    bent_to = bending_strain(report.every)
-    words = "Engineering stress of each law; solid as far as its own data went, dashed beyond."
+    points, missing = tensile_points(report.fits, largest_strain(report.fits))
+    bent_to = bending_strain(report.fits)
+    words = "Engineering stress of each law: solid within the data of the fit, dashed beyond."
     if bent_to:
         words += (
-            f" Shaded: beyond {100 * bent_to:.1f} % strain (or the shear that stretches as much), the largest in any "
+            f" Shaded: beyond {100 * bent_to:.1f} % strain (or the shear with the same stretch), the largest in any "
             "bent specimen; there a law identified by bending is an extrapolation."
         )
     caption = " ".join([words, BAND, *missing])
-    drawn = drawn_stress(report.every, points, bent_to)
-    return {"picture": Picture("stress_strain", drawn, "stress against strain of every law", caption)}
+    drawn = drawn_stress(report.fits, points, bent_to)
+    return {"picture": Picture("stress_strain", drawn, "stress against strain of each law", caption)}
 
 
 PANEL = ReportPanel(

@@ -1,4 +1,4 @@
-"""What makes up the interval of each modulus, and what to measure better next."""
+"""Show the share of each source of uncertainty in the interval of the modulus, and what to measure better next."""
 
 from __future__ import annotations
 
@@ -16,33 +16,35 @@ from eimi_lab.reporting.shown import ShownFit
 from eimi_lab.showing.drawing import Drawing, label
 
 _CAPTION = (
-    "The interval's parts: the standard deviation that each source by itself gives the initial shear modulus. Their "
-    "squares add up, and an interval of 95 % is about twice the root of the sum to either side."
+    "The standard deviation of the initial shear modulus due to each source of uncertainty alone. The squares add up; "
+    "the 95 % interval extends about twice the root of the sum to each side."
 )
-_MOST = 8  # sources drawn each on its own
+_MOST = 8  # sources with a bar each; the others share a bar
 
 
 def shares(fit: FitRecord) -> list[tuple[str, float]]:
-    """What each source, the smaller ones together, and noise and mesh do to the modulus: standard deviations in %."""
-    found = [(entry_words(entry, fit), entry.effect_percent) for entry in fit.budget[:_MOST]]
+    """Return the sources of a fit with the standard deviation of the modulus due to each, in %.
+
+    The smaller sources are added up to one entry. The last entry is the share of noise and mesh.
+    """
+    rows = [(entry_words(entry, fit), entry.effect_percent) for entry in fit.budget[:_MOST]]
     smaller = [entry.effect_percent for entry in fit.budget[_MOST:]]
     if smaller:
-        found.append(
-            (f"{len(smaller)} smaller one{'s' * (len(smaller) > 1)}", float(np.sqrt(np.sum(np.square(smaller)))))
-        )
+        words = f"{len(smaller)} smaller source{'s' * (len(smaller) > 1)}"
+        rows.append((words, float(np.sqrt(np.sum(np.square(smaller))))))
     modulus = fit.initial_shear_modulus
     if modulus.interval_95_fit:
         low, high = modulus.interval_95_fit
-        found.append(("noise and mesh", 100 * (high - low) / (2 * 1.96 * modulus.value)))
-    return found
+        rows.append(("noise and mesh", 100 * (high - low) / (2 * 1.96 * modulus.value)))
+    return rows
 
 
-def drawn_budget(every: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
-    """A bar for each source, a row of axes for each fit."""
-    rows = [shares(fit) for _, fit in every]
+def drawn_budget(fits: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
+    """Draw axes for each fit, with a bar for each source."""
+    rows = [shares(fit) for _, fit in fits]
     drawing = Drawing(0.5 * len(rows) + 0.22 * sum(map(len, rows)) + 0.3)
     grid = drawing.subplots(len(rows), 1, sharex=True, squeeze=False, height_ratios=[len(row) + 1 for row in rows])
-    for (shown, _), row, axes in zip(every, rows, grid[:, 0], strict=True):
+    for (shown, _), row, axes in zip(fits, rows, grid[:, 0], strict=True):
         bars = axes.barh(range(len(row)), [size for _, size in row], color=shown.colour, height=0.7)
         axes.bar_label(bars, fmt="%.2g", padding=3, fontsize=8)
         axes.set_yticks(range(len(row)), [words for words, _ in row])
@@ -50,28 +52,28 @@ def drawn_budget(every: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
         axes.grid(axis="y", visible=False)
         axes.margins(x=0.1)
         axes.set_title(shown.label, loc="left")
-        label(axes, "standard deviation that it gives the initial shear modulus, %", "")
+        label(axes, "standard deviation of the initial shear modulus, %", "")
         axes.label_outer()
     return drawing
 
 
 def _values(report: ReportContents) -> dict[str, Any] | None:
-    every = [(shown, shown.fit) for shown in report.bending if isinstance(shown.fit, FitRecord)]
-    if not every:
+    fits = [(shown, shown.fit) for shown in report.bending if isinstance(shown.fit, FitRecord)]
+    if not fits:
         return None
-    stated = [(shown, fit) for shown, fit in every if fit.budget]
+    with_budget = [(shown, fit) for shown, fit in fits if fit.budget]
     return {
-        "picture": Picture("budget", drawn_budget(stated), "share of each source in the interval", _CAPTION)
-        if stated
+        "picture": Picture("budget", drawn_budget(with_budget), "share of each source in the interval", _CAPTION)
+        if with_budget
         else None,
-        "sentences": [(shown.label, next_sentence(fit)) for shown, fit in stated],
-        "exact": [(shown.label, ", ".join(fit.taken_as_exact)) for shown, fit in every if fit.taken_as_exact],
+        "sentences": [(shown.label, next_sentence(fit)) for shown, fit in with_budget],
+        "exact": [(shown.label, ", ".join(fit.taken_as_exact)) for shown, fit in fits if fit.taken_as_exact],
     }
 
 
 PANEL = ReportPanel(
     place=15,
-    title="What the interval is made of",
+    title="Uncertainty budget",
     template="""
 {% if picture %}
 {{ picture | figure }}
@@ -82,8 +84,8 @@ PANEL = ReportPanel(
 <li><b>{{ label }}</b>: taken as exact, because no uncertainty is stated: {{ words }}.</li>
 {% endfor %}
 </ul>
-{% if not picture %}<p class="note">No source is stated with an uncertainty above 0: the intervals hold noise and mesh
-alone.</p>{% endif %}
+{% if not picture %}<p class="note">No uncertainty above 0 is stated: the intervals include noise and mesh
+only.</p>{% endif %}
 """,
     values=_values,
     of_fits=True,

@@ -1,4 +1,4 @@
-"""What was measured, with what, when and by whom: the facts of a dataset."""
+"""List the facts of a dataset: specimen, date, rig, protocol, camera, gravity and states."""
 
 from __future__ import annotations
 
@@ -14,28 +14,22 @@ Facts = list[tuple[str, str]]
 
 
 def facts(contents: DatasetContents) -> Facts:
-    """Names and values, in the order in which a reader asks for them; what is not known is left out."""
+    """Return names and values of the facts; a fact that the file does not state is omitted."""
     dataset = contents.dataset
     start = dataset.start_time()
-    found = [*_of_specimen(contents), ("taken", f"{start.day} {start:%B %Y, %H:%M %Z}")]
-    found += _of_rig(contents) + _of_protocol(contents) + _of_picture(contents)
-    found.append(
-        (
-            "gravity",
-            f"{_angle(dataset.gravity_angle_deg)}" if dataset.gravity else "taken out: the weight does not bend it",
-        )
-    )
-    found.append(
-        ("states", contents.evidence.used.in_words() + ("" if dataset.finished else "; the run is not finished"))
-    )
+    gravity = _gravity_words(dataset.gravity_angle_deg) if dataset.gravity else "none: the weight does not bend it"
+    states = contents.evidence.used.in_words() + ("" if dataset.finished else "; the run is not finished")
+    rows = [*_of_specimen(contents), ("measured on", f"{start.day} {start:%B %Y, %H:%M %Z}")]
+    rows += _of_rig(contents) + _of_protocol(contents) + _of_picture(contents)
+    rows += [("gravity", gravity), ("states", states)]
     note = dataset.text("user_note")
-    found += [("operator's note", note)] if note else []
-    found += [("corrected", words) for words in dataset.corrections()]
+    rows += [("operator's note", note)] if note else []
+    rows += [("corrected", words) for words in dataset.corrections()]
     if dataset.truth() is not None:
-        found.append(("origin", "simulated on the virtual rig"))
+        rows.append(("origin", "simulated on the virtual rig"))
     if contents.validations and not any(v.seen for v in contents.validations):
-        found.append(("unseen", "no fit was made from this dataset: every error here is a prediction's"))
-    return [*found, ("content", f"sha256 {contents.evidence.sha256}")]
+        rows.append(("unseen", "no law was fitted to this dataset: all errors here are those of predictions"))
+    return [*rows, ("content", f"sha256 {contents.evidence.sha256}")]
 
 
 def _of_specimen(contents: DatasetContents) -> Facts:
@@ -44,26 +38,26 @@ def _of_specimen(contents: DatasetContents) -> Facts:
     uncertain = _uncertain(file.uncertainty)
     sizes = " × ".join(f"{getattr(beam, key):g}{uncertain(key)}" for key in ("length_mm", "width_mm", "depth_mm"))
     section = " and ".join(dict.fromkeys(v.section for v in contents.validations))
-    found = [
+    rows = [
         ("specimen", f"{beam.name}, {beam.material}"),
         (
             "length × width × depth",
-            f"{sizes} mm, taken as {section or contents.evidence.experiment.model.specimen.section}",
+            f"{sizes} mm, section assumption: {section or contents.evidence.experiment.model.specimen.section}",
         ),
         ("density", f"{beam.density_kg_m3:g}{uncertain('density_kg_m3')} kg/m³"),
     ]
     if magnet is None:
-        return [*found, ("magnet", "none")]
+        return [*rows, ("magnet", "none")]
     keys = ("length_mm", "width_mm", "depth_mm")
     sizes = " × ".join(f"{getattr(magnet, key):g}{uncertain(f'magnet_{key}')}" for key in keys)
     words = f"{sizes} mm, {magnet.remanence_T:g}{uncertain('remanence_T')} T, {magnet.density_kg_m3:g} kg/m³"
-    return [*found, ("magnet", words)]
+    return [*rows, ("magnet", words)]
 
 
 def _of_rig(contents: DatasetContents) -> Facts:
     text = contents.dataset.text("rig")
     if text is None:
-        return [("rig", "imported: not measured by this suite")]
+        return [("rig", "not stated: the data were imported")]
     name = parse_table(text, "rig").get("name", "")
     return [("rig", str(name)), *(("instrument", line) for line in contents.dataset.instruments())]
 
@@ -91,7 +85,7 @@ def _of_picture(contents: DatasetContents) -> Facts:
         return [("loads", span)] if any(fields) else []
     uncertain = _uncertain(calibration.uncertainty)
     scale = f"{calibration.pixels_per_mm:g}{uncertain('pixels_per_mm')} pixels/mm"
-    scale += f", a pixel is {1e3 / calibration.pixels_per_mm:.4g} µm"
+    scale += f"; one pixel is {1e3 / calibration.pixels_per_mm:.4g} µm"
     lens = (
         "telecentric"
         if calibration.telecentric
@@ -105,7 +99,7 @@ def _of_picture(contents: DatasetContents) -> Facts:
 
 
 def _uncertain(stated: Mapping[str, Any] | None) -> Callable[[str], str]:
-    """What stands behind a value: ` ± 0.02`, nothing where it is exact, a question mark where nobody said."""
+    """Return a function that writes the uncertainty of a key: ` ± 0.02`, nothing for 0, or ` (± not stated)`."""
 
     def words(key: str) -> str:
         value = (stated or {}).get(key)
@@ -114,10 +108,9 @@ def _uncertain(stated: Mapping[str, Any] | None) -> Callable[[str], str]:
     return words
 
 
-def _angle(degrees: float) -> str:
-    turned = math.remainder(degrees, 360.0)
-    along = "along the beam at rest, which hangs" if abs(turned) < 0.5 else f"at {turned:.4g}° to the beam at rest"
-    return along
+def _gravity_words(degrees: float) -> str:
+    angle = math.remainder(degrees, 360.0)
+    return "along the beam at rest, which hangs" if abs(angle) < 0.5 else f"at {angle:.4g}° to the beam at rest"
 
 
 def _values(contents: DatasetContents) -> dict[str, Any]:

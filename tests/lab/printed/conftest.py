@@ -1,4 +1,4 @@
-"""One small fit, its numbers replaced by some that cannot be mistaken for each other."""
+"""Provide one small fit whose numbers are replaced by numbers that all differ from each other."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ MODULUS = Quantity(50e3, "Pa", (40e3, 65e3), (49e3, 52e3))
 
 @pytest.fixture(scope="session")
 def evidence(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
-    """Tracked points of a beam of 50 kPa in three fields."""
+    """Simulate tracked points of a beam of 50 kPa in three fields."""
     path = tmp_path_factory.mktemp("printed") / "beam.h5"
     text = load_specimen("type1").text.replace('section = "solid"', 'section = "plane-stress"')
     specimen = parse(SpecimenFile, text, "type1")
@@ -56,7 +56,7 @@ def fitted(evidence: Evidence) -> FitRecord:
 
 @pytest.fixture
 def fit(fitted: FitRecord) -> FitRecord:
-    """The fit with numbers of our own."""
+    """Return the fit with replaced numbers."""
     entry = BudgetEntry("width", "width", 0.02, "mm", (0,), 3.0)
     small = [BudgetEntry("depth", "depth", 0.01, "mm", (0,), size) for size in (0.9, 0.8, 0.7, 0.6, 0.3, 0.4)]
     return fitted.model_copy(
@@ -101,13 +101,13 @@ def tensile(tmp_path: Path) -> TensileRecord:
     strain = np.linspace(0.02, 1.0, 30)
     rows = [f"{e},{60 * (1 + e - (1 + e) ** -2)}" for e in strain]
     (tmp_path / "curve.csv").write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")
-    found = fit_window(read_tensile(tmp_path / "curve.csv"), "neo-hookean", 50.0)
-    return found.model_copy(update={"rmse_Pa": 1234.0})
+    record = fit_window(read_tensile(tmp_path / "curve.csv"), "neo-hookean", 50.0)
+    return record.model_copy(update={"rmse_Pa": 1234.0})
 
 
 @pytest.fixture
 def shown() -> Callable[..., ShownFit]:
-    """A fit as a report takes it up."""
+    """Return a function that makes the fit of a report."""
 
     def shown(fit: FitRecord | TensileRecord, comparison: tuple[Choice, ...] = ()) -> ShownFit:
         return ShownFit(Path("fits.json"), 0, fit, comparison, "bending")
@@ -117,10 +117,10 @@ def shown() -> Callable[..., ShownFit]:
 
 @pytest.fixture
 def validation() -> Callable[..., Validation]:
-    """A fit on the dataset that it saw, with numbers of our own; `changes` of them."""
+    """Return a function that makes the validation of a fit on its own dataset, with replaced numbers and `changes`."""
 
     def validation(of: FitRecord, **changes: Any) -> Validation:
-        own: dict[str, Any] = {
+        values: dict[str, Any] = {
             "dataset": "beam.h5",
             "sha256": "0" * 64,
             "section": "plane-stress",
@@ -138,14 +138,14 @@ def validation() -> Callable[..., Validation]:
             "within_fitted_stretch": True,
             "by_state": of.by_state,
         }
-        return Validation(**{**own, **changes})
+        return Validation(**{**values, **changes})
 
     return validation
 
 
 @pytest.fixture(scope="session")
 def choices() -> tuple[Choice, ...]:
-    """Two laws on one dataset, the second the better one."""
+    """Return the comparison of two laws on one dataset; the second is better."""
     return (
         Choice("neo-hookean", 1, 55.0, 7.5, 3.25, 0.02, 0.0123),
         Choice("yeoh", 3, 55.0, 0.0, 0.0, 0.98, 0.0045),

@@ -1,4 +1,4 @@
-"""What a terminal, a notebook and a material card say of a fit: the size, the unit and the place that its file has."""
+"""Terminal, notebook and material card state each number of a fit with the right value, unit and place."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.fits.states_used import FlaggedState, StatesUsed, WidenedState
 
 OF_THE_RECORD = ("doubts", "stability", "model", "tensile", "by_state", "datasets")
-"""What a result's file says in other words than the mathematics."""
+"""Fields whose type in a fits file differs from that in the mathematics."""
 
 
-def test_a_fit_s_line_has_the_modulus_with_its_ends_and_the_error_in_micrometres(fit: FitRecord) -> None:
+def test_the_line_of_a_fit_has_the_modulus_with_its_interval_and_the_error_in_micrometres(fit: FitRecord) -> None:
     assert "initial shear modulus 50000 Pa [40000, 65000], mean error 12.30 µm" in fit.summary()
     assert "Mean error 12.3 µm, mean deviation 4.5 µm." in fit.notes()
     large = fit.model_copy(update={"initial_shear_modulus": Quantity(50e6, "Pa", (40e6, 65e6))})
     assert "50.000 MPa [40.000, 65.000]" in large.summary()
 
 
-def test_what_is_beside_the_modulus_has_its_own_unit(fit: FitRecord) -> None:
+def test_the_remarks_of_a_fit_have_the_right_units(fit: FitRecord) -> None:
     lines = remarks(fit)
     assert "bulk modulus 7000 [5000, 9000] kPa" in lines
     assert "moment off by 1.1 % [-2 %, 4 %], prior standard deviation 5 %" in lines
@@ -54,7 +54,7 @@ def test_what_is_beside_the_modulus_has_its_own_unit(fit: FitRecord) -> None:
     assert "moment off by 0.2 deg [0.1 deg, 0.4 deg], prior standard deviation 0.3 deg" in lines
 
 
-def test_the_laws_compared_have_their_criteria_each_in_its_column(choices: tuple[Choice, ...]) -> None:
+def test_the_comparison_of_laws_has_each_criterion_in_its_column(choices: tuple[Choice, ...]) -> None:
     _, first, second = comparison_table(choices)
     assert first.split() == ["neo-hookean", "1", "7.5", "3.2", "0.020", "12.30", "µm"]
     assert second.split() == ["yeoh", "3", "0.0", "0.0", "0.980", "4.50", "µm"]
@@ -69,7 +69,7 @@ def test_a_tensile_fit_s_misfit_is_in_kilopascal(tensile: TensileRecord) -> None
     assert "stable up to a stretch of 1.50 only" in tensile.model_copy(update={"stability": limited}).summary()
 
 
-def test_a_bootstrap_s_interval_is_that_of_ninety_five_per_cent_of_its_replicates() -> None:
+def test_the_interval_of_a_bootstrap_contains_95_per_cent_of_its_replicates() -> None:
     def replicates(count: int) -> list[ReplicateRecord]:
         return [
             ReplicateRecord(
@@ -88,11 +88,11 @@ def test_a_bootstrap_s_interval_is_that_of_ninety_five_per_cent_of_its_replicate
     assert BootstrapRecord.of(replicates(39)).initial_shear_modulus_interval_95_Pa is None
 
 
-def test_states_are_told_by_their_own_numbers_and_datasets_apart(fitted: FitRecord, evidence: Evidence) -> None:
-    """Of a dataset that lost its first two states, and one of another length beside it."""
+def test_a_fit_of_two_datasets_keeps_dataset_and_index_of_each_state(fitted: FitRecord, evidence: Evidence) -> None:
+    """The first dataset has one state only, of index 7; the second has three."""
     short = replace(evidence, path=Path("short.h5"), states=(replace(evidence.states[2], index=7),))
     held = {name: value for name, value in vars(fitted).items() if name not in OF_THE_RECORD}
-    found: Any = SimpleNamespace(
+    fit: Any = SimpleNamespace(
         **held,
         law=LAWS["neo-hookean"],
         error_mm=np.array([0.1, 0.2, 0.3, 0.4]),
@@ -105,7 +105,7 @@ def test_states_are_told_by_their_own_numbers_and_datasets_apart(fitted: FitReco
         stable_to=None,
         stability_checked_to=6.0,
     )
-    record = FitRecord.of(found, [short, evidence])
+    record = FitRecord.of(fit, [short, evidence])
     assert [(s.dataset, s.state, s.error_mm, s.deviation_mm) for s in record.by_state] == [
         (0, 7, 0.1, 0.01),
         (1, 0, 0.2, 0.02),
@@ -116,14 +116,14 @@ def test_states_are_told_by_their_own_numbers_and_datasets_apart(fitted: FitReco
     assert record.doubts_in_words() == ["short.h5, state 7: odd"]
 
 
-def test_states_left_out_are_taken_off_those_that_there_are() -> None:
+def test_states_left_out_are_subtracted_from_the_total() -> None:
     used = StatesUsed(16, (FlaggedState(2, ("DEFOCUS",)), FlaggedState(7, ("DEFOCUS",))), (), (WidenedState(3, 0.02),))
     assert used.in_words() == (
         "14 of 16 states used; left out 2 DEFOCUS (2, 7); points widened in 1, by up to 0.02 mm (3)"
     )
 
 
-def test_a_notebook_s_figures_show_kilopascal_and_micrometres() -> None:
+def test_the_figures_of_a_notebook_are_in_kilopascal_and_micrometres() -> None:
     law, drawn = LAWS["neo-hookean"], np.linspace(40e3, 60e3, 2001)[:, None]
     (axes,) = drawn_law(law, np.array([50e3]), drawn, 1.5).axes
     strain, stress = axes.lines[0].get_data()
@@ -138,7 +138,7 @@ def test_a_notebook_s_figures_show_kilopascal_and_micrometres() -> None:
 
 
 @pytest.mark.parametrize(("kPa", "ratio", "expected"), [(900.0, None, 9e5), (None, 2000.0, 1e8)])
-def test_a_card_s_bulk_modulus_is_what_was_stated(
+def test_a_material_card_has_the_stated_bulk_modulus(
     fit: FitRecord, kPa: float | None, ratio: float | None, expected: float
 ) -> None:
     assert bulk_modulus_Pa(fit, kPa, ratio) == pytest.approx(expected)

@@ -1,4 +1,4 @@
-"""What the report shows and draws of a fit: each number with the size, unit and place that it has in the file."""
+"""The report prints and draws each number of a fits file with the right value, unit and place."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ Judged = Callable[..., Validation]
 Reported = Callable[..., Any]
 
 
-def test_the_laws_compared_stand_in_their_columns_and_the_report_is_of_the_best(
+def test_the_comparison_has_its_columns_and_the_best_law_is_chosen(
     fit: FitRecord, shown: Shown, choices: tuple[Choice, ...]
 ) -> None:
     rows = table_of_choice(choices).texts()
     assert rows[0] == ["neo-hookean", "1", "7.5", "3.2", "0.020", "12.3"]
-    # The report stands for the law of the smallest AICc, whichever of them comes first.
+    # The law with the smallest AICc is chosen, in any order of the fits.
     both = [shown(fit, choices), shown(fit.model_copy(update={"model": "yeoh"}), choices)]
     assert chosen(both).fit.model == chosen(both[::-1]).fit.model == "yeoh"
 
@@ -54,13 +54,13 @@ def test_a_tensile_fit_s_misfit_is_in_kilopascal_in_the_report(tensile: TensileR
 
 @pytest.fixture
 def simulated(fit: FitRecord, evidence: Evidence, shown: Shown) -> Any:
-    """As the panels get it."""
+    """Return a prediction as the panels receive it."""
     return SimpleNamespace(
         fitted_law=shown(fit), evidence=evidence, error_mm=np.array([0.01, 0.02, 0.03]), deviation_mm=np.full(3, 0.004)
     )
 
 
-def test_the_report_s_figures_show_what_the_fit_says(fit: FitRecord, simulated: Any) -> None:
+def test_the_figures_of_the_report_show_the_errors_of_the_fit(fit: FitRecord, simulated: Any) -> None:
     (axes,) = drawn_errors([simulated]).axes
     x, error = axes.lines[0].get_data()
     assert x.tolist() == [0.0, 3.0, 6.0]
@@ -71,7 +71,7 @@ def test_the_report_s_figures_show_what_the_fit_says(fit: FitRecord, simulated: 
         simulated_by={simulated.fitted_law: simulated}.get,
         dataset=SimpleNamespace(specimen=SimpleNamespace(specimen=SimpleNamespace(name="one"))),
     )
-    (axes,) = drawn_boxes(SimpleNamespace(datasets=[contents], every=[simulated.fitted_law])).axes  # type: ignore[arg-type]
+    (axes,) = drawn_boxes(SimpleNamespace(datasets=[contents], fits=[simulated.fitted_law])).axes  # type: ignore[arg-type]
     median = next(line for line in axes.lines if line.get_color() == "black")
     assert median.get_ydata().tolist() == pytest.approx([20.0, 20.0])
     (axes,) = drawn_convergence([simulated.fitted_law]).axes
@@ -93,7 +93,7 @@ def test_the_report_s_stress_is_in_kilopascal_with_the_band_of_the_draws(fit: Fi
     strain, stress = next(line for line in uniaxial.lines if line.get_linestyle() == "--").get_data()
     assert stress == pytest.approx(1e-3 * engineering_stress(law, np.array([50e3]), strain / 100))
     whole = next(line for line in uniaxial.lines if line.get_label() == "neo-hookean")
-    assert whole.get_xdata().max() <= 25.0  # solid as far as the data went
+    assert whole.get_xdata().max() <= 25.0  # solid within the data
     band = next(c for c in uniaxial.collections if len(c.get_paths())).get_paths()[0].vertices
     ends = engineering_stress(law, np.quantile(np.linspace(40e3, 65e3, 401), [[0.025], [0.975]]), strain[-1:] / 100)
     at_end = band[np.isclose(band[:, 0], strain[-1]), 1]
@@ -101,16 +101,17 @@ def test_the_report_s_stress_is_in_kilopascal_with_the_band_of_the_draws(fit: Fi
 
 
 def test_the_budget_s_bars_are_standard_deviations_of_the_modulus(fit: FitRecord, shown: Shown) -> None:
-    found = dict(shares(fit))
-    assert found["width"] == 3.0
-    assert found["noise and mesh"] == pytest.approx(100 * 3e3 / 50e3 / (2 * 1.96))
+    percent_of = dict(shares(fit))
+    assert percent_of["width"] == 3.0
+    assert percent_of["noise and mesh"] == pytest.approx(100 * 3e3 / 50e3 / (2 * 1.96))
     many = fit.model_copy(update={"budget": (*fit.budget, *fit.budget[1:])})
-    assert dict(shares(many))["5 smaller ones"] == pytest.approx(np.sqrt(np.sum(np.square([0.8, 0.7, 0.6, 0.3, 0.4]))))
+    expected = np.sqrt(np.sum(np.square([0.8, 0.7, 0.6, 0.3, 0.4])))
+    assert dict(shares(many))["5 smaller sources"] == pytest.approx(expected)
     (axes,) = drawn_budget([(shown(fit), fit)]).axes
     assert axes.patches[0].get_width() == 3.0
 
 
-def test_numbers_of_the_report_have_their_ends_and_their_unit(fit: FitRecord) -> None:
+def test_quantities_of_the_report_have_their_interval_and_their_unit(fit: FitRecord) -> None:
     words = [text.replace("\N{NO-BREAK SPACE}", " ") for text in value_and_interval(fit.initial_shear_modulus)]
     assert words == ["50 kPa", "40 to 65 kPa, −20 % to +30 %"]
     assert format_quantity(fit.initial_shear_modulus) == "50 kPa [40, 65]"
@@ -121,7 +122,7 @@ def test_numbers_of_the_report_have_their_ends_and_their_unit(fit: FitRecord) ->
 
 @pytest.fixture
 def report_of(shown: Shown, validation: Judged) -> Reported:
-    """A report of one dataset, seen by a camera of 25 pixels a millimetre."""
+    """Return a function that makes a report on one dataset, filmed with 25 pixels/mm."""
 
     def report_of(fit: FitRecord, evidence: Evidence, truth: dict[str, Any] | None = None) -> Any:
         beam = SimpleNamespace(name="one", material="silicone")
@@ -130,29 +131,29 @@ def report_of(shown: Shown, validation: Judged) -> Reported:
             calibration=SimpleNamespace(pixels_per_mm=25.0),
             truth=lambda: truth,
         )
-        own = replace(evidence, sha256=fit.datasets[0].sha256)
-        contents = SimpleNamespace(dataset=dataset, evidence=own, name="beam.h5", validations=(validation(fit),))
+        fitted_to = replace(evidence, sha256=fit.datasets[0].sha256)
+        contents = SimpleNamespace(dataset=dataset, evidence=fitted_to, name="beam.h5", validations=(validation(fit),))
         one = shown(fit)
-        return SimpleNamespace(every=(one,), bending=[one], tensile=[], datasets=[contents], written=datetime.now(UTC))
+        return SimpleNamespace(fits=(one,), bending=[one], tensile=[], datasets=[contents], written=datetime.now(UTC))
 
     return report_of
 
 
-def test_the_first_screen_says_what_the_fit_says(fit: FitRecord, evidence: Evidence, report_of: Reported) -> None:
-    (found,) = findings.findings(report_of(fit, evidence))
-    said = {verdict.question: verdict for verdict in found.verdicts}
-    belief = said["Can it be believed?"]
+def test_the_first_screen_states_the_result_of_a_fit(fit: FitRecord, evidence: Evidence, report_of: Reported) -> None:
+    (finding,) = findings.findings(report_of(fit, evidence))
+    verdicts = {verdict.question: verdict for verdict in finding.verdicts}
+    belief = verdicts["Can it be believed?"]
     assert belief.answer == "yes"
-    assert "beam is 12 µm (0.31 pixel) off in the mean, 23 µm in states left out" in belief.words
-    assert said["What is extrapolated?"].answer == "beyond 25.0 % strain"
-    assert "a stretch of 1.250" in said["What is extrapolated?"].words
-    assert "by width, whose standard uncertainty moves the modulus by 3 %" in found.limit
-    assert said["What to measure better next?"].answer == fit.measure_next.words
-    assert "3 states of bending, fields up to 6 mT" in found.how
+    assert "beam is 12 µm (0.31 pixel), and 23 µm in states left out" in belief.words
+    assert verdicts["What is extrapolated?"].answer == "beyond 25.0 % strain"
+    assert "a stretch of 1.250" in verdicts["What is extrapolated?"].words
+    assert "by width, whose standard uncertainty moves the modulus by 3 %" in finding.limit
+    assert verdicts["What to measure better next?"].answer == fit.measure_next.words
+    assert "3 states of bending, fields up to 6 mT" in finding.how
     doubtful = fit.model_copy(update={"doubts": (Doubt("the clamp moved", 0),)})
-    (found,) = findings.findings(report_of(doubtful, evidence))
-    assert found.verdicts[0].answer == "with doubts"
-    assert "the clamp moved" in found.verdicts[0].words
+    (finding,) = findings.findings(report_of(doubtful, evidence))
+    assert finding.verdicts[0].answer == "with doubts"
+    assert "the clamp moved" in finding.verdicts[0].words
 
 
 @pytest.mark.parametrize(("mu", "where"), [(62e3, "inside"), (66e3, "outside"), (39e3, "outside")])
@@ -160,18 +161,18 @@ def test_a_hidden_truth_is_inside_the_interval_or_outside(
     fit: FitRecord, evidence: Evidence, report_of: Reported, mu: float, where: str
 ) -> None:
     truth = {"model": "neo-hookean", "parameters": {"mu_Pa": mu}}
-    (found,) = findings.findings(report_of(fit, evidence, truth))
-    verdict = next(v for v in found.verdicts if v.question == "And the truth?")
+    (finding,) = findings.findings(report_of(fit, evidence, truth))
+    verdict = next(v for v in finding.verdicts if v.question == "How far from the true value?")
     assert f"initial shear modulus {1e-3 * mu:g} kPa, {where} the interval" in verdict.words
     assert verdict.answer.replace("−", "-") == f"{100 * (50e3 / mu - 1):+.2f} %"
     assert Score(fit, mu).difference_percent == pytest.approx(100 * (50e3 / mu - 1))
 
 
-def test_the_smallest_error_on_a_specimen_is_the_bold_one(
+def test_the_smallest_error_on_a_specimen_is_bold(
     fit: FitRecord, evidence: Evidence, report_of: Reported, shown: Shown, validation: Judged
 ) -> None:
     report = report_of(fit, evidence)
-    report.every = (shown(fit), replace(shown(fit), index=1))
+    report.fits = (shown(fit), replace(shown(fit), index=1))
     report.datasets[0].validations = (validation(fit), validation(fit, mean_error_mm=0.01, seen=False))
     (table,) = fits_on_specimens(report)
     worse, best = (row[2] for row in table.rows)

@@ -1,4 +1,4 @@
-"""What is printed and drawn of a fit on a dataset: in µm and kPa, of the better mesh, with the ends that it has."""
+"""The errors of a fit on a dataset are printed in µm and kPa, belong to the finer mesh, and have their intervals."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def test_tables_of_validations_are_in_micrometres_and_kilopascal(
     open_end = validation(fit, dataset="other.h5", mean_error_interval_mm=(0.015, None))
     lines = by_dataset([worse, validation(fit)])
     best, last = lines[2], lines[3]
-    told = "fits.json:0 bending neo-hookean 50.00 [40.00, 65.00] 20.0 [15.0, 30.0] 4.00 1.200 seen"
-    assert " ".join(best.split()) == told
+    expected = "fits.json:0 bending neo-hookean 50.00 [40.00, 65.00] 20.0 [15.0, 30.0] 4.00 1.200 seen"
+    assert " ".join(best.split()) == expected
     assert last.endswith("unseen, not stable over these stretches, stretched beyond its data")
     table = matrix([validation(fit), open_end])
     assert re.search(r"20\.0 \[15\.0, 30\.0\]\*\s+20\.0 \[15\.0, >\]\*", table[2])
@@ -49,10 +49,10 @@ def test_tables_of_validations_are_in_micrometres_and_kilopascal(
     assert "mean error 20 µm" in validation(fit)._repr_html_()
 
 
-def test_what_is_drawn_of_a_fit_is_the_better_model_s(
+def test_the_drawn_outline_is_that_of_the_finer_mesh(
     fitted: FitRecord, evidence: Evidence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The outline of the finer mesh, where there is one, and not of the one that the search had."""
+    """The outline must not be that of the mesh of the search if there is a finer one."""
     made = list[Correction | None]()
 
     def kept(*arguments: Any) -> Correction | None:
@@ -60,14 +60,14 @@ def test_what_is_drawn_of_a_fit_is_the_better_model_s(
         return made[-1]
 
     monkeypatch.setattr(corrections, "correction", kept)
-    (found,) = predict([(FittedLaw(Path("fits.json"), 0, fitted), evidence)])
+    (predicted,) = predict([(FittedLaw(Path("fits.json"), 0, fitted), evidence)])
     (better,) = made
     assert better is not None
     finer = better.models[0]
     expected = points_on(outline(finer, better.better.shapes[0])[0], 6)
-    assert found.edges_mm == pytest.approx(expected)
+    assert predicted.edges_mm == pytest.approx(expected)
     coarse = outline(evidence.experiment.model, BeamModel.solve(*_at_rest(evidence)))
-    assert found.edges_mm.shape[2] > points_on(coarse[0], 6).shape[2]
+    assert predicted.edges_mm.shape[2] > points_on(coarse[0], 6).shape[2]
 
 
 def _at_rest(evidence: Evidence) -> tuple[Any, ...]:
@@ -75,10 +75,10 @@ def _at_rest(evidence: Evidence) -> tuple[Any, ...]:
     return experiment.model, LAWS["neo-hookean"], np.array([[50e3]]), experiment.loads
 
 
-def test_an_error_has_no_upper_end_where_a_draw_finds_no_equilibrium(fitted: FitRecord, evidence: Evidence) -> None:
+def test_an_error_has_no_upper_end_if_a_draw_has_no_equilibrium(fitted: FitRecord, evidence: Evidence) -> None:
     sound = tuple((x,) for x in np.linspace(49e3, 51e3, 15).tolist())
     for draws, has_end in ((sound, True), ((*sound, (-5e3,)), False)):
-        own = fitted.model_copy(update={"draws": Draws(1, ("mu",), draws)})
-        interval = validate(evidence, own, Path("fits.json"), 0).mean_error_interval_mm
+        with_draws = fitted.model_copy(update={"draws": Draws(1, ("mu",), draws)})
+        interval = validate(evidence, with_draws, Path("fits.json"), 0).mean_error_interval_mm
         assert interval is not None
         assert (interval[1] is not None) == has_end
