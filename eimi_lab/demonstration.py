@@ -1,6 +1,6 @@
-"""The whole chain on the virtual rig: acquire, segment, fit, report, and then score against the truth.
+"""Run the whole chain on the virtual rig: acquire, segment, fit and report, then compare the fits with the true law.
 
-This is the one place outside the virtual rig that looks at the truth, and it does so after the last fit is written.
+The truth that the virtual rig stores in the dataset is read here only after the last fit is written.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 
 @dataclass(frozen=True)
 class Score:
-    """One fit beside the truth: initial shear moduli in Pa, difference in percent."""
+    """One fit, and the true initial shear modulus in Pa."""
 
     fit: FitRecord
     truth_Pa: float
 
     @property
     def difference_percent(self) -> float:
-        """Identified over true, minus one."""
+        """Return the deviation of the identified modulus from the true one, in per cent."""
         return 100 * (self.fit.initial_shear_modulus.value / self.truth_Pa - 1)
 
 
 @dataclass(frozen=True)
 class Demonstration:
-    """What a demonstration left behind."""
+    """The files of a demonstration, the true law, and the scores of the fits."""
 
     dataset: Path
     fits: Path
@@ -70,49 +70,65 @@ def demonstrate(
     force: bool,
     progress: Progress,
 ) -> Demonstration:
-    """Run the chain into a folder. ``material`` is a silicone's name or its protocol's. Raises InputError."""
-    named = re.sub(r"\W+", "_", material.strip().lower())
-    protocol = load_protocol(f"{named}_quick" if quick else named)
+    """Run the chain and write its files into a folder.
+
+    Parameters
+    ----------
+    folder : Path
+    material : str
+        Name of a silicone, such as `Dragon Skin 10`, or of its protocol.
+    specimen, rig : str
+        Names or paths of the specimen and of a virtual rig.
+    quick : bool
+        Whether to fit one law to few states.
+    seed : int
+        Seed of the searches.
+    force : bool
+        Whether to overwrite existing files.
+    progress : callable
+        Receives a title and the number of steps, and gives a function that is called after each step.
+
+    Raises
+    ------
+    InputError
+        If an input cannot be used, or if the folder exists and `force` is false.
+    """
+    protocol_name = re.sub(r"\W+", "_", material.strip().lower())
+    protocol = load_protocol(f"{protocol_name}_quick" if quick else protocol_name)
     beam = _cast(load_specimen(specimen), protocol.material)
     bench_rig = load_rig(rig)
     if not bench_rig.simulated:
-        raise InputError(f"{rig}: is a real rig; the demonstration runs on a virtual one, `eimi acquire` on a real one")
+        raise InputError(f"{rig}: is a real rig; the demonstration needs a virtual one (use `eimi acquire`)")
     new_folder(folder, force)
     dataset, fits_file, report = folder / "dataset.h5", folder / "fits.json", folder / "report.html"
     _acquire(protocol, beam, bench_rig, dataset, force, progress)
-    with progress("segment", len(protocol.currents_A)) as told:
-        evidence = load_evidence(dataset, report=told)
+    with progress("segment", len(protocol.currents_A)) as step_done:
+        evidence = load_evidence(dataset, report=step_done)
     models = ["neo-hookean"] if quick else list(LAWS)
     tasks = grid(models, [evidence], [seed])
-    with progress("fit", len(models)) as told:
-        fits = fit_grid(tasks, {}, executor=executor_for(len(models), None), report=told)
+    with progress("fit", len(models)) as step_done:
+        fits = fit_grid(tasks, {}, executor=executor_for(len(models), None), report=step_done)
     write_fits(fits_file, fits, force)
     write_report(report, [dataset], [fits_file], force=force, progress=progress)
     with open_dataset(dataset) as opened:
         truth = opened.truth()
     if truth is None:
-        raise InputError(f"{dataset}: holds no truth to score against")
+        raise InputError(f"{dataset}: does not hold the true law of a virtual rig")
     law, parameters = LAWS[truth["model"]], truth["parameters"]
     true_modulus = float(law.initial_shear_modulus(np.array(list(parameters.values()))))
-    return Demonstration(
-        dataset,
-        fits_file,
-        report,
-        truth["model"],
-        parameters,
-        tuple(Score(fit, true_modulus) for fit in fits),
-    )
+    scores = tuple(Score(fit, true_modulus) for fit in fits)
+    return Demonstration(dataset, fits_file, report, truth["model"], parameters, scores)
 
 
 def _acquire(protocol: Protocol, beam: SpecimenFile, rig: Rig, output: Path, force: bool, progress: Progress) -> None:
     with (
         open_bench(rig, beam, protocol.limits) as bench,
-        progress("acquire", len(protocol.currents_A)) as told,
+        progress("acquire", len(protocol.currents_A)) as step_done,
     ):
-        acquire(protocol, beam, rig, bench, output, on_terminal(told), force)
+        acquire(protocol, beam, rig, bench, output, on_terminal(step_done), force)
 
 
 def _cast(beam: SpecimenFile, material: str) -> SpecimenFile:
-    """The same specimen, cast in another silicone; its text says so too, for that is what the dataset keeps."""
+    """Return the specimen with another material, also in its text, which the dataset stores."""
     text = re.sub(r"(?m)^material = .*$", f'material = "{material}"', beam.text)
     return parse(SpecimenFile, text, f"specimen {beam.specimen.name}")

@@ -1,15 +1,18 @@
-"""The evaluation of Di Lecce et al. 2022 (Front. Robot. AI 8:790571) as one command, on specimens of hidden materials.
+"""Repeat the evaluation of Di Lecce et al. 2022 (Front. Robot. AI 8:790571) on virtual specimens of hidden materials.
 
-hidden_materials   what the specimens are made of: none of the laws that are fitted
-extent             how much is studied: the whole, or its quick form
-stored_parts       results found so far, from which a study that was ended goes on
-observed           the outlines of the hidden solids, as edges with the noise of the edge finder
-routes             laws by bending of type 1, and by tensile tests
-errors             what each of them is off by on every specimen
-open_questions     compressibility, the moment, how many states, which optimiser
-claims             what the paper says beside what came out
-tables, figures    of it, in the paper's form; pages puts them on one
-whole_study        all of it in order
+hidden_materials   the laws of the specimens, which differ from all fitted laws
+extent             how much is studied: the whole evaluation, or a quick part of it
+stored_parts       store each result, so that an interrupted study can continue
+observed           simulate the edges of the specimens, with the noise of the edge finder
+routes             identify laws by bending of type 1 and by tensile tests
+errors_by_route    compute the errors of each law on each specimen
+open_questions     compressibility, magnetic moment, number of states, choice of the optimiser
+optimisers         compare CMA-ES with other optimisers
+claims             compare the claims of the paper with the results
+paper_tables       the tables, in the form of the paper
+figures            the figures, in the form of the paper
+pages              write all results on one page
+whole_study        compute all parts in order
 
-Fits see edges and tensile curves alone; what the materials are is read to make these, and to score.
+The fits receive only edges and tensile curves. The hidden materials are used to make these and to score the results.
 """

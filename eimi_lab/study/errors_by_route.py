@@ -1,4 +1,4 @@
-"""What a law is off by on a specimen, as `eimi validate` measures it: with the corrections for mesh and section."""
+"""Compute the errors of a law on a specimen as `eimi validate` does, with the corrections for mesh and section."""
 
 from __future__ import annotations
 
@@ -18,9 +18,21 @@ Array = NDArray[np.float64]
 
 
 def errors_of(routes: Sequence[Route], experiment: Experiment) -> list[dict[str, Any]]:
-    """Of each route, ready to be stored: error_mm and deviation_mm by state, edges_mm (2, n, 2) of the last state.
+    """Compute the errors of each route on one specimen.
 
-    All are None where the law finds no equilibrium. What depth does is found from what it did to the first route.
+    The correction for the depth of the first route is the starting point for that of the other routes.
+
+    Parameters
+    ----------
+    routes : sequence of Route
+    experiment : Experiment
+        The specimen with its measured edges.
+
+    Returns
+    -------
+    list of dict
+        For each route `error_mm` and `deviation_mm` by state, and the simulated `edges_mm` (2, n, 2) of the last state.
+        All are None if the law has no equilibrium.
     """
     stored: list[dict[str, Any]] = []
     depth: tuple[Correction, ...] = ()
@@ -46,10 +58,10 @@ def errors_of(routes: Sequence[Route], experiment: Experiment) -> list[dict[str,
 
 
 def mean_error_um(stored: dict[str, Any]) -> float:
-    """Over the states, in µm; infinite where the law finds no equilibrium."""
+    """Return the mean error over the states in µm; infinity if the law has no equilibrium."""
     return float("inf") if stored["error_mm"] is None else 1e3 * float(np.mean(stored["error_mm"]))
 
 
 def mean_deviation_um(stored: dict[str, Any]) -> float:
-    """Likewise of the deviation."""
+    """Return the mean deviation over the states in µm; infinity if the law has no equilibrium."""
     return float("inf") if stored["deviation_mm"] is None else 1e3 * float(np.mean(stored["deviation_mm"]))

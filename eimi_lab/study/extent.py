@@ -1,4 +1,4 @@
-"""How much is studied."""
+"""Choose how much of the evaluation is done."""
 
 from __future__ import annotations
 
@@ -16,10 +16,19 @@ TRAINED_ON = "type1"
 
 @dataclass(frozen=True)
 class Extent:
-    """What of the evaluation is done.
+    """The part of the evaluation that is done.
 
-    states: of each protocol, evenly chosen, None for all; cases: settings of each open question, and seeds of each
-    search that is compared, at most; open_questions: whether they are asked.
+    Attributes
+    ----------
+    materials, types, laws : tuple of str
+    states : int or None
+        Number of states of each protocol, evenly chosen; None for all.
+    windows_percent : tuple
+        Largest strains of the windows of tensile curves in per cent; None for the whole curve.
+    open_questions : bool
+        Whether the open questions are answered.
+    cases : int
+        Largest number of settings of an open question, and of seeds of an optimiser.
     """
 
     materials: tuple[str, ...] = ("dragon_skin_10", "ecoflex_00_50")
@@ -32,11 +41,11 @@ class Extent:
 
     @property
     def unseen(self) -> tuple[str, ...]:
-        """The types that validate."""
-        return tuple(own for own in self.types if own != TRAINED_ON)
+        """Return the types on which the laws are validated."""
+        return tuple(kind for kind in self.types if kind != TRAINED_ON)
 
     def chosen(self, count: int) -> NDArray[np.intp]:
-        """Which of so many states, the first and the last among them."""
+        """Return the indices of the chosen states among `count`, including the first and the last."""
         return np.unique(np.linspace(0, count - 1, min(self.states or count, count)).round().astype(int))
 
 

@@ -1,4 +1,4 @@
-"""The figures of a study, after figures 1, 7, 8 and 9 of the paper. Colours: Okabe and Ito's."""
+"""Draw the figures of a study, in the form of figures 1, 7, 8 and 9 of the paper."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _TENSION = PALETTE[len(_OF_LAW)]
 
 
 @styled
-def every_figure(findings: Findings) -> dict[str, bytes]:
-    """PNG files by their names."""
+def all_figures(findings: Findings) -> dict[str, bytes]:
+    """Return the contents of the PNG files, by their names."""
     return {
         "stress_strain.png": _png(_stress_strain(findings)),
         "errors.png": _png(_boxes(findings)),
@@ -35,7 +35,7 @@ def every_figure(findings: Findings) -> dict[str, bytes]:
 
 
 def _best_tension(findings: Findings, key: str, section: str) -> int:
-    """The route by its own tensile curve that is nearest to the unseen types."""
+    """Return the place of the route by the material's tensile curve with the smallest error on the unseen types."""
     kinds = untwisted(findings)
     routes = findings.routes(key, section)
     errors = findings.errors
@@ -55,7 +55,7 @@ def _png(figure: Figure) -> bytes:
 
 
 def _legend(figure: Figure) -> None:
-    """One below all axes, each name once."""
+    """Add one legend below all axes, in which each label occurs once."""
     named = {
         name: handle for axes in figure.axes for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)
     }
@@ -63,7 +63,7 @@ def _legend(figure: Figure) -> None:
 
 
 def _stress_strain(findings: Findings) -> Figure:
-    """Figure 1: the hidden curve, laws by bending as the solid, and the best law of each window of tension."""
+    """Draw figure 1: the hidden curve, laws by bending with the solid section, and Yeoh's law by windows of tension."""
     keys = findings.inputs.extent.materials
     figure, grid = _grid(len(keys), 2, 4.6, 3.0)
     for row, key in zip(grid, keys, strict=True):
@@ -105,7 +105,7 @@ def _curves_by_route(axes: Axes, routes: list[Route], strain: Array) -> None:
 
 
 def _boxes(findings: Findings) -> Figure:
-    """Figure 7: errors of all states by type, of each law by bending and the best by tension."""
+    """Draw figure 7: the errors of all states by type, for each law by bending and for the best tensile fit."""
     keys, types = findings.inputs.extent.materials, findings.inputs.extent.types
     figure, grid = _grid(len(keys), len(SECTIONS), 5.2, 2.8)
     for row, key in zip(grid, keys, strict=True):
@@ -118,7 +118,7 @@ def _boxes(findings: Findings) -> Figure:
                 by_tension = routes[i].source != BENDING
                 colour = _TENSION if by_tension else _OF_LAW[routes[i].law]
                 axes.boxplot(
-                    [1e3 * np.array(own or [np.nan]) for own in errors],
+                    [1e3 * np.array(of_type or [np.nan]) for of_type in errors],
                     positions=np.arange(len(types)) + 0.16 * (place - 0.5 * (len(shown) - 1)),
                     widths=0.12,
                     patch_artist=True,
@@ -141,19 +141,19 @@ def _boxes(findings: Findings) -> Figure:
 
 
 def _overlays(findings: Findings) -> Figure:
-    """Figure 8: the strongest state of every type, as seen and as simulated; inset, the tip of the left edge."""
+    """Draw figure 8: measured and simulated edges of the strongest state of each type, and the tip of the left edge."""
     keys, types = findings.inputs.extent.materials, findings.inputs.extent.types
     figure, grid = _grid(len(keys), len(types), max(3.0, 10.0 / len(types)), 3.2)
     for row, key in zip(grid, keys, strict=True):
         for axes, kind in zip(row, types, strict=True):
-            seen = findings.edges[key, kind][-1]
+            measured = findings.edges[key, kind][-1]
             near = axes.inset_axes((0.5, 0.5, 0.5, 0.5))
-            tip = seen[0, -1]
+            tip = measured[0, -1]
             near.set(xlim=tip[1] + _NEAR, ylim=-tip[0] + _NEAR, xticks=[], yticks=[])
             near.set_aspect("equal")
-            for side in seen:
-                axes.plot(side[:, 1], -side[:, 0], color="#999999", linewidth=4.0, label="seen")
-            near.plot(seen[0, :, 1], -seen[0, :, 0], color="#999999", linewidth=4.0)
+            for side in measured:
+                axes.plot(side[:, 1], -side[:, 0], color="#999999", linewidth=4.0, label="measured")
+            near.plot(measured[0, :, 1], -measured[0, :, 0], color="#999999", linewidth=4.0)
             for section, dashes in zip(SECTIONS, ("-", (0, (3, 2))), strict=True):
                 tension = _best_tension(findings, key, section)
                 for i, colour, words in (
@@ -162,9 +162,9 @@ def _overlays(findings: Findings) -> Figure:
                 ):
                     edges = findings.errors[key, section, kind][i]["edges_mm"]
                     for side in np.array(edges or []):
-                        for own in (axes, near):
+                        for view in (axes, near):
                             line = {"color": colour, "linewidth": 1.0, "linestyle": dashes}
-                            own.plot(side[:, 1], -side[:, 0], label=f"{words}, {section}", **line)
+                            view.plot(side[:, 1], -side[:, 0], label=f"{words}, {section}", **line)
             axes.set_aspect("equal")
             axes.set_title(f"{MATERIALS[key].name}, {kind}", fontsize=8)
             label(axes, "across, mm", "along, mm")
@@ -176,7 +176,7 @@ _NEAR = np.array([-0.5, 0.5])  # mm from the tip
 
 
 def _by_field(findings: Findings) -> Figure:
-    """Figure 9: mean error of the unseen types that do not twist, against the field."""
+    """Draw figure 9: the mean error over the unseen types that do not twist, against the field."""
     keys, kinds = findings.inputs.extent.materials, untwisted(findings)
     figure, grid = _grid(len(keys), len(SECTIONS), 4.6, 2.8)
     for row, key in zip(grid, keys, strict=True):

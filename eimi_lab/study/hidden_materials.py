@@ -1,8 +1,8 @@
-"""What the specimens of the study are made of: two laws that no fit knows, and one shape of curve for each.
+"""The materials of the specimens of the study: two laws that are not among the fitted ones.
 
-Both soften at the small strains of a bending beam and stiffen far beyond them, as the published tensile curves of such
-silicones do, and have a part in the second invariant. Moduli are of the order of published tensile tests; shapes and
-numbers are this project's own choice.
+Both soften at the small strains of a bending beam and stiffen at large strains, as the published tensile curves of such
+silicones do. Both depend on the second invariant. The moduli are of the order of published tensile tests; the functions
+and their numbers are chosen by this project.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _MODULUS = Coordinate("initial shear modulus", *SHEAR_MODULUS_PA)
 
 
 class _OfOneShape(InvariantLaw):
-    """A law whose energy is its initial shear modulus times a function that is given."""
+    """A law whose energy is its initial shear modulus times a fixed function of the invariants."""
 
     needs_second = True
     parameter_names = ("mu",)
@@ -29,18 +29,19 @@ class _OfOneShape(InvariantLaw):
     coordinates = (_MODULUS,)
 
     def from_coordinates(self, x: Array) -> Array:
-        """The modulus is the only parameter."""
+        """Return the modulus, which is the only parameter."""
         return x[:, :1]
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """The parameter."""
+        """Return the modulus, which is the only parameter."""
         return np.asarray(parameters[..., 0])
 
 
 class PowersOfFirstInvariant(_OfOneShape):
-    """Eight numbers: sum of 3^(1 - a)/(2 a) m (I1^a - 3^a) over three (m, a), c (I2 - 3), times the modulus.
+    """A sum of three powers of I1 and a linear term in I2: see `formula`.
 
-    The sum is that of Lopez-Pamies (2010, C. R. Mécanique 338:3); the shares m and 2 c make one.
+    The sum is the law of Lopez-Pamies (2010, C. R. Mécanique 338:3). Σ m + 2 c = 1, so that mu is the initial shear
+    modulus.
     """
 
     name = "powers of I1, and I2"
@@ -50,7 +51,7 @@ class PowersOfFirstInvariant(_OfOneShape):
     second = 0.05
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Energy and its derivatives; log1p keeps what is small at rest."""
+        """Return the energy and its derivatives; log1p and expm1 keep them accurate near rest."""
         mu, growth = parameters[..., 0], np.log1p(x / 3)
         terms = list(zip(self.shares, self.powers, strict=True))
         energy = sum(1.5 * m / a * np.expm1(a * growth) for m, a in terms) + self.second * y
@@ -60,14 +61,14 @@ class PowersOfFirstInvariant(_OfOneShape):
 
 
 class FadingGent(_OfOneShape):
-    """Gent's law (1996, Rubber Chem. Technol. 69:59), a stiffness that fades with strain, and a part in I2."""
+    """Gent's law (1996, Rubber Chem. Technol. 69:59), a term whose stiffness decays with strain, and a term in I2."""
 
     name = "fading Gent"
     formula = "W = mu (-g Jm/2 ln(1 - (I1 - 3)/Jm) + f/(2 b) (1 - exp(-b (I1 - 3))) + c (I2 - 3))"
     lasting, most, fading, rate, second = 0.66, 60.0, 0.26, 6.0, 0.04
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Energy and its derivatives; beyond the last stretch of the chains there is none."""
+        """Return the energy and its derivatives, for I1 - 3 below its limit Jm."""
         mu, jm, room = parameters[..., 0], self.most, np.maximum(self.most - x, 1e-9)
         fade = np.exp(-self.rate * x)
         energy = -0.5 * self.lasting * jm * np.log(room / jm) - 0.5 * self.fading / self.rate * np.expm1(-self.rate * x)
@@ -78,8 +79,20 @@ class FadingGent(_OfOneShape):
 
 @dataclass(frozen=True)
 class HiddenMaterial:
-    """A silicone of the study. protocol: the shipped one whose currents it is measured at; tested_to: the engineering
-    strain at which its tensile test ends; numbers: of its law, beside the modulus, in words.
+    """A silicone of the study.
+
+    Attributes
+    ----------
+    name : str
+    law : Law
+    modulus_Pa : float
+        Initial shear modulus in Pa.
+    protocol : str
+        The shipped protocol whose currents are used.
+    tested_to : float
+        Engineering strain at which the tensile test ends.
+    numbers : str
+        The other numbers of the law, in words.
     """
 
     name: str
@@ -91,11 +104,11 @@ class HiddenMaterial:
 
     @property
     def parameters(self) -> Array:
-        """(1, 1): as a model's candidates."""
+        """Return the parameters (1, 1) as one candidate of a model."""
         return np.array([[self.modulus_Pa]])
 
     def tensile_curve(self) -> tuple[Array, Array]:
-        """Engineering strain and stress in Pa (m,) of its tensile test, which holds nothing but the material."""
+        """Return engineering strain (m,) and stress (m,) in Pa of a tensile test without measurement errors."""
         strain = np.linspace(0.01, self.tested_to, round(100 * self.tested_to))
         return strain, engineering_stress(self.law, self.parameters[0], strain)
 

@@ -1,10 +1,12 @@
-"""The outlines of the hidden solids as edges: what a camera and an edge finder would have made of them.
+"""Simulate the measured edges of the hidden specimens.
 
-The outline of the solid itself, on a mesh finer than a fit's, with normal noise of the edge finder's size. Nothing is
-rendered: the edge finder adds a hundredth of a pixel to a clean picture, and rendering costs most of the time.
+The edges are the outline of the solid, on a finer mesh than that of a fit, with normal noise of the size of the error
+of the edge finder. Frames are not rendered: on a clean picture the edge finder has an error of a hundredth of a pixel,
+and rendering would take most of the time.
 
-Type 4 is turned about its own axis, as the paper's was: in proportion to field and distance from the clamp. The camera
-then sees some of its depth beside its width. No planar model, nor the solid of a fit, knows of that.
+Type 4 is turned about its own axis, as the paper reports for its specimen; here in proportion to the field and to the
+distance from the clamp. The camera then sees a part of its depth in addition to its width. The models of the fits do
+not include this twist.
 """
 
 from __future__ import annotations
@@ -29,40 +31,60 @@ from eimi_lab.study.hidden_materials import MATERIALS, HiddenMaterial
 
 Array = NDArray[np.float64]
 
-NOISE_MM = 4e-4  # 0.01 px at 25 px/mm: what fits of the virtual rig's pictures leave, see fitting/README.md
+NOISE_MM = 4e-4  # 0.01 px at 25 px/mm: the residual of fits to pictures of the virtual rig, see fitting/README.md
 TWISTED, TWIST_DEG = "type4", 1.0  # at the tip in the strongest field
 COIL_mT_PER_A = 4.7
-_MESH = (26, 3, 1)  # elements along and across, and times as many in depth; a fit's solid has 20, 2 and 1
-_AT_ENDS = 4  # points of an edge beside the clamp, and half as many at the tip, that are not seen
+_MESH = (26, 3, 1)  # elements along, across and in depth; the solid of a fit has 20, 2 and 1
+_AT_ENDS = 4  # points of an edge that are not measured at the clamp; half as many at the tip
 
 
 def field_mT(material: HiddenMaterial, extent: Extent) -> Array:
-    """(K,): of the states that are measured."""
-    every = np.array(load_protocol(material.protocol).currents_A) * COIL_mT_PER_A
-    return every[extent.chosen(len(every))]
+    """Return the fields (K,) in mT of the states that are measured."""
+    fields = np.array(load_protocol(material.protocol).currents_A) * COIL_mT_PER_A
+    return fields[extent.chosen(len(fields))]
 
 
 def specimen_of(kind: str) -> Specimen:
-    """A shipped specimen, as the solid that it is."""
+    """Return a shipped specimen with the solid section."""
     return replace(load_specimen(kind).mechanics(), section="solid")
 
 
 def outlines_mm(
     material: HiddenMaterial, specimen: Specimen, fields: Array, bulk_modulus_Pa: float | None = None
 ) -> Array:
-    """(K, 2, n, 2): left and right edges of the hidden solid, without noise. Raises ArithmeticError."""
+    """Simulate the left and right edges of a hidden solid, without noise.
+
+    Parameters
+    ----------
+    material : HiddenMaterial
+    specimen : Specimen
+    fields : ndarray, shape (K,)
+        Fields in mT.
+    bulk_modulus_Pa : float, optional
+        Bulk modulus in Pa; incompressible without it.
+
+    Returns
+    -------
+    ndarray, shape (K, 2, n, 2)
+        Points in mm.
+
+    Raises
+    ------
+    ArithmeticError
+        If the beam has no equilibrium in a state.
+    """
     model = SolidBeside(specimen, *_MESH)
     bulk = None if bulk_modulus_Pa is None else np.array([bulk_modulus_Pa])
     shapes = model.solve(
         material.law, material.parameters, Loads.along(fields), tolerance_mm=1e-3, bulk_modulus_Pa=bulk
     )
     if not shapes.converged.all():
-        raise ArithmeticError(f"a specimen of {material.name} finds no equilibrium")
+        raise ArithmeticError(f"a specimen of {material.name} has no equilibrium")
     return points_on(outline(model, shapes)[0], 2)[:, :, _AT_ENDS : -_AT_ENDS // 2]
 
 
-def seen_edges_mm(key: str, kind: str, extent: Extent) -> Array:
-    """(K, 2, n, 2): edges of a specimen of the material of this key, with noise and, for one type, twist."""
+def measured_edges_mm(key: str, kind: str, extent: Extent) -> Array:
+    """Simulate the measured edges (K, 2, n, 2) of a material and type, with noise and, for one type, twist."""
     material, specimen = MATERIALS[key], specimen_of(kind)
     fields = field_mT(material, extent)
     edges = outlines_mm(material, specimen, fields)
@@ -72,14 +94,26 @@ def seen_edges_mm(key: str, kind: str, extent: Extent) -> Array:
 
 
 def noise_mm(shape: tuple[int, ...], of: str, sigma_mm: float = NOISE_MM) -> Array:
-    """Of one specimen, the same whenever it is asked for."""
+    """Return normal noise in mm, the same for the same name `of` (of a specimen)."""
     return np.random.default_rng(zlib.crc32(of.encode())).normal(0.0, sigma_mm, shape)
 
 
 def twisted(edges: Array, specimen: Specimen, at_tip_rad: Array) -> Array:
-    """Edges (K, 2, n, 2) of a beam that is turned about its axis, linearly up to (K,) at the tip.
+    """Turn a beam about its axis, by an angle that grows linearly along the beam.
 
-    A section of width w and depth d that is turned by t is w cos t + d sin t wide to the camera.
+    A section of width w and depth d that is turned by t has the apparent width w cos t + d |sin t|.
+
+    Parameters
+    ----------
+    edges : ndarray, shape (K, 2, n, 2)
+        Edges without twist, in mm.
+    specimen : Specimen
+    at_tip_rad : ndarray, shape (K,)
+        Angle at the tip in each state, in radians.
+
+    Returns
+    -------
+    ndarray, shape (K, 2, n, 2)
     """
     angle = at_tip_rad[:, None, None] * np.linspace(0.0, 1.0, edges.shape[2])
     wider = 0.5 * (specimen.width_mm * (np.cos(angle) - 1) + specimen.depth_mm * np.abs(np.sin(angle)))
@@ -91,7 +125,7 @@ def twisted(edges: Array, specimen: Specimen, at_tip_rad: Array) -> Array:
 
 
 def experiment_of(kind: str, edges: Array, fields: Array, section: Section) -> Experiment:
-    """What a fit gets: edges (K, 2, n, 2), loads and the specimen under a section; nothing of the material."""
+    """Return the data of a fit: edges (K, 2, n, 2), fields (K,) and the specimen with a section assumption."""
     specimen = replace(specimen_of(kind), section=section)
     sigma = np.full(edges.shape[2], NOISE_MM)
     observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in edges])

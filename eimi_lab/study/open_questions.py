@@ -1,7 +1,7 @@
-"""What the paper leaves open, each question with its answer ready to be stored.
+"""Answer the open questions of the paper: compressibility, magnetic moment, number of states, choice of the optimiser.
 
-All but the last are asked of type 1 made of a Neo-Hookean silicone, which a fit of that law explains to the noise:
-what is found is then the answer alone.
+The first three use type 1 made of a Neo-Hookean silicone. The law of the fit is then the true one, so that each
+deviation is due to the effect in question. Each answer is a list of rows for JSON.
 """
 
 from __future__ import annotations
@@ -32,24 +32,35 @@ _LAW = "neo-hookean"
 PLAIN = HiddenMaterial("Neo-Hookean", LAWS[_LAW], 46e3, "dragon_skin_10", tested_to=1.0)
 _FIELDS_MT = np.linspace(0.0, 7.05, 6)
 
-BULK_OVER_SHEAR = (50.0, None, 10.0, 20.0, 200.0)  # None: incompressible; below 10 no casting silicone is
-MOMENT_OFF = 0.05  # what a remanence "N35 to N45" leaves open, and more
+BULK_OVER_SHEAR = (50.0, None, 10.0, 20.0, 200.0)  # None: incompressible; casting silicones are above 10
+MOMENT_OFF = 0.05  # relative error of the moment; larger than the uncertainty of a remanence "N35 to N45"
 NOISES_MM = {"0.01 px": NOISE_MM, "0.1 px": 10 * NOISE_MM, "1 px": 100 * NOISE_MM}  # at 25 px/mm
 STATES = (2, 3, 6, 11, 16)
-WIDTH_KNOWN_TO_MM = 0.02  # by a calliper
 
 
 def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
-    """What a material of a finite bulk modulus does to a fit that takes it as incompressible, and to one that frees it.
+    """Fit materials of finite bulk modulus, once as incompressible and once with a free bulk modulus.
 
-    The solid for the first; plane strain, truth included, for the second: there alone the search knows a bulk modulus.
+    The incompressible fits use the solid section and plane strain. The fit with a free bulk modulus uses plane strain,
+    the only section for which the search has a bulk modulus; its edges are also simulated in plane strain.
+
+    Parameters
+    ----------
+    extent : Extent
+    seed : int
+        Seed of the searches.
+
+    Returns
+    -------
+    list of dict
+        A row for each ratio of bulk modulus to shear modulus.
     """
     specimen = specimen_of(TRAINED_ON)
     rows = []
     for ratio in BULK_OVER_SHEAR[: extent.cases]:
         bulk = None if ratio is None else ratio * PLAIN.modulus_Pa
         solid = outlines_mm(PLAIN, specimen, _FIELDS_MT, bulk)
-        taken = _fit(solid, "solid", seed)
+        incompressible = _fit(solid, "solid", seed)
         flat = BeamModel(replace(specimen, section="plane-strain"), along=30)
         shapes = flat.solve(
             PLAIN.law,
@@ -57,15 +68,15 @@ def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
             Loads.along(_FIELDS_MT),
             bulk_modulus_Pa=None if bulk is None else np.array([bulk]),
         )
-        strained = points_on(outline(flat, shapes)[0], 2)[:, :, 4:-2]
-        held, freed = _fit(strained, "plane-strain", seed), _fit(strained, "plane-strain", seed, free_bulk=True)
+        edges = points_on(outline(flat, shapes)[0], 2)[:, :, 4:-2]
+        fixed, freed = _fit(edges, "plane-strain", seed), _fit(edges, "plane-strain", seed, free_bulk=True)
         assert freed.bulk_modulus
         rows.append(
             {
                 "bulk_over_shear": ratio,
-                "solid_percent": _off_percent(taken),
-                "solid_error_um": 1e3 * taken.mean_error_mm,
-                "plane_strain_percent": _off_percent(held),
+                "solid_percent": _off_percent(incompressible),
+                "solid_error_um": 1e3 * incompressible.mean_error_mm,
+                "plane_strain_percent": _off_percent(fixed),
                 "freed_percent": _off_percent(freed),
                 "freed_interval_percent": _interval_percent(freed),
                 "bulk_over_shear_found": [
@@ -77,9 +88,10 @@ def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
 
 
 def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
-    """A magnet that is stronger than stated: taken as stated, and freed with a prior.
+    """Fit a magnet that is stronger than stated, with the moment taken as stated and with a prior on the moment.
 
-    Of a rigid dipole only the product of moment and field enters: the stronger magnet is a stronger field.
+    The torque on a rigid dipole depends only on the product of moment and field. The stronger magnet is therefore
+    simulated by a stronger field. The rows are the settings of magnet and prior.
     """
     off = 1 + MOMENT_OFF
     settings: tuple[tuple[str, float, float | None], ...] = (
@@ -108,9 +120,10 @@ def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
 
 
 def states_needed(extent: Extent, seed: int) -> list[dict[str, Any]]:
-    """Half-width of the modulus' 95 % interval by number of states and noise, in per cent, and a fit beside it.
+    """Compute the half-width of the 95 % interval of the modulus, in per cent, for several numbers of states.
 
-    Foretold from the sensitivity of the edges with independent points; the fit has noise of 0.1 px.
+    The prediction is 1.96 σ / s for each noise σ, where s is the sensitivity of all edge points to a relative change of
+    the modulus; the points are assumed independent. A fit with noise of 0.1 px is computed for comparison.
     """
     rows = []
     for count in STATES[: extent.cases]:
@@ -146,7 +159,7 @@ def _fit(
 
 
 def _sensitivity_mm(experiment: Experiment) -> float:
-    """What a relative change of the modulus does to all edge points, root of the sum of squares."""
+    """Return the root of the sum of squares of the changes of all edge points, per relative change of the modulus."""
     step = 1e-3
     around = PLAIN.modulus_Pa * np.array([[1 - step], [1 + step]])
     shapes = experiment.model.solve(PLAIN.law, around, experiment.loads, tolerance_mm=1e-4)
@@ -155,9 +168,11 @@ def _sensitivity_mm(experiment: Experiment) -> float:
 
 
 def _off_percent(fit: Fit) -> float:
+    """Return the deviation of the identified modulus from the true one, in per cent."""
     return 100 * (fit.initial_shear_modulus.value / PLAIN.modulus_Pa - 1)
 
 
 def _interval_percent(fit: Fit) -> tuple[float, float]:
+    """Return the ends of the 95 % interval as deviations from the true modulus, in per cent."""
     low, high = fit.initial_shear_modulus.interval_95
     return 100 * (low / PLAIN.modulus_Pa - 1), 100 * (high / PLAIN.modulus_Pa - 1)

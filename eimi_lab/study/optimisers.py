@@ -1,9 +1,9 @@
-"""CMA-ES beside Gauss-Newton, Nelder-Mead and differential evolution: evaluations to a modulus within one per cent.
+"""Compare CMA-ES with Gauss-Newton, Nelder-Mead and differential evolution.
 
-All search the unit cube of a law's coordinates, the modulus over three decades, for the least mean error on edges of
-type 1 of a hidden material, on the mesh of the search. Counted is the evaluation from which on the best candidate so
-far has a modulus within one per cent of the optimum's. Gauss-Newton begins in the middle, CMA-ES with its mean there,
-the others where their seed says.
+All search the unit cube of the coordinates of a law, in which the modulus covers three decades. They minimise the mean
+error on the edges of type 1 of a hidden material, on the mesh of the search. The result is the number of evaluations
+after which the modulus of the best candidate stays within one per cent of that of the optimum. Gauss-Newton and the
+mean of CMA-ES start in the middle of the cube, the others at points that depend on their seed.
 """
 
 from __future__ import annotations
@@ -29,32 +29,32 @@ from eimi_lab.study.observed import experiment_of, field_mT, noise_mm, outlines_
 
 Array = NDArray[np.float64]
 
-_STATES, _EVERY = 6, 3  # states, and of the points of an edge one in so many
+_STATES, _STRIDE = 6, 3  # number of states; every third point of an edge is used
 _MOST = 1200  # evaluations of one search
 _NEAR = 0.01
 
 
 @dataclass
 class _Counted:
-    """A problem that remembers what it was asked: units (n,) and objectives in mm, in order."""
+    """A problem that records its evaluations in order: candidates (n,) in the unit cube, and objectives in mm."""
 
     problem: Problem
     units: list[Array] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
 
     def evaluate(self, units: Array) -> Evaluation:
-        """Candidates (P, n)."""
-        found = self.problem.evaluate(units, 1.0)
+        """Evaluate candidates (P, n)."""
+        evaluation = self.problem.evaluate(units, 1.0)
         self.units += list(np.atleast_2d(units))
-        self.values += found.objective_mm.tolist()
-        return found
+        self.values += evaluation.objective_mm.tolist()
+        return evaluation
 
     def objective(self, unit: Array) -> float:
-        """Of one candidate (n,)."""
+        """Return the objective of one candidate (n,) in mm."""
         return float(self.evaluate(unit[None]).objective_mm[0])
 
     def moduli_Pa(self) -> Array:
-        """(m,): of the best candidate after each evaluation."""
+        """Return the modulus (m,) of the best candidate after each evaluation."""
         values = np.array(self.values)
         best = np.maximum.accumulate(np.where(values <= np.minimum.accumulate(values), np.arange(len(values)), 0))
         parameters = self.problem.unknowns.parameters(np.array(self.units)[best])
@@ -98,7 +98,14 @@ OPTIMISERS: dict[str, Callable[[_Counted, int, int], None]] = {
 
 
 def evaluations_to_one_percent(extent: Extent, seed: int) -> list[dict[str, Any]]:
-    """A row a law and optimiser: evaluations to one per cent by seed (None: never), all evaluations, least error."""
+    """Run each optimiser on each law, with several seeds.
+
+    Returns
+    -------
+    list of dict
+        For each law and optimiser, by seed: `to_one_percent`, the number of evaluations after which the modulus stays
+        within one per cent (None: never); `evaluations`, their total; `least_error_um`, the smallest error in µm.
+    """
     experiment = _experiment()
     rows = []
     for law in ("neo-hookean", "yeoh", "ogden")[: extent.cases]:
@@ -107,26 +114,26 @@ def evaluations_to_one_percent(extent: Extent, seed: int) -> list[dict[str, Any]
             name: [_run(optimiser, problem, seed + i) for i in range(1 if name == "Gauss-Newton" else extent.cases)]
             for name, optimiser in OPTIMISERS.items()
         }
-        best = min((run for own in runs.values() for run in own), key=lambda run: min(run.values))
+        best = min((run for by_seed in runs.values() for run in by_seed), key=lambda run: min(run.values))
         target = float(best.moduli_Pa()[-1])
-        for name, own in runs.items():
+        for name, by_seed in runs.items():
             rows.append(
                 {
                     "law": law,
                     "optimiser": name,
-                    "to_one_percent": [_reached(run.moduli_Pa(), target) for run in own],
-                    "evaluations": [len(run.values) for run in own],
-                    "least_error_um": [1e3 * min(run.values) for run in own],
+                    "to_one_percent": [_reached(run.moduli_Pa(), target) for run in by_seed],
+                    "evaluations": [len(run.values) for run in by_seed],
+                    "least_error_um": [1e3 * min(run.values) for run in by_seed],
                 }
             )
     return rows
 
 
 def _experiment() -> Experiment:
-    """Type 1 of a hidden material as a search sees it."""
+    """Return the data of the searches: type 1 of a hidden material, with every third point of its edges."""
     key = "dragon_skin_10"
     fields = field_mT(MATERIALS[key], Extent(states=_STATES))
-    edges = outlines_mm(MATERIALS[key], specimen_of(TRAINED_ON), fields)[:, :, ::_EVERY]
+    edges = outlines_mm(MATERIALS[key], specimen_of(TRAINED_ON), fields)[:, :, ::_STRIDE]
     edges = edges + noise_mm(edges.shape, "optimisers")
     experiment = experiment_of(TRAINED_ON, edges, fields, "solid")
     specimen = experiment.model.specimen
@@ -140,7 +147,7 @@ def _run(optimiser: Callable[[_Counted, int, int], None], problem: Problem, seed
 
 
 def _reached(moduli_Pa: Array, target_Pa: float) -> int | None:
-    """The evaluation from which on all are near the target."""
-    away = np.flatnonzero(np.abs(moduli_Pa / target_Pa - 1) > _NEAR)
-    first = int(away[-1]) + 1 if len(away) else 0
+    """Return the number of evaluations after which all moduli are near the target; None if the last one is not."""
+    far = np.flatnonzero(np.abs(moduli_Pa / target_Pa - 1) > _NEAR)
+    first = int(far[-1]) + 1 if len(far) else 0
     return first + 1 if first < len(moduli_Pa) else None

@@ -1,4 +1,4 @@
-"""The tables of a study: in the paper's form, and those of the open questions."""
+"""Make the tables of a study: those of the paper, and one for each open question."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from eimi_fitting.laws import LAWS
 from eimi_lab.study.errors_by_route import mean_deviation_um, mean_error_um
 from eimi_lab.study.extent import SECTIONS
 from eimi_lab.study.hidden_materials import MATERIALS
+from eimi_lab.study.observed import TWISTED
 from eimi_lab.study.routes import BENDING, Route
 from eimi_lab.study.whole_study import Findings
 
 
 @dataclass(frozen=True)
 class Table:
-    """name: of its CSV file; note: what a reader must know of it."""
+    """A table; `name` is the name of its CSV file, and `note` is written below it."""
 
     name: str
     title: str
@@ -27,25 +28,29 @@ class Table:
     note: str = ""
 
     def markdown(self) -> str:
-        """As a part of a page."""
+        """Return table and note in Markdown."""
         lines = [self.head, tuple("---" for _ in self.head), *self.rows]
         table = "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
         return f"{table}\n\n{self.note}".strip()
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Of so many digits; ∞ is the error of a law that finds no equilibrium."""
+    """Format a number with this many significant digits; `–` for None, `∞` for infinity.
+
+    Examples
+    --------
+    >>> number(12.345), number(12345.6), number(None), number(float("inf"))
+    ('12.3', '12346', '–', '∞')
+    """
     if value is None:
         return "–"
-    return (
-        f"{value:.{digits}g}"
-        if np.isfinite(value) and abs(value) < 1e4
-        else ("∞" if np.isinf(value) else f"{value:.0f}")
-    )
+    if np.isinf(value):
+        return "∞"
+    return f"{value:.{digits}g}" if abs(value) < 1e4 else f"{value:.0f}"
 
 
-def every_table(findings: Findings) -> list[Table]:
-    """Those of what was found."""
+def all_tables(findings: Findings) -> list[Table]:
+    """Return all tables of a study, except that of the claims."""
     tables = [searches(findings), *(parameters(findings, key) for key in findings.inputs.extent.materials)]
     tables.append(advantage_table(findings))
     if findings.answers:
@@ -60,7 +65,7 @@ def every_table(findings: Findings) -> list[Table]:
 
 
 def searches(findings: Findings) -> Table:
-    """Table 4 of the paper: what the searches cost."""
+    """Return table 4 of the paper: the cost and the error of each search."""
     rows = [
         (
             MATERIALS[key].name,
@@ -78,9 +83,9 @@ def searches(findings: Findings) -> Table:
     ]
     head = (
         *("material", "section", "law", "evaluations", "generations", "discarded", "error, µm", "deviation, µm"),
-        "what the data do not fix",
+        "not determined by the data",
     )
-    note = "What the data do not fix may stand at a bound of its search."
+    note = "A parameter that the data do not determine may be at a bound of its search."
     return Table("searches", "Searches on type 1 (table 4)", head, tuple(rows), note)
 
 
@@ -93,7 +98,7 @@ def _values(route: Route) -> str:
 
 
 def parameters(findings: Findings, key: str) -> Table:
-    """Tables 5 and 6 of the paper: parameters of one material, with mean error and deviation by type and section."""
+    """Return table 5 or 6 of the paper: parameters for one material, with mean error and deviation by type."""
     extent = findings.inputs.extent
     rows: list[tuple[str, ...]] = []
     for section in SECTIONS:
@@ -109,16 +114,26 @@ def parameters(findings: Findings, key: str) -> Table:
         ("section", "fitted to", "law", "parameters", "initial modulus, kPa", *(f"{k}, µm" for k in extent.types)),
         tuple(rows),
         f"Mean error and, in brackets, mean deviation. True initial modulus "
-        f"{number(MATERIALS[key].modulus_Pa / 1e3)} kPa. ∞: no equilibrium. Tensile fits are least squares without "
-        "constraints, as is usual; one with a negative modulus is no material.",
+        f"{number(MATERIALS[key].modulus_Pa / 1e3)} kPa. ∞: no equilibrium. Tensile fits are unconstrained least "
+        "squares, as is usual; a negative modulus is not physical.",
     )
 
 
 @dataclass(frozen=True)
 class Advantage:
-    """Mean errors in µm over unseen types that do not twist.
+    """Mean errors over the unseen types, of laws by bending and of tensile fits.
 
-    By bending, least to largest of the laws; by tension the best, which one that is, and the median.
+    Attributes
+    ----------
+    material, section : str
+    bending_um : tuple of float
+        Smallest and largest error of the laws by bending, in µm.
+    bending_modulus_Pa : tuple of float
+        Smallest and largest initial shear modulus of the laws by bending, in Pa.
+    tension_um, median_tension_um : float
+        Smallest and median error of the tensile fits, in µm.
+    tension : Route
+        The tensile fit with the smallest error.
     """
 
     material: str
@@ -131,67 +146,74 @@ class Advantage:
 
     @property
     def ratios(self) -> tuple[float, float]:
-        """The best conventional fit's error over that of the worst and of the best law by bending."""
+        """Return the error of the best tensile fit divided by those of the worst and of the best law by bending."""
         return self.tension_um / self.bending_um[1], self.tension_um / self.bending_um[0]
 
 
 def advantages(findings: Findings, kinds: Sequence[str], source: str = "own") -> list[Advantage]:
-    """By material and section, over these types; ``source`` of the tensile curve."""
-    found = []
+    """Compare bending with tension for each material and section.
+
+    Parameters
+    ----------
+    findings : Findings
+    kinds : sequence of str
+        The types over which the errors are averaged.
+    source : {"own", "published"}
+        The tensile curve.
+    """
+    compared = []
     for key, section in findings.bending:
         routes = findings.routes(key, section)
         errors = [
             float(np.mean([mean_error_um(findings.errors[key, section, kind][i]) for kind in kinds]))
             for i in range(len(routes))
         ]
-        bent = [i for i, route in enumerate(routes) if route.source == BENDING]
-        pulled = [i for i, route in enumerate(routes) if route.source == source]
-        if not pulled:
+        bending = [i for i, route in enumerate(routes) if route.source == BENDING]
+        tension = [i for i, route in enumerate(routes) if route.source == source]
+        if not tension:
             continue
-        best = min(pulled, key=lambda i: errors[i])
-        moduli = [routes[i].modulus_Pa for i in bent]
-        found.append(
+        best = min(tension, key=lambda i: errors[i])
+        moduli = [routes[i].modulus_Pa for i in bending]
+        compared.append(
             Advantage(
                 material=key,
                 section=section,
-                bending_um=(min(errors[i] for i in bent), max(errors[i] for i in bent)),
+                bending_um=(min(errors[i] for i in bending), max(errors[i] for i in bending)),
                 bending_modulus_Pa=(min(moduli), max(moduli)),
                 tension_um=errors[best],
-                median_tension_um=float(np.median([errors[i] for i in pulled])),
+                median_tension_um=float(np.median([errors[i] for i in tension])),
                 tension=routes[best],
             )
         )
-    return found
+    return compared
 
 
 def untwisted(findings: Findings) -> list[str]:
-    """Unseen types that do not twist, or all unseen ones where there is no such type."""
-    from eimi_lab.study.observed import TWISTED
-
+    """Return the unseen types that do not twist; all unseen types if there is no such type."""
     unseen = findings.inputs.extent.unseen
     return [kind for kind in unseen if kind != TWISTED] or list(unseen)
 
 
 def advantage_table(findings: Findings) -> Table:
-    """How much of the advantage over tensile fits is left when the section is right."""
+    """Return the table that compares bending with tension in plane strain and with the solid section."""
     kinds = untwisted(findings)
     rows = []
     for source in ("own", "published"):
-        for own in advantages(findings, kinds, source):
-            truth = MATERIALS[own.material].modulus_Pa
-            low, high = (number(100 * (m / truth - 1), 2) for m in own.bending_modulus_Pa)
+        for row in advantages(findings, kinds, source):
+            truth = MATERIALS[row.material].modulus_Pa
+            low, high = (number(100 * (m / truth - 1), 2) for m in row.bending_modulus_Pa)
             rows.append(
                 (
-                    MATERIALS[own.material].name,
-                    own.section,
-                    "its own" if source == "own" else "published, another lot",
-                    f"{number(own.bending_um[0])} to {number(own.bending_um[1])}",
+                    MATERIALS[row.material].name,
+                    row.section,
+                    "of this material" if source == "own" else "published, another lot",
+                    f"{number(row.bending_um[0])} to {number(row.bending_um[1])}",
                     f"{low} to {high}",
-                    f"{own.tension.law}, {own.tension.window}",
-                    number(own.tension_um),
-                    number(100 * (own.tension.modulus_Pa / truth - 1), 2),
-                    " to ".join(number(ratio, 2) for ratio in own.ratios),
-                    number(own.median_tension_um),
+                    f"{row.tension.law}, {row.tension.window}",
+                    number(row.tension_um),
+                    number(100 * (row.tension.modulus_Pa / truth - 1), 2),
+                    " to ".join(number(ratio, 2) for ratio in row.ratios),
+                    number(row.median_tension_um),
                 )
             )
     return Table(
@@ -202,21 +224,21 @@ def advantage_table(findings: Findings) -> Table:
             "section",
             "tensile curve",
             "bending, µm",
-            "its modulus off, %",
-            "best by tension",
+            "error of the modulus by bending, %",
+            "best tensile fit",
             "tension, µm",
-            "its modulus off, %",
+            "error of its modulus, %",
             "tension over bending, worst and best law",
             "median of tension, µm",
         ),
         tuple(rows),
-        f"Mean error over {', '.join(kinds)}; for bending the best and the worst of the laws, for tension the best of "
-        "all laws and windows, chosen with hindsight, and the median. A pixel of the virtual rig is 40 µm.",
+        f"Mean error over {', '.join(kinds)}: for bending the best and the worst of the laws; for tension the best of "
+        "all laws and windows, chosen by these errors, and the median. A pixel of the virtual rig is 40 µm.",
     )
 
 
 def _compressibility(rows: Sequence[dict[str, Any]]) -> Table:
-    def found(row: dict[str, Any]) -> str:
+    def identified(row: dict[str, Any]) -> str:
         value, low, high = row["bulk_over_shear_found"]
         return f"{number(value)} [{number(low)}, {number(high)}]"
 
@@ -233,11 +255,11 @@ def _compressibility(rows: Sequence[dict[str, Any]]) -> Table:
         "Compressibility as a parameter",
         (
             "K/µ",
-            "solid, taken as incompressible: modulus off, %",
+            "solid, fitted as incompressible: error of the modulus, %",
             "error, µm",
-            "plane strain, incompressible: modulus off, %",
-            "plane strain, K freed: modulus off, %",
-            "K/µ found [95 %]",
+            "plane strain, fitted as incompressible: error of the modulus, %",
+            "plane strain, K free: error of the modulus, %",
+            "identified K/µ [95 %]",
         ),
         tuple(
             (
@@ -246,7 +268,7 @@ def _compressibility(rows: Sequence[dict[str, Any]]) -> Table:
                 number(row["solid_error_um"]),
                 number(row["plane_strain_percent"]),
                 f"{number(row['freed_percent'])} [{', '.join(number(v) for v in row['freed_interval_percent'])}]",
-                found(row),
+                identified(row),
             )
             for row in ordered
         ),
@@ -264,7 +286,14 @@ def _moment(rows: Sequence[dict[str, Any]]) -> Table:
     return Table(
         "moment",
         "The moment as an unknown",
-        ("magnet", "modulus off, %", "95 %", "error, µm", "moment found off, % [95 %]", "correlation with the modulus"),
+        (
+            "magnet",
+            "error of the modulus, %",
+            "95 % interval",
+            "error, µm",
+            "identified deviation of the moment, % [95 %]",
+            "correlation with the modulus",
+        ),
         tuple(
             (
                 row["case"],
@@ -276,8 +305,8 @@ def _moment(rows: Sequence[dict[str, Any]]) -> Table:
             )
             for row in rows
         ),
-        "Neo-Hookean type 1 in six states, as the solid. Only gravity tells moment and modulus apart; it bends the "
-        "beam back, so that the modulus is off by more than the moment.",
+        "Neo-Hookean type 1 in six states, solid section. Only gravity separates the effects of moment and modulus. It "
+        "bends the beam back, so that the relative error of the modulus is larger than that of the moment.",
     )
 
 
@@ -285,8 +314,13 @@ def _states(rows: Sequence[dict[str, Any]]) -> Table:
     noises = list(rows[0]["foretold_percent"])
     return Table(
         "states",
-        "How many states fix the modulus to one per cent",
-        ("states", *(f"± %, noise {words}" for words in noises), "± % of a fit, 0.1 px", "that fit off, %"),
+        "Number of states for a modulus to one per cent",
+        (
+            "states",
+            *(f"± %, noise {words}" for words in noises),
+            "± % of a fit, noise 0.1 px",
+            "error of its modulus, %",
+        ),
         tuple(
             (
                 str(row["states"]),
@@ -296,17 +330,17 @@ def _states(rows: Sequence[dict[str, Any]]) -> Table:
             )
             for row in rows
         ),
-        f"{_enough(rows)} Half-widths of 95 % intervals: foretold from the sensitivity of the edges to the modulus, "
-        "and of a fit, which adds what its mesh and section leave. Fields are equally spaced from zero. The modulus "
-        "goes with width to the power −3: a width of 3 mm that is known to 0.02 mm leaves ± 3.9 % with any number of "
-        "states.",
+        f"{_enough(rows)} Half-widths of 95 % intervals: predicted from the sensitivity of the edges to the modulus, "
+        "and of a fit, which includes the errors of mesh and section. The fields are equally spaced from zero. The "
+        "modulus varies as the width to the power −3: with a width of 3 mm and a standard uncertainty of 0.02 mm, the "
+        "interval is at least ± 3.9 % for any number of states.",
     )
 
 
 def _enough(rows: Sequence[dict[str, Any]]) -> str:
-    """The answer, by the fits."""
+    """Return the answer as a sentence: the smallest number of states whose fit has a half-width of at most 1 %."""
     enough = [row["states"] for row in rows if row["fit_half_percent"] <= 1]
-    return f"{min(enough)} states do, with all else exact." if enough else "None of these is enough."
+    return f"{min(enough)} states are enough if all other inputs are exact." if enough else "None of these is enough."
 
 
 def _optimisers(rows: Sequence[dict[str, Any]]) -> Table:
@@ -320,7 +354,7 @@ def _optimisers(rows: Sequence[dict[str, Any]]) -> Table:
     return Table(
         "optimisers",
         "Optimisers: evaluations to a modulus within one per cent",
-        ("law", "optimiser", "to 1 %, median of runs", "least, most", "all evaluations", "least error, µm"),
+        ("law", "optimiser", "to 1 %, median of runs", "fewest, most", "all evaluations", "smallest error, µm"),
         tuple(
             (
                 row["law"],
@@ -334,7 +368,8 @@ def _optimisers(rows: Sequence[dict[str, Any]]) -> Table:
             )
             for row in rows
         ),
-        "From the evaluation counted on, the best candidate stays within one per cent of the optimum's modulus. "
-        "Gauss-Newton counts the differences for its derivatives, and has one run: it always begins in the middle. "
-        "The least error is that of the search's planar model, which the solid's correction takes away later.",
+        "The number is the evaluation after which the modulus of the best candidate stays within one per cent of that "
+        "of the optimum. Gauss-Newton counts the evaluations for its derivatives, and has one run, because it always "
+        "starts in the middle. The smallest error is that of the planar model of the search, before the correction "
+        "for the solid section.",
     )

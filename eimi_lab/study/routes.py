@@ -1,4 +1,4 @@
-"""The routes to a law: by the bending of one specimen under a section, and by windows of a tensile curve."""
+"""Identify laws by two routes: by the bending of one specimen, and by least squares on windows of a tensile curve."""
 
 from __future__ import annotations
 
@@ -24,9 +24,19 @@ BENDING = "bending"
 
 @dataclass(frozen=True)
 class Route:
-    """A law with its parameters (n,), in the law's own order and units, and the data that it is from.
+    """An identified law and the data from which it was identified.
 
-    source: BENDING, or a tensile curve: ``own`` of the hidden material or ``published``; window: of the latter.
+    Attributes
+    ----------
+    law : str
+    values : tuple of float
+        The parameters, in the order and the units of the law.
+    modulus_Pa : float
+        The initial shear modulus in Pa.
+    source : {"bending", "own", "published"}
+        The bending of type 1, the tensile curve of the hidden material, or a published tensile curve.
+    window : str
+        The window of the tensile curve, such as `20 %` or `full`; empty for bending.
     """
 
     law: str
@@ -37,20 +47,19 @@ class Route:
 
     @property
     def name(self) -> str:
-        """As tables have it: `bending`, `tension 20 %`, `published curve, full`."""
+        """Return the name in tables: `bending`, `tension 20 %`, `published curve, full`."""
         if self.source == BENDING:
             return BENDING
         return f"{'tension' if self.source == 'own' else 'published curve,'} {self.window}"
 
     @staticmethod
     def of(stored: dict[str, Any]) -> Route:
-        """From a stored part."""
-        own = {name: stored[name] for name in ("law", "modulus_Pa", "source", "window")}
-        return Route(values=tuple(stored["values"]), **own)
+        """Return the route of a stored part."""
+        return Route(stored["law"], tuple(stored["values"]), stored["modulus_Pa"], stored["source"], stored["window"])
 
 
 def by_bending(law: str, experiment: Experiment, seed: int) -> dict[str, Any]:
-    """A law by EIMI: a `Route` and what the tables say of its search, ready to be stored."""
+    """Identify a law by bending; return the fields of a `Route` and the numbers of the search, for JSON."""
     fit = identify(law, [experiment], seed=seed)
     return {
         "law": law,
@@ -73,8 +82,21 @@ def by_bending(law: str, experiment: Experiment, seed: int) -> dict[str, Any]:
 
 
 def by_tension(strain: Array, stress_Pa: Array, source: str, extent: Extent) -> list[dict[str, Any]]:
-    """Every law by least squares on every window of a curve, ready to be stored; none where a window is too short."""
-    found = []
+    """Fit each law to each window of a tensile curve by least squares, except where a window has too few rows.
+
+    Parameters
+    ----------
+    strain, stress_Pa : ndarray, shape (m,)
+        Engineering strain, and engineering stress in Pa.
+    source : {"own", "published"}
+    extent : Extent
+
+    Returns
+    -------
+    list of dict
+        The fields of a `Route` for each fit, with its root mean square error in Pa and its limit of stability.
+    """
+    fits = []
     for percent in extent.windows_percent:
         for law in extent.laws:
             try:
@@ -83,7 +105,7 @@ def by_tension(strain: Array, stress_Pa: Array, source: str, extent: Extent) -> 
                 )
             except CannotFit:
                 continue
-            found.append(
+            fits.append(
                 {
                     "law": law,
                     "values": fit.parameters.tolist(),
@@ -94,17 +116,22 @@ def by_tension(strain: Array, stress_Pa: Array, source: str, extent: Extent) -> 
                     "stable_to": fit.stable_to,
                 }
             )
-    return found
+    return fits
 
 
 def published_curves(folder: Path | None, materials: Sequence[str]) -> dict[str, Path]:
-    """The tensile test of each material in a folder, by the material's key: a CSV named by its first word.
+    """Return the file of the tensile test of each material in a folder.
 
-    Raises InputError where there is none of a material, or more than one.
+    The name of the file begins with the first word of the material's key, and ends with `.csv`.
+
+    Raises
+    ------
+    InputError
+        If a material has no file or several, or if a file cannot be read.
     """
     if folder is None:
         return {}
-    found = {}
+    curves = {}
     for key in materials:
         word = key.split("_")[0]
         files = sorted(file for file in folder.glob("*.csv") if file.name.lower().startswith(word))
@@ -113,6 +140,6 @@ def published_curves(folder: Path | None, materials: Sequence[str]) -> dict[str,
                 f"--tensile-data {folder}: should hold one tensile test whose name begins with {word} and ends with "
                 f".csv; holds {', '.join(file.name for file in files) or 'none'}"
             )
-        read_tensile(files[0])  # what is wrong with it is said before anything is computed
-        found[key] = files[0]
-    return found
+        read_tensile(files[0])  # an error in the file is reported before anything is computed
+        curves[key] = files[0]
+    return curves

@@ -1,4 +1,4 @@
-"""Results of a study as they are found, one JSON file each: what is there is not computed again."""
+"""Store each result of a study in a JSON file, so that it is not computed again when the study continues."""
 
 from __future__ import annotations
 
@@ -16,20 +16,30 @@ _HEAD = "study"
 
 @dataclass(frozen=True)
 class StoredParts:
-    """The folder ``parts`` of a study's output."""
+    """The folder `parts` in the output folder of a study."""
 
     folder: Path
 
     @staticmethod
     def of(output: Path, head: dict[str, Any], force: bool) -> StoredParts:
-        """Those of a new study or of one to go on with, which was begun with the same head.
+        """Open the parts of a study with the same head, or begin a new study.
 
-        With ``force`` whatever is there is begun again. Raises InputError for a folder that holds another study, or
-        something else.
+        Parameters
+        ----------
+        output : Path
+            The folder of the study.
+        head : dict
+            The inputs of the study.
+        force : bool
+            Whether to delete stored parts and begin again.
+
+        Raises
+        ------
+        InputError
+            If the folder holds a study with other inputs, or other files.
         """
         parts = StoredParts(output / "parts")
-        begun = parts._file(_HEAD)
-        if begun.exists() and not force:
+        if parts._file(_HEAD).exists() and not force:
             if parts._read(_HEAD) != json.loads(json.dumps(head)):
                 raise InputError(
                     f"{output}: holds a study of another extent or version; give another folder, or --force"
@@ -37,15 +47,15 @@ class StoredParts:
             return parts
         new_folder(output, force)
         parts.folder.mkdir(exist_ok=True)
-        for old in parts.folder.glob("*.json"):
-            old.unlink()
+        for file in parts.folder.glob("*.json"):
+            file.unlink()
         parts._write(_HEAD, head)
         return parts
 
-    def part(self, name: str, found: Callable[[], Any]) -> Any:
-        """What the part of this name holds: as stored, or as ``found`` says, which is then stored."""
+    def part(self, name: str, compute: Callable[[], Any]) -> Any:
+        """Return the stored part of this name; compute and store it first if there is none."""
         if not self._file(name).exists():
-            self._write(name, found())
+            self._write(name, compute())
         return self._read(name)
 
     def _file(self, name: str) -> Path:
@@ -56,7 +66,7 @@ class StoredParts:
         try:
             return json.loads(file.read_text(encoding="utf-8"))
         except ValueError as error:
-            raise InputError(f"{file}: is no JSON ({error}); remove it, and it will be found again") from error
+            raise InputError(f"{file}: is not JSON ({error}); remove it to compute it again") from error
 
     def _write(self, name: str, content: Any) -> None:
         write_file(self._file(name), json.dumps(content, indent=1) + "\n", force=True)

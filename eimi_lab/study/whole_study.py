@@ -1,4 +1,4 @@
-"""All of a study in order, each result stored as it is found."""
+"""Compute all parts of a study in order, and store each as soon as it is computed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eimi_lab.process.progress import silent
 from eimi_lab.study.errors_by_route import errors_of
 from eimi_lab.study.extent import SECTIONS, TRAINED_ON, Extent
 from eimi_lab.study.hidden_materials import MATERIALS
-from eimi_lab.study.observed import experiment_of, field_mT, seen_edges_mm
+from eimi_lab.study.observed import experiment_of, field_mT, measured_edges_mm
 from eimi_lab.study.open_questions import QUESTIONS
 from eimi_lab.study.routes import Route, by_bending, by_tension, published_curves
 from eimi_lab.study.stored_parts import StoredParts
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StudyInputs:
-    """What a study is made of: how much, the seed of its searches, and published tensile curves by material."""
+    """The inputs of a study: its extent, the seed of its searches, and the published tensile curves by material."""
 
     extent: Extent
     seed: int = 1
@@ -35,19 +35,34 @@ class StudyInputs:
 
     @staticmethod
     def of(extent: Extent, seed: int, tensile_data: Path | None) -> StudyInputs:
-        """With the curves that a folder holds. Raises InputError."""
+        """Return the inputs, with the published curves of a folder. Raises InputError if a curve is missing."""
         return StudyInputs(extent, seed, published_curves(tensile_data, extent.materials))
 
     def head(self) -> dict[str, Any]:
-        """What two studies have to have in common to be one."""
+        """Return the content by which an interrupted study is recognised when it continues."""
         digests = {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in self.published.items()}
         return {"extent": asdict(self.extent), "seed": self.seed, "published": digests}
 
 
 @dataclass(frozen=True)
 class Findings:
-    """All results: fields (K,) and edges (K, 2, n, 2) by material and type; bending fits by material, section and law;
-    routes by material; errors by material, section and type, one a route; answers to the open questions.
+    """All results of a study.
+
+    Attributes
+    ----------
+    inputs : StudyInputs
+    fields : dict of ndarray, shape (K,)
+        Fields in mT, by material.
+    edges : dict of ndarray, shape (K, 2, n, 2)
+        Measured edges in mm, by material and type.
+    bending : dict of list
+        Bending fits to type 1, one for each law, by material and section.
+    tensile : dict of list
+        Tensile fits, by material.
+    errors : dict of list
+        Errors of each route, by material, section and type.
+    answers : dict of list
+        Answers to the open questions, by name; empty if they were not asked.
     """
 
     inputs: StudyInputs
@@ -59,22 +74,22 @@ class Findings:
     answers: dict[str, Any]
 
     def routes(self, material: str, section: str) -> list[Route]:
-        """Those whose errors there are, in their order."""
+        """Return the routes in the order of their errors: bending fits, then tensile fits."""
         return [Route.of(stored) for stored in (*self.bending[material, section], *self.tensile[material])]
 
 
 def steps(extent: Extent) -> int:
-    """How many parts a study has."""
+    """Return the number of parts of a study."""
     specimens, sections = len(extent.materials) * len(extent.types), len(SECTIONS)
     fits = len(extent.materials) * (sections * len(extent.laws) + 1)
     return specimens + fits + specimens * sections + (len(QUESTIONS) if extent.open_questions else 0)
 
 
 def find(inputs: StudyInputs, parts: StoredParts, report: Callable[[str], None] = silent) -> Findings:
-    """Compute what is not stored yet; ``report`` is called after each part."""
+    """Compute the parts that are not stored, and return all results. `report` is called after each part."""
 
-    def part(name: str, found: Callable[[], Any]) -> Any:
-        content = parts.part(name, found)
+    def part(name: str, compute: Callable[[], Any]) -> Any:
+        content = parts.part(name, compute)
         report(name.replace("_", " "))
         return content
 
@@ -86,8 +101,7 @@ def find(inputs: StudyInputs, parts: StoredParts, report: Callable[[str], None] 
     errors: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
     for key in extent.materials:
         for kind in extent.types:
-            seen = part(f"edges_{key}_{kind}", partial(_edges, key, kind, extent))
-            edges[key, kind] = np.array(seen)
+            edges[key, kind] = np.array(part(f"edges_{key}_{kind}", partial(_edges, key, kind, extent)))
         tensile[key] = part(f"tension_{key}", partial(_tension, key, inputs))
         for section in SECTIONS:
             trained = experiment_of(TRAINED_ON, edges[key, TRAINED_ON], fields[key], section)
@@ -109,14 +123,14 @@ def find(inputs: StudyInputs, parts: StoredParts, report: Callable[[str], None] 
 
 
 def _edges(key: str, kind: str, extent: Extent) -> list[Any]:
-    """What is seen of a specimen, ready to be stored."""
-    return list(seen_edges_mm(key, kind, extent).round(6).tolist())
+    """Return the measured edges of a specimen as lists, for JSON."""
+    return list(measured_edges_mm(key, kind, extent).round(6).tolist())
 
 
 def _tension(key: str, inputs: StudyInputs) -> list[dict[str, Any]]:
-    """Tensile fits to the material's own curve, and to the published one where there is one."""
-    found = by_tension(*MATERIALS[key].tensile_curve(), "own", inputs.extent)
+    """Return the tensile fits to the curve of the hidden material, and to the published one if there is one."""
+    fits = by_tension(*MATERIALS[key].tensile_curve(), "own", inputs.extent)
     if key in inputs.published:
         test = read_tensile(inputs.published[key])
-        found += by_tension(test.strain, test.stress_Pa, "published", inputs.extent)
-    return found
+        fits += by_tension(test.strain, test.stress_Pa, "published", inputs.extent)
+    return fits

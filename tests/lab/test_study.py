@@ -1,4 +1,4 @@
-"""The paper's evaluation as one command: its parts are stored, its claims judged, its hidden materials hidden."""
+"""The study stores its parts, judges the claims of the paper, and uses materials that are not among the fitted laws."""
 
 from __future__ import annotations
 
@@ -36,32 +36,32 @@ SHORT = Extent(
 
 @pytest.fixture(scope="module")
 def short(tmp_path_factory):
-    """A short study: its folder, its inputs and what was found."""
+    """Run a short study, and return its folder, its inputs and its findings."""
     folder = tmp_path_factory.mktemp("short")
     inputs = StudyInputs(SHORT)
-    told = []
-    found = find(inputs, StoredParts.of(folder, inputs.head(), force=False), told.append)
-    assert len(told) == steps(SHORT)
-    return folder, inputs, found
+    reports = []
+    findings = find(inputs, StoredParts.of(folder, inputs.head(), force=False), reports.append)
+    assert len(reports) == steps(SHORT)
+    return folder, inputs, findings
 
 
-def test_bending_finds_the_hidden_modulus_as_the_solid_and_not_in_plane_strain(short):
-    _, _, found = short
+def test_bending_identifies_the_hidden_modulus_with_the_solid_section_and_not_in_plane_strain(short):
+    _, _, findings = short
     truth = MATERIALS["ecoflex_00_50"].modulus_Pa
-    off = {section: fits[0]["modulus_Pa"] / truth - 1 for (_, section), fits in found.bending.items()}
+    off = {section: fits[0]["modulus_Pa"] / truth - 1 for (_, section), fits in findings.bending.items()}
     assert abs(off["solid"]) < 0.02
-    assert -0.27 < off["plane-strain"] < -0.15  # facts of an independent model: -0.20 to -0.27
+    assert -0.27 < off["plane-strain"] < -0.15  # an independent model has -0.20 to -0.27
 
 
 def test_the_twisted_type_is_worse_and_bending_better_than_tension(short):
-    _, _, found = short
-    judged = {(v.claim, v.section): v.agrees for v in verdicts(found)}
-    assert judged["Type 4, which twists, is worse.", "solid"]
-    assert judged["Laws by EIMI are better than the best conventional fit.", "solid"]
+    _, _, findings = short
+    agrees = {(v.claim, v.section): v.agrees for v in verdicts(findings)}
+    assert agrees["Type 4, which twists, is worse.", "solid"]
+    assert agrees["Laws by EIMI are better than the best conventional fit.", "solid"]
 
 
-def test_a_study_goes_on_with_what_is_stored(short):
-    folder, inputs, found = short
+def test_a_study_continues_with_its_stored_parts(short):
+    folder, inputs, findings = short
     parts = folder / "parts"
     before = {file.name: file.stat().st_mtime_ns for file in parts.glob("*.json")}
     (parts / "tension_ecoflex_00_50.json").unlink()
@@ -69,18 +69,18 @@ def test_a_study_goes_on_with_what_is_stored(short):
     after = {file.name: file.stat().st_mtime_ns for file in parts.glob("*.json")}
     assert after.keys() == before.keys()
     assert [name for name in after if after[name] != before[name]] == ["tension_ecoflex_00_50.json"]
-    assert again.tensile == found.tensile
+    assert again.tensile == findings.tensile
 
 
-def test_another_study_is_not_mixed_with_it(short):
+def test_a_folder_with_another_study_is_refused(short):
     folder, _, _ = short
     with pytest.raises(InputError, match="another extent"):
         StoredParts.of(folder, StudyInputs(SHORT, seed=2).head(), force=False)
 
 
-def test_the_page_shows_every_table_and_figure(short):
-    folder, _, found = short
-    write_pages(folder, found)
+def test_the_page_shows_all_tables_and_figures(short):
+    folder, _, findings = short
+    write_pages(folder, findings)
     page = (folder / "study.md").read_text()
     for figure in folder.glob("*.png"):
         assert f"]({figure.name})" in page
@@ -91,10 +91,10 @@ def test_the_page_shows_every_table_and_figure(short):
 
 
 @pytest.mark.parametrize("key", MATERIALS)
-def test_a_hidden_material_is_a_law_of_its_own(key):
+def test_a_hidden_material_has_its_modulus_and_consistent_derivatives(key):
     material = MATERIALS[key]
     assert material.law.name not in LAWS_STUDIED
-    # At small strain E is three times the initial shear modulus, whatever the law.
+    # At small strain Young's modulus is three times the initial shear modulus for any incompressible law.
     slope = engineering_stress(material.law, material.parameters[0], np.array([1e-5]))[0] / 1e-5
     assert slope == pytest.approx(3 * material.modulus_Pa, rel=1e-3)
     x = np.array([0.01, 0.1, 1.0, 5.0])
@@ -105,7 +105,7 @@ def test_a_hidden_material_is_a_law_of_its_own(key):
     assert (up[1] - down[1]) / (2 * step) == pytest.approx(curvature, rel=1e-6)
 
 
-def test_a_turned_beam_looks_wider_by_its_depth():
+def test_a_turned_beam_appears_wider_by_its_depth():
     specimen = specimen_of("type4")
     x, half = np.linspace(0, 30, 7), 0.5 * specimen.width_mm
     straight = np.stack([np.column_stack([x, np.full(7, -half)]), np.column_stack([x, np.full(7, half)])])[None]
@@ -117,7 +117,7 @@ def test_a_turned_beam_looks_wider_by_its_depth():
 
 
 @pytest.mark.slow
-def test_every_optimiser_finds_the_modulus():
+def test_all_optimisers_reach_the_same_error():
     rows = evaluations_to_one_percent(Extent(cases=1), seed=1)
     assert {row["optimiser"] for row in rows} == {
         "CMA-ES",
@@ -131,7 +131,7 @@ def test_every_optimiser_finds_the_modulus():
     assert max(least) < 1.001 * min(least)
 
 
-def test_tensile_data_without_a_curve_of_a_material_is_named(tmp_path):
+def test_a_missing_tensile_curve_is_reported_by_its_name(tmp_path):
     (tmp_path / "dragon.csv").write_text("strain,stress_Pa\n0.1,1\n")
     with pytest.raises(InputError, match="begins with ecoflex"):
         published_curves(tmp_path, ["dragon_skin_10", "ecoflex_00_50"])

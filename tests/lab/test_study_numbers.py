@@ -1,4 +1,4 @@
-"""Numbers of the study's tables: their units, windows and noise, on routes made up by hand."""
+"""The tables of the study have the right units, windows and noise, for routes written by hand."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ def test_errors_and_deviations_are_in_micrometres() -> None:
     assert mean_error_um(LOST) == mean_deviation_um(LOST) == np.inf
 
 
-def test_every_specimen_has_noise_of_its_own_that_stays() -> None:
+def test_the_noise_of_a_specimen_is_reproducible_and_differs_from_that_of_others() -> None:
     one, again, other = (noise_mm((40, 50), of) for of in ("type1", "type1", "type2"))
     np.testing.assert_array_equal(one, again)
     assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 0.1
     assert one.std() == pytest.approx(NOISE_MM, rel=0.05)
 
 
-def test_a_window_of_so_many_per_cent_holds_these_strains_alone() -> None:
-    """A curve that is soft up to 20 % strain and twice as stiff beyond."""
+def test_a_window_contains_only_strains_up_to_its_limit() -> None:
+    """The curve is soft up to 20 % strain and twice as stiff beyond."""
     strain = np.linspace(0.01, 1.0, 100)
     soft, stiff = (engineering_stress(LAWS["neo-hookean"], np.array([mu]), strain) for mu in (20e3, 40e3))
     stress = np.where(strain <= 0.2, soft, stiff)
