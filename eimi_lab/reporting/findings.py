@@ -123,8 +123,8 @@ def _how(fit: FitRecord) -> str:
     up_to = f", fields up to {max(fields):.3g} mT" if max(fields, default=0.0) > 0 else ""
     several = f" of {len(fit.datasets)} datasets" if len(fit.datasets) > 1 else ""
     curves = f" and {len(fit.tensile)} tensile curve{'s' * (len(fit.tensile) > 1)}" if fit.tensile else ""
-    known = f" with {len(fit.priors)} prior{'s' * (len(fit.priors) > 1)} on its parameters" if fit.priors else ""
-    return f"{fit.model}{known}, from {used} state{'s' * (used > 1)} of bending{several}{up_to}{curves}"
+    with_priors = f" with {len(fit.priors)} prior{'s' * (len(fit.priors) > 1)} on its parameters" if fit.priors else ""
+    return f"{fit.model}{with_priors}, from {used} state{'s' * (used > 1)} of bending{several}{up_to}{curves}"
 
 
 def _limit(fit: FitRecord) -> str:

@@ -76,8 +76,8 @@ def _intervals(bending: Sequence[FitRecord]) -> str:
         words += f", and these uncertainties: {', '.join(sources)}"
     exact = list(dict.fromkeys(word for fit in bending for word in fit.taken_as_exact))
     priors = list(dict.fromkeys(f"{fit.model}: {words}" for fit in bending for words in fit.priors_in_words()))
-    known = "".join(f" {words}" for words in priors)
-    return f"{words}.{known}" + (f" Taken as exact: {', '.join(exact)}." if exact else "")
+    prior_words = "".join(f" {words}" for words in priors)
+    return f"{words}.{prior_words}" + (f" Taken as exact: {', '.join(exact)}." if exact else "")
 
 
 def _values(report: ReportContents) -> dict[str, Any]:
