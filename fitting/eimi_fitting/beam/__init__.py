@@ -1,6 +1,8 @@
-"""The beam: specimen and loads in, its shape in every state out, for many candidates at once.
+"""The forward model: a specimen, a law and loads in, the shape of the beam in every state out.
 
-Planar: `model` (BeamModel) on `grid`, `mesh`, `element`. Solid: `solid_model` (SolidModel) on `solid_grid`, `bricks`,
-`brick`, `isotropy`; `beside`, from planar shapes. Both: `loads`, `rigid`, `equilibrium` (Newton), `system` and `band`
-(linear algebra), `path` (states one after another), `outline` (the edges that a camera sees), `view` (its lens).
+bending (`Beam`) is the public face. specimen, loads, actuation and kinds_of_load state what is given.
+Planar: model (`BeamModel`) on grid, mesh, element and pressure. Solid: solid_model (`SolidModel`) on solid_grid,
+bricks, brick and isotropy; beside (`SolidBeside`) solves a solid from its planar model by way of depth_effect.
+Both: rigid (the magnet), equilibrium (Newton's method), system and band (linear algebra), path (one state after
+another), outline (the edges that a camera sees), view (the camera's lens).
 """

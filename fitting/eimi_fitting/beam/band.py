@@ -1,7 +1,7 @@
-"""Band matrices of a whole batch: assembly by gathering, one LAPACK call for all candidates.
+"""Band matrices of a whole batch: assembly, and factorisation by one LAPACK call for all candidates.
 
-The candidates are blocks of one long band matrix. They do not couple, so the factorisation of one never reads
-another's entries, and no loop over candidates is needed.
+The candidates are blocks of one long band matrix. The blocks do not couple, so that the factorisation of one block
+never reads entries of another and no loop over candidates is needed.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ Indices = NDArray[np.intp]
 
 
 def bandwidth(dofs: Indices) -> int:
-    """Of the matrix that couples the unknowns of each element: dofs (E, d), -1 where fixed."""
+    """Return the bandwidth of the matrix that couples the unknowns (E, d) of each element, -1 for fixed ones."""
     return int((dofs.max(axis=1) - np.where(dofs < 0, dofs.max(), dofs).min(axis=1)).max())
 
 
 class BandAssembly:
-    """Where each entry of the element matrices goes in the lower band.
+    """The place of each entry of the element matrices in the lower band.
 
-    dofs: (E, d) global number of each local unknown, -1 where it is fixed; n: number of unknowns.
+    dofs: (E, d) global number of each local unknown, -1 if it is fixed; n: number of unknowns.
     """
 
     def __init__(self, dofs: Indices, n: int) -> None:
@@ -63,7 +63,7 @@ class BandAssembly:
         return self._cache[batch]
 
     def matrix(self, element_matrices: Array) -> Array:
-        """Element matrices (E, B, d, d) -> lower band (B, n, bandwidth + 1)."""
+        """Return the lower band (B, n, bandwidth + 1) of element matrices (E, B, d, d)."""
         batch = element_matrices.shape[1]
         flat = element_matrices.ravel()
         band = np.zeros(batch * self.n * (self.bandwidth + 1))
@@ -75,7 +75,7 @@ class BandAssembly:
         return band.reshape(batch, self.n, self.bandwidth + 1)
 
     def vector(self, element_vectors: Array) -> Array:
-        """Element vectors (E, B, d) -> (B, n)."""
+        """Return the assembled vectors (B, n) of element vectors (E, B, d)."""
         elements, batch, d = element_vectors.shape
         total = self._sum @ element_vectors.transpose(0, 2, 1).reshape(elements * d, batch)
         return np.ascontiguousarray(total.T)
@@ -85,9 +85,9 @@ class BandAssembly:
 class BandFactor:
     """The factors of a batch of band matrices.
 
-    sound: (B,) which of them could be factorised; indefinite: (B,) which of the symmetric ones are not positive
-    definite. Those have LU factors, unless only definite ones were asked for, as all have where they are not symmetric;
-    the others have Cholesky's.
+    sound: (B,) which matrices could be factorised; indefinite: (B,) which symmetric matrices are not positive definite.
+    Positive definite matrices have Cholesky factors. Indefinite ones have LU factors, unless only definite ones were
+    asked for. Matrices that are not symmetric all have LU factors.
     """
 
     sound: NDArray[np.bool_]
@@ -97,15 +97,15 @@ class BandFactor:
     bandwidth: int
 
     def solve(self, right: Array) -> Array:
-        """Right-hand sides (B, n), or several (m, B, n), -> solutions, zero where the matrix was not sound."""
+        """Return the solutions for right-hand sides (B, n) or (m, B, n), zero for matrices that are not sound."""
         right = np.where(self.sound[:, None], right, 0.0)
         if self.cholesky is None:
             return self._by_lu(right)
         x, _ = lapack.dpbtrs(self.cholesky, _columns(right), lower=1)
-        found = np.asarray(x.T.reshape(right.shape))
+        solutions = np.asarray(x.T.reshape(right.shape))
         if self.lu:
-            found[..., self.indefinite, :] = self._by_lu(right[..., self.indefinite, :])
-        return found
+            solutions[..., self.indefinite, :] = self._by_lu(right[..., self.indefinite, :])
+        return solutions
 
     def _by_lu(self, right: Array) -> Array:
         assert self.lu
@@ -120,13 +120,22 @@ def _columns(right: Array) -> Array:
 def factorise(
     band: Array, sound: NDArray[np.bool_], upper: Array | None = None, only_definite: bool = False
 ) -> BandFactor:
-    """Factorise the lower bands (B, n, w) of the candidates that are sound (finite).
+    """Factorise band matrices, by Cholesky's method where they are positive definite and else by LU with pivoting.
 
-    By Cholesky; the blocks that are not positive definite (far from equilibrium, or in one that is not stable) by LU
-    with pivoting. ``upper`` holds the lower bands of the transposed matrices where these are not symmetric: LU alone
-    serves then, and tells nothing of their definiteness. Blocks that are not sound are replaced by the identity, so
-    that they spoil no neighbour. only_definite: nor are symmetric ones sound that are not positive definite, which
-    saves their LU, the dearer of the two.
+    A tangent that is not positive definite occurs far from equilibrium or in an unstable one. Matrices that are not
+    sound are replaced by the identity, so that they do not affect others.
+
+    Parameters
+    ----------
+    band : ndarray, shape (B, n, w)
+        Lower bands.
+    sound : ndarray of bool, shape (B,)
+        Which matrices to factorise.
+    upper : ndarray, shape (B, n, w), or None
+        Lower bands of the transposed matrices if the matrices are not symmetric. LU is then used for all of them, and
+        it is not determined which are positive definite.
+    only_definite : bool
+        Count symmetric matrices that are not positive definite as not sound, which saves their LU factorisation.
     """
     sound = sound & bounded(band)
     band, k = _with_identity(band, sound), band.shape[-1] - 1
@@ -138,7 +147,7 @@ def factorise(
     indefinite = np.zeros(batch, bool)
     if info == 0:
         return BandFactor(sound, indefinite, cholesky, None, k)
-    behind = 0  # blocks before this one have their factors, or none
+    behind = 0  # number of blocks that are done, with factors or without
     while info:
         failed = behind + (info - 1) // n
         indefinite[failed], behind = True, failed + 1
@@ -146,21 +155,24 @@ def factorise(
         cholesky[0, failed * n : behind * n] = 1.0
         if behind == batch:
             break
-        # What stands behind the block that ended it is as it was: it goes on there, in place.
+        # The blocks after the one that failed are unchanged: the factorisation goes on with them, in place.
         _, info = lapack.dpbtrf(cholesky[:, behind * n :], lower=1, overwrite_ab=1)
     if only_definite:
         return BandFactor(sound & ~indefinite, indefinite, cholesky, None, k)
     rest = band[indefinite]
-    lu, found = _general_factors(rest, rest, np.ones(len(rest), bool))
+    lu, rest_sound = _general_factors(rest, rest, np.ones(len(rest), bool))
     sound = sound.copy()
-    sound[indefinite] = found
+    sound[indefinite] = rest_sound
     return BandFactor(sound, indefinite, cholesky, lu, k)
 
 
 def _general_factors(
     lower: Array, upper: Array, sound: NDArray[np.bool_]
 ) -> tuple[tuple[Array, Indices], NDArray[np.bool_]]:
-    """LU factors and pivots, from the lower bands of matrices and of their transposes; (B,): which have them."""
+    """Return LU factors and pivots of matrices, and (B,) which matrices have them.
+
+    lower, upper: lower bands (B, n, w) of the matrices and of their transposes.
+    """
     n, width = lower.shape[1:]
     while True:
         full = _general(_with_identity(lower, sound), _with_identity(upper, sound))
@@ -172,7 +184,7 @@ def _general_factors(
 
 
 def bounded(values: Array) -> NDArray[np.bool_]:
-    """(B, ...) -> (B,): every value is finite, and so are the products that a factorisation makes of them."""
+    """Return (B,): whether all values (B, ...) are finite, and the products that a factorisation makes of them too."""
     if np.isfinite(np.vdot(values, values)):
         return np.ones(len(values), bool)
     flat = values.reshape(len(values), -1)
@@ -188,7 +200,7 @@ def _with_identity(band: Array, sound: NDArray[np.bool_]) -> Array:
 
 
 def _general(lower: Array, upper: Array) -> Array:
-    """Lower bands (B, n, w) of matrices and of their transposes -> LAPACK's general storage, with room for pivoting."""
+    """Return matrices in LAPACK's general band storage, from lower bands (B, n, w) of them and of their transposes."""
     batch, n, width = lower.shape
     k = width - 1
     below, above = lower.reshape(batch * n, width), upper.reshape(batch * n, width)

@@ -1,10 +1,11 @@
 """The 27-node hexahedron: quadratic displacement, linear discontinuous pressure, for a whole batch.
 
-The solid counterpart of `eimi_fitting.beam.element`, with the same potential, the same axes and the same functions: the
-integral of psi(F) + p (J - 1) - p^2 / (2 K). Two Gauss points along the beam, three across and three in depth: with
-the depth's displacement held the element is that of plane strain.
+It is the solid counterpart of `eimi_fitting.beam.element`, with the same potential, axes and functions. There are two
+Gauss points along the beam, three across and three in depth. If the displacement in depth is held the element is that
+of plane strain.
 
-Tensors stand as in `eimi_fitting.beam.isotropy`: symmetric ones as 11, 22, 33, 12, 23, 13, components first.
+Symmetric tensors have six components 11, 22, 33, 12, 23, 13, which are the first axis, as in
+`eimi_fitting.beam.isotropy`.
 """
 
 from __future__ import annotations
@@ -23,15 +24,15 @@ from eimi_fitting.beam.isotropy import PLACE
 Array = NDArray[np.float64]
 
 POINTS = 18  # Gauss points of an element
-_SMALLEST = 1e-100  # whose cube is a number still
+_SMALLEST = 1e-100  # its cube is not yet zero in floating point
 _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 @dataclass(frozen=True)
 class Operators:
-    """What the geometry alone decides, computed once per mesh.
+    """The operators that depend on the geometry alone, computed once for a mesh.
 
-    gradient: (E, 27, 3 q) nodal values -> (I, q) gradients; weighted: (E, 3 q, 27) its transpose times the weights;
+    gradient: (E, 27, 3 q) gives gradients (I, q) of nodal values; weighted: (E, 3 q, 27) its transpose times weights;
     slopes: (E, q, 3, 27) dN_a/dX_I and tangent: (E, 27, 3 q) the same times the weights, points before components;
     pressure: (E, 3 q, 108); basis: (E, q, 4) pressure functions at the Gauss points; mass: (E, 4) their weighted
     squares; load: (E, 27) and slope: (E, 27, 3) integrals of the shape functions and of their derivatives;
@@ -51,7 +52,7 @@ class Operators:
 
 
 def operators(mesh: Bricks) -> Operators:
-    """Precompute the operators of a mesh. Raises ValueError when an element is folded."""
+    """Return the operators of a mesh. Raises ValueError if an element is folded."""
     rules = [np.polynomial.legendre.leggauss(n) for n in (2, 3, 3)]
     places = [g.ravel() for g in np.meshgrid(*(r[0] for r in rules), indexing="ij")]
     values, local = shape_functions(*places)
@@ -81,22 +82,22 @@ def operators(mesh: Bricks) -> Operators:
 
 
 def mixed(batch: Batch) -> bool:
-    """Whether the pressure is an unknown: always."""
+    """Return whether the pressure is an unknown, which it always is."""
     return True
 
 
 def gradients(ops: Operators, nodal: Array) -> Array:
-    """Displacement gradients (i, I, E, B, q) of nodal displacements (E, B, 3, 27)."""
+    """Return the displacement gradients (i, I, E, B, q) of nodal displacements (E, B, 3, 27)."""
     n, b = nodal.shape[:2]
     h = np.matmul(nodal.reshape(n, b * 3, 27), ops.gradient)
     return np.ascontiguousarray(h.reshape(n, b, 3, 3, POINTS).transpose(2, 3, 0, 1, 4))
 
 
 def stretch(ops: Operators, nodal: Array) -> Array:
-    """(E, B, q): largest principal stretch at every Gauss point.
+    """Return the largest principal stretch (E, B, q) at every Gauss point.
 
-    The largest eigenvalue of C in closed form (Smith 1961, Communications of the ACM 4:168), good to 1e-8 of the strain
-    where two are equal; LAPACK takes eight times as long for matrices this small.
+    The largest eigenvalue of C is computed in closed form (Smith 1961, Communications of the ACM 4:168). The strain is
+    accurate to 1e-8 of itself where two eigenvalues are equal. LAPACK takes eight times as long for matrices this small.
     """
     F = gradients(ops, nodal)
     F[range(3), range(3)] += 1
@@ -110,7 +111,7 @@ def stretch(ops: Operators, nodal: Array) -> Array:
 
 
 class Evaluation(NamedTuple):
-    """One batch of elements at one displacement: what Newton needs and what the stress prediction reuses.
+    """The elements of a batch at one displacement: all that a Newton step and the stress prediction need.
 
     force: (E, B, 3, 27) internal nodal forces; F: (i, I, E, B, q); J: (E, B, q); S: (6, E, B, q) second Piola-Kirchhoff
     stress; D: (6, 6, E, B, q) its derivative by the Green strain; volume: (6, E, B, q) its derivative by the pressure;
@@ -127,12 +128,12 @@ class Evaluation(NamedTuple):
 
 
 def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Evaluation:
-    """Internal forces and stresses for nodal displacements (E, B, 3, 27) and pressures (E, B, 4)."""
+    """Return the internal forces and stresses for nodal displacements (E, B, 3, 27) and pressures (E, B, 4)."""
     F = gradients(ops, nodal)
     F[range(3), range(3)] += 1
     J = _determinant(F)
     valid = np.asarray(np.isfinite(F).all(axis=(0, 1, 2, 4)) & (J > SMALLEST_J).all(axis=(0, 2)))
-    if not valid.all():  # keep the arithmetic of the failed candidates finite: their status says that they failed
+    if not valid.all():  # keep the arithmetic of failed candidates finite; their status says that they failed
         F = np.where(valid[:, None], F, np.eye(3)[:, :, None, None, None])
         J = np.where(valid[:, None], J, 1.0)
     S, D, volume = isotropy.response(batch.law, batch.parameters[:, None, :], F, J)
@@ -151,9 +152,9 @@ def _determinant(F: Array) -> Array:
 
 
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
-    """Tangent (E, B, 81, 81), rows and columns ordered (i, node), without the pressure's share.
+    """Return the tangents (E, B, 81, 81), ordered (i, node), without the part of the pressure.
 
-    Its geometric part uses the predicted stress (6, E, B, q), see `element.stiffness`.
+    The geometric part uses the predicted stress (6, E, B, q); see `beam.equilibrium`.
     """
     F = ev.F
     n, b = F.shape[2:4]
@@ -176,14 +177,14 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
-    """Derivative (E, B, 81, 4) of the volume residual with respect to the displacement."""
+    """Return the derivative (E, B, 81, 4) of the volume residual with respect to the displacement."""
     n, b = ev.J.shape[:2]
     cofactor = isotropy.turned(ev.F, ev.volume).transpose(2, 3, 0, 1, 4)
     return np.matmul(cofactor.reshape(n, b * 3, 3 * POINTS), ops.pressure).reshape(n, b, 81, 4)
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array) -> Array:
-    """Stress S + D : dE after the linear step (E, B, 3, 27) with its pressure step (E, B, 4): (6, E, B, q)."""
+    """Return the stress S + D : dE, (6, E, B, q), after a linear step (E, B, 3, 27) and a pressure step (E, B, 4)."""
     h = gradients(ops, step)
     g = np.stack([[(ev.F[:, I] * h[:, J]).sum(axis=0) for J in range(3)] for I in range(3)])
     twice = [g[0, 0], g[1, 1], g[2, 2], g[0, 1] + g[1, 0], g[1, 2] + g[2, 1], g[0, 2] + g[2, 0]]

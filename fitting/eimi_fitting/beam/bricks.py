@@ -1,4 +1,4 @@
-"""Hexahedra with 27 nodes between the lines of a grid, or wherever a mapping puts them."""
+"""Structured meshes of hexahedra with 27 nodes, between the lines of a grid or mapped."""
 
 from __future__ import annotations
 
@@ -15,10 +15,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Bricks:
-    """nodes: (N, 3) mm; elements: (E, 27) node indices, local node 9 i + 3 j + k at i along, j across, k in depth.
+    """A structured mesh. Nodes are numbered along last, so that the stiffness matrix has a small band.
 
-    numbers: (along, across, depth) the number of the node at each place of the grid. They are numbered first where
-    they are fewest, across or in depth, and along last, so that the stiffness matrix has a small band.
+    Attributes
+    ----------
+    nodes : ndarray, shape (N, 3)
+        Places in mm.
+    elements : ndarray of int, shape (E, 27)
+        Nodes of each element; local node 9 i + 3 j + k is at i along, j across, k in depth.
+    numbers : ndarray of int, shape (along, across, depth)
+        Number of the node at each place of the grid. The direction with fewer nodes, across or depth, comes first.
     """
 
     nodes: Array
@@ -32,7 +38,7 @@ def brick_mesh(
     z_mm: Array,
     mapping: Callable[[Array, Array, Array], tuple[Array, Array, Array]] | None = None,
 ) -> Bricks:
-    """The bricks between the lines x_mm, y_mm and z_mm, all rising; ``mapping`` takes their nodes to other places."""
+    """Return the bricks between rising lines x_mm, y_mm and z_mm; ``mapping`` moves their nodes to other places."""
     lines = [np.interp(np.arange(2 * len(v) - 1) / 2, np.arange(len(v)), v) for v in (x_mm, y_mm, z_mm)]
     along, across, deep = (len(line) for line in lines)
     numbers: Indices = np.arange(along * across * deep, dtype=np.intp)
@@ -48,7 +54,7 @@ def brick_mesh(
 
 
 def shape_functions(xi: Array, eta: Array, zeta: Array) -> tuple[Array, Array]:
-    """27-node Lagrange functions at n points: values (n, 27) and local derivatives (n, 27, 3)."""
+    """Return the 27-node Lagrange functions at n points: values (n, 27) and local derivatives (n, 27, 3)."""
     (a, da), (b, db), (c, dc) = (quadratic_line(s) for s in (xi, eta, zeta))
 
     def product(f: Array, g: Array, h: Array) -> Array:

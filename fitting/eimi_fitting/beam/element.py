@@ -1,10 +1,15 @@
 """The Q2/P1 element, evaluated for all elements and a whole batch of candidates at once.
 
-Quadratic displacement, linear discontinuous pressure (Sussman and Bathe 1987, Computers & Structures 26:357). Two Gauss
-points along and three across: exact for cubics, which is what keeps the order of convergence of quadratic elements
-(Ciarlet 1978, section 4.1), with no mode left free, and softer along a bent beam than three by three. The potential of
-one element is the integral of psi(F) + p (J - 1) - p^2 / (2 K); the pressure belongs to one element alone, so its three
-unknowns are eliminated before assembly.
+The displacement is quadratic and the pressure is linear and discontinuous (Sussman and Bathe 1987, Computers &
+Structures 26:357). The potential of one element is
+
+    integral of psi(F) + p (J - 1) - p^2 / (2 K).
+
+The pressure belongs to one element alone, so that its three unknowns are eliminated before assembly.
+
+There are two Gauss points along and three across. This rule is exact for cubics, which keeps the order of convergence
+of quadratic elements (Ciarlet 1978, section 4.1). It leaves no mode without stiffness, and it is softer along a bent
+beam than three by three points.
 
 Array axes: E elements, B candidates of the batch, q Gauss points, (i, I) components of the deformation gradient.
 The tangent of the whole batch is one matrix product per element: dP/dF (pairs ij | q, I, J) times the precomputed
@@ -29,9 +34,9 @@ POINTS = 6  # Gauss points of an element
 
 @dataclass(frozen=True)
 class Operators:
-    """What the geometry alone decides, computed once per mesh.
+    """The operators that depend on the geometry alone, computed once for a mesh.
 
-    gradient: (E, 9, 2 q) nodal values -> (I, q) gradients; weighted: (E, 2 q, 9) its transpose times the weights;
+    gradient: (E, 9, 2 q) gives the gradients (I, q) of nodal values; weighted: (E, 2 q, 9) its transpose times weights;
     tangent: (E, 4 q, 81); pressure: (E, 2 q, 27); basis: (E, q, 3) pressure functions at the Gauss points;
     mass: (E, 3) their weighted squares; load: (E, 9) and slope: (E, 9, 2) integrals of the
     shape functions and of their derivatives; weights: (E, q) mm².
@@ -49,7 +54,7 @@ class Operators:
 
 
 def operators(mesh: Mesh) -> Operators:
-    """Precompute the operators of a mesh. Raises ValueError when an element is folded."""
+    """Return the operators of a mesh. Raises ValueError if an element is folded."""
     along, weights_along = np.polynomial.legendre.leggauss(2)
     across, weights_across = np.polynomial.legendre.leggauss(3)
     xi, eta = (g.ravel() for g in np.meshgrid(along, across, indexing="ij"))
@@ -74,9 +79,9 @@ def operators(mesh: Mesh) -> Operators:
 
 
 def orthogonal_basis(weights: Array, raw: Array) -> tuple[Array, Array]:
-    """Functions (q, m) made orthogonal by weights (E, q), so that their mass matrix is diagonal.
+    """Orthogonalise functions (q, m) with weights (E, q), so that their mass matrix is diagonal (Gram-Schmidt).
 
-    Returns their values (E, q, m) and their weighted squares (E, m).
+    Returns the values (E, q, m) and the weighted squares (E, m).
     """
     (n, q), m = weights.shape, raw.shape[1]
     basis, mass = np.empty((n, q, m)), np.empty((n, m))
@@ -90,19 +95,19 @@ def orthogonal_basis(weights: Array, raw: Array) -> tuple[Array, Array]:
 
 
 def mixed(batch: Batch) -> bool:
-    """Whether the pressure is an unknown."""
+    """Return whether the pressure is an unknown."""
     return batch.section == "plane-strain"
 
 
 def gradients(ops: Operators, nodal: Array) -> Array:
-    """Displacement gradients (i, I, E, B, q) of nodal displacements (E, B, 2, 9)."""
+    """Return the displacement gradients (i, I, E, B, q) of nodal displacements (E, B, 2, 9)."""
     n, b = nodal.shape[:2]
     h = np.matmul(nodal.reshape(n, b * 2, 9), ops.gradient)
     return np.ascontiguousarray(h.reshape(n, b, 2, 2, POINTS).transpose(2, 3, 0, 1, 4))
 
 
 def stretch(ops: Operators, nodal: Array) -> Array:
-    """(E, B, q): largest principal stretch at every Gauss point of nodal displacements (E, B, 2, 9)."""
+    """Return the largest principal stretch (E, B, q) at every Gauss point for displacements (E, B, 2, 9)."""
     (h11, h12), (h21, h22) = gradients(ops, nodal)
     a = (1 + h11) ** 2 + h12**2 + h21**2 + (1 + h22) ** 2
     J = (1 + h11) * (1 + h22) - h12 * h21
@@ -110,7 +115,7 @@ def stretch(ops: Operators, nodal: Array) -> Array:
 
 
 class Evaluation(NamedTuple):
-    """One batch of elements at one displacement: what Newton needs and what the stress prediction reuses.
+    """The elements of a batch at one displacement: all that a Newton step and the stress prediction need.
 
     force: (E, B, 2, 9) internal nodal forces; F: (i, I, E, B, q); energy: derivatives of psi; t: psi_J + p;
     S: (3, E, B, q) second Piola-Kirchhoff stress 11, 22, 12; J: (E, B, q); valid: (B,) every element unfolded.
@@ -127,7 +132,7 @@ class Evaluation(NamedTuple):
 
 @dataclass(frozen=True)
 class Batch:
-    """The candidates of one batch: parameters (B, n) and bulk modulus (B,) in MPa; the pressure's is the element's."""
+    """The candidates of one batch: their law, parameters (B, n) in MPa, section, and bulk moduli (B,) in MPa."""
 
     law: Law
     parameters: Array
@@ -135,11 +140,11 @@ class Batch:
     bulk: Array
 
 
-SMALLEST_J = 1e-3  # a Gauss point flatter than this is a folded element, and its logarithms are worthless
+SMALLEST_J = 1e-3  # an element with a smaller J at a Gauss point counts as folded
 
 
 def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Evaluation:
-    """Internal forces and stresses for nodal displacements (E, B, 2, 9) and pressures (E, B, 3)."""
+    """Return the internal forces and stresses for nodal displacements (E, B, 2, 9) and pressures (E, B, 3)."""
     F = gradients(ops, nodal)
     F[0, 0] += 1
     F[1, 1] += 1
@@ -147,7 +152,7 @@ def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Eva
     a = f11 * f11 + f12 * f12 + f21 * f21 + f22 * f22
     J = f11 * f22 - f12 * f21
     valid = np.isfinite(a).all(axis=(0, 2)) & (J > SMALLEST_J).all(axis=(0, 2))
-    if not valid.all():  # keep the arithmetic of the failed candidates finite: their status says that they failed
+    if not valid.all():  # keep the arithmetic of failed candidates finite; their status says that they failed
         a = np.where(valid[:, None], a, 2.0)
         J = np.where(valid[:, None], J, 1.0)
     assert batch.section != "solid"
@@ -175,11 +180,9 @@ def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Eva
 
 
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
-    """Tangent (E, B, 18, 18), rows and columns ordered (i, node), without the pressure's share.
+    """Return the tangents (E, B, 18, 18), ordered (i, node), without the part of the pressure.
 
-    Its geometric part uses the predicted stress (3, E, B, q), not the one recomputed from the displacement: that is
-    what lets Newton converge from afar for slender, incompressible bodies (Magisano, Leonetti, Garcea 2017,
-    Int. J. Numer. Meth. Engng 109:1237, "mixed integration point" Newton).
+    The geometric part uses the predicted stress (3, E, B, q); see `beam.equilibrium`.
     """
     (f11, f12), (f21, f22) = ev.F
     e = ev.energy
@@ -212,13 +215,13 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
 
 def volume_gap(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) -> Array:
-    """Residual (E, B, 3) of J - 1 = p / K against the pressure functions."""
+    """Return the residuals (E, B, 3) of J - 1 = p / K, tested with the pressure functions."""
     residual = np.matmul((ev.J - 1) * ops.weights[:, None, :], ops.basis)
     return residual - pressure * ops.mass[:, None, :] / batch.bulk[:, None]
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
-    """Derivative (E, B, 18, 3) of the volume residual with respect to the displacement."""
+    """Return the derivative (E, B, 18, 3) of the volume residual with respect to the displacement."""
     (f11, f12), (f21, f22) = ev.F
     n, b = f11.shape[:2]
     Z = np.empty((n, b, 2, 2, POINTS))
@@ -227,7 +230,7 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array | None) -> Array:
-    """Stress S + D : dE after the linear step (E, B, 2, 9) with its pressure step (E, B, 3): (3, E, B, q)."""
+    """Return the stress S + D : dE, (3, E, B, q), after a linear step (E, B, 2, 9) and a pressure step (E, B, 3)."""
     (h11, h12), (h21, h22) = gradients(ops, step)
     (f11, f12), (f21, f22) = ev.F
     e = ev.energy

@@ -1,4 +1,9 @@
-"""Equilibrium of a planar or a solid mesh for a batch of candidates: Newton's method with predicted stresses."""
+"""Equilibrium of a planar or a solid mesh for a batch of candidates, by Newton's method with predicted stresses.
+
+The geometric part of the tangent uses the stress that the last linear step predicts, not the stress of the new
+displacement. Newton's method then converges from farther away for slender, incompressible bodies (Magisano, Leonetti,
+Garcea 2017, Int. J. Numer. Meth. Engng 109:1237).
+"""
 
 from __future__ import annotations
 
@@ -23,18 +28,18 @@ Array = NDArray[np.float64]
 
 _MOST_ITERATIONS = 25  # of Newton's method
 _LOADS = ("nodal", "force", "tensor", "pressure", "moment")
-_ELEMENTS_AT_ONCE = 4096  # of all candidates or states together: more of them are not strained at once
+_ELEMENTS_AT_ONCE = 4096  # of all candidates or states together, whose strains are computed at once
 
 
 class Status(IntEnum):
-    """What became of one candidate in one state."""
+    """The outcome of one candidate in one state."""
 
     CONVERGED = 0
     DIVERGED = 1
     OUT_OF_ITERATIONS = 2
-    UNSTABLE = 3  # in equilibrium, but the law is not Drucker-stable over the stretches reached
-    ASTRAY = 4  # in equilibrium, but perhaps not in the one that the loads lead to
-    BUCKLED = 5  # in equilibrium, but in one that no beam keeps: its tangent is not positive definite
+    UNSTABLE = 3  # in equilibrium, but the law is not Drucker-stable up to the stretches reached
+    ASTRAY = 4  # in equilibrium, but perhaps not the one that the loads lead to
+    BUCKLED = 5  # in an unstable equilibrium: the tangent is not positive definite
 
 
 @dataclass(frozen=True)
@@ -62,10 +67,18 @@ class SolidLoads:
 
 @dataclass(frozen=True)
 class Configuration:
-    """Where a batch of candidates stands; every array is linear in what Newton solves for, so states extrapolate.
+    """The unknowns of a batch of candidates. States are extrapolated by linear combination of all of them.
 
-    displacement: (B, N, d) mm; rigid: (B, 3) translation in mm and rotation in rad of the rigid body;
-    pressure: (E, B, d + 1); stress: (3 or 6, E, B, q), the stress that the next tangent uses.
+    Attributes
+    ----------
+    displacement : ndarray, shape (B, N, d)
+        Displacements of the nodes in mm.
+    rigid : ndarray, shape (B, 3)
+        Translation in mm and rotation in rad of the rigid body.
+    pressure : ndarray, shape (E, B, d + 1)
+        Coefficients of the elements' pressures in N/mm².
+    stress : ndarray, shape (3 or 6, E, B, q)
+        The stress at the Gauss points that the next tangent uses.
     """
 
     displacement: Array
@@ -74,7 +87,7 @@ class Configuration:
     stress: Array
 
     def take(self, rows: Indices) -> Configuration:
-        """The candidates ``rows`` alone."""
+        """Return the candidates ``rows`` alone."""
         return Configuration(self.displacement[rows], self.rigid[rows], self.pressure[:, rows], self.stress[:, :, rows])
 
     def put(self, rows: Indices, other: Configuration) -> None:
@@ -85,12 +98,12 @@ class Configuration:
         self.stress[:, :, rows] = other.stress
 
     def copy(self) -> Configuration:
-        """An independent copy."""
+        """Return an independent copy."""
         return Configuration(self.displacement.copy(), self.rigid.copy(), self.pressure.copy(), self.stress.copy())
 
 
 def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -> Configuration:
-    """Sum of configurations with the given weights: polynomial extrapolation over load steps."""
+    """Return the sum of configurations with the given weights."""
 
     def total(name: str) -> Array:
         result = weights[0] * getattr(configurations[0], name)
@@ -102,24 +115,26 @@ def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -
 
 
 def joined(parts: Sequence[Configuration]) -> Configuration:
-    """Batches one after another."""
+    """Return batches one after another as one batch."""
     return Configuration(
-        np.concatenate([own.displacement for own in parts]),
-        np.concatenate([own.rigid for own in parts]),
-        np.concatenate([own.pressure for own in parts], axis=1),
-        np.concatenate([own.stress for own in parts], axis=2),
+        np.concatenate([part.displacement for part in parts]),
+        np.concatenate([part.rigid for part in parts]),
+        np.concatenate([part.pressure for part in parts], axis=1),
+        np.concatenate([part.stress for part in parts], axis=2),
     )
 
 
 def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
-    """Loads of batches one after another."""
-    return SolidLoads(*(np.concatenate([getattr(own, name) for own in parts]) for name in _LOADS))
+    """Return the loads of batches one after another as those of one batch."""
+    return SolidLoads(*(np.concatenate([getattr(part, name) for part in parts]) for name in _LOADS))
 
 
 @dataclass(frozen=True)
 class _Step:
-    """One linear step: of the nodes (B, N, d), of the rigid body (B, 3) and of the pressures; the predicted stress;
-    which candidates could be solved, and whose tangent is not positive definite.
+    """One linear step of Newton's method.
+
+    nodal: (B, N, d) mm; rigid: (B, 3); pressure and stress: as in `Configuration`, the stress as it is predicted;
+    sound: (B,) whether the step could be solved; indefinite: (B,) whether the tangent is not positive definite.
     """
 
     nodal: Array
@@ -131,10 +146,19 @@ class _Step:
 
 
 class Solid:
-    """A mesh and its supports: some displacements fixed at zero; perhaps a rigid body and a face under pressure.
+    """A mesh with its supports, perhaps with a rigid body in it and a face under pressure.
 
-    fixed: (N, d) bool, in d dimensions; rigid_nodes: nodes that move with a rigid body, whose reference point is
-    ``rigid_centre`` (mm).
+    Parameters
+    ----------
+    mesh : Mesh or Bricks
+    fixed : ndarray of bool, shape (N, d)
+        Displacements that are fixed at zero.
+    rigid_nodes : ndarray of int or None
+        Nodes that move with a rigid body.
+    rigid_centre : tuple of float
+        Reference point of the rigid body in mm.
+    face : FollowerPressure or None
+        Face under pressure.
     """
 
     def __init__(
@@ -164,14 +188,14 @@ class Solid:
 
     @property
     def kind(self) -> Any:
-        """The element's functions, with the same names and arguments in two dimensions and in three.
+        """The module of the element, with the same functions in two dimensions and in three.
 
-        Not kept: a solid goes to other processes, and a module does not.
+        It is looked up each time because a module cannot be pickled with the solid.
         """
         return brick if isinstance(self.mesh, Bricks) else element
 
     def rest(self, batch: int) -> Configuration:
-        """The undeformed configuration for a batch."""
+        """Return the undeformed configuration of a batch."""
         n, e, d = len(self.mesh.nodes), len(self.mesh.elements), self.dimensions
         return Configuration(
             np.zeros((batch, n, d)),
@@ -181,13 +205,13 @@ class Solid:
         )
 
     def by_element(self, nodal: Array) -> Array:
-        """(B, N, d) -> (E, B, d, nodes of an element)."""
+        """Return nodal values (B, N, d) by element, (E, B, d, nodes of an element)."""
         b, e, d = len(nodal), len(self.mesh.elements), self.dimensions
         gathered = nodal.reshape(b, d * len(self.mesh.nodes))[:, self._gather].reshape(b, e, d, self._unknowns // d)
         return np.ascontiguousarray(gathered.transpose(1, 0, 2, 3))
 
     def stretch(self, displacement: Array) -> Array:
-        """(E, B, q): largest principal stretch at every Gauss point of displacements (B, N, d)."""
+        """Return the largest principal stretch (E, B, q) at every Gauss point for displacements (B, N, d)."""
         b, most = len(displacement), max(_ELEMENTS_AT_ONCE // len(self.mesh.elements), 1)
         parts = [displacement[first : first + most] for first in range(0, max(b, 1), most)]
         return np.concatenate([self.kind.stretch(self.ops, self.by_element(part)) for part in parts], axis=1)
@@ -233,7 +257,7 @@ class Solid:
         return _Step(step, rigid, pressure, stress, sound, indefinite)
 
     def _moved(self, now: Configuration, step: _Step) -> tuple[Configuration, Array]:
-        """The configuration after a step, and the largest displacement of any node (B,)."""
+        """Return the configuration after a step, and the largest step (B,) of any node in mm."""
         displacement, rigid = now.displacement + step.nodal, now.rigid + step.rigid
         if self.body:
             self.body.carry(displacement, rigid)
@@ -249,19 +273,33 @@ class Solid:
         few: int | None = None,
         only_try: bool = False,
     ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp]]:
-        """Newton from ``start`` until no node moves by ``tolerance_mm`` in a step.
+        """Apply Newton's method until no node moves by ``tolerance_mm`` in a step.
 
-        few: of a start that should be near: whoever takes more iterations, or comes by a tangent that is not positive
-        definite, is given up as OUT_OF_ITERATIONS. There are smaller steps for it, or another way. only_try: nor is it
-        asked whether the beam has BUCKLED there.
+        The tangent of the last step, from which a nearly incompressible material's pressures are eliminated exactly,
+        is the second derivative of the potential. If it is not positive definite the equilibrium is unstable and the
+        candidate is marked as BUCKLED. Under a pressure that follows its face there is no potential, and stability is
+        not checked. Buckling out of the model's own space (out of the plane, or without symmetry about mid-depth) is
+        not detected.
 
-        The tangent of the last step, in which a nearly incompressible material's pressures are eliminated exactly, is
-        the second derivative of the potential: where it is not positive definite a beam would leave the equilibrium,
-        BUCKLED. Under a pressure that follows its face there is no potential, and nothing is asked. Nor is it told
-        what leaves a model's own space: the plane, or symmetry about mid-depth.
+        Parameters
+        ----------
+        batch : Batch
+        loads : SolidLoads
+        start : Configuration
+        tolerance_mm : float
+        few : int or None
+            Most iterations from a start that should be near. A candidate that needs more, or that meets a tangent that
+            is not positive definite, is given up as OUT_OF_ITERATIONS.
+        only_try : bool
+            Do not find out whether a candidate has BUCKLED, which saves a factorisation.
 
-        Returns the configuration, a Status (B,) and the number of tangents (B,). A candidate that fails keeps the
-        place where it stood when it failed; it never touches another.
+        Returns
+        -------
+        configuration : Configuration
+            A candidate that fails keeps the configuration at which it failed. Candidates do not affect each other.
+        status : ndarray, shape (B,)
+        iterations : ndarray, shape (B,)
+            Number of tangents.
         """
         size = float(np.ptp(self.mesh.nodes, axis=0).max())
         now = start.copy()
@@ -276,8 +314,8 @@ class Solid:
                 break
             everyone = len(rows) == b
             part = now if everyone else now.take(rows)
-            own = batch if everyone else _rows_of_batch(batch, rows)
-            step = self._step(own, loads if everyone else _rows_of_loads(loads, rows), part, only_try)
+            batch_part = batch if everyone else _rows_of_batch(batch, rows)
+            step = self._step(batch_part, loads if everyone else _rows_of_loads(loads, rows), part, only_try)
             iterations[rows] += 1
             moved, largest = self._moved(part, step)
             ok = step.sound & (largest < 10 * size)

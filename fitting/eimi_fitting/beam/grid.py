@@ -1,7 +1,7 @@
-"""How a specimen is divided: lines along and across, quadratic elements between them, and its magnet's block left out.
+"""The planar mesh of a specimen: lines along and across with quadratic elements between them.
 
-The magnet is rigid: its nodes are tied to one body, no element lies in it. Silicone beside a magnet narrower than the
-beam, and beyond one that does not reach the tip, has elements of its own.
+The magnet is rigid: its nodes are tied to one body, and no element lies in it. The silicone beside a magnet that is
+narrower than the beam, and beyond a magnet that does not reach the tip, has elements.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from eimi_fitting.beam.specimen import Specimen
 
 Array = NDArray[np.float64]
 
-# With these the tip of a slender beam on 13 x 1 elements is seven times nearer to the limit than with equal elements.
+# With this grading the tip of a slender beam on 13 x 1 elements has a seventh of the error of equal elements.
 _FINER_AT_CLAMP, _FINER_AT_MAGNET = 10.0, 5.0
 _FINER_AT_CORNER = 3.0  # across, toward the corners of a narrower magnet
-# Of the width: thinner silicone on a magnet is carried rigidly. On the sides that moves the tip by 0.05 %, and its
-# slivers of elements would take Newton's method ten times as many steps.
+# Share of the width: silicone on a magnet that is thinner moves rigidly. On the sides this moves the tip by 0.05 %,
+# whereas very thin elements would make Newton's method take ten times as many steps.
 THINNEST = 0.02
-_SAME_MM = 1e-3  # nearer than this is the same place
+_SAME_MM = 1e-3  # points that are nearer are the same
 
 
 def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Array, int]:
-    """Lines across silicone, magnet and silicone, and the number of elements on each side of the magnet."""
+    """Return the lines across silicone, magnet and silicone, and the number of elements on each side of the magnet."""
     layer, size = 0.5 * (width - magnet_width), width / across
     least = (across + 1) // 2
     beside, inner = max(least, round(1.5 * layer / size)), max(least, round(magnet_width / size))
@@ -37,19 +37,40 @@ def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Arra
 
 
 def _count(along: int, times: float) -> int:
-    """Elements along a part that is so many times as long as the flexible one, of its size but never without end."""
+    """Return the number of elements along a part that is ``times`` as long as the flexible one: 2 to 2 * along."""
     return max(2, min(round(along * times), 2 * along))
 
 
 class Grid:
-    """mesh: the elements of silicone; its nodes cover the whole specimen, column by column from clamp to tip.
+    """The planar mesh of a specimen.
 
-    along: elements of the flexible part, finer toward its two ends, which fades over half a width as the disturbance of
-    a clamped end does; across: over the width, and half as many (rounded up) or more on each side of a magnet that
-    is narrower, finer toward its corners. divided: lines across the block also where the magnet is as wide as the
-    beam, for a solid that has silicone before and behind it. block_mm: length, width and depth of the rigid block,
-    zero without a magnet; magnet_nodes: those on and in it, or None; inside: (along, across) which elements the block
-    takes; per_specimen: what of a load on the whole specimen the model bears.
+    Elements are finer toward the two ends of the flexible part. The grading fades over half a width, as the disturbance
+    of a clamped end does.
+
+    Parameters
+    ----------
+    specimen : Specimen
+    along : int
+        Number of elements along the flexible part.
+    across : int
+        Number of elements over the width. On each side of a narrower magnet there are half as many (rounded up) or
+        more, finer toward the magnet's corners.
+    divided : bool
+        Divide the magnet's block by lines also if the magnet is as wide as the beam: a solid can have silicone before
+        and behind it.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        The elements of silicone. Its nodes cover the whole specimen, column by column from clamp to tip.
+    block_mm : tuple of float
+        Length, width and depth of the rigid block, zero without a magnet.
+    magnet_nodes : ndarray of int or None
+        Nodes on and in the block.
+    inside : ndarray of bool, shape (along, across)
+        Which cells of the grid lie in the block.
+    per_specimen : float
+        The part of a load on the whole specimen that the mesh bears: 1 / depth in mm.
     """
 
     def __init__(self, specimen: Specimen, along: int, across: int, divided: bool = False) -> None:
@@ -91,9 +112,9 @@ class Grid:
         self.mesh: Mesh = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """(n,): which points (n, 2), given at rest, the magnet carries.
+        """Return (n,): which points (n, 2), given at rest in mm, the magnet carries.
 
-        Also what is fixed to its free faces, outside the specimen: those that no silicone covers.
+        It also carries points outside the specimen beyond those of its faces that no silicone covers.
         """
         x, y = np.atleast_2d(np.asarray(points_mm, float)).T
         near, (length, width, _) = self.specimen.flexible_length_mm, self.block_mm
@@ -104,9 +125,12 @@ class Grid:
         return np.asarray((x > near + 1e-9) & (x <= far) & (np.abs(y) <= half))
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Nodes (n, 9) and weights (n, 9) that give the displacement of material points (n, 2) of the specimen.
+        """Return nodes (n, 9) and weights (n, 9) that interpolate the displacement of material points (n, 2).
 
-        Raises ValueError for a point more than 1 µm outside it.
+        Raises
+        ------
+        ValueError
+            A point is more than 1 µm outside the specimen.
         """
         points = np.atleast_2d(np.asarray(points_mm, float))
         length, width = self.specimen.length_mm, self.specimen.width_mm
@@ -124,11 +148,11 @@ class Grid:
         return self._all[i * n + j], values
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Nodes (1, 9) and weights (1, 9) that take a force at a point (2,). Raises ValueError as `place`."""
+        """Return nodes (1, 9) and weights (1, 9) that share out a force at a point (2,); see `place`."""
         return self.place(point_mm)
 
     def pressure_face(self) -> FollowerPressure | None:
-        """The part of the left or right face that the specimen has under pressure."""
+        """Return the part of the left or right face that is under pressure; None without one."""
         face = self.specimen.pressure_face
         if face is None:
             return None

@@ -1,13 +1,13 @@
 """Stress and tangent of an isotropic law in three dimensions, at many points at once.
 
-A symmetric tensor stands as its six components 11, 22, 33, 12, 23, 13, which come first; the points follow, in any
-shape. Strain energies are isochoric, the volume's pressure is added to them. Two ways, both exact:
+A symmetric tensor has six components 11, 22, 33, 12, 23, 13 as its first axis; the points follow, in any shape. Strain
+energies are isochoric, and the pressure of the volume is added to the stress. There are two ways, both exact:
 
-invariants           where a law gives its derivatives in I1 and I2 (Holzapfel, Nonlinear Solid Mechanics, 2000,
+invariants           for a law that gives its derivatives in I1 and I2 (Holzapfel, Nonlinear Solid Mechanics, 2000,
                      sections 6.4 and 6.6);
-principal stretches  for any law, from the eigenvectors of C; a quotient of differences that vanishes with the
-                     difference of two stretches is their mean derivative there (Ogden, Non-linear Elastic
-                     Deformations, 1997, section 6.1.4).
+principal stretches  for any law, from the eigenvectors of C. Where two stretches are equal the quotient
+                     (S_b - S_a) / (C_b - C_a) is replaced by its limit, a mean of derivatives (Ogden, Non-linear
+                     Elastic Deformations, 1997, section 6.1.4).
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from eimi_fitting.laws.law import Law
 Array = NDArray[np.float64]
 
 PLACE = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
-"""(3, 3): where component KL of a symmetric tensor stands."""
+"""The index (3, 3) of component KL of a symmetric tensor."""
 
 _FIRST, _SECOND = (0, 1, 2, 0, 1, 0), (0, 1, 2, 1, 2, 2)
-# Apart by less than this in their logarithms, two stretches are as one: the mean derivative is off by its square, the
-# quotient by rounding over it.
+# Two stretches whose logarithms differ by less are taken as equal. The error of the limit grows with the square of the
+# difference, that of the quotient with its inverse.
 _EQUAL = 1e-5
 
 
@@ -35,16 +35,16 @@ class InvariantLaw(Protocol):
     """A law given by its derivatives in the invariants."""
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """W, W_x, W_y, W_xx at x = I1 - 3, y = I2 - 3."""
+        """Return W, W_x, W_y and W_xx at x = I1 - 3, y = I2 - 3."""
 
 
 def turned(F: Array, tensor: Array) -> Array:
-    """F times a symmetric tensor: (3, 3, ...) and (6, ...) -> (3, 3, ...)."""
+    """Return F (3, 3, ...) times a symmetric tensor (6, ...), with shape (3, 3, ...)."""
     return np.asarray(sum(F[:, k, None] * tensor[PLACE[k]] for k in range(3)))
 
 
 def right_cauchy_green(F: Array) -> Array:
-    """C = F^T F: (3, 3, ...) -> (6, ...)."""
+    """Return C = F^T F, (6, ...), of F (3, 3, ...)."""
     return np.stack([(F[:, _FIRST[v]] * F[:, _SECOND[v]]).sum(axis=0) for v in range(6)])
 
 
@@ -53,23 +53,39 @@ def _outer(a: Array, b: Array) -> Array:
 
 
 def _inverse_product(B: Array) -> Array:
-    """(6, 6, ...): dC -> B dC B, with the engineering shear strains' factor in it."""
+    """Return the linear map (6, 6, ...) dC -> B dC B, for engineering shear strains."""
     result = np.empty((6, 6, *B.shape[1:]))
     for v in range(6):
         K, L = _FIRST[v], _SECOND[v]
         for w in range(v, 6):
             M, N = _FIRST[w], _SECOND[w]
-            own = B[PLACE[K, M]] * B[PLACE[L, N]]
-            result[v, w] = own if K == L or M == N else 0.5 * (own + B[PLACE[K, N]] * B[PLACE[L, M]])
+            product = B[PLACE[K, M]] * B[PLACE[L, N]]
+            result[v, w] = product if K == L or M == N else 0.5 * (product + B[PLACE[K, N]] * B[PLACE[L, M]])
             result[w, v] = result[v, w]
     return result
 
 
 def response(law: Law, parameters: Array, F: Array, J: Array) -> tuple[Array, Array, Array]:
-    """Isochoric stress S (6, ...), its derivative D (6, 6, ...) by the Green strain, and J times the inverse of C.
+    """Return the isochoric stress, its derivative by the Green strain, and J times the inverse of C.
 
-    parameters: (..., n), broadcast against J (...); F: (3, 3, ...). Columns of D belong to the strains E11, E22, E33,
-    2 E12, 2 E23, 2 E13.
+    Parameters
+    ----------
+    law : Law
+    parameters : ndarray, shape (..., n)
+        Broadcast against J.
+    F : ndarray, shape (3, 3, ...)
+        Deformation gradient.
+    J : ndarray, shape (...)
+        Its determinant.
+
+    Returns
+    -------
+    S : ndarray, shape (6, ...)
+        Second Piola-Kirchhoff stress.
+    D : ndarray, shape (6, 6, ...)
+        Its derivative; the columns belong to the strains E11, E22, E33, 2 E12, 2 E23, 2 E13.
+    volume : ndarray, shape (6, ...)
+        J C^-1, the derivative of the stress by the pressure.
     """
     C = right_cauchy_green(F)
     inverse = _adjugate(C) / (J * J)
@@ -86,7 +102,7 @@ def _adjugate(C: Array) -> Array:
 
 
 def add_pressure(pressure: Array, volume: Array, J: Array, S: Array, D: Array) -> None:
-    """Add the stress of a pressure (...), p J C^-1, and its derivative; volume: J C^-1."""
+    """Add the stress p J C^-1 of a pressure (...) to S, and its derivative to D; volume: J C^-1."""
     S += pressure * volume
     D += (pressure / J) * (_outer(volume, volume) - 2 * _inverse_product(volume))
 
@@ -125,12 +141,14 @@ def _by_principal_stretches(law: Law, parameters: Array, C: Array, inverse: Arra
     hessian = hessian - hessian.mean(axis=-1, keepdims=True)
     slope = hessian - hessian.mean(axis=-2, keepdims=True)  # d tau_a / d ln lambda_b
     stress = tau / squares
-    own = (slope - 2 * tau[..., None] * np.eye(3)) / (squares[..., :, None] * squares[..., None, :])  # dS_a/dE_b
+    derivative = (slope - 2 * tau[..., None] * np.eye(3)) / (squares[..., :, None] * squares[..., None, :])  # dS_a/dE_b
     a, b = np.array([0, 1, 0]), np.array([1, 2, 2])
     apart = np.log(squares[..., b] / squares[..., a])
     equal = np.abs(apart) < 2 * _EQUAL
     quotient = 2 * (stress[..., b] - stress[..., a]) / np.where(equal, 1.0, squares[..., b] - squares[..., a])
-    limit = 0.5 * (own[..., a, a] + own[..., b, b]) - 0.5 * (own[..., a, b] + own[..., b, a])
+    limit = 0.5 * (derivative[..., a, a] + derivative[..., b, b]) - 0.5 * (
+        derivative[..., a, b] + derivative[..., b, a]
+    )
     shear = np.where(equal, limit, quotient)
     # Columns: N_a N_a, then twice the symmetric part of N_a N_b, all as strains that the six components multiply.
     K, L = np.array(_FIRST), np.array(_SECOND)
@@ -139,7 +157,7 @@ def _by_principal_stretches(law: Law, parameters: Array, C: Array, inverse: Arra
     frame[..., 3:] = vectors[..., K[:, None], a] * vectors[..., L[:, None], b]
     frame[..., 3:] += vectors[..., K[:, None], b] * vectors[..., L[:, None], a]
     inner = np.zeros((*J.shape, 6, 6))
-    inner[..., :3, :3] = own
+    inner[..., :3, :3] = derivative
     inner[..., [3, 4, 5], [3, 4, 5]] = 0.5 * shear
     D = frame @ inner @ frame.swapaxes(-1, -2)
     S = (frame[..., :3] @ stress[..., None])[..., 0]

@@ -1,4 +1,4 @@
-"""Quadrilaterals with nine nodes: a structured beam, and any other patch given by its mapping."""
+"""Structured meshes of quadrilaterals with nine nodes, of a rectangle or of a patch given by a mapping."""
 
 from __future__ import annotations
 
@@ -14,10 +14,16 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Mesh:
-    """nodes: (N, 2) mm; elements: (E, 9) node indices, local node 3 i + j at column i along, row j across.
+    """A structured mesh. Nodes are numbered across first, so that the stiffness matrix has the smallest band.
 
-    Nodes are numbered across first, so that the stiffness matrix has the smallest band. ``columns`` is the number
-    of node columns, ``rows`` the number of nodes in each.
+    Attributes
+    ----------
+    nodes : ndarray, shape (N, 2)
+        Places in mm.
+    elements : ndarray of int, shape (E, 9)
+        Nodes of each element; local node 3 i + j is at column i along, row j across.
+    columns, rows : int
+        Number of node columns, and of nodes in each.
     """
 
     nodes: Array
@@ -26,18 +32,23 @@ class Mesh:
     rows: int
 
     def column(self, i: int) -> Indices:
-        """Nodes of column i (negative counts from the far end), in order across."""
+        """Return the nodes of column i in order across; a negative i counts from the far end."""
         return np.arange(self.rows, dtype=np.intp) + (i % self.columns) * self.rows
 
     def row(self, j: int) -> Indices:
-        """Nodes of row j (negative counts from the last), in order along."""
+        """Return the nodes of row j in order along; a negative j counts from the last row."""
         return np.arange(self.columns, dtype=np.intp) * self.rows + (j % self.rows)
 
 
 def mapped_mesh(along: int, across: int, mapping: Callable[[Array, Array], tuple[Array, Array]]) -> Mesh:
-    """along x across elements on the unit square, their nodes put in place by ``mapping(s, t) -> (x, y)``.
+    """Return a mesh of along x across elements on the unit square, mapped by ``mapping(s, t) -> (x, y)``.
 
-    s runs along (0 to 1), t across (0 to 1). Raises ValueError for fewer than one element either way.
+    s runs along from 0 to 1, t across from 0 to 1.
+
+    Raises
+    ------
+    ValueError
+        There is less than one element in one direction.
     """
     if along < 1 or across < 1:
         raise ValueError(f"a mesh needs at least 1 x 1 elements, got {along} x {across}")
@@ -51,10 +62,10 @@ def mapped_mesh(along: int, across: int, mapping: Callable[[Array, Array], tuple
 
 
 def graded(length_mm: float, count: int, fade_mm: float, finer_at_start: float, finer_at_end: float) -> Array:
-    """(count + 1,) ends of elements on 0..length.
+    """Return the ends (count + 1,) of graded elements on 0..length.
 
-    At the start they are ``1 + finer_at_start`` times shorter than far from it, at the end ``1 + finer_at_end`` times;
-    the grading fades over ``fade_mm``.
+    Elements at the start are ``1 + finer_at_start`` times shorter than those in the middle, elements at the end
+    ``1 + finer_at_end`` times. The grading fades exponentially over ``fade_mm``.
     """
     x = np.linspace(0.0, length_mm, 2001)
     density = 1 + finer_at_start * np.exp(-x / fade_mm) + finer_at_end * np.exp((x - length_mm) / fade_mm)
@@ -63,7 +74,7 @@ def graded(length_mm: float, count: int, fade_mm: float, finer_at_start: float, 
 
 
 def grid_mesh(x_mm: Array, y_mm: Array) -> Mesh:
-    """The rectangles between the lines x_mm (m + 1,) along and y_mm (n + 1,) across, both rising."""
+    """Return the mesh of rectangles between lines x_mm (m + 1,) and y_mm (n + 1,), both rising."""
     m, n = len(x_mm) - 1, len(y_mm) - 1
     return mapped_mesh(
         m, n, lambda s, t: (np.interp(s * m, np.arange(m + 1), x_mm), np.interp(t * n, np.arange(n + 1), y_mm))
@@ -71,7 +82,7 @@ def grid_mesh(x_mm: Array, y_mm: Array) -> Mesh:
 
 
 def quadratic_line(s: Array) -> tuple[Array, Array]:
-    """Three-node Lagrange functions at n places on -1..1: values (n, 3) and derivatives (n, 3)."""
+    """Return the three-node Lagrange functions at n points of -1..1: values (n, 3) and derivatives (n, 3)."""
     s = np.asarray(s, float)
     return (
         np.stack([0.5 * s * (s - 1), 1 - s * s, 0.5 * s * (s + 1)], axis=-1),
@@ -80,7 +91,7 @@ def quadratic_line(s: Array) -> tuple[Array, Array]:
 
 
 def shape_functions(xi: Array, eta: Array) -> tuple[Array, Array]:
-    """Nine-node Lagrange functions at n points: values (n, 9) and local derivatives (n, 9, 2)."""
+    """Return the nine-node Lagrange functions at n points: values (n, 9) and local derivatives (n, 9, 2)."""
     (a, da), (b, db) = quadratic_line(xi), quadratic_line(eta)
     n = a.shape[0]
     value = (a[:, :, None] * b[:, None, :]).reshape(n, 9)

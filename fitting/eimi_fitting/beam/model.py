@@ -1,4 +1,4 @@
-"""The forward model: parameters in, the beam's shape in every state out, for a whole population at once."""
+"""The planar finite-element model of a specimen, solved for a whole population of candidates at once."""
 
 from __future__ import annotations
 
@@ -20,11 +20,25 @@ __all__ = ["BeamModel", "Shapes"]
 
 
 class BeamModel:
-    """A specimen's finite-element model: made once, solved for any number of candidates.
+    """The planar model of a specimen. It is made once and solved for any number of candidates.
 
-    along: elements of the flexible part; across: over the width, following from the proportions unless given; see
-    `Grid`. The magnet is rigid; the model works per unit depth of the specimen, and silicone before and behind a
-    shallower magnet is carried along. Raises ValueError when the magnet leaves no flexible part.
+    The magnet is rigid. The model works per mm of depth; silicone before and behind a shallower magnet moves with the
+    magnet. `Beam` chooses between this model and that of the solid.
+
+    Parameters
+    ----------
+    specimen : Specimen
+    along : int
+        Number of elements along the flexible part, see `Grid`.
+    across : int or None
+        Number of elements over the width; None: it follows from the proportions.
+    plane : {"plane-stress", "plane-strain"} or None
+        The planar assumption; None: the specimen's section.
+
+    Raises
+    ------
+    ValueError
+        The magnet leaves no flexible part, or the specimen's section is solid and no plane is named.
 
     Examples
     --------
@@ -78,23 +92,29 @@ class BeamModel:
         return BeamModel, (self.specimen, self.along, self.across, self.plane)
 
     def of(self, specimen: Specimen) -> BeamModel:
-        """Another specimen on as many elements."""
+        """Return the model of another specimen with the same numbers of elements."""
         return BeamModel(specimen, self.along, self.across, self.plane)
 
     def refined(self) -> BeamModel:
-        """The same specimen on a mesh twice as fine along and three times across."""
+        """Return the same specimen on a mesh twice as fine along the beam and three times as fine across."""
         return BeamModel(self.specimen, 2 * self.along, 3 * self.across, self.plane)
 
     def halved(self) -> BeamModel:
-        """The same specimen on elements of half the size."""
+        """Return the same specimen on elements of half the size."""
         return BeamModel(self.specimen, 2 * self.along, 2 * self.across, self.plane)
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """`Grid.place`: nodes and weights that give the displacement of material points. Raises ValueError."""
+        """Return nodes and weights that interpolate the displacement of material points; see `Grid.place`."""
         return self.grid.place(points_mm)
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """(P, K, n, 2): where the material points (n, 2), given at rest, are in each state. Raises ValueError."""
+        """Return the places (P, K, n, 2) in mm of material points (n, 2) given at rest.
+
+        Raises
+        ------
+        ValueError
+            A point is not on the specimen.
+        """
         points = np.atleast_2d(np.asarray(points_mm, float))
         p, k = shapes.status.shape
         moved = np.empty((p, k, len(points), 2))
@@ -107,7 +127,7 @@ class BeamModel:
         return moved
 
     def carried(self, shapes: Shapes, points_mm: Array) -> Array:
-        """(P, K, n, 2): where points (n, 2) of the magnet are in each state."""
+        """Return the places (P, K, n, 2) in mm of points (n, 2) of the magnet given at rest."""
         arm = points_mm - np.array([self.specimen.flexible_length_mm, 0.0])
         c, s = np.cos(shapes.rigid[..., 2, None]), np.sin(shapes.rigid[..., 2, None])
         x = self.specimen.flexible_length_mm + shapes.rigid[..., 0, None] + c * arm[:, 0] - s * arm[:, 1]
@@ -115,7 +135,7 @@ class BeamModel:
         return np.stack([x, y], axis=-1)
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """(P, K): rotation of the tip from rest, of the magnet or of the last column of nodes."""
+        """Return the rotation (P, K) of the magnet, or of the last column of nodes without one, in degrees."""
         if self.specimen.magnet:
             return np.degrees(shapes.rigid[..., 2])
         ends = shapes.displacement[:, :, self.mesh.column(-1)[[0, -1]]]
@@ -135,28 +155,46 @@ class BeamModel:
         keep: bool = False,
         near: Configuration | None = None,
     ) -> Shapes:
-        """Take P candidates, parameters (P, n) in the law's units (Pa), through the K states in order.
+        """Find the equilibrium of P candidates in K states, one state after another.
 
-        The first state is reached from rest (or from ``start``, the ``last`` of an earlier result), each further one
-        by extrapolation from those before. A step that fails is cut into smaller ones; a candidate that fails for
-        good is marked in this and in all later states, and no longer computed. The material is incompressible unless
-        bulk moduli (P,) are given, which plane stress does not know: ValueError. field_factor (P,) multiplies each
-        candidate's magnetic loads: an uncertain magnetic moment or coil constant.
+        The first state is reached from rest or from ``start``, each further one by extrapolation from the states
+        before it. A step that fails is cut into smaller steps. A candidate that fails for good is marked in this and
+        in all later states, and is no longer computed.
 
-        keep: `Shapes.every` of the first candidate. near: such, of a beam near these on as many elements: they are
-        sought in all states at once from there, and state after state only where that fails.
+        Parameters
+        ----------
+        law : Law
+        parameters : ndarray, shape (P, n)
+            Parameters in the law's units, moduli in Pa.
+        loads : Loads
+        tolerance_mm : float
+            Stop Newton's method once no node moves farther than this in a step.
+        start : Configuration or None
+            Where the candidates begin: the ``last`` of an earlier result.
+        bulk_modulus_Pa : ndarray, shape (P,), or None
+            Bulk moduli; None for an incompressible material.
+        field_factor : ndarray, shape (P,), or None
+            Factor on each candidate's magnetic loads, for an uncertain magnetic moment or coil constant.
+        keep : bool
+            Keep the configurations of the first candidate in ``Shapes.every``.
+        near : Configuration or None
+            The ``every`` of an earlier result for a similar candidate on the same mesh. All states are then solved at
+            once from these configurations, and one after another only if that fails.
 
-        Raises ValueError for a pressure on a specimen that has no pressure face.
+        Raises
+        ------
+        ValueError
+            A bulk modulus is given in plane stress, or a pressure for a specimen without a pressure face.
         """
         chosen = candidates(law, parameters, self.plane, bulk_modulus_Pa, field_factor)
         if near is not None:
-            found = at_once(self.solid, self._loaded, chosen, loads, tolerance_mm, near, keep)
-            if found is not None:
-                return found
+            shapes = at_once(self.solid, self._loaded, chosen, loads, tolerance_mm, near, keep)
+            if shapes is not None:
+                return shapes
         return follow(self.solid, self._loaded, chosen, loads, tolerance_mm, start, keep)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """(P, K, E): largest principal stretch in each element, of its Gauss points."""
+        """Return the largest principal stretch (P, K, E) at the Gauss points of each element."""
         p, k = shapes.status.shape
         flat = self.solid.stretch(shapes.displacement.reshape(p * k, -1, 2))
         return flat.max(axis=2).T.reshape(p, k, -1)

@@ -1,4 +1,8 @@
-"""The states one after another: load steps, extrapolated starts, smaller steps where one fails."""
+"""The states of a path of loads, solved one after another or all at once.
+
+Each state starts from an extrapolation of the states before it. A step that fails, or that may have left the path that
+the loads lead along, is repeated in 4, 16 and 64 smaller steps.
+"""
 
 from __future__ import annotations
 
@@ -22,30 +26,45 @@ from eimi_fitting.units import MPA_PER_PA, moduli_in_MPa
 Array = NDArray[np.float64]
 
 BULK_RATIO = 1e4  # bulk over shear modulus of an incompressible material: changes the tip by less than 1e-4
-# Of any material: a stiffer one bends the same to eight digits, but far above it rounding leaves Newton no equilibrium.
+# Largest ratio that is computed: a stiffer material bends the same to eight digits, but far above this ratio rounding
+# errors keep Newton's method from converging.
 _MOST_BULK_RATIO = 1e8
 _CUTS = (1, 4, 16, 64)
-_FEW = 6  # iterations of a step that stays on its path, to a tolerance of micrometres; one less to a loose one
+_FEW = 6  # most iterations of a step that stays on its path; one less to a tolerance looser than _LOOSE_MM
 _LOOSE_MM = 1e-3
 _FAILED = (Status.DIVERGED, Status.OUT_OF_ITERATIONS)
 _OF_STRAIN, _SMALL_STRAIN = 1.5, 0.02
-_MOST_POINTS = 6  # of the path, that an extrapolation looks at
-_AT_ONCE = 1400  # elements, of all candidates and states: more of them need more memory, and no less time
+_MOST_POINTS = 6  # points of the path that an extrapolation uses
+_AT_ONCE = 1400  # elements of all candidates and states together: more need more memory and save no time
 
 Path = list[tuple[Array, Configuration]]
-"""Numbers of a state's loads (m,), see `Loads.state`, and where the candidates stood under them."""
+"""The numbers of a state's loads (m,), see `Loads.state`, and the candidates' configuration under these loads."""
 LoadsAt = Callable[[Array, Array], SolidLoads]
 """The loads on the mesh, from a state's numbers and the candidates' field factors; see `Loads.on`."""
 
 
 @dataclass(frozen=True)
 class Shapes:
-    """P candidates in K states.
+    """The shapes of P candidates in K states.
 
-    displacement: (P, K, N, d) mm; rigid: (P, K, 3) mm, mm, rad (rotation of the magnet, zero without one);
-    status: (P, K) Status; iterations: (P, K) tangents factorised; max_stretch: (P, K) largest principal stretch.
-    Rows that are not converged hold the last place reached: look at the status. last: where the candidates stand in the
-    last state; every: where the first one stands in each state, a row a state, if that was asked for.
+    A state that is not converged holds the last configuration that was reached; look at its status.
+
+    Attributes
+    ----------
+    displacement : ndarray, shape (P, K, N, d)
+        Displacements of the nodes in mm.
+    rigid : ndarray, shape (P, K, 3)
+        Translation of the magnet's reference point in mm and rotation in rad; zero without a magnet.
+    status : ndarray, shape (P, K)
+        `Status` of each state.
+    iterations : ndarray, shape (P, K)
+        Number of tangents that were factorised.
+    max_stretch : ndarray, shape (P, K)
+        Largest principal stretch.
+    last : Configuration
+        The configurations of all candidates in the last state.
+    every : Configuration or None
+        The configurations of the first candidate, one row for each state, if they were asked for.
     """
 
     displacement: Array
@@ -58,11 +77,11 @@ class Shapes:
 
     @property
     def converged(self) -> NDArray[np.bool_]:
-        """(P,) every state converged."""
+        """Whether every state of a candidate converged, (P,)."""
         return np.asarray((self.status == Status.CONVERGED).all(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Shapes:
-        """Some of the candidates, or some of them more than once."""
+        """Return some of the candidates; an index may occur more than once."""
         return Shapes(
             displacement=self.displacement[rows],
             rigid=self.rigid[rows],
@@ -76,9 +95,15 @@ class Shapes:
 
 @dataclass(frozen=True)
 class Candidates:
-    """P candidates, scaled to MPa, and what each makes of the magnetic loads.
+    """P candidates with their parameters in MPa.
 
-    field_factor: (P,), None for all as they are; sound: (P,) which of them make sense at all.
+    Attributes
+    ----------
+    batch : Batch
+    field_factor : ndarray, shape (P,), or None
+        Factor on each candidate's magnetic loads; None: 1 for all.
+    sound : ndarray of bool, shape (P,)
+        Whether all numbers of a candidate are finite and its shear modulus is positive.
     """
 
     batch: Batch
@@ -86,10 +111,10 @@ class Candidates:
     sound: NDArray[np.bool_]
 
     def take(self, rows: Indices) -> tuple[Batch, Array]:
-        """Some of them, and their factors, or one for all."""
+        """Return the batch of some candidates, and their field factors or one factor (1,) for all."""
         batch = self.batch
-        own = Batch(batch.law, batch.parameters[rows], batch.section, batch.bulk[rows])
-        return own, np.ones(1) if self.field_factor is None else self.field_factor[rows]
+        part = Batch(batch.law, batch.parameters[rows], batch.section, batch.bulk[rows])
+        return part, np.ones(1) if self.field_factor is None else self.field_factor[rows]
 
 
 def candidates(
@@ -99,7 +124,13 @@ def candidates(
     bulk_modulus_Pa: Array | None,
     field_factor: Array | None,
 ) -> Candidates:
-    """Parameters (P, n) in the law's units (Pa), bulk moduli (P,) and factors (P,) as `BeamModel.solve` takes them."""
+    """Return the candidates of parameters (P, n) in Pa, bulk moduli (P,) and field factors (P,).
+
+    Raises
+    ------
+    ValueError
+        A bulk modulus is given in plane stress.
+    """
     parameters = np.atleast_2d(np.asarray(parameters, float))
     sound = np.asarray(np.isfinite(parameters).all(axis=1))
     scaled = moduli_in_MPa(np.where(sound[:, None], parameters, 1.0), law.units)
@@ -130,10 +161,16 @@ def follow(
     keep: bool = False,
     beside: Configuration | None = None,
 ) -> Shapes:
-    """Take the candidates through the K states in order; see `BeamModel.solve`; keep: `Shapes.every`.
+    """Solve the K states one after another; see `BeamModel.solve`.
 
-    beside: of one candidate, where a model that moves much as this one does stands, a row a state: what is between the
-    two is extrapolated, and tried first.
+    Parameters
+    ----------
+    keep : bool
+        Keep the configurations of the first candidate in ``Shapes.every``.
+    beside : Configuration or None
+        For one candidate: the configurations of a model that moves much as this one does, one row for each state. The
+        difference between the two models is extrapolated, and its sum with the other model's configuration is the
+        first start that is tried.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
@@ -148,7 +185,7 @@ def follow(
     )
     rows = np.flatnonzero(chosen.sound)
     path: Path = [(loads.at_rest(), solid.rest(p))]
-    apart: Path = []  # what is between this model and the one beside it
+    apart: Path = []  # differences between this model and the one beside it
     first: list[Configuration] = []
     for k in range(k_states):
         load = loads.state(k)
@@ -182,9 +219,9 @@ def at_once(
     near: Configuration,
     keep: bool = False,
 ) -> Shapes | None:
-    """Candidates in many states together, each from where a beam near it stands: a row of ``near`` a state.
+    """Solve many states together, each from the configuration of a similar beam: one row of ``near`` for each state.
 
-    None where Newton's method does not contract at once from there, for one of them.
+    Returns None if Newton's method does not contract at once for one of the candidates in one of the states.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
@@ -197,28 +234,28 @@ def at_once(
     parts = -(-k_states * p * len(solid.mesh.elements) // _AT_ONCE)
     for states in np.array_split(np.arange(k_states), min(parts, k_states)):
         batch, factor = chosen.take(np.tile(np.arange(p), len(states)))
-        own = near.take(np.repeat(states, p))
-        factor = np.broadcast_to(factor, len(own.rigid))[:p]
-        every = loads_joined([loads_at(loads.state(k), factor) for k in states])
+        starts = near.take(np.repeat(states, p))
+        factor = np.broadcast_to(factor, len(starts.rigid))[:p]
+        loads_of_part = loads_joined([loads_at(loads.state(k), factor) for k in states])
         with np.errstate(all="ignore"):
-            there, told, spent = solid.equilibrium(batch, every, own, tolerance_mm, _FEW, only_try=True)
-            if not ((told == Status.CONVERGED).all() and _as_foretold(solid, own, there).all()):
+            there, outcome, spent = solid.equilibrium(batch, loads_of_part, starts, tolerance_mm, _FEW, only_try=True)
+            if not ((outcome == Status.CONVERGED).all() and _as_predicted(solid, starts, there).all()):
                 return None
         shape = (len(states), p)
         displacement[:, states] = there.displacement.reshape(*shape, *displacement.shape[2:]).swapaxes(0, 1)
         rigid[:, states] = there.rigid.reshape(*shape, 3).swapaxes(0, 1)
-        status[:, states], iterations[:, states] = told.reshape(shape).T, spent.reshape(shape).T
+        status[:, states], iterations[:, states] = outcome.reshape(shape).T, spent.reshape(shape).T
         stretch[:, states] = solid.stretch(there.displacement).max(axis=(0, 2)).reshape(shape).T
         if keep:
             first.append(there.take(p * np.arange(len(states))))
-    last = there.take(np.arange(len(told) - p, len(told)))
+    last = there.take(np.arange(len(outcome) - p, len(outcome)))
     shapes = Shapes(displacement, rigid, status, iterations, stretch, last, joined(first) if keep else None)
     mark_unstable(chosen, shapes)
     return shapes
 
 
 def mark_unstable(chosen: Candidates, shapes: Shapes) -> None:
-    """Mark states in equilibrium whose candidate's law is not Drucker-stable over the stretches reached."""
+    """Mark states as UNSTABLE if the candidate's law is not Drucker-stable up to the stretches that were reached."""
     batch = chosen.batch
     limit = stable_stretch(batch.law, batch.parameters, shapes.max_stretch.max(axis=1))
     beyond = shapes.max_stretch > limit[:, None] * (1 + 1e-9)
@@ -236,13 +273,15 @@ def _advance(
     tolerance_mm: float,
     near: Configuration | None,
 ) -> tuple[NDArray[np.int8], NDArray[np.intp]]:
-    """Bring ``rows`` of ``now`` to the new load: in one step or, where that fails or may stray, in 4, in 16, in 64.
+    """Bring ``rows`` of ``now`` to the new load in one step; repeat in 4, 16 and 64 steps those that fail or may stray.
 
-    A path that loses its stability before the load does so in steps of any size: who is sure of it in two sizes, one
-    after the other, is not taken through smaller ones. near: where a load close to this one has led; tried first.
+    A path that loses its stability before the load does so in steps of any size. A candidate that surely buckles in
+    steps of two sizes, one after the other, is therefore not repeated in smaller ones.
+
+    near: a configuration under a load close to this one, which is tried as the first start.
     """
     status = np.full(len(rows), Status.DIVERGED, np.int8)
-    lost = np.zeros(len(rows), bool)  # their stability, in steps of the last size
+    lost = np.zeros(len(rows), bool)  # whether a candidate surely buckled in steps of the last size
     iterations = np.zeros(len(rows), np.intp)
     left = np.arange(len(rows))  # places in ``rows`` that have not arrived
     for cuts in _CUTS if near is None else (0, *_CUTS):
@@ -277,38 +316,42 @@ def _divided(
     tolerance_mm: float,
     only_try: bool = False,
 ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp], NDArray[np.bool_]]:
-    """Take ``rows`` from the path's end to the load in equal steps: places, Status, iterations, and who is sure.
+    """Take ``rows`` from the end of the path to the load in equal steps.
 
     Newton's method that does not contract at once may end at another equilibrium than the one that the loads lead to
-    (Deuflhard 2011, Newton Methods for Nonlinear Problems, section 5.1). Sure is who took few iterations in each step.
-    only_try: see `Solid.equilibrium`.
+    (Deuflhard 2011, Newton Methods for Nonlinear Problems, section 5.1). A candidate that took few iterations in each
+    step is sure to be on its path.
+
+    Returns the configuration, the Status, the numbers of iterations, and which candidates are sure. only_try: see
+    `Solid.equilibrium`.
     """
     few = _FEW - (tolerance_mm > _LOOSE_MM)
-    most = few if cuts < _CUTS[-1] else None  # who takes more is not sure, and has smaller steps to come
+    most = few if cuts < _CUTS[-1] else None  # a candidate that needs more is repeated in smaller steps
     everyone = len(rows) == len(path[-1][1].rigid)
-    own = path[-_MOST_POINTS:] if everyone else _taken(path, rows)
+    recent = path[-_MOST_POINTS:] if everyone else _taken(path, rows)
     previous = path[-1][0]
-    reached = own[-1][1].copy()
+    reached = recent[-1][1].copy()
     status = np.full(len(rows), Status.DIVERGED, np.int8)
     iterations = np.zeros(len(rows), np.intp)
     sure = np.ones(len(rows), bool)
     going = np.arange(len(rows))
     for c in range(1, cuts + 1):
         target = previous + (load - previous) * c / cuts
-        # Where whole steps have failed the path through them is no guide to small ones: the first begins where it is.
-        foretold = _extrapolate(own, target) if cuts == 1 or c > 1 else None
-        guess = foretold or own[-1][1]
+        # If whole steps have failed, the path through them does not predict a small step, which then starts at its end.
+        predicted = _extrapolate(recent, target) if cuts == 1 or c > 1 else None
+        guess = predicted or recent[-1][1]
         batch, factor = chosen.take(rows[going])
         part, outcome, spent = solid.equilibrium(batch, loads_at(target, factor), guess, tolerance_mm, most, only_try)
         contracts = spent <= few
-        if foretold is not None:
-            contracts &= _as_foretold(solid, foretold, part)
+        if predicted is not None:
+            contracts &= _as_predicted(solid, predicted, part)
         again = np.flatnonzero(~contracts | np.isin(outcome, _FAILED))
-        if foretold is not None and cuts == _CUTS[-1] and len(again):
-            # A beam that has only begun to turn is foretold too long, by the turn's square: at last from where it is.
+        if predicted is not None and cuts == _CUTS[-1] and len(again):
+            # Extrapolation stretches a beam that has only begun to turn, by the square of its turn. The last attempt
+            # therefore starts from the end of the path.
             batch, factor = chosen.take(rows[going[again]])
             other, ended, more = solid.equilibrium(
-                batch, loads_at(target, factor), own[-1][1].take(again), tolerance_mm
+                batch, loads_at(target, factor), recent[-1][1].take(again), tolerance_mm
             )
             better = np.flatnonzero((ended == Status.CONVERGED) & (more <= few))
             part.put(again[better], other.take(better))
@@ -318,18 +361,18 @@ def _divided(
         iterations[going] += spent
         status[going] = outcome
         sure[going] &= contracts
-        own = [*own, (target, part)]
+        recent = [*recent, (target, part)]
         keep = np.flatnonzero((outcome == Status.CONVERGED) & (sure[going] | (cuts == _CUTS[-1])))
         if len(keep) < len(going):
-            going, own = going[keep], _taken(own, keep)
+            going, recent = going[keep], _taken(recent, keep)
         if not len(going):
             break
     return reached, status, iterations, sure
 
 
-def _as_foretold(solid: Solid, foretold: Configuration, found: Configuration) -> NDArray[np.bool_]:
-    """(B,): whether the largest strain is of the size that the path foretold; a fold in a corner's is far larger."""
-    before, after = (solid.stretch(c.displacement).max(axis=(0, 2)) - 1 for c in (foretold, found))
+def _as_predicted(solid: Solid, predicted: Configuration, solved: Configuration) -> NDArray[np.bool_]:
+    """Return (B,): whether the largest strain is about as large as predicted; a folded corner's is far larger."""
+    before, after = (solid.stretch(c.displacement).max(axis=(0, 2)) - 1 for c in (predicted, solved))
     return np.asarray(after < _OF_STRAIN * before + _SMALL_STRAIN)
 
 
@@ -338,7 +381,7 @@ def _taken(path: Path, rows: Indices) -> Path:
 
 
 def _extrapolate(path: Path, load: Array) -> Configuration | None:
-    """Lagrange extrapolation along a straight path in load space; None where there is nothing to go by."""
+    """Extrapolate a path that is straight in the space of loads by Lagrange's polynomial; None if it is not."""
     if len(path) < 2:
         return None
     direction = load - path[-1][0]
@@ -350,7 +393,7 @@ def _extrapolate(path: Path, load: Array) -> Configuration | None:
     for earlier, configuration in path[:-6:-1]:
         offset = earlier - path[-1][0]
         t = float(offset @ direction) / length2
-        # Off the line, ahead, or so close to another point that the polynomial would swing: go no further back.
+        # Use no earlier point once one is off the line, ahead, or so close to another that the polynomial would swing.
         if np.linalg.norm(offset - t * direction) > 1e-9 * np.sqrt(length2) or (places and t > places[-1] - 0.2):
             break
         places.append(t)

@@ -1,9 +1,12 @@
-"""Pressure on a face: a load that follows the face, always normal to it and as strong as the face is long.
+"""Pressure on a face: a load that stays normal to the face and proportional to its current length.
 
-On a planar body the force of a pressure p on the nodes of a side is linear in where they are: with the side's places
-x(xi), f_a = p * integral of N_a (-dx_2/dxi, dx_1/dxi), so the exact tangent is p times a constant matrix (Bonet and
-Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, 2nd ed., section 8.5.2). It is symmetric but for a
-skew pair at each of the two ends of the face (their Eq. 8.25b): a free end makes the load non-conservative.
+On a planar body the force f_a of a pressure p on node a of a side is linear in the current places x(xi) of its nodes,
+
+    f_a = p * integral of N_a (-dx_2/dxi, dx_1/dxi) dxi,
+
+so that the exact tangent is p times a constant matrix (Bonet and Wood, Nonlinear Continuum Mechanics for Finite Element
+Analysis, 2nd ed., section 8.5.2). The matrix is symmetric except for a skew pair at each of the two ends of the face
+(their Eq. 8.25b), because a free end makes the load non-conservative.
 """
 
 from __future__ import annotations
@@ -17,12 +20,27 @@ Array = NDArray[np.float64]
 
 
 class FollowerPressure:
-    """The element sides under pressure and what the pressure's forces are made of.
+    """The sides of elements under pressure, and the operator of its forces.
 
-    nodes: (2 S + 1,) along the S sides in order, the body to their left; spans: (S, 2) the part of each side under
-    pressure in its own coordinate, -1 to 1 where it is the whole. elements: (F,) those that hold the sides;
-    operator: (F, 18, 18), nodal places (i, node) -> forces at unit pressure. Raises ValueError where a side under
-    pressure belongs to no element.
+    Parameters
+    ----------
+    mesh : Mesh
+    nodes : ndarray of int, shape (2 S + 1,)
+        Nodes along the S sides in order, with the body to their left.
+    spans : ndarray, shape (S, 2), or None
+        The part of each side that is under pressure, in its local coordinate from -1 to 1; None: all of each side.
+
+    Attributes
+    ----------
+    elements : ndarray of int, shape (F,)
+        The elements of the sides.
+    operator : ndarray, shape (F, 18, 18)
+        The matrix that gives the forces of unit pressure from the places of the element's nodes.
+
+    Raises
+    ------
+    ValueError
+        A side under pressure belongs to no element.
     """
 
     def __init__(self, mesh: Mesh, nodes: Indices, spans: Array | None = None) -> None:
@@ -48,8 +66,18 @@ class FollowerPressure:
         self._rest = mesh.nodes[mesh.elements[self.elements]].transpose(0, 2, 1).reshape(-1, 1, 18)
 
     def press(self, pressure: Array, nodal: Array, force: Array, stiffness: Array) -> None:
-        """Take the forces of the pressures (B,) or (1,) in N/mm² from internal forces (E, B, 18), their tangent from
-        stiffnesses (E, B, 18, 18); nodal: displacements (E, B, 18).
+        """Subtract the forces of a pressure from the internal forces, and their tangent from the stiffness.
+
+        Parameters
+        ----------
+        pressure : ndarray, shape (B,) or (1,)
+            In N/mm².
+        nodal : ndarray, shape (E, B, 18)
+            Displacements in mm.
+        force : ndarray, shape (E, B, 18)
+            Internal forces, changed in place.
+        stiffness : ndarray, shape (E, B, 18, 18)
+            Stiffness matrices, changed in place.
         """
         tangent = pressure[:, None, None] * self.operator[:, None]  # (F, B, 18, 18)
         place = self._rest + nodal[self.elements]

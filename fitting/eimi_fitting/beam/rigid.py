@@ -1,4 +1,4 @@
-"""A rigid body in the silicone: nodes that three unknowns carry along, two translations and a rotation."""
+"""A rigid body in the silicone: its nodes follow three unknowns, two translations and a rotation."""
 
 from __future__ import annotations
 
@@ -12,9 +12,19 @@ Array = NDArray[np.float64]
 
 
 class RigidBody:
-    """The kinematics of the tied nodes and of the elements that hold some of them; in depth nothing moves.
+    """The kinematics of the nodes that are tied to a rigid body, and of the elements with such nodes.
 
-    nodes: (T,) the tied nodes; arms: (T, 2) mm from the reference point at rest; elements: (Et,) those with tied nodes.
+    With the translation U, the rotation matrix R(theta) and the arm s from the reference point at rest, a tied node is
+    displaced by U + (R - 1) s. It does not move in depth.
+
+    Attributes
+    ----------
+    nodes : ndarray of int, shape (T,)
+        The tied nodes.
+    arms : ndarray, shape (T, 2)
+        Their arms s in mm.
+    elements : ndarray of int, shape (Et,)
+        The elements that have tied nodes.
     """
 
     def __init__(self, mesh: Mesh | Bricks, nodes: Indices, centre: tuple[float, float]) -> None:
@@ -34,14 +44,14 @@ class RigidBody:
         self._sine = np.concatenate([-x, -y, *rest], axis=1)[:, None]
 
     def carry(self, displacement: Array, rigid: Array) -> None:
-        """Put the tied nodes of (B, N, d) where the body (B, 3) carries them."""
+        """Set the displacements (B, N, d) of the tied nodes to those that the body's unknowns (B, 3) give."""
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         x, y = self.arms.T
         displacement[:, self.nodes, 0] = rigid[:, 0:1] + (c - 1) * x - s * y
         displacement[:, self.nodes, 1] = rigid[:, 1:2] + s * x + (c - 1) * y
 
     def matrix(self, rigid: Array) -> Array:
-        """(Et, B, unknowns, 3): derivative of the tied local displacements by the body's unknowns, else zero."""
+        """Return the derivatives (Et, B, unknowns, 3) of local displacements by the body's unknowns."""
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         tie = np.empty((len(self.elements), len(rigid), self._translation.shape[2], 3))
         tie[..., :2] = self._translation
@@ -49,14 +59,14 @@ class RigidBody:
         return tie
 
     def stiffness_of_turning(self, force: Array, rigid: Array) -> Array:
-        """(B,): what the forces (E, B, unknowns) on the tied nodes add to the rotation's stiffness."""
+        """Return the rotational stiffness (B,) that comes from the forces (E, B, unknowns) on the tied nodes."""
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         bending = self._sine * c - self._cosine * s  # second derivative of the tied displacements by the rotation
         return np.asarray(np.sum(bending * force[self.elements], axis=(0, 2)))
 
 
 def dead_moment(tensor: Array, rigid: Array) -> tuple[Array, Array]:
-    """Moment (B,) of a dead load with the potential -tensor : R(theta), and its stiffness (B,)."""
+    """Return the moment (B,) of a dead load with the potential -tensor : R(theta), and its stiffness (B,)."""
     c, s = np.cos(rigid[:, 2]), np.sin(rigid[:, 2])
     even, odd = tensor[:, 0, 0] + tensor[:, 1, 1], tensor[:, 1, 0] - tensor[:, 0, 1]
     return c * odd - s * even, c * even + s * odd

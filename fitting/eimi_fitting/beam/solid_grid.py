@@ -1,6 +1,6 @@
-"""How a specimen is divided in three dimensions: the planar grid's lines, and elements over half of its depth.
+"""The solid mesh of a specimen: the lines of the planar grid, and elements over half of the depth.
 
-The specimen, its magnet and its loads are alike on both sides of mid-depth (z = 0), which therefore stays plane.
+Specimen, magnet and loads are symmetric about mid-depth (z = 0), which therefore stays plane.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from eimi_fitting.beam.specimen import Specimen
 
 Array = NDArray[np.float64]
 
-_SAME_MM = 1e-3  # nearer than this is the same place
-_FEWEST = 2  # one quadratic element over half the depth leaves 0.2 % of the modulus
-_DEEP = 3.0  # depth over width of a part from which it takes one more
-_FINER_AT_EDGE = 3.0  # in depth, toward the magnet's edge
+_SAME_MM = 1e-3  # points that are nearer are the same
+_FEWEST = 2  # elements over half the depth; with one the modulus is 0.2 % off
+_DEEP = 3.0  # ratio of depth to width above which a part has one element more
+_FINER_AT_EDGE = 3.0  # grading in depth toward the magnet's edge
 
 
 def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
-    """Lines over half the depth: two elements or more, of a magnet that is shallower on each side of its edge."""
+    """Return the lines over half the depth: two elements or more, on each side of the edge of a shallower magnet."""
     half, edge, width = 0.5 * specimen.depth_mm, 0.5 * magnet_depth, specimen.width_mm
     if not 0 < edge < half:
         return np.linspace(0, half, _FEWEST + more + 1)
@@ -36,10 +36,26 @@ def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
 
 
 class SolidGrid:
-    """flat: the planar lines; z_mm: those in depth, from mid-depth; mesh: the elements of silicone.
+    """The solid mesh of a specimen, over half of its depth.
 
-    more: elements in each part of half the depth, behind and before the magnet's face, beyond what is enough. The
-    rest is as in `Grid`.
+    Parameters
+    ----------
+    specimen : Specimen
+    along, across : int
+        See `Grid`.
+    more : int
+        Further elements in each part of half the depth, behind and before the magnet's face.
+
+    Attributes
+    ----------
+    flat : Grid
+        The planar grid.
+    z_mm : ndarray
+        The lines in depth, from mid-depth.
+    mesh : Bricks
+        The elements of silicone.
+    block_mm, magnet_nodes, per_specimen
+        See `Grid`; a load on the whole specimen is borne by half.
     """
 
     per_specimen = 0.5
@@ -61,7 +77,7 @@ class SolidGrid:
         self.mesh: Bricks = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """(n,): which points (n, 2) in mid-depth or (n, 3), given at rest, the magnet carries; see `Grid.on_magnet`."""
+        """Return (n,): which points (n, 2) at mid-depth or (n, 3) the magnet carries; see `Grid.on_magnet`."""
         points = np.atleast_2d(np.asarray(points_mm, float))
         on = self.flat.on_magnet(points[:, :2])
         if points.shape[1] == 3 and self.block_mm[2] < self.specimen.depth_mm:
@@ -69,9 +85,14 @@ class SolidGrid:
         return on
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Nodes (n, 27) and weights (n, 27) that give the displacement of material points (n, 3) of the specimen.
+        """Return nodes (n, 27) and weights (n, 27) that interpolate the displacement of material points (n, 3).
 
-        For a point behind mid-depth that of its mirror image. Raises ValueError for a point more than 1 µm outside it.
+        For a point behind mid-depth they are those of its mirror image.
+
+        Raises
+        ------
+        ValueError
+            A point is more than 1 µm outside the specimen.
         """
         points = np.atleast_2d(np.asarray(points_mm, float))
         depth = np.abs(points[:, 2])
@@ -88,7 +109,7 @@ class SolidGrid:
         return self._all[(cells[0] * n + cells[1]) * k + cells[2]], shape_functions(*local)[0]
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Nodes (n, 27) and weights (n, 27) that spread a force evenly on the line in depth through a point (2,)."""
+        """Return nodes (n, 27) and weights (n, 27) that spread a force evenly along the line in depth through (2,)."""
         ends, half = self.z_mm, np.diff(self.z_mm) / 2
         gauss, weight = np.polynomial.legendre.leggauss(2)
         z = (ends[:-1, None] + half[:, None] * (1 + gauss)).ravel()

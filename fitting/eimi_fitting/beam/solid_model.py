@@ -1,4 +1,4 @@
-"""The specimen as the solid that it is: one candidate's shape in every state, in three dimensions."""
+"""The finite-element model of a specimen in three dimensions."""
 
 from __future__ import annotations
 
@@ -17,11 +17,22 @@ Array = NDArray[np.float64]
 
 
 class SolidModel:
-    """The solid model of a specimen, whose planar section is of no account.
+    """The solid model of a specimen, whatever its section says.
 
-    along, across: the lines of `BeamModel` of the same numbers; more: as in `SolidGrid`. The magnet is
-    rigid, silicone beside, before and behind it soft. Raises ValueError when the magnet leaves no flexible part, and
-    for a specimen with a face under pressure, which this model does not take.
+    The magnet is rigid; the silicone beside, before and behind it is soft.
+
+    Parameters
+    ----------
+    specimen : Specimen
+    along, across : int
+        Numbers of elements along the flexible part and over the width, as in `BeamModel`.
+    more : int
+        Further elements over half of the depth, see `SolidGrid`.
+
+    Raises
+    ------
+    ValueError
+        The magnet leaves no flexible part, or the specimen has a pressure face, which this model does not take.
     """
 
     def __init__(self, specimen: Specimen, along: int = 26, across: int = 3, more: int = 0) -> None:
@@ -43,7 +54,7 @@ class SolidModel:
         self.loaded = LoadedMesh(self.grid, self.solid)
 
     def __reduce__(self) -> tuple[type[SolidModel], tuple[Specimen, int, int, int]]:
-        """As `BeamModel` is sent."""
+        """Pickle the arguments alone, as `BeamModel` does."""
         return SolidModel, (self.specimen, self.along, self.across, self.more)
 
     def solve(
@@ -58,15 +69,30 @@ class SolidModel:
         field_factor: Array | None = None,
         beside: Configuration | None = None,
     ) -> Shapes:
-        """As `BeamModel.solve`, with displacements (P, K, N, 3); beside: see `path.follow`.
+        """Find the equilibrium of P candidates in K states; see `BeamModel.solve`.
 
-        Raises ValueError for a pressure.
+        Parameters
+        ----------
+        law, parameters, loads, tolerance_mm, start, bulk_modulus_Pa, field_factor
+            See `BeamModel.solve`.
+        beside : Configuration or None
+            For one candidate: the configurations of its planar model, see `path.follow`.
+
+        Returns
+        -------
+        Shapes
+            With displacements (P, K, N, 3).
+
+        Raises
+        ------
+        ValueError
+            A pressure is given.
         """
         chosen = candidates(law, parameters, "solid", bulk_modulus_Pa, field_factor)
         return follow(self.solid, self.loaded, chosen, loads, tolerance_mm, start, beside=beside)
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """(P, K): rotation of the tip from rest, of the magnet or of the last nodes in mid-depth."""
+        """Return the rotation (P, K) of the magnet, or of the last nodes at mid-depth without one, in degrees."""
         if self.specimen.magnet:
             return np.degrees(shapes.rigid[..., 2])
         ends = shapes.displacement[:, :, self.mesh.numbers[-1, [0, -1], 0], :2]
@@ -74,15 +100,18 @@ class SolidModel:
         return np.degrees(np.arctan2(-across[..., 0], across[..., 1]))
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """(P, K, E): largest principal stretch in each element, of its Gauss points."""
+        """Return the largest principal stretch (P, K, E) at the Gauss points of each element."""
         p, k = shapes.status.shape
         flat = self.solid.stretch(shapes.displacement.reshape(p * k, -1, 3))
         return flat.max(axis=2).T.reshape(p, k, -1)
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """(P, K, n, 3): where material points (n, 3), given at rest, are in each state; z = 0 is mid-depth.
+        """Return the places (P, K, n, 3) in mm of material points (n, 3) given at rest; z = 0 is mid-depth.
 
-        Raises ValueError for a point that is not on the specimen.
+        Raises
+        ------
+        ValueError
+            A point is not on the specimen.
         """
         points = np.atleast_2d(np.asarray(points_mm, float))
         moved = np.empty((*shapes.status.shape, len(points), 3))

@@ -1,4 +1,4 @@
-"""The specimen as the mechanics sees it: a beam of soft material, perhaps with a magnet at its tip."""
+"""The specimen: a beam of soft material, perhaps with a magnet at its tip."""
 
 from __future__ import annotations
 
@@ -19,7 +19,17 @@ class Magnet:
     """A block magnet in the middle of the beam's width, magnetised along the beam toward the tip.
 
     It lies at the distal end, or ``tip_offset_mm`` before it. Silicone surrounds it where the specimen is wider, longer
-    or deeper; the deeper part is carried rigidly by a planar model.
+    or deeper. In a planar model the silicone before and behind the magnet moves rigidly with it.
+
+    Parameters
+    ----------
+    length_mm, width_mm, depth_mm : float
+        Size along x, y and z.
+    remanence_T : float
+        Remanent flux density.
+    density_kg_m3 : float
+    tip_offset_mm : float
+        Distance from the magnet's distal face to the tip of the specimen.
 
     Examples
     --------
@@ -39,14 +49,14 @@ class Magnet:
 
     @property
     def moment_A_m2(self) -> float:
-        """Dipole moment: remanence / mu0 times volume."""
+        """The dipole moment: remanence / mu0 times volume."""
         volume_m3 = self.length_mm * self.width_mm * self.depth_mm * 1e-9
         return self.remanence_T / VACUUM_PERMEABILITY * volume_m3
 
 
 @dataclass(frozen=True)
 class PressureFace:
-    """Where a pressure acts: the left (y < 0) or the right face, from ``from_mm`` to ``to_mm`` (None: the tip)."""
+    """The face under pressure: the left (y < 0) or the right one, from ``from_mm`` to ``to_mm`` (None: to the tip)."""
 
     side: Literal["left", "right"]
     from_mm: float = 0.0
@@ -55,12 +65,26 @@ class PressureFace:
 
 @dataclass(frozen=True)
 class Specimen:
-    """A straight beam, clamped at x = 0, the magnet's length included in ``length_mm``.
+    """A straight beam, clamped at x = 0.
 
-    Beam frame: x from the clamp to the tip, y across, origin at the middle of the clamp line; width is along y,
-    depth out of the plane. ``tip_load_mm`` is where a tip force acts (middle of the tip unless given).
-    ``section`` says what is taken of its depth: all of it, or a planar assumption. ``magnetisation_A_per_m`` is that of
-    a silicone cast with magnetic powder, in the beam frame at rest.
+    The beam frame has x from the clamp to the tip, y across, and its origin in the middle of the clamp line. The width
+    is along y, the depth out of the plane.
+
+    Parameters
+    ----------
+    length_mm : float
+        Length from the clamp to the tip, the magnet included.
+    width_mm, depth_mm : float
+    density_kg_m3 : float
+        Density of the silicone.
+    section : {"solid", "plane-stress", "plane-strain"}
+        How the depth is taken: as it is, or by a planar assumption.
+    magnet : Magnet or None
+    tip_load_mm : tuple of float or None
+        Point at which a tip force acts; None: the middle of the tip.
+    magnetisation_A_per_m : tuple of float
+        Magnetisation of a silicone that was cast with magnetic powder, in the beam frame at rest.
+    pressure_face : PressureFace or None
 
     Examples
     --------
@@ -86,11 +110,11 @@ class Specimen:
 
     @property
     def planar_section(self) -> law.Section:
-        """Of a planar model: plane stress, where the specimen is a solid, which it is nearest to."""
+        """The section of a planar model; plane stress for a solid, because it comes nearest to one."""
         return "plane-stress" if self.section == "solid" else self.section
 
     @property
     def flexible_length_mm(self) -> float:
-        """Length between the clamp and the magnet."""
+        """The length between the clamp and the magnet."""
         magnet = self.magnet
         return self.length_mm - (magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0)

@@ -1,8 +1,12 @@
-"""The linear system of a Newton step: the nodes' band and the three unknowns of a rigid body, for a whole batch.
+"""The linear system of a Newton step: the banded matrix of the nodes and the three unknowns of a rigid body.
 
-A body at the end of the beam couples to the last few nodes: its rows fit in the band. A body with silicone around it
-couples to many columns and would widen the band; its three rows then border the matrix, and are eliminated by their
-Schur complement, which costs three more right-hand sides.
+A body at the end of the beam couples to the last few nodes, so that its rows fit in the band. A body with silicone
+around it couples to many columns and would widen the band. Its three rows then border the matrix K of the nodes,
+
+    [K  C] [x]   [f]
+    [R  D] [y] = [g],    (D - R K^-1 C) y = g - R K^-1 f,    x = K^-1 (f - C y),
+
+and the Schur complement costs three more right-hand sides. All of it is done for a whole batch of candidates.
 """
 
 from __future__ import annotations
@@ -23,10 +27,10 @@ _LOWER = np.tril_indices(3)
 
 
 class Solution(NamedTuple):
-    """Steps of the nodes (B, n) and of the body (B, 3), zero where they could not be solved.
+    """The solution for a batch, zero for candidates whose system could not be solved.
 
-    sound: (B,) which could; indefinite: (B,) whose whole matrix is not positive definite, body and all. Of a matrix
-    that is not symmetric nothing is said.
+    nodes: (B, n) and body: (B, 3) the steps; sound: (B,) which systems could be solved; indefinite: (B,) which whole
+    matrices, those of the body included, are not positive definite. It is False for a matrix that is not symmetric.
     """
 
     nodes: Array
@@ -36,9 +40,16 @@ class Solution(NamedTuple):
 
 
 class System:
-    """dofs: (E, d) number of each local unknown, -1 where it is fixed or tied; n: number of free unknowns.
+    """The structure of the system, which is made once for a mesh.
 
-    tied: elements that hold nodes of a rigid body, None without one.
+    Parameters
+    ----------
+    dofs : ndarray of int, shape (E, d)
+        Number of each local unknown, -1 if it is fixed or tied.
+    n : int
+        Number of free unknowns.
+    tied : ndarray of int or None
+        Elements that have nodes of a rigid body.
     """
 
     def __init__(self, dofs: Indices, n: int, tied: Indices | None) -> None:
@@ -46,10 +57,10 @@ class System:
         self._tied = tied
         self._in_band = False
         if tied is not None:
-            own = dofs[tied].ravel()
-            free = np.flatnonzero(own >= 0)
-            self._columns, place = np.unique(own[free], return_inverse=True)
-            self._gather = csr_array((np.ones(len(free)), (place, free)), shape=(len(self._columns), own.size))
+            tied_dofs = dofs[tied].ravel()
+            free = np.flatnonzero(tied_dofs >= 0)
+            self._columns, place = np.unique(tied_dofs[free], return_inverse=True)
+            self._gather = csr_array((np.ones(len(free)), (place, free)), shape=(len(self._columns), tied_dofs.size))
             self._in_band = n + 2 - int(self._columns[0]) <= bandwidth(dofs)
             if self._in_band:
                 # Places in the lower band (n + 3, w): entry (i, j) stands at row j, column i - j.
@@ -69,10 +80,22 @@ class System:
         symmetric: bool,
         only_definite: bool = False,
     ) -> Solution:
-        """Assemble the stiffness (E, B, d, d) and the forces (E, B, d), solve K x = right - forces.
+        """Assemble the stiffness and the forces of the elements and solve K x = right - forces.
 
-        right: (B or 1, n); body: how its elements' unknowns follow it (Et, B, d, 3), the further stiffness of its
-        rotation (B,), and its own right-hand side (B or 1, 3); only_definite: see `factorise`.
+        Parameters
+        ----------
+        stiffness : ndarray, shape (E, B, d, d)
+        force : ndarray, shape (E, B, d)
+        right : ndarray, shape (B or 1, n)
+        body : tuple of three ndarrays, or None
+            Derivatives (Et, B, d, 3) of the tied elements' unknowns by those of the body, further stiffness (B,) of the
+            rotation, and the body's right-hand side (B or 1, 3).
+        sound : ndarray of bool, shape (B,)
+            Which candidates to solve.
+        symmetric : bool
+            Whether the stiffness is symmetric.
+        only_definite : bool
+            See `factorise`.
         """
         rest = right - self._assembly.vector(force)[:, : self.n]
         if body is None:
@@ -81,15 +104,15 @@ class System:
             )
             return Solution(factor.solve(rest), np.zeros((len(rest), 3)), factor.sound, factor.indefinite)
         tie, turning, pull = body
-        own, follow = stiffness[self._tied], tie.swapaxes(-1, -2)
-        rows = np.matmul(follow, own)  # (Et, B, 3, d)
+        tied_stiffness, follow = stiffness[self._tied], tie.swapaxes(-1, -2)
+        rows = np.matmul(follow, tied_stiffness)  # (Et, B, 3, d)
         corner = np.matmul(rows, tie).sum(axis=0)
         corner[:, 2, 2] += turning
         pull = pull - np.matmul(follow, force[self._tied][..., None])[..., 0].sum(axis=0)
         both = np.concatenate([rest, pull], axis=1)
         sound = sound & bounded(both)
         rows = self._reach(rows)
-        columns = rows if symmetric else self._reach(np.matmul(follow, own.swapaxes(-1, -2)))
+        columns = rows if symmetric else self._reach(np.matmul(follow, tied_stiffness.swapaxes(-1, -2)))
         if self._in_band:
             band = self._put(self._assembly.matrix(stiffness), rows, corner)
             factor = self._factor(band, stiffness, (columns, corner.swapaxes(-1, -2)), sound, symmetric, only_definite)
@@ -116,13 +139,13 @@ class System:
         return Solution(nodes * sound[:, None], rigid, sound, indefinite)
 
     def _reach(self, rows: Array) -> Array:
-        """Rows of the tied elements (Et, B, 3, d) -> (B, 3, m) over the free unknowns that they reach."""
+        """Sum rows (Et, B, 3, d) over the tied elements: (B, 3, m) for the m free unknowns that they couple to."""
         e, b, _, d = rows.shape
         total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)
         return np.ascontiguousarray(total.T).reshape(b, 3, -1)
 
     def _put(self, band: Array, rows: Array, corner: Array) -> Array:
-        """Write the body's rows and corner into the lower band, whose last three unknowns they are."""
+        """Write the body's rows and corner into the lower band, where the body's unknowns are the last three."""
         flat = band.reshape(len(band), -1)
         flat[:, self._row_places] = rows.reshape(len(rows), -1)
         flat[:, self._corner_places] = corner[:, _LOWER[0], _LOWER[1]]

@@ -1,4 +1,4 @@
-"""How a camera with an ordinary lens sees places that are not at mid-depth."""
+"""The perspective of a camera with an ordinary lens, for places that are not at mid-depth."""
 
 from __future__ import annotations
 
@@ -12,15 +12,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class View:
-    """centre_mm (2,) is where the lens's axis meets mid-depth; stand_off_mm: from the pupil to there.
+    """A lens whose axis is normal to the plane of the beam. Lengths are in the scale of mid-depth.
 
-    Places are as the scale of mid-depth has them.
+    Attributes
+    ----------
+    centre_mm : ndarray, shape (2,)
+        The point at mid-depth that lies on the axis of the lens.
+    stand_off_mm : float
+        Distance from the pupil to that point.
     """
 
     centre_mm: Array
     stand_off_mm: float
 
     def seen(self, places_mm: Array) -> Array:
-        """Where places (..., 3) appear (..., 2); z points away from the camera."""
+        """Return where places (..., 3) in mm appear, (..., 2) in mm; z points away from the camera."""
         scale = self.stand_off_mm / (self.stand_off_mm + places_mm[..., 2:])
         return self.centre_mm + scale * (places_mm[..., :2] - self.centre_mm)
