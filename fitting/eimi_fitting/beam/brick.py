@@ -96,8 +96,8 @@ def gradients(ops: Operators, nodal: Array) -> Array:
 def stretch(ops: Operators, nodal: Array) -> Array:
     """Return the largest principal stretch (E, B, q) at every Gauss point.
 
-    The largest eigenvalue of C is computed in closed form (Smith 1961, Communications of the ACM 4:168). The strain is
-    accurate to 1e-8 of itself where two eigenvalues are equal. LAPACK takes eight times as long for matrices this small.
+    The largest eigenvalue of C is computed in closed form (Smith 1961, Communications of the ACM 4:168). Where two
+    eigenvalues are equal the strain is accurate to 1e-8 of itself. LAPACK takes eight times as long for such matrices.
     """
     F = gradients(ops, nodal)
     F[range(3), range(3)] += 1
