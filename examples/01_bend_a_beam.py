@@ -1,4 +1,4 @@
-"""Bend a beam by a small force at its tip, and compare with beam theory: deflection = F L^3 / (3 E I)."""
+"""Bend a beam by a small force at its tip, and compare it with beam theory: deflection = F L^3 / (3 E I)."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from eimi_fitting import LAWS, BeamModel, Loads, Specimen
 
 
 def main() -> float:
-    """Deflection of the tip over that of beam theory."""
+    """Return the deflection of the tip divided by that of beam theory."""
     length_mm, width_mm, depth_mm, modulus_Pa, force_N = 60.0, 3.0, 5.0, 46e3, 2e-6
     specimen = Specimen(length_mm, width_mm, depth_mm, 0.0, "plane-stress")
     model = BeamModel(specimen).refined()
@@ -15,7 +15,7 @@ def main() -> float:
     tip = model.positions(shapes, np.array([[length_mm, 0.0]]))[0, 0, 0]
     second_moment_mm4 = depth_mm * width_mm**3 / 12
     expected_mm = force_N * length_mm**3 / (3 * 3e-6 * modulus_Pa * second_moment_mm4)  # E = 3 mu, in N/mm²
-    print(f"tip at {tip[1]:.4f} mm, {tip[1] / expected_mm:.4f} of beam theory's")
+    print(f"tip at {tip[1]:.4f} mm, {tip[1] / expected_mm:.4f} times the deflection of beam theory")
     return float(tip[1] / expected_mm)
 
 

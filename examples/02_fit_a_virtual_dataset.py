@@ -1,4 +1,4 @@
-"""Take a quick protocol on the virtual rig, fit a law to what its camera saw, and compare with the hidden truth."""
+"""Run a quick protocol on the virtual rig, fit a law to the pictures, and compare it with the hidden material."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -7,18 +7,18 @@ import eimi_lab as eimi
 
 
 def main() -> float:
-    """Identified over true initial shear modulus."""
+    """Return the identified initial shear modulus divided by the true one."""
     with (
         TemporaryDirectory() as folder,
         eimi.acquire("dragon_skin_10_quick", "type1", "virtual", Path(folder) / "run.h5") as run,
     ):
         fit = eimi.fit(run, "neo-hookean")
-        truth = run.truth()  # for scoring, after the fit
+        truth = run.truth()  # read the true material only after the fit, to score it
     assert truth is not None
     (modulus_Pa,) = truth["parameters"].values()  # a Neo-Hookean material has one
     ratio = fit.initial_shear_modulus.value / modulus_Pa
     print(fit.summary())
-    print(f"{ratio:.4f} of the truth")
+    print(f"{ratio:.4f} times the true modulus")
     return float(ratio)
 
 

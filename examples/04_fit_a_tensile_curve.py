@@ -1,4 +1,4 @@
-"""Fit every law to a tensile curve, the conventional route; here the curve is that of a Yeoh material."""
+"""Fit every law to a tensile curve, as is conventional. Here the curve is that of a Yeoh material."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -8,11 +8,11 @@ import numpy as np
 import eimi_lab as eimi
 from eimi_fitting.laws import engineering_stress
 
-TRUTH = np.array([20e3, 4e3, 200.0])  # C10, C20, C30 in Pa: an initial shear modulus of 40 kPa
+TRUTH = np.array([20e3, 4e3, 200.0])  # C10, C20, C30 in Pa; the initial shear modulus is 2 C10 = 40 kPa
 
 
 def main() -> float:
-    """Initial shear modulus in Pa of the law with the smallest error."""
+    """Return the initial shear modulus in Pa of the law with the smallest error."""
     strain = np.linspace(0.02, 1.0, 50)
     stress_kPa = 1e-3 * engineering_stress(eimi.LAWS["yeoh"], TRUTH, strain)
     with TemporaryDirectory() as folder:

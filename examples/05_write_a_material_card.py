@@ -1,4 +1,4 @@
-"""Write a law as a material card of Abaqus."""
+"""Write a law as a material card for Abaqus."""
 
 import numpy as np
 
@@ -6,12 +6,12 @@ from eimi_fitting import LAWS, Material, material_card
 
 
 def main() -> float:
-    """C10 in MPa, as the card has it."""
+    """Return C10 in MPa as the card states it."""
     modulus_Pa = 46e3
     material = Material(
         law=LAWS["neo-hookean"],
         parameters=np.array([modulus_Pa]),
-        bulk_modulus_Pa=2000 * modulus_Pa,  # no bending test tells it: state what your solver bears
+        bulk_modulus_Pa=2000 * modulus_Pa,  # bending does not determine it: choose a value that your solver can handle
         name="dragon_skin_10",
         origin=("an example",),
     )

@@ -1,10 +1,10 @@
-"""What a run would do, down to the messages to the supply, with nothing connected."""
+"""Print what a run would do, including the messages to the supply, without any instrument."""
 
 import eimi_lab as eimi
 
 
 def main() -> int:
-    """How many states the run would store."""
+    """Return the number of states that the run would store."""
     lines = eimi.acquire("dragon_skin_10", "type1", "bench_example", dry_run=True).lines
     print("\n".join([*lines[:5], "…", *lines[-5:]]))
     stored = sum(" stored: " in line for line in lines)

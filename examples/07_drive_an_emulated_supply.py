@@ -1,4 +1,4 @@
-"""Drive a Korad supply that is emulated, with a coil on it, behind a pseudo-terminal: as a real one is driven."""
+"""Drive an emulated Korad supply with a coil through a pseudo-terminal, exactly as a real one."""
 
 import time
 
@@ -9,7 +9,7 @@ from eimi_drivers.supplies import open_supply
 
 
 def main() -> float:
-    """The current measured at a set-point of 0.7 A."""
+    """Return the measured current in A at a set-point of 0.7 A."""
     coil = CoilSupply(WallClock(), resistance_ohm=4.0, time_constant_s=0.01)
     with serve_pty(emulate("korad", coil)) as address:
         supply = open_supply("korad", address, Limits(current_A=1.0, voltage_V=12.0))

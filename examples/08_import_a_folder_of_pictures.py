@@ -1,4 +1,4 @@
-"""Make a dataset of a folder of pictures and find the beam's edges; here a virtual camera takes the pictures."""
+"""Import a folder of pictures and find the edges of the beam. Here a virtual camera takes the pictures."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -9,7 +9,7 @@ import eimi_lab as eimi
 
 
 def main() -> int:
-    """How many edge points were found in all."""
+    """Return the number of edge points in all pictures."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "frames").mkdir()

@@ -1,13 +1,13 @@
-"""A law from outside the package: Arruda and Boyce's eight chains, fitted to Treloar's rubber beside the four laws.
+"""Add a law from outside the package: fit the eight-chain law of Arruda and Boyce to rubber, beside the four laws.
 
     python -m examples.arruda_boyce
 
-One class is all that a law needs: its energy, its coordinates in a search, and its constants in other programs.
-Stability is scanned for and tensile curves are fitted by what every `InvariantLaw` has.
+A law is one class with its energy, its coordinates in a search, and its constants in other programs. The base class
+`InvariantLaw` scans for stability and fits tensile curves.
 
-Energy: E. M. Arruda and M. C. Boyce 1993, J. Mech. Phys. Solids 41:389, the inverse Langevin function by the first five
-terms of its series, as Abaqus, ANSYS and CalculiX have it. Curve: L. R. G. Treloar 1944, Trans. Faraday Soc. 40:59,
-simple tension up to a stretch of 5.36, nominal stress in kgf/cm².
+Energy: E. M. Arruda and M. C. Boyce 1993, J. Mech. Phys. Solids 41:389. The inverse Langevin function is represented by
+the first five terms of its series, as in Abaqus, ANSYS and CalculiX. Curve: L. R. G. Treloar 1944, Trans. Faraday Soc.
+40:59, simple tension up to a stretch of 5.36, nominal stress in kgf/cm².
 """
 
 from __future__ import annotations
@@ -33,12 +33,15 @@ from eimi_fitting.laws.law import SHEAR_MODULUS_PA
 
 Array = NDArray[np.float64]
 
-_C = np.array([1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750])  # of I1^i, i from 1 to 5
+_C = np.array([1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750])  # factor of I1^i for i from 1 to 5
 
 
 @dataclass(frozen=True)
 class ArrudaBoyce(InvariantLaw):
-    """psi = mu sum over i = 1..5 of C_i / lambda_m^(2 i - 2) (I1^i - 3^i); chains lock at the stretch lambda_m."""
+    """Arruda-Boyce law: psi = mu sum over i = 1..5 of C_i / lambda_m^(2 i - 2) (I1^i - 3^i).
+
+    The chains lock at the stretch lambda_m.
+    """
 
     name: str = "arruda-boyce"
     formula: str = "W = mu sum of C_i/lambda_m^(2i-2) (I1^i - 3^i), C = 1/2, 1/20, 11/1050, 19/7000, 519/673750"
@@ -46,20 +49,20 @@ class ArrudaBoyce(InvariantLaw):
     units: tuple[str, ...] = ("Pa", "1")
     coordinates: tuple[Coordinate, ...] = (
         Coordinate("initial shear modulus", *SHEAR_MODULUS_PA),
-        Coordinate("1/lambda_m^2", 0.01, 0.7),  # the stress is almost linear in it, and so are a fit's intervals
+        Coordinate("1/lambda_m^2", 0.01, 0.7),  # the stress is almost linear in it, which suits the intervals
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """mu is less than the initial shear modulus: chains of few links are stiffer from the start."""
+        """Return mu and lambda_m; short chains are stiffer at rest, so mu is less than the initial shear modulus."""
         locking = x[:, 1] ** -0.5
         return np.column_stack([x[:, 0] / _stiffening(locking), locking])
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
-        """mu (1 + 3/(5 lambda_m^2) + 99/(175 lambda_m^4) + ...)."""
+        """Return mu (1 + 3/(5 lambda_m^2) + 99/(175 lambda_m^4) + ...) in Pa."""
         return parameters[..., 0] * _stiffening(parameters[..., 1])
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """The series and its derivatives at I1 = x + 3."""
+        """Return the energy, its derivatives in I1 and I2, and its second derivative in I1, at I1 = x + 3."""
         mu, over = parameters[..., 0], parameters[..., 1] ** -2
         first = x + 3
         series = [c * over**i for i, c in enumerate(_C)]
@@ -69,7 +72,7 @@ class ArrudaBoyce(InvariantLaw):
         return mu * energy, mu * slope, np.zeros_like(x), mu * curvature
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Not in SOFA, whose chains have a fixed length."""
+        """Return the constants of a program; SOFA has no such law, because its chains have a fixed length."""
         mu, locking = p["mu"], p["lambda_m"]
         match solver:
             case "abaqus" | "calculix":
@@ -87,7 +90,8 @@ class ArrudaBoyce(InvariantLaw):
                     meaning={"mu0": "macroscopic shear modulus", "Nseg": "number of segments, lambda_m^2"},
                 )
             case "febio":
-                # The stress of FEBio 4's own material has the factor i of each term twice (FEArrudaBoyce.cpp).
+                # FEBio 4 has an Arruda-Boyce material, but its stress contains the factor i of each term twice
+                # (FEArrudaBoyce.cpp). The card therefore states the energy as an expression.
                 terms = ((plain_number(mu * c / locking ** (2 * i - 2)), i) for i, c in enumerate(_C, 1))
                 return CardConstants(
                     "uncoupled hyperelastic",
@@ -103,12 +107,12 @@ class ArrudaBoyce(InvariantLaw):
 
 
 def _stiffening(locking: Array) -> Array:
-    """Initial shear modulus over mu: 2 W' at I1 = 3."""
+    """Return the initial shear modulus divided by mu, which is 2 W' / mu at I1 = 3."""
     return np.asarray(sum(2 * i * c * 3.0 ** (i - 1) * locking ** (2 - 2 * i) for i, c in enumerate(_C, 1)))
 
 
 def _difference(x: Array, i: int) -> Array:
-    """(x + 3)^i - 3^i without the cancellation at rest."""
+    """Return (x + 3)^i - 3^i without cancellation for small x."""
     return np.asarray(x * sum((x + 3) ** k * 3.0 ** (i - 1 - k) for k in range(i)))
 
 
@@ -117,17 +121,17 @@ STRESS_PA = 9.80665e4 * np.array([0.26, 1.37, 2.3, 3.23, 4.16, 5.1, 6.0, 6.9, 8.
 
 
 def main() -> None:
-    """Fit every law to the curve; print a card of the new one."""
+    """Fit every law to the curve, and print a card of the new law."""
     law = ArrudaBoyce()
-    LAWS[law.name] = law  # from here on it is a law like the others, also to eimi_lab
+    LAWS[law.name] = law  # from here on it is a law like the others, in eimi_lab too
     for each in LAWS.values():
         fit = fit_tensile(each, STRETCH - 1, STRESS_PA)
         modulus, rmse = 1e-3 * fit.initial_shear_modulus_Pa, 1e-3 * fit.rmse_Pa
         limit = "no limit met" if fit.stable_to is None else f"stable up to {fit.stable_to:.2f}"
         print(f"{each.name:14} {modulus:6.1f} kPa, RMSE {rmse:5.1f} kPa, {limit}")
-    found = fit_tensile(law, STRETCH - 1, STRESS_PA)
-    bulk = 2000 * found.initial_shear_modulus_Pa
-    print(material_card("calculix", Material(law, found.parameters, bulk, "RUBBER", ("Treloar 1944, simple tension",))))
+    fit = fit_tensile(law, STRETCH - 1, STRESS_PA)
+    bulk = 2000 * fit.initial_shear_modulus_Pa
+    print(material_card("calculix", Material(law, fit.parameters, bulk, "RUBBER", ("Treloar 1944, simple tension",))))
 
 
 if __name__ == "__main__":

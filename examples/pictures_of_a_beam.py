@@ -1,9 +1,9 @@
-"""Pictures of a silicone beam, as a person's own would be, with what acts in each: for the tutorials.
+"""Write pictures of a silicone beam like those of a user, and print the load of each. The tutorials use them.
 
-    python examples/pictures_of_a_beam.py FOLDER            # in a coil, hanging, with a magnet at its tip
+    python examples/pictures_of_a_beam.py FOLDER            # hanging in a coil, with a magnet at its tip
     python examples/pictures_of_a_beam.py FOLDER --weights  # level, with weights at its tip, without a coil
 
-The beam is a simulated solid of 46 kPa before a cloth, with a clamp and a scale of 20 mm in the picture.
+The beam is a simulated solid of 46 kPa in front of a cloth. The pictures show a clamp and a scale of 20 mm.
 """
 
 import argparse
@@ -25,7 +25,20 @@ MAGNET = Magnet(length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, dens
 
 
 def picture(outline_px: np.ndarray, clamp_px: np.ndarray, seed: int) -> np.ndarray:
-    """(height, width, 3), blue, green and red: the beam, its clamp and a scale of 20 mm before a cloth."""
+    """Return a picture of the beam, its clamp and a scale of 20 mm in front of a cloth.
+
+    Parameters
+    ----------
+    outline_px, clamp_px
+        Corners of the beam and of the clamp, (n, 2): x to the right, y down.
+    seed
+        Seed of the noise.
+
+    Returns
+    -------
+    np.ndarray
+        (height, width, 3), blue, green and red.
+    """
     rng = np.random.default_rng(seed)
     image = np.full((SIZE[1], SIZE[0], 3), [150.0, 140.0, 60.0]) + rng.normal(0, 3, (SIZE[1], SIZE[0], 1))
     left, right = 59.5, 59.5 + 20 * PIXELS_PER_MM
@@ -37,6 +50,7 @@ def picture(outline_px: np.ndarray, clamp_px: np.ndarray, seed: int) -> np.ndarr
 
 
 def main(folder: Path, weights: bool) -> None:
+    """Write four pictures to a folder, with weights at the tip or in the field of a coil."""
     folder.mkdir(parents=True, exist_ok=True)
     specimen = Specimen(30.0, 3.0, 5.0, 1070.0, "solid", None if weights else MAGNET)
     steps = np.array([0.0, 0.5, 1.0, 1.5])  # grams or amperes
@@ -52,8 +66,8 @@ def main(folder: Path, weights: bool) -> None:
     plate = clamp + np.array([[0.0, -7.0], [0.0, 7.0], [-4.0, 7.0], [-4.0, -7.0]]) @ to_px
     for number, edges in enumerate(outline(model, shapes)[0]):
         left, right = points_on(edges, 4)
-        seen = clamp + np.concatenate([left, right[::-1]]) @ to_px
-        cv2.imwrite(str(folder / f"beam_{number}.png"), picture(seen, plate, number))
+        outline_px = clamp + np.concatenate([left, right[::-1]]) @ to_px
+        cv2.imwrite(str(folder / f"beam_{number}.png"), picture(outline_px, plate, number))
         print(f"{folder}/beam_{number}.png: {steps[number]:g} {'g' if weights else 'A'}")
 
 
@@ -61,5 +75,5 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--weights", action="store_true")
-    given = parser.parse_args()
-    main(given.folder, given.weights)
+    options = parser.parse_args()
+    main(options.folder, options.weights)

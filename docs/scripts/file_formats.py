@@ -1,8 +1,9 @@
-"""Write docs/file_formats.md from the models: every key of every file that a person edits.
+"""Write docs/file_formats.md: every key of every file that a person edits, from the models that check the files.
 
     python docs/scripts/file_formats.py
 
-A key's meaning is the text below its field, its unit the end of its name, its example what the shipped files have.
+The meaning of a key is the text below its field, its unit is the ending of its name, and its example comes from a
+shipped file.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from eimi_lab.fits.tensile_files import COLUMNS as TENSILE_COLUMNS
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "file_formats.md"
 
-# Longest first: an ending is that of a name, not of a longer ending.
+# Longer endings come first, because the first ending that fits gives the unit.
 UNITS = {
     "_mT_per_A": "mT/A",
     "_A_per_s": "A/s",
@@ -63,7 +64,7 @@ UNITS = {
     "region": "px",
 }
 
-# Where examples are looked for, the first that has a key is taken.
+# The files that give the examples; the first file that has a key is used.
 EXAMPLES: dict[type[Document], tuple[str, ...]] = {
     SpecimenFile: ("specimens/bench_example.toml", "first/specimen.toml"),
     Calibration: ("rigs/bench_example_calibration.toml", "first/calibration.toml"),
@@ -71,7 +72,7 @@ EXAMPLES: dict[type[Document], tuple[str, ...]] = {
     Rig: ("rigs/bench_example.toml", "rigs/virtual.toml"),
     TrueMaterials: ("rigs/virtual_materials.toml",),
 }
-# What no shipped file shows.
+# Examples of keys that no shipped file has.
 FURTHER_EXAMPLES = {
     "current.values_A": "[0.0, 0.2, 0.5]",
     "current.up_and_down": "true",
@@ -81,51 +82,52 @@ FURTHER_EXAMPLES = {
     f"uncertainty.{FOCAL_LENGTH}": "12.0",
 }
 
-# The files that have a table [uncertainty].
+# The files with a table [uncertainty].
 STATING: dict[type[Document], File] = {SpecimenFile: "specimen", Calibration: "calibration", Rig: "rig"}
 HEADER = "\n| key | unit | default | meaning | example |\n| --- | --- | --- | --- | --- |\n"
 
 INTRODUCTION = """# File formats
 
-Every key of every file that a person edits. This page is written by `docs/scripts/file_formats.py` from the models that
-check the files, so that it says what the program does. `eimi init FOLDER` writes the first files with comments.
+This page lists every key of every file that a person edits. `docs/scripts/file_formats.py` writes it from the models
+that check the files, so it agrees with the program. `eimi init FOLDER` writes commented files to begin with.
 
-- A key's name ends in its unit.
-- An unknown key, a wrong type or a value out of range is answered in one line: file, key, value and what would
-  be right. All keys that are missing are named at once.
-- A default of "required" means that the file has to have the key, once its table is there.
-- The beam frame: origin at the middle of the clamp line, x along the undeformed beam away from the clamp, y positive
-  toward the positive coil field. The picture: x to the right, y down, angles clockwise from +x.
+- The name of a key ends in its unit.
+- For an unknown key, a wrong type or a value out of range, the program prints one line: file, key, value, and what
+  would be right. It names all missing keys at once.
+- The default "required" means that the file must have the key if it has the table of the key.
+- The beam frame has its origin at the middle of the clamp line. Its x points along the undeformed beam away from the
+  clamp, and its y is positive toward the positive coil field.
+- In the picture, x points to the right and y down. Angles are clockwise from +x.
 
-What a run leaves behind, the dataset and `fits.json`, is described under [The format](why/format.md).
+[The format](why/format.md) describes the results of a run: the dataset and `fits.json`.
 """
 
 TABLES = """
 ## Tables
 
-Columns may be in any order. Cells are separated by commas, or by semicolons or tabs as a spreadsheet does it; then a
-decimal comma is read too.
+The columns may be in any order. Cells are separated by commas, semicolons or tabs. With semicolons or tabs, a decimal
+comma is accepted too.
 """
 
 
 def page() -> str:
-    """The whole page."""
+    """Return the text of the page."""
     parts = [INTRODUCTION]
     for title, model, words in (
-        ("specimen.toml", SpecimenFile, "A beam of soft material, perhaps with a magnet at its tip."),
+        ("specimen.toml", SpecimenFile, "A beam of soft material, with or without a magnet at its tip."),
         (
             "calibration.toml",
             Calibration,
-            "Where the beam is in the picture, how large a millimetre is, what an ampere does.",
+            "The position of the beam in the picture, the scale, and the field per ampere.",
         ),
-        ("protocol.toml", Protocol, "The currents that a run goes through, and what has to hold at each."),
-        ("rig.toml", Rig, "Which supply and which camera, and where they are."),
-        ("materials.toml", TrueMaterials, "What the specimens of a virtual rig are made of. No fit reads it."),
+        ("protocol.toml", Protocol, "The currents of a run, and the conditions for each state."),
+        ("rig.toml", Rig, "The supply and the camera, and their addresses."),
+        ("materials.toml", TrueMaterials, "The materials of the specimens of a virtual rig. No fit reads this file."),
     ):
         parts.append(f"\n## {title}\n\n{words}\n" + _document(model))
     parts.append(TABLES)
     parts.append(
-        _table("states.csv", "What acts in each picture or state.", FRAME_COLUMNS | STATE_COLUMNS | LOAD_COLUMNS)
+        _table("states.csv", "The loads in each picture or state.", FRAME_COLUMNS | STATE_COLUMNS | LOAD_COLUMNS)
     )
     parts.append(_table("points.csv", "Tracked points instead of pictures.", POINT_COLUMNS | OPTIONAL_COLUMNS))
     words = (
@@ -151,26 +153,26 @@ def _document(model: type[Document]) -> str:
 
 
 def _uncertainties(file: File, examples: Mapping[str, str]) -> str:
-    """The table [uncertainty], whose keys are those of the registry of sources."""
-    meanings = {key: f"Of the {SOURCES[source].words}." for key, source in keys_of(file).items()}
+    """Return the table [uncertainty]; its keys come from the registry of sources."""
+    meanings = {key: f"Standard uncertainty of the {SOURCES[source].words}." for key, source in keys_of(file).items()}
     if file == "calibration":
-        meanings[FOCAL_LENGTH] = "Of the focal length, which `eimi calibrate` writes."
+        meanings[FOCAL_LENGTH] = "Standard uncertainty of the focal length; `eimi calibrate` writes it."
     rows = "".join(
         f"| `{key}` | {_unit(key)} | not known | {meaning} | `{_example(f'uncertainty.{key}', examples)}` |\n"
         for key, meaning in meanings.items()
     )
-    return "\n### `[uncertainty]`\n\nStandard uncertainties. 0 says that a value is exact.\n" + HEADER + rows
+    return "\n### `[uncertainty]`\n\nStandard uncertainties. The value 0 means exact.\n" + HEADER + rows
 
 
 def _example(path: str, examples: Mapping[str, str]) -> str:
-    found = examples.get(path) or FURTHER_EXAMPLES.get(path)
-    if not found:
-        raise ValueError(f"{path} has no example: put one into a shipped file")
-    return found
+    example = examples.get(path) or FURTHER_EXAMPLES.get(path)
+    if not example:
+        raise ValueError(f"{path} has no example: add one to a shipped file")
+    return example
 
 
 def _tables(model: type, name: str = "") -> Iterator[tuple[str, type]]:
-    """The tables of a document by their names, itself first."""
+    """Yield the tables of a document with their names; the document itself comes first."""
     yield name, model
     for key, annotation in _keys(model).items():
         inner = next((kind for kind in _kinds(annotation) if _is_table(kind)), None)
@@ -256,20 +258,20 @@ def _unit(key: str) -> str:
 
 
 def _meanings(table: type) -> dict[str, str]:
-    """The text below each field of a class."""
+    """Return the text below each field of a class."""
     (node,) = ast.parse(textwrap.dedent(inspect.getsource(table))).body
     assert isinstance(node, ast.ClassDef)
-    found = {}
+    meanings = {}
     for field, below in zip(node.body, node.body[1:], strict=False):
         if isinstance(field, ast.AnnAssign) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
             assert isinstance(field.target, ast.Name)
-            found[field.target.id] = " ".join(str(below.value.value).split())
-    return found
+            meanings[field.target.id] = " ".join(str(below.value.value).split())
+    return meanings
 
 
 def _examples(names: tuple[str, ...]) -> dict[str, str]:
-    """Key and value of each line of shipped files, those in comments too."""
-    found: dict[str, str] = {}
+    """Return the keys and values of shipped files, including those in comments."""
+    examples: dict[str, str] = {}
     for name in names:
         table = ""
         for line in (ROOT / "protocols" / name).read_text(encoding="utf-8").splitlines():
@@ -278,10 +280,10 @@ def _examples(names: tuple[str, ...]) -> dict[str, str]:
                 table = re.sub(r'"[^"]*"', "NAME", header.group(1)) + "."
             elif pair := re.match(r"(\w+) = ([^?#]+?)\s*(#.*)?$", line):
                 key, value = table + pair.group(1), pair.group(2)
-                found.setdefault(key, value)
+                examples.setdefault(key, value)
                 for inner in re.finditer(r"[{,] (\w+) = ([^,}]+?) ?(?=[,}])", value) if value.startswith("{") else ():
-                    found.setdefault(f"{key}.{inner.group(1)}", inner.group(2))
-    return found
+                    examples.setdefault(f"{key}.{inner.group(1)}", inner.group(2))
+    return examples
 
 
 def _table(title: str, words: str, columns: Mapping[str, Column]) -> str:

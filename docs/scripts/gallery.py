@@ -1,4 +1,4 @@
-"""Write docs/gallery.md: every script of examples/ with what it says of itself, its text and its picture.
+"""Write docs/gallery.md: the docstring, the picture and the code of every script of examples/.
 
 python docs/scripts/gallery.py
 """
@@ -13,20 +13,21 @@ PAGE = ROOT / "docs" / "gallery.md"
 
 INTRODUCTION = """# Gallery
 
-Ten short scripts. Each runs on its own, needs no instrument and prints a few numbers, such as
-`python examples/01_bend_a_beam.py`.
-The pictures are drawn by `docs/scripts/gallery_pictures.py`.
+These are ten short scripts. Each runs on its own, needs no instrument and prints a few numbers. For example, run
+`python examples/01_bend_a_beam.py`. `docs/scripts/gallery_pictures.py` draws the pictures.
 
-Two notebooks: [Bend a beam](notebooks/bend_a_beam.ipynb) and [Fit tracked points](notebooks/fit_tracked_points.ipynb).
+There are also two notebooks: [Bend a beam](notebooks/bend_a_beam.ipynb) and
+[Fit tracked points](notebooks/fit_tracked_points.ipynb).
 """
 
 
 def page() -> str:
-    """The whole page."""
+    """Return the text of the page."""
     return INTRODUCTION + "".join(map(_entry, sorted((ROOT / "examples").glob("[0-9]*.py"))))
 
 
 def _entry(script: Path) -> str:
+    """Return the part of the page about one script."""
     text = script.read_text(encoding="utf-8")
     words = ast.get_docstring(ast.parse(text)) or ""
     title = script.stem[3:].replace("_", " ").capitalize()

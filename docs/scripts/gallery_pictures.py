@@ -1,6 +1,6 @@
 """Draw the pictures of the gallery: ``python docs/scripts/gallery_pictures.py``, one for each script of examples/.
 
-Beams are planar here, or solids on a coarse mesh, so that all ten take seconds.
+The beams are planar, or solids on a coarse mesh, so that all ten pictures take seconds.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ NEO_HOOKEAN = LAWS["neo-hookean"]
 
 
 def edges_mm(field_mT: np.ndarray, modulus_Pa: float = 46e3) -> np.ndarray:
-    """(K, 2, m, 2): left and right."""
+    """Return the left and right edges of K states in mm, (K, 2, m, 2)."""
     model = BeamModel(BEAM)
     return points_on(
         edge_curves(model, model.solve(NEO_HOOKEAN, np.array([[modulus_Pa]]), Loads.along(field_mT)))[0], 4
@@ -48,7 +48,7 @@ def edges_mm(field_mT: np.ndarray, modulus_Pa: float = 46e3) -> np.ndarray:
 
 
 def draw_hanging(axes: Axes, edges: np.ndarray, **style: object) -> None:
-    """Both edges as a camera sees them: y to the right, x down."""
+    """Draw both edges as a camera sees them: y to the right, x down."""
     for edge in edges:
         axes.plot(edge[:, 1], edge[:, 0], **style)  # type: ignore[arg-type]
     axes.set(aspect="equal", xlabel="y, mm", ylabel="x, mm")
@@ -125,16 +125,16 @@ def drive_an_emulated_supply(axes: Axes) -> None:
 def import_a_folder_of_pictures(axes: Axes) -> None:
     photo = photograph("shadow beside", np.random.default_rng(4), 50.0)
     axes.imshow(photo.image[..., ::-1])
-    found = find_edges(photo.image, CALIBRATION, SPECIMEN)
-    for edge in (found.left, found.right):
+    edge_set = find_edges(photo.image, CALIBRATION, SPECIMEN)
+    for edge in (edge_set.left, edge_set.right):
         axes.plot(*BeamFrame(CALIBRATION).to_px(edge.points_mm).T, "w-", lw=1)
     axes.set(xlim=(350, 950), ylim=(650, 0), xlabel="px", ylabel="px")
 
 
 def error_of_edges(axes: Axes) -> None:
     photo = photograph("uneven light", np.random.default_rng(4), 50.0)
-    found = find_edges(photo.image, CALIBRATION, SPECIMEN)
-    for name, errors in zip(("left", "right"), errors_px(found, photo.beam, CALIBRATION), strict=True):
+    edge_set = find_edges(photo.image, CALIBRATION, SPECIMEN)
+    for name, errors in zip(("left", "right"), errors_px(edge_set, photo.beam, CALIBRATION), strict=True):
         axes.plot(errors, lw=1, label=name)
     axes.set(xlabel="point, from the clamp to the tip", ylabel="error, px")
     axes.legend()
@@ -142,9 +142,9 @@ def error_of_edges(axes: Axes) -> None:
 
 def what_the_data_fix(axes: Axes) -> None:
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", BEAM.magnet))
-    found = edge_sensitivity(model, LAWS["mooney-rivlin"], np.array([15e3, 8e3]), Loads.along([7.05]))
-    for name, slope, style in zip(("C10", "C01"), found.slope[0, :, 0, 0], ("-", "--"), strict=True):
-        axes.plot(found.edges[0, 0, 0, :, 0], 1e6 * slope[:, 1], style, lw=2, label=name)
+    sensitivity = edge_sensitivity(model, LAWS["mooney-rivlin"], np.array([15e3, 8e3]), Loads.along([7.05]))
+    for name, slope, style in zip(("C10", "C01"), sensitivity.slope[0, :, 0, 0], ("-", "--"), strict=True):
+        axes.plot(sensitivity.edges[0, 0, 0, :, 0], 1e6 * slope[:, 1], style, lw=2, label=name)
     axes.set(xlabel="x, mm", ylabel="move of the left edge, µm/kPa")
     axes.legend()
 

@@ -1,6 +1,7 @@
-"""Draw the pictures of the live page: `python docs/scripts/page_pictures.py`, in a headless Chromium, without a bench.
+"""Take the pictures of the live page with a headless Chromium: ``python docs/scripts/page_pictures.py``.
 
-The rig is the virtual one, made smaller, on an emulated supply. Look at every picture before it is kept.
+The rig is a smaller virtual one with an emulated supply, so no instrument is needed. Look at every picture before you
+commit it.
 """
 
 from __future__ import annotations
@@ -38,11 +39,11 @@ WITHOUT_FOLDER = """(body, place) => {
     if (node.data.includes(place)) node.data = node.data.replace(/\\S*\\/(my_runs)/, "$1");
   }
 }"""
-SCALE = 2  # the small rig's pictures have a half of the pixels of the virtual one's, either way
+SCALE = 2  # the pictures have half the width and half the height of those of the virtual rig
 
 
 def small_bench(folder: Path, supply: str, coil: str) -> None:
-    """The virtual rig with pictures of a quarter of the size and a coarse beam in the coil of an emulated supply."""
+    """Write the files of the virtual rig with smaller pictures and a coarse beam in the coil of an emulated supply."""
     rig = load_rig("virtual")
     assert rig.virtual is not None
     wide, high = (side // SCALE for side in rig.virtual.frame_size_px)
@@ -63,15 +64,15 @@ def small_bench(folder: Path, supply: str, coil: str) -> None:
 
 
 def keep(page: Any, name: str) -> None:
-    """The window as it is, but for where the temporary folder was."""
+    """Save a picture of the window without the path of the temporary folder."""
     page.locator("body").evaluate(WITHOUT_FOLDER, tempfile.gettempdir())
     picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-    # Fewer colours would show in the picture of the camera.
+    # A palette of fewer colours would be visible in the picture of the camera.
     picture.save(FOLDER / f"{name}.png", optimize=True)
 
 
 def of_the_bench(browser: Browser, address: str) -> None:
-    """Idle, running and stopped."""
+    """Take the pictures of a run: idle, running and stopped."""
     page = browser.new_page(viewport=SIZE)
     page.set_default_timeout(120_000)
     page.goto(address)
@@ -96,7 +97,7 @@ def of_the_bench(browser: Browser, address: str) -> None:
 
 
 def of_a_fit(browser: Browser, address: str) -> None:
-    """A run that is fitted, and its report."""
+    """Take the picture of a fitted run."""
     page = browser.new_page(viewport={**SIZE, "height": 1100})
     page.set_default_timeout(300_000)
     page.goto(f"{address}#runs")
@@ -111,7 +112,7 @@ def of_a_fit(browser: Browser, address: str) -> None:
 
 
 def of_own_pictures(browser: Browser, address: str, folder: Path) -> None:
-    """Calibrating by hand, in dark colours, with the run's frames for own pictures."""
+    """Take the picture of calibrating by hand in dark colours, with the frames of the run as the pictures of a user."""
     (folder / "my_pictures").mkdir()
     with open_dataset(folder / "run.h5") as dataset:
         for state in dataset.states:
@@ -133,7 +134,7 @@ def of_own_pictures(browser: Browser, address: str, folder: Path) -> None:
 
 
 def main() -> None:
-    """Write all pictures."""
+    """Take all pictures."""
     FOLDER.mkdir(exist_ok=True)
     emulated = CoilSupply(WallClock())
     with (
@@ -148,9 +149,9 @@ def main() -> None:
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server, sync_playwright() as driver:
             assert server.stdout is not None
             address = server.stdout.readline().strip()
-            own = shutil.which("chromium") or shutil.which("chromium-browser")
+            installed = shutil.which("chromium") or shutil.which("chromium-browser")
             args = ["--no-sandbox"] if os.geteuid() == 0 else []
-            browser = driver.chromium.launch(executable_path=own, args=args)
+            browser = driver.chromium.launch(executable_path=installed, args=args)
             try:
                 of_the_bench(browser, address)
                 of_a_fit(browser, address)
