@@ -71,7 +71,7 @@ ALL = (
     Benchmark(
         "coverage",
         "coverage",
-        "Share of the 95 % intervals that hold the truth, and their width over the width that would hold 95 %.",
+        "Share of the 95 % intervals that hold the truth, and their width divided by the one that would hold 95 %.",
         "why/statistics.md",
         short=("--experiments", "48"),
     ),

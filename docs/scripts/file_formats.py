@@ -205,7 +205,7 @@ def _row(table: type, key: str, name: str, examples: Mapping[str, str]) -> str:
         meaning += f" One of {choices}."
     shown = examples.get(path) or _shown(_default_value(table, key))
     if _holds_table(table, key) and not shown.startswith(('"', "{")):
-        example = "a table of its own"
+        example = "a separate table"
     else:
         example = f"`{shown or _example(path, examples)}`"
     cells = [f"`{key}`", _unit(key), _default(table, key), meaning, example]
@@ -249,7 +249,7 @@ def _shown(value: Any) -> str:
     if isinstance(value, BaseModel):
         return f"{{ {', '.join(f'{name} = {_shown(inner)}' for name, inner in value)} }}"
     if _is_table(type(value)):
-        return "those below"
+        return "see below"
     return "" if value is None or value is PydanticUndefined else f"{value:g}"
 
 

@@ -20,7 +20,7 @@ COMMANDS = {Path.MOVETO: "M", Path.LINETO: "L", Path.CURVE3: "Q", Path.CURVE4: "
 
 
 def on_config(config: Any) -> Any:
-    """Let the Markdown of the site draw blocks of the kind ``math``."""
+    """Register the drawing of blocks of the kind ``math`` with the Markdown of the site."""
     fences = config["mdx_configs"].setdefault("pymdownx.superfences", {}).setdefault("custom_fences", [])
     fences.append({"name": "math", "class": "math", "format": block})
     return config
