@@ -1,0 +1,8 @@
+"""Bending hardly tells C10 from C01; what is known of C10 then determines both."""
+
+import eimi_lab as eimi
+
+without = eimi.fit("run.h5", "mooney-rivlin")
+known = eimi.fit("run.h5", "mooney-rivlin", prior=eimi.Prior("C10", 16e3, 400.0))
+print(known)
+result = without.identifiability.not_fixed, known.identifiability.not_fixed, known.parameters["C10"].interval_95
