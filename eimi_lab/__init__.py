@@ -88,21 +88,23 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    """Return a public name, and load the module that holds it when the name is first asked for (PEP 562)."""
-    value: Any
-    if name == "__version__":
-        from importlib.metadata import version
+if not TYPE_CHECKING:  # a type checker shall know the names above alone
 
-        value = version("eimi-lab")
-    elif name in _HOMES:
-        value = getattr(import_module(_HOMES[name]), name)
-    else:
-        from eimi_fitting.suggestion import suggestion
+    def __getattr__(name: str) -> Any:
+        """Return a public name, and load the module that holds it when the name is first asked for (PEP 562)."""
+        value: Any
+        if name == "__version__":
+            from importlib.metadata import version
 
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; {suggestion(name, __all__)}")
-    globals()[name] = value
-    return value
+            value = version("eimi-lab")
+        elif name in _HOMES:
+            value = getattr(import_module(_HOMES[name]), name)
+        else:
+            from eimi_fitting.suggestion import suggestion
+
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}; {suggestion(name, __all__)}")
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:
