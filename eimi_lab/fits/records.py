@@ -212,8 +212,9 @@ class FitRecord(LawRecord):
         """What is written down of a fit to this evidence, with the residuals that a file does not hold."""
         ends = np.cumsum([len(e.states) for e in evidence])[:-1]
         errors, deviations = np.split(fit.error_mm, ends), np.split(fit.deviation_mm, ends)
-        record = FitRecord(
-            **{name: getattr(fit, name) for name in _AS_IT_IS},
+        # What the mathematics calls by the same name is written as it is, and the rest in the words of the file.
+        of_fit = {name: getattr(fit, name) for name in FitRecord.model_fields if hasattr(fit, name)}
+        of_file = dict[str, Any](
             model=fit.law.name,
             by_state=tuple(
                 state for d, e in enumerate(evidence) for state in StateError.of(e, errors[d], deviations[d], d)
@@ -246,6 +247,7 @@ class FitRecord(LawRecord):
             taken_as_exact=tuple(dict.fromkeys(word for e in evidence for word in e.taken_as_exact)),
             versions=package_versions(),
         )
+        record = FitRecord(**{**of_fit, **of_file})
         record._residuals = tuple(Residuals.of(e, r) for e, r in zip(evidence, fit.residuals_mm, strict=True))
         return record
 
@@ -316,32 +318,6 @@ class FitRecord(LawRecord):
             self.identifiability.statement,
             *self.priors_in_words(),
         ]
-
-
-# What a result file holds just as a fit has it.
-_AS_IT_IS = (
-    "parameters",
-    "initial_shear_modulus",
-    "bulk_modulus",
-    "freed",
-    "priors",
-    "identifiability",
-    "held_out_error_mm",
-    "budget",
-    "measure_next",
-    "draws",
-    "mean_error_mm",
-    "mean_deviation_mm",
-    "max_stretch",
-    "evaluations",
-    "discarded",
-    "polish",
-    "stop",
-    "wall_s",
-    "seed",
-    "runs",
-    "history",
-)
 
 
 def _of_dataset_state(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:
