@@ -131,7 +131,8 @@ def start(page: Any, dataset: str) -> None:
 
 def frame_to_screen_s(page: Any) -> list[float]:
     """Of the last frames, as the server has it."""
-    return page.request.get(f"{page.url.partition('#')[0]}api/figures").json()["frame_to_screen_s"]
+    headers = {"X-Eimi-Token": page.evaluate("sessionStorage.getItem('token')")}
+    return page.request.get(f"{page.url.partition('#')[0]}api/figures", headers=headers).json()["frame_to_screen_s"]
 
 
 def stops(driver: str, runs: int) -> tuple[list[float], list[float]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
@@ -25,17 +26,20 @@ def dashboard(
 ) -> None:
     """Serve the live page of a folder to a browser on this machine, until Ctrl-C."""
     try:
+        from eimi_lab.page.redirect_file import redirect_file
         from eimi_lab.page.server import check_host, serve
     except ModuleNotFoundError as error:
         raise InputError(f"eimi dashboard needs {error.name}: pip install 'eimi-lab[page]'") from error
 
-    def say(address: str) -> None:
-        print(address, flush=True)
-        tell("open this address in a browser of this machine; Ctrl-C ends the page, and a run with it, coil off")
-        if browser:
-            import webbrowser
+    with ExitStack() as until_the_end:
 
-            webbrowser.open(address)
+        def say(address: str) -> None:
+            print(address, flush=True)
+            tell("open this address in a browser of this machine; Ctrl-C ends the page, and a run with it, coil off")
+            if browser:
+                import webbrowser
 
-    check_host(host, open_to_network)
-    serve(folder, host, port, say)
+                webbrowser.open(until_the_end.enter_context(redirect_file(address)).as_uri())
+
+        check_host(host, open_to_network)
+        serve(folder, host, port, say)

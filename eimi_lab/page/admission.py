@@ -1,27 +1,35 @@
-"""Who may ask the page for anything, and what a browser may do with its answers.
+"""Decide which requests the page answers, and what a browser may do with its answers.
 
-A page of another site that is open in the same browser is the one to fear: it can send requests to this machine, and
-sockets are not bound by the same-origin policy. So a request is answered only if
+Two kinds of people must get nothing: the author of a page of another site that is open in the same browser, and another
+user of the same computer, who can connect to every port of 127.0.0.1. A request is therefore answered only if
 
-- its Host is one of ours (a foreign name that resolves to this machine, DNS rebinding, has another),
-- it carries the cookie, which only the address with the token gives, and which no foreign site's request carries,
-- its Origin is ours where it is a POST or a WebSocket, and the browser does not call it one of another site.
+- its Host is a name of this page (under DNS rebinding, a foreign name resolves to this machine),
+- it carries the token in the header `X-Eimi-Token`, which a browser never adds by itself to a request of another page,
+- its Origin is this page if it is a POST or a WebSocket, and the browser does not report another site as its origin.
 
-The token leaves the address at once, by a redirect: it would stand in the history and in bookmarks.
+A WebSocket cannot carry a header that a script has set. Its first message must be `{"token": ...}`; until that message
+has arrived, nothing is sent. There is no cookie, because a browser sends a cookie to every port of a host. The token
+stands in the fragment of the address (after `#`), which a browser does not send; a script moves it to sessionStorage,
+which belongs to one origin (host and port) and one tab. The empty page, its scripts and its styles need no token: they
+are part of the program and contain no data. A report is a link with a key of its own, see `report_links`.
 """
 
 from __future__ import annotations
 
+import asyncio
+import json
 import secrets
+from contextlib import suppress
 from dataclasses import dataclass, field
-from http.cookies import CookieError, SimpleCookie
-from urllib.parse import parse_qs
 
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.responses import PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-TOKEN = "token"
+from eimi_lab.page.report_links import REPORT
+
+TOKEN_HEADER = "x-eimi-token"
+INDEX, STATIC = "/", "/static/"
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -40,10 +48,12 @@ HEADERS = {
 SAFE = ("GET", "HEAD")
 MOST_BODY_BYTES = 1 << 16
 CLOSED_BY_POLICY = 1008  # RFC 6455, 7.4.1
+INTRODUCED_WITHIN_S = 10.0
+"""Time that a WebSocket has to send the token."""
 
 
 def new_token() -> str:
-    """256 bits that nobody guesses."""
+    """Return a random token of 256 bits."""
     return secrets.token_urlsafe(32)
 
 
@@ -51,30 +61,35 @@ def new_token() -> str:
 class Admission:
     """ASGI middleware before everything else.
 
-    hosts: what Host may be, port included. token: what the address must hold once, and the cookie ever after.
+    Parameters
+    ----------
+    app : ASGIApp
+        The application that answers what is admitted.
+    hosts : frozenset of str
+        Allowed values of the header Host, with the port.
+    token : str
+        The token that a request or the first message of a WebSocket must carry.
     """
 
     app: ASGIApp
     hosts: frozenset[str]
     token: str = field(repr=False)
 
-    @property
-    def cookie(self) -> str:
-        """Its name: cookies do not know ports, and there may be two pages on a machine."""
-        port = min(self.hosts).rpartition(":")[2]
-        return f"eimi_{port}"
-
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer with a refusal, or with the application's answer and the headers that bind a browser."""
+        """Answer with a refusal, or with the application's answer and the headers that restrict the browser."""
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
             return
         refusal = self._refusal(scope)
-        if refusal is None:
+        if scope["type"] == "websocket":
+            connect = await receive()
+            if refusal is None and await self._is_introduced(receive, send):
+                await self.app(scope, _after(connect, receive), _without_accept(send))
+            else:
+                with suppress(RuntimeError, OSError):  # the other side may have left
+                    await send({"type": "websocket.close", "code": CLOSED_BY_POLICY})
+        elif refusal is None:
             await self.app(scope, receive, with_headers(send))
-        elif scope["type"] == "websocket":
-            await receive()
-            await send({"type": "websocket.close", "code": CLOSED_BY_POLICY})
         else:
             await refusal(scope, receive, with_headers(send))
 
@@ -82,36 +97,56 @@ class Admission:
         headers = Headers(scope=scope)
         if headers.getlist("host") not in [[host] for host in self.hosts]:
             return PlainTextResponse("this page is not known by that name", 421)
-        given = parse_qs(scope["query_string"].decode("latin-1")).get(TOKEN, [])
-        if scope["type"] == "http" and scope["method"] == "GET" and scope["path"] == "/" and given:
-            return self._begin(given[-1])
-        if not self._same(self._cookie(headers)):
+        reads = scope["type"] == "http" and scope["method"] in SAFE
+        if reads and scope["path"] == INDEX:  # also if a file, which has another origin, redirects to it
+            return _refused_length(headers)
+        open_to_all = reads and (scope["path"] == REPORT or scope["path"].startswith(STATIC))
+        if scope["type"] == "http" and not open_to_all and not self._is_token(headers.get(TOKEN_HEADER, "")):
             return PlainTextResponse("open the address that `eimi dashboard` printed when it began", 403)
         if headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
             return PlainTextResponse("asked by another site", 403)
         steers = scope["type"] == "websocket" or scope["method"] not in SAFE
         if steers and headers.getlist("origin") != [f"http://{headers['host']}"]:
             return PlainTextResponse("asked by another site", 403)
-        if int(headers.get("content-length", "0") or 0) > MOST_BODY_BYTES or "transfer-encoding" in headers:
-            return PlainTextResponse("too long", 413)
-        return None
+        return _refused_length(headers)
 
-    def _begin(self, given: str) -> Response:
-        if not self._same(given):
-            return PlainTextResponse("the token is that of another `eimi dashboard`; take the newest address", 403)
-        answer = RedirectResponse("/", 303)
-        answer.set_cookie(self.cookie, self.token, httponly=True, samesite="strict")
-        return answer
-
-    def _cookie(self, headers: Headers) -> str:
+    async def _is_introduced(self, receive: Receive, send: Send) -> bool:
+        """Accept a WebSocket and return whether its first message is the token."""
+        await send({"type": "websocket.accept", "headers": []})
         try:
-            sent = SimpleCookie("; ".join(headers.getlist("cookie")))
-        except CookieError:
-            return ""
-        return sent[self.cookie].value if self.cookie in sent else ""
+            message = await asyncio.wait_for(receive(), INTRODUCED_WITHIN_S)
+            return self._is_token(str(json.loads(message.get("text") or "")["token"]))
+        except (TimeoutError, ValueError, KeyError, TypeError, RecursionError):
+            return False
 
-    def _same(self, given: str) -> bool:
+    def _is_token(self, given: str) -> bool:
         return secrets.compare_digest(given.encode("utf-8", "replace"), self.token.encode())
+
+
+def _refused_length(headers: Headers) -> Response | None:
+    if int(headers.get("content-length", "0") or 0) > MOST_BODY_BYTES or "transfer-encoding" in headers:
+        return PlainTextResponse("too long", 413)
+    return None
+
+
+def _after(first: Message, receive: Receive) -> Receive:
+    """Return a function that receives this message first, and then what `receive` receives."""
+    waiting = [first]
+
+    async def received() -> Message:
+        return waiting.pop() if waiting else await receive()
+
+    return received
+
+
+def _without_accept(send: Send) -> Send:
+    """Return a function that sends everything except the acceptance of a WebSocket, which has been sent already."""
+
+    async def sent(message: Message) -> None:
+        if message["type"] != "websocket.accept":
+            await send(message)
+
+    return sent
 
 
 def with_headers(send: Send) -> Send:

@@ -17,6 +17,7 @@ from starlette.routing import BaseRoute, Route
 from eimi_fitting.laws import LAWS
 from eimi_lab.page import stored_fits
 from eimi_lab.page.data_folder import DataFolder
+from eimi_lab.page.report_links import ReportLinks
 from eimi_lab.page.tabs import Tabs
 from eimi_lab.page.worker import Worker
 from eimi_lab.process.errors import InputError
@@ -56,7 +57,8 @@ class Fitting:
 class FitDesk:
     """One fit at a time."""
 
-    def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
+    def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs, reports: ReportLinks) -> None:
+        self._reports = reports
         self._folder, self._worker, self._steered, self._changed = folder, worker, tabs.steered, tabs.changed
         self._process: asyncio.subprocess.Process | None = None
         self._task: asyncio.Task[None] | None = None
@@ -85,7 +87,8 @@ class FitDesk:
         dataset = self._folder.inside(request.query_params.get("file", ""))
         fits, report = dataset.with_suffix(FITS), dataset.with_suffix(REPORT)
         found = await self._worker.do(stored_fits.summaries, fits) if fits.is_file() else []
-        return JSONResponse({"fits": found, "report": self._folder.name_of(report) if report.is_file() else None})
+        link = self._reports.link_to(self._folder.name_of(report)) if report.is_file() else None
+        return JSONResponse({"fits": found, "report": link})
 
     async def _start(self, asked: dict[str, Any]) -> Any:
         if self._task is not None and not self._task.done():

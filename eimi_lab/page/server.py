@@ -17,7 +17,7 @@ from types import FrameType
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
@@ -26,6 +26,7 @@ from eimi_lab.page.admission import REPORT_POLICY, Admission, new_token
 from eimi_lab.page.data_folder import DataFolder
 from eimi_lab.page.fit_desk import FitDesk
 from eimi_lab.page.picture_desk import PictureDesk
+from eimi_lab.page.report_links import REPORT, ReportLinks
 from eimi_lab.page.run_desk import RunDesk
 from eimi_lab.page.tabs import Tabs
 from eimi_lab.page.worker import Worker
@@ -49,7 +50,8 @@ class Page:
         self.worker = Worker()
         self.tabs = Tabs(lambda: {**self.desk.told(), **self.fits.told()})
         self.desk = RunDesk(self.folder, self.worker, self.tabs)
-        self.fits = FitDesk(self.folder, self.worker, self.tabs)
+        self.reports = ReportLinks()
+        self.fits = FitDesk(self.folder, self.worker, self.tabs, self.reports)
         self.pictures = PictureDesk(self.folder, self.worker, self.tabs)
 
     def application(self) -> Starlette:
@@ -62,7 +64,7 @@ class Page:
             Route("/api/dataset/edges", self._edges),
             Route("/api/dataset/modulus", self._modulus),
             Route("/api/figures", self._figures),
-            Route("/report", self._report),
+            Route(REPORT, self._report),
             *self.desk.routes(),
             *self.pictures.routes(),
             *self.fits.routes(),
@@ -81,6 +83,9 @@ class Page:
     async def _listing(self, request: Request) -> Response:
         name = request.query_params.get("in", "")
         entries = [asdict(entry) for entry in self.folder.listed(name)]
+        for entry in entries:
+            if entry["kind"] == "report":
+                entry["link"] = self.reports.link_to(entry["name"])
         return JSONResponse({"folder": name, "root": str(self.folder.root), "entries": entries})
 
     async def _dataset(self, request: Request) -> Response:
@@ -101,6 +106,11 @@ class Page:
         return JSONResponse({"frame_to_screen_s": list(self.tabs.ages_s)})
 
     async def _report(self, request: Request) -> Response:
+        """Answer with a report if the request has the key of the link to it."""
+        if not self.reports.opens(request.query_params.get("file", ""), request.query_params.get("key", "")):
+            return PlainTextResponse(
+                "open the report from the page; links end with the `eimi dashboard` that gave them", 403
+            )
         file = self._file(request)
         if file.suffix.lower() != ".html" or not file.is_file():
             raise InputError(f"{self.folder.name_of(file)}: is no report")
@@ -143,14 +153,14 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None]) -> Non
     config = uvicorn.Config(
         app,
         log_level="warning",
-        access_log=False,  # it would hold the token
+        access_log=False,  # it would hold the keys of reports
         proxy_headers=False,
         server_header=False,
         ws_max_size=LARGEST_MESSAGE_BYTES,
         ws_per_message_deflate=False,
         timeout_graceful_shutdown=CLOSE_WITHIN_S,
     )
-    say(f"http://{_in_address(host)}:{bound}/?token={token}")
+    say(f"http://{_in_address(host)}:{bound}/#token={token}")
     server = _Server(config)
     try:
         server.run(sockets=[listening])

@@ -35,7 +35,7 @@ async def body_of(request: Request) -> dict[str, Any]:
     """The JSON object that was sent. Raises InputError."""
     try:
         asked = await request.json()
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError("what was sent is not JSON") from error
     if not isinstance(asked, dict):
         raise InputError("what was sent is not an object of JSON")
@@ -115,7 +115,7 @@ class Tabs:
                 self._heard(tab, await socket.receive_json())
         except WebSocketDisconnect:
             pass
-        except (ValueError, KeyError, TypeError):  # no client of ours
+        except (ValueError, KeyError, TypeError, RecursionError):  # no client of ours
             with suppress(WebSocketDisconnect, RuntimeError):
                 await socket.close()
         finally:

@@ -1,5 +1,7 @@
 // Elements and requests. Text is always set as text: what a file says of itself is never markup.
 
+import { token } from "./token.js";
+
 export const byId = (id) => document.getElementById(id);
 
 export function el(name, attributes = {}, ...children) {
@@ -44,7 +46,8 @@ export function address(path, parameters = {}) {
   return query ? `${path}?${query}` : path;
 }
 
-async function answer(response) {
+async function answer(path, request = {}) {
+  const response = await fetch(path, { ...request, headers: { ...request.headers, "X-Eimi-Token": token } });
   if (response.ok) return response;
   const text = await response.text();
   let words = text;
@@ -53,14 +56,14 @@ async function answer(response) {
 }
 
 export async function ask(path, parameters) {
-  return (await answer(await fetch(address(path, parameters)))).json();
+  return (await answer(address(path, parameters))).json();
 }
 
 export async function post(path, body = {}, tab = "") {
   const headers = { "Content-Type": "application/json", "X-Tab": tab };
-  return (await answer(await fetch(path, { method: "POST", headers, body: JSON.stringify(body) }))).json();
+  return (await answer(path, { method: "POST", headers, body: JSON.stringify(body) })).json();
 }
 
 export async function askPicture(path, parameters) {
-  return (await answer(await fetch(address(path, parameters)))).blob();
+  return (await answer(address(path, parameters))).blob();
 }

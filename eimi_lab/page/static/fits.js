@@ -1,5 +1,5 @@
 // Fits of the dataset that is open: begun, followed, and what came of them.
-import { address, ask, byId, el, number, tell } from "./dom.js";
+import { ask, byId, el, number, tell } from "./dom.js";
 import { on, state, steer } from "./live.js";
 import { plot } from "./plot.js";
 
@@ -18,7 +18,7 @@ export async function showFits(dataset) {
   stored = fits;
   byId("fit-start").textContent = fits.length ? "Fit again, in place of this" : "Fit";
   byId("fit-report").hidden = !report;
-  if (report) byId("fit-report").href = address("/report", { file: report });
+  if (report) byId("fit-report").href = report;
   byId("fit-result").replaceChildren(...fits.flatMap(result));
   if (fits.length) converge(fits[0].generations);
   else byId("fit-plot").replaceChildren();

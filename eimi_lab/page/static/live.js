@@ -1,7 +1,9 @@
 // The socket: what the server tells, the newest frame, and whether this tab steers.
 import { byId, post, tell } from "./dom.js";
+import { token } from "./token.js";
 
 const listeners = { state: [], frame: [], edges: [] };
+const REFUSED = 1008; // the close code of a socket without the token
 const AGAIN_MS = [250, 500, 1000, 2000];
 let socket = null, lost = 0, steered = false, stopping = false;
 export let state = { run: null, control: "nobody", tab: "" };
@@ -13,12 +15,18 @@ export const steer = (path, body) => post(path, body, state.tab);
 function connect() {
   socket = new WebSocket(`ws://${location.host}/live`);
   socket.binaryType = "arraybuffer";
-  socket.onopen = () => { if (lost) tell("connected again; nothing was lost"); lost = 0; };
-  socket.onmessage = ({ data }) => typeof data === "string" ? heard(JSON.parse(data)) : showFrame(data);
-  socket.onclose = () => {
-    if (!lost) tell("the connection is gone; a run goes on without it", true);
+  socket.onopen = () => say({ token });
+  socket.onmessage = ({ data }) => {
+    if (lost) tell("connected again; nothing was lost");
+    lost = 0;
+    if (typeof data === "string") heard(JSON.parse(data));
+    else showFrame(data);
+  };
+  socket.onclose = ({ code }) => {
     state = { ...state, control: "nobody" };
     showHeader(true);
+    if (code === REFUSED) { tell("open the address that `eimi dashboard` printed when it began", true); return; }
+    if (!lost) tell("the connection is gone; a run goes on without it", true);
     setTimeout(connect, AGAIN_MS[Math.min(lost++, AGAIN_MS.length - 1)]);
   };
 }

@@ -1,5 +1,5 @@
 // Datasets in the folder, opened read-only, while they are written, too.
-import { address, ask, askPicture, byId, el, facts, flagList, number, tell } from "./dom.js";
+import { ask, askPicture, byId, el, facts, flagList, number, tell } from "./dom.js";
 import { showFits } from "./fits.js";
 import { Picture } from "./picture.js";
 import { plot } from "./plot.js";
@@ -17,11 +17,11 @@ export async function showFolder(name = folder) {
   byId("where").textContent = name ? `${listing.root}/${name}` : listing.root;
   const rows = [];
   if (name) rows.push(entry("↑ folder above", () => showFolder(name.split("/").slice(0, -1).join("/")), false));
-  for (const { name: file, kind } of listing.entries) {
+  for (const { name: file, kind, link } of listing.entries) {
     const short = file.split("/").pop();
     if (kind === "folder") rows.push(entry(`${short}/`, () => showFolder(file), false));
     if (kind === "dataset") rows.push(entry(short, () => openRun(file), open?.file === file));
-    if (kind === "report") rows.push(el("li", {}, el("a", { href: address("/report", { file }), target: "_blank" }, `${short} (report, opens beside)`)));
+    if (kind === "report") rows.push(el("li", {}, el("a", { href: link, target: "_blank" }, `${short} (report, opens beside)`)));
   }
   byId("files").replaceChildren(...(rows.length ? rows : [el("li", {}, "No dataset in this folder.")]));
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import socket
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http.client import HTTPConnection, HTTPResponse
 from pathlib import Path
@@ -17,6 +19,7 @@ from typing import Any
 import cv2
 import pytest
 import uvicorn
+from websockets.sync.client import ClientConnection, connect
 
 from eimi_drivers.clock import WallClock
 from eimi_drivers.emulators.serve import emulate, serve_tcp
@@ -39,7 +42,7 @@ class Answer:
 
 @dataclass
 class Served:
-    """A page that is being served. ask: with the cookie, unless other headers are given."""
+    """A page that is being served. `ask` sends the token unless another is given; an empty header is not sent."""
 
     folder: Path
     port: int
@@ -52,11 +55,19 @@ class Served:
 
     @property
     def address(self) -> str:
-        return f"http://{self.host}/?token={TOKEN}"
+        return f"http://{self.host}/#token={TOKEN}"
+
+    @contextmanager
+    def socket(self, introduced: bool = True) -> Iterator[ClientConnection]:
+        """Open a WebSocket of the page; with ``introduced``, the token has been sent."""
+        with connect(f"ws://{self.host}/live", origin=f"http://{self.host}", proxy=None) as connection:
+            if introduced:
+                connection.send(json.dumps({"token": TOKEN}))
+            yield connection
 
     def ask(self, path: str, method: str = "GET", body: bytes | None = None, **headers: str) -> Answer:
         named = {name.replace("_", "-"): value for name, value in headers.items()}
-        sent = {"Host": self.host, "Cookie": f"eimi_{self.port}={TOKEN}"} | named
+        sent = {"Host": self.host, "X-Eimi-Token": TOKEN} | named
         connection = HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE_S)
         try:
             connection.putrequest(method, path, skip_host=True)

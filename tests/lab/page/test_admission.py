@@ -3,42 +3,46 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from urllib.request import HTTPCookieProcessor, build_opener
+from urllib.parse import unquote
+from urllib.request import urlopen
 
 import pytest
+from websockets.exceptions import ConnectionClosed
 
+from eimi_lab.page.redirect_file import redirect_file
 from tests.patience import PATIENCE_S
 
 
-def test_the_token_becomes_a_cookie_that_scripts_cannot_read(served: Any) -> None:
-    answer = served.ask(f"/?token={'t' * 43}", Cookie="")
-    assert answer.status == 303
-    assert answer.headers["location"] == "/"
-    cookie = answer.headers["set-cookie"].lower()
-    assert "httponly" in cookie
-    assert "samesite=strict" in cookie
-    assert served.ask("/").status == 200
+def test_no_cookie_is_set_and_the_page_itself_holds_no_token(served: Any) -> None:
+    """A browser sends a cookie to every port of a host, so that another user's server would get it."""
+    for path in ("/", f"/?token={'t' * 43}", "/static/main.js", "/api/folder"):
+        answer = served.ask(path)
+        assert answer.status == 200
+        assert "set-cookie" not in answer.headers
+        assert b"t" * 43 not in answer.body
 
 
 @pytest.mark.parametrize(
     ("path", "headers"),
     [
-        ("/", {"Cookie": ""}),
-        ("/api/folder", {"Cookie": ""}),
-        ("/static/main.js", {"Cookie": ""}),
-        ("/?token=guess", {"Cookie": ""}),
-        ("/?token=", {"Cookie": ""}),
-        ("/api/folder", {"Cookie": "eimi_1=x; nonsense"}),
-        ("/api/folder?token=" + "t" * 43, {"Cookie": ""}),
+        ("/api/folder", {"X_Eimi_Token": ""}),
+        ("/api/folder", {"X_Eimi_Token": "guess"}),
+        ("/api/folder", {"X_Eimi_Token": "", "Cookie": "token=" + "t" * 43}),
+        ("/api/folder?token=" + "t" * 43, {"X_Eimi_Token": ""}),
+        ("/api/dataset?file=run.h5", {"X_Eimi_Token": ""}),
+        ("/report?file=run.h5", {"X_Eimi_Token": ""}),
         ("/api/folder", {"Sec_Fetch_Site": "cross-site"}),
         ("/api/folder", {"Sec_Fetch_Site": "same-site"}),
+        ("/static/main.js", {"Sec_Fetch_Site": "cross-site"}),
     ],
 )
 def test_who_has_no_token_or_comes_from_another_site_gets_nothing(served: Any, path: str, headers: dict) -> None:
@@ -46,6 +50,103 @@ def test_who_has_no_token_or_comes_from_another_site_gets_nothing(served: Any, p
     assert answer.status == 403
     assert b"run.h5" not in answer.body
     assert b"<html" not in answer.body
+
+
+def test_a_socket_gets_nothing_before_its_first_message_is_the_token(served: Any) -> None:
+    for message in ('{"token": "guess"}', '{"take": true}', '{"token": null}', "[1]", "[" * 30_000, b"\0"):
+        with served.socket(introduced=False) as socket:
+            with pytest.raises(TimeoutError):  # nothing is sent to it
+                socket.recv(timeout=0.05)
+            socket.send(message)
+            with pytest.raises(ConnectionClosed):
+                socket.recv(timeout=PATIENCE_S)
+            assert socket.close_code == 1008
+    with served.socket() as socket:
+        assert json.loads(socket.recv(timeout=PATIENCE_S))["kind"] == "state"
+
+
+ANOTHER_USER = """
+import os, sys, urllib.error, urllib.request
+file, page = sys.argv[1:]
+
+def status(method, path):
+    asked = urllib.request.Request(page + path, b"{}" if method == "POST" else None, {"Origin": page}, method=method)
+    try:
+        return urllib.request.urlopen(asked).status
+    except urllib.error.HTTPError as error:
+        return error.code
+
+status("POST", "/api/folder")  # imports what the other user may not be allowed to read
+os.setgroups([])
+os.setgid(65534)
+os.setuid(65534)
+try:
+    print(open(file).read())
+except PermissionError:
+    print("not readable")
+for method, path in (("GET", "/api/folder"), ("POST", "/api/stop"), ("POST", "/api/run/end")):
+    print(status(method, path))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="needs root, to become another user")
+def test_another_user_of_the_computer_gets_neither_the_token_nor_an_answer(served: Any) -> None:
+    with redirect_file(served.address) as path:
+        assert "t" * 43 in path.read_text()
+        assert path.stat().st_mode & 0o777 == 0o600
+        path.parent.chmod(0o711)  # the file's own mode suffices
+        command = [sys.executable, "-c", ANOTHER_USER, str(path), f"http://{served.host}"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines() == ["not readable", "403", "403", "403"], done.stderr
+    assert not path.exists()
+
+
+def test_the_browser_is_given_a_file_and_not_the_token(
+    data_folder: Path, tab: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The command that `BROWSER` names stands for a browser: it writes down its command line."""
+    shown = tmp_path / "shown"
+    shim = tmp_path / "browser"
+    os.mkfifo(shown)
+    shim.write_text(f'#!/bin/sh\necho "$@" > {shown}\n')
+    shim.chmod(0o755)
+    monkeypatch.setenv("BROWSER", str(shim))
+    command = [sys.executable, "-m", "eimi_lab", "dashboard", "--browser", str(data_folder)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        try:
+            assert process.stdout is not None
+            token = process.stdout.readline().strip().rpartition("=")[2]
+            given = shown.read_text().strip()  # waits for the browser
+            assert given.startswith("file://")
+            assert token not in given
+            page = tab(given)
+            page.get_by_text("in control").first.wait_for()
+            assert token not in page.url
+        finally:
+            process.terminate()
+
+
+def test_a_server_on_another_port_learns_nothing_from_the_browser(served: Any, tab: Any) -> None:
+    """Follow a link from the page's own tab to a server of another user, on the same host."""
+    page = tab(served.address)
+    page.get_by_text("in control").first.wait_for()
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        other.settimeout(PATIENCE_S)
+        link = f"http://127.0.0.1:{other.getsockname()[1]}/"
+        page.evaluate("link => { location.href = link; }", link)
+        connection, _ = other.accept()
+        with connection:
+            received = connection.recv(65536)
+            connection.sendall(b"HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nContent-Length: 2\r\n\r\nhi")
+        assert b"t" * 43 not in received
+        assert b"cookie" not in received.lower()
+        page.wait_for_url(link)
+        assert page.evaluate("sessionStorage.getItem('token')") is None
+
+
+def test_a_tab_without_the_token_is_told_what_to_open(served: Any, tab: Any) -> None:
+    page = tab(f"http://{served.host}/")
+    page.get_by_text("open the address that `eimi dashboard` printed").wait_for()
 
 
 @pytest.mark.parametrize(
@@ -100,7 +201,8 @@ def test_no_path_leads_out_of_the_folder(served: Any, name: str) -> None:
     (secret / "secret.h5").write_text("secret")
     if not (served.folder / "link").is_symlink():
         (served.folder / "link").symlink_to(secret)
-    for path in (f"/api/dataset?file={name}", f"/api/folder?in={name}", f"/report?file={name}"):
+    report = f"/report?file={name}&key={served.page.reports._key(unquote(name))}"
+    for path in (f"/api/dataset?file={name}", f"/api/folder?in={name}", report):
         answer = served.ask(path)
         assert answer.status == 400
         assert "leads out of the folder" in json.loads(answer.body)["error"]
@@ -139,7 +241,7 @@ def test_the_command_prints_the_address_and_ends_by_a_signal(data_folder: Path, 
         assert process.stdout is not None
         address = process.stdout.readline().strip()
         try:
-            page = build_opener(HTTPCookieProcessor()).open(address, timeout=PATIENCE_S).read()
+            page = urlopen(address, timeout=PATIENCE_S).read()
         finally:
             for number in asked:
                 process.send_signal(number)

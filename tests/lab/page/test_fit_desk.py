@@ -11,7 +11,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from websockets.sync.client import connect
 
 from tests.patience import PATIENCE_S
 
@@ -19,11 +18,7 @@ from tests.patience import PATIENCE_S
 @contextmanager
 def in_control(served: Any) -> Iterator[tuple[Any, str]]:
     """A socket whose tab steers, and the tab's name."""
-    with connect(
-        f"ws://{served.host}/live",
-        origin=f"http://{served.host}",
-        additional_headers={"Cookie": f"eimi_{served.port}={'t' * 43}"},
-    ) as tab:
+    with served.socket() as tab:
         told = json.loads(tab.recv(timeout=PATIENCE_S))
         if told["control"] != "you":
             tab.send(json.dumps({"take": True}))

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from websockets.sync.client import ClientConnection, connect
 
 from tests.patience import PATIENCE_S
 
@@ -31,21 +30,16 @@ def said() -> Iterator[list[str]]:
     logger.removeHandler(handler)
 
 
-def opened(served: Any) -> ClientConnection:
-    headers = {"Cookie": f"eimi_{served.port}={'t' * 43}"}
-    return connect(f"ws://{served.host}/live", origin=f"http://{served.host}", additional_headers=headers, proxy=None)
-
-
 def without_tabs(served: Any) -> None:
     """Waits until the last one's end has reached the server."""
-    with opened(served) as socket:
+    with served.socket() as socket:
         while '"tabs": 1' not in socket.recv(timeout=PATIENCE_S):
             pass
 
 
-@pytest.mark.parametrize("message", ["{", "null", "[1]", '"take"', b"\x00\xff"])
+@pytest.mark.parametrize("message", ["{", "null", "[1]", '"take"', b"\x00\xff", "[" * 30_000])
 def test_who_speaks_another_language_is_hung_up_on(served: Any, said: list[str], message: str | bytes) -> None:
-    with opened(served) as socket:
+    with served.socket() as socket:
         socket.send(message)
         for _ in socket:  # until the page closes it
             pass
@@ -55,9 +49,9 @@ def test_who_speaks_another_language_is_hung_up_on(served: Any, said: list[str],
 
 def test_a_tab_that_closes_is_not_worth_a_word(served: Any, said: list[str]) -> None:
     for _ in range(3):
-        with opened(served):
+        with served.socket():
             pass
-    with opened(served) as torn:
+    with served.socket() as torn:
         torn.socket.close()
     without_tabs(served)
     assert said == []
