@@ -1,4 +1,7 @@
-"""Where `eimi` and `python -m eimi_lab` begin: as early as can be, so that Ctrl-C ends in one line from the start."""
+"""The entry point of `eimi` and of `python -m eimi_lab`.
+
+It imports little, so that Ctrl-C gives one line instead of a traceback from the first moment.
+"""
 
 import sys
 
@@ -6,7 +9,7 @@ from eimi_lab.process.garbage import collect_seldom
 
 
 def main() -> None:
-    """Import the command line and run it. Stopped while it is still imported, end as it would itself."""
+    """Import the command line and run it; Ctrl-C during the import ends the program as it does later."""
     collect_seldom()
     try:
         from eimi_lab.cli import main as command_line

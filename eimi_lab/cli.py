@@ -1,15 +1,18 @@
-"""The command line: reads arguments, calls the suite, prints. `eimi --help` lists the commands.
+"""The command line: read the arguments, run the command, print its result, and exit with a status.
 
-The commands themselves are in `eimi_lab.commands`.
+The commands are functions of `eimi_lab.commands`; `GROUPS` lists them as `eimi --help` shows them.
 """
 
 from __future__ import annotations
 
 import os
 import sys
-from typing import Annotated
+from collections.abc import Callable
+from itertools import groupby
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from eimi_lab.commands import beginning, bench, images, material_laws, next_run, showing, studying, watching
 from eimi_lab.commands.examples import EXAMPLES, in_help
@@ -20,48 +23,61 @@ from eimi_lab.process.stderr import never_blocking, open_closed_streams
 from eimi_lab.process.stopping import Stopped, leaving, unwind_on_termination
 from eimi_lab.process.threads import one_thread_each
 
+GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
+    "Measure": (bench.instruments, bench.acquire, bench.recover, next_run.plan, bench.emulate),
+    "Prepare": (beginning.init, images.calibrate, images.import_, images.segment),
+    "Fit": (
+        *(material_laws.fit, material_laws.tensile, studying.discover, material_laws.validate),
+        *(material_laws.simulate, material_laws.export),
+    ),
+    "Look": (showing.report, watching.dashboard, showing.demo, studying.study),
+}
+SERVERS = (bench.emulate, watching.dashboard)
+"""Commands that print by themselves, before they serve; all others return a `Result`."""
+
+_LONGEST_SUMMARY = 200
+
+
+class _CommandsInGroups(TyperGroup):
+    """Lists the commands in groups, each with its whole summary."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        width = max(map(len, self.commands))
+        for title, commands in groupby(self.commands.values(), key=lambda command: str(command.rich_help_panel)):
+            with formatter.section(title):
+                formatter.write_dl(
+                    [(f"{command.name:{width}}", command.get_short_help_str(_LONGEST_SUMMARY)) for command in commands]
+                )
+
+
 app = typer.Typer(
     name="eimi",
-    help="Measure a soft material in the deformation in which the robot will use it.",
+    cls=_CommandsInGroups,
+    help="Identify the hyperelastic law of a soft material from a bending beam.",
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (
-    showing.demo,
-    beginning.init,
-    bench.instruments,
-    bench.acquire,
-    bench.recover,
-    images.import_,
-    images.calibrate,
-    images.segment,
-    material_laws.fit,
-    material_laws.validate,
-    material_laws.tensile,
-    material_laws.simulate,
-    material_laws.export,
-    next_run.plan,
-    showing.report,
-    studying.discover,
-    studying.study,
-):
-    name = command.__name__.rstrip("_")
-    app.command(name, epilog=in_help(EXAMPLES[name]))(printing(command))
-for serving in (bench.emulate, watching.dashboard):  # which print before they serve
-    app.command(epilog=in_help(EXAMPLES[serving.__name__]))(serving)
+for title, group in GROUPS.items():
+    for command in group:
+        name = command.__name__.rstrip("_")
+        add = app.command(name, epilog=in_help(EXAMPLES[name]), rich_help_panel=title)
+        add(command if command in SERVERS else printing(command))
 
 
 @app.callback()
 def _before_any_command(
     version: Annotated[
         bool,
-        typer.Option(
-            "--version", help="print the versions and do no more", callback=showing.print_versions, is_eager=True
-        ),
+        typer.Option("--version", help="print the versions and exit", callback=showing.print_versions, is_eager=True),
     ] = False,
     log: Annotated[
-        str, typer.Option(envvar=VARIABLE, help="log on standard error for a maintainer: info, or debug for the wire")
+        str,
+        typer.Option(
+            metavar="info|debug",
+            envvar=VARIABLE,
+            help="write a log for maintainers to standard error; debug includes every message to an instrument",
+        ),
     ] = "",
 ) -> None:
     if log not in ("", *LEVELS):
@@ -77,17 +93,17 @@ def main() -> None:
     try:
         with never_blocking():
             status = _status()
-    except Stopped as stopped:  # once more, before the first could be told of
-        status = _told(stopped)
+    except Stopped as stopped:  # a second signal came before the first was reported
+        status = _report_stop(stopped)
     timed = sys.modules.get("eimi_drivers.cameras.timed")
-    if timed and timed.calls_under_way():  # its library may wait at the end for the call that never comes back
+    if timed and timed.calls_under_way():  # its library could wait for this call at exit, for ever
         sys.stdout.flush()
         os._exit(status)
     sys.exit(status)
 
 
 def _status() -> int:
-    """The exit status; whatever went wrong has then been told in one line on stderr."""
+    """Run the command and return the exit status; write a failure to standard error in one line."""
     try:
         return app(sys.argv[1:] or ["--help"], standalone_mode=False) or 0
     except InputError as error:
@@ -95,7 +111,7 @@ def _status() -> int:
     except (KeyboardInterrupt, typer.Abort):
         return _tell("stopped by SIGINT", 130)
     except Stopped as stopped:
-        return _told(stopped)
+        return _report_stop(stopped)
     except Exception as error:
         from eimi_drivers.interfaces import InstrumentError, SwitchOffFailed, UnusableDriver
 
@@ -108,20 +124,23 @@ def _status() -> int:
             return _tell(str(error), 2)
         if isinstance(error, InstrumentError | OSError | OwnFault):
             return _tell(str(error), 1)
-        if hasattr(error, "format_message"):  # an unknown option, a missing argument: whichever click typer brings
-            said = error.format_message() + _left_out(error)
-            return _tell(f"{said} (eimi --help lists commands, eimi COMMAND --help options)", 2)
+        if hasattr(
+            error, "format_message"
+        ):  # an error of typer's own copy of click: an unknown option, a missing argument
+            message = error.format_message() + _rejected_value(error)
+            return _tell(f"{message} (eimi --help lists commands, eimi COMMAND --help options)", 2)
         raise
 
 
-def _left_out(error: Exception) -> str:
-    """The value that was given, which a typer that checks it with pydantic does not name."""
+def _rejected_value(error: Exception) -> str:
+    """Return the value that was rejected; typer's message lacks it if pydantic checked the value."""
     from pydantic import ValidationError
 
     return f", not {error.__cause__.errors()[0]['input']}" if isinstance(error.__cause__, ValidationError) else ""
 
 
-def _told(stopped: Stopped) -> int:
+def _report_stop(stopped: Stopped) -> int:
+    """Write which signal stopped the program, and return the exit status."""
     with leaving():
         return _tell(stopped.in_words(), 128 + stopped.number)
 

@@ -1,11 +1,18 @@
-"""What each command of `eimi` takes and prints; the work is done elsewhere.
+"""The commands of `eimi`: what each takes and what it prints. The work is done by other packages.
 
-bench     instruments, emulate, acquire, recover
-images    import, calibrate, segment
-laws      fit, validate, tensile, export, simulate
-showing   report, demo
-watching  dashboard
+beginning         init
+bench             instruments, emulate, acquire, recover
+images            import, calibrate, segment
+material_laws     fit, validate, tensile, simulate, export
+next_run          plan
+showing           report, demo
+studying          discover, study
+watching          dashboard
+shared_options    options of several commands, and options that are fields of a dataclass
+picture_options   options for finding the beam in images
+track_options     options for tracked points
+examples          the examples that --help shows
+result            the result of a command, and the options --json and --quiet
 
-Every command is a small function; what it needs is imported inside it, so that `eimi --help` is quick. `options` holds
-the ones that several commands share; `eimi_lab.cli` puts the commands together.
+A command is one function. It imports what it needs when it runs, so that `eimi --help` is quick.
 """

@@ -1,4 +1,4 @@
-"""The command with which a person begins: files to fill in."""
+"""The command `init`, which writes template files for a new beam."""
 
 from __future__ import annotations
 
@@ -14,10 +14,14 @@ STATES = "states.csv"
 
 
 def init(
-    folder: Annotated[Path, typer.Argument(help="where to put them; with pictures in it, or none")] = Path(),
+    folder: Annotated[Path, typer.Argument(help="folder to write the files into; it may hold images already")] = Path(),
     force: Force = False,
 ) -> Result:
-    """Write commented specimen.toml, calibration.toml, protocol.toml and states.csv, to be filled in."""
+    """Write template files for a new beam, to be filled in.
+
+    The files are specimen.toml, calibration.toml and protocol.toml, with comments, and states.csv. If the folder holds
+    images, states.csv has a row for each of them.
+    """
     from importlib.resources import files
 
     from eimi_lab.process.outputs import refuse_existing, write_file
@@ -35,10 +39,10 @@ def init(
 
 
 def _states_of(folder: Path) -> str:
-    """A row for each picture of the folder, whose currents are to be filled in; else a row to begin with."""
+    """Return states.csv with a row for each image of the folder, or with one example row, without currents."""
     from eimi_drivers.cameras.image_series import natural_key
     from eimi_lab.vision.image_files import ENDINGS
 
-    pictures = [file.name for file in folder.iterdir() if file.suffix.lower() in ENDINGS]
-    rows = sorted(pictures, key=natural_key) or ["frame_0.png"]
+    images = [file.name for file in folder.iterdir() if file.suffix.lower() in ENDINGS]
+    rows = sorted(images, key=natural_key) or ["frame_0.png"]
     return "frame,current_A\n" + "".join(f"{name},\n" for name in rows)

@@ -1,4 +1,4 @@
-"""Commands at the bench: instruments, a run, and what is left of one that crashed."""
+"""Commands for the bench: list the instruments, emulate one, acquire a dataset, recover a crashed one."""
 
 from __future__ import annotations
 
@@ -14,25 +14,31 @@ from eimi_lab.process.errors import InputError
 
 
 def instruments() -> Result:
-    """List supplies and cameras that are attached, and the driver that would serve each."""
+    """List the attached supplies and cameras and their drivers."""
     from eimi_drivers.discovery import discover
 
     result = discover()
     lines = [
-        f"{found.kind}: driver = {found.driver}, address or source = {found.address} ({found.text})"
-        for found in result.found
+        f"{instrument.kind}: driver = {instrument.driver}, address or source = {instrument.address} ({instrument.text})"
+        for instrument in result.found
     ] or ["no supply and no camera found; `eimi emulate korad` serves an emulated supply"]
     lines += [f"note: {note}" for note in result.notes]
-    return Result(lines, {"found": [asdict(found) for found in result.found], "notes": result.notes})
+    return Result(lines, {"found": [asdict(instrument) for instrument in result.found], "notes": result.notes})
 
 
 def emulate(
-    supply: Annotated[str, typer.Argument(help="which supply, by the name of its driver: korad, scpi, ...")],
+    supply: Annotated[str, typer.Argument(help="supply to emulate, by the name of its driver: korad, scpi, ...")],
     tcp: Annotated[
-        int | None, typer.Option(help="serve on this TCP port (0: any free one), not a terminal", min=0, max=65535)
+        int | None,
+        typer.Option(
+            help="serve on this TCP port instead of a terminal device; 0 takes any free port", min=0, max=65535
+        ),
     ] = None,
 ) -> None:
-    """Serve an emulated supply with a coil on it, until Ctrl-C."""
+    """Serve an emulated supply with a coil, until Ctrl-C.
+
+    Programs reach it at the printed address with the same commands as the real supply.
+    """
     import threading
 
     from eimi_drivers.clock import WallClock
@@ -47,31 +53,45 @@ def emulate(
     instrument = put_language_on(supply, coil)
     with serve_pty(instrument) if tcp is None else serve_tcp(instrument, port=tcp) as address, serve_coil(coil) as line:
         print(f'driver = "{supply}"\naddress = "{address}"')
-        print(f'# and for a virtual beam in its coil: camera = {{ driver = "virtual", source = "{line}" }}', flush=True)
+        print(f'# for a virtual beam in its coil: camera = {{ driver = "virtual", source = "{line}" }}', flush=True)
         threading.Event().wait()
 
 
 def acquire(
-    protocol: Annotated[str, typer.Argument(help="protocol.toml, or a shipped one such as dragon_skin_10")],
+    protocol: Annotated[
+        str, typer.Argument(help="protocol.toml, or the name of a shipped protocol such as dragon_skin_10")
+    ],
     specimen: Specimen,
-    rig: Annotated[str, typer.Option(help="rig.toml, or a shipped one such as virtual")],
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="the dataset to write")] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="tell what would be done, and do nothing")] = False,
-    resume: Annotated[bool, typer.Option("--resume", help="go on with the run that the dataset holds")] = False,
-    take_over: Annotated[
-        bool, typer.Option("--take-over", help="switch off a supply whose output is found on, not refuse it")
+    rig: Annotated[str, typer.Option(metavar="FILE", help="rig.toml, or the name of a shipped rig such as virtual")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="dataset to write; only --dry-run needs none")
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="print the steps of the run without touching an instrument")
     ] = False,
-    note: Annotated[str, typer.Option(help="what you want the dataset to tell of this run")] = "",
+    resume: Annotated[bool, typer.Option("--resume", help="continue the run that the dataset holds")] = False,
+    take_over: Annotated[
+        bool,
+        typer.Option(
+            "--take-over", help="if the supply's output is on before the run, switch it off; the default is to refuse"
+        ),
+    ] = False,
+    note: Annotated[str, typer.Option(metavar="TEXT", help="text to store with the run in the dataset")] = "",
     transcript: Annotated[
-        Path | None, typer.Option(help="write every exchange with the supply into this new file")
+        Path | None,
+        typer.Option(metavar="FILE", help="new file that records every message to and from the supply"),
     ] = None,
     events: Annotated[
-        bool, typer.Option("--events", help="print what happens on standard output, a JSON object a line")
+        bool, typer.Option("--events", help="print the events of the run on standard output, one JSON object per line")
     ] = False,
     force: Force = False,
-    watched_by: Annotated[str | None, typer.Option(hidden=True, help="descriptors that a page reads")] = None,
+    watched_by: Annotated[str | None, typer.Option(hidden=True, help="file descriptors of the live page")] = None,
 ) -> Result:
-    """Run a protocol: currents, frames, dataset."""
+    """Run a protocol on the bench and store its frames.
+
+    The supply is set to each current of the protocol, and the camera films the beam. The coil is switched off at the
+    end, however the run ends.
+    """
     from eimi_lab.config.protocol import load_protocol
     from eimi_lab.config.rig import load_rig
     from eimi_lab.config.specimen import load_specimen
@@ -108,11 +128,14 @@ def acquire(
 
 
 def recover(
-    crashed: Annotated[Path, typer.Argument(help="the dataset of a run that died, or one that is damaged")],
+    crashed: Annotated[Path, typer.Argument(help="dataset of a run that crashed, or a damaged dataset")],
     output: Output,
     force: Force = False,
 ) -> Result:
-    """Bring back every state that a crashed run had acknowledged, without the frames that are damaged."""
+    """Copy the stored states of a crashed run to a new dataset.
+
+    Damaged frames are left out.
+    """
     from eimi_lab.dataset.recovery import recover as copy_acknowledged
 
     states = copy_acknowledged(crashed, output, force)

@@ -1,4 +1,4 @@
-"""How each command is used, as its --help shows it."""
+"""Examples of each command, which its --help shows at the end."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ EXAMPLES = {
         "eimi calibrate board_*.png --board charuco --coil-constant 4.7 --clamp-midpoint-px 640 80",
         "eimi calibrate rest.png --specimen specimen.toml --coil-constant 4.7 --clamp-midpoint-px 640 80",
     ),
-    "segment": ("eimi segment run.h5", "eimi segment run.h5 --channel red --overlay seen --csv edges --workers 2"),
+    "segment": ("eimi segment run.h5", "eimi segment run.h5 --channel red --overlay overlays --csv edges --workers 2"),
     "fit": (
         "eimi fit run.h5 --model neo-hookean -o fits.json",
         "eimi fit run_a.h5 run_b.h5 --model yeoh --model ogden --free roll=0.2 --workers 2 -o fits.json",
@@ -52,5 +52,5 @@ EXAMPLES = {
 
 
 def in_help(examples: Sequence[str]) -> str:
-    """Lines that a help text does not wrap."""
+    """Return the examples as a help text whose lines are not wrapped."""
     return "\b\n" + "\n".join(["Examples:", *(f"  {example}" for example in examples)])

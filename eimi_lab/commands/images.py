@@ -1,4 +1,4 @@
-"""Commands that make edges of images: import, calibration, segmentation."""
+"""Commands for images: import, calibrate and segment."""
 
 from __future__ import annotations
 
@@ -14,15 +14,17 @@ from eimi_lab.commands.shared_options import Force, Output, Specimen, Workers, w
 from eimi_lab.commands.track_options import ImportOptions
 from eimi_lab.process.errors import InputError
 
-if TYPE_CHECKING:  # OpenCV is slow to load, and most commands do without
+if TYPE_CHECKING:  # OpenCV is slow to import, and most commands do not need it
     from eimi_lab.config.specimen import SpecimenFile
     from eimi_lab.vision.calibration.board import Board
 
 Dark = Annotated[
-    Path | None, typer.Option(help="image taken without light, to take off every frame; the dataset keeps it")
+    Path | None,
+    typer.Option(metavar="FILE", help="image without light, subtracted from every frame; stored in the dataset"),
 ]
 Flat = Annotated[
-    Path | None, typer.Option(help="image of the bare back-light, to even out the light; the dataset keeps it")
+    Path | None,
+    typer.Option(metavar="FILE", help="image of the back-light alone, to correct uneven light; stored in the dataset"),
 ]
 
 
@@ -30,57 +32,69 @@ Flat = Annotated[
 def import_(
     source: Annotated[
         Path,
-        typer.Argument(help="folder of images, an image, a video, points.csv, or with --format a tracking tool's file"),
+        typer.Argument(
+            help="folder of images, image, video, points.csv or, with --format, the file of a tracking program"
+        ),
     ],
     states: Annotated[
         Path,
-        typer.Option(help="states.csv: frame (or time_s, state), current_A or field_mT, tip_force_N, its _angle_deg"),
+        typer.Option(
+            metavar="FILE",
+            help="states.csv with the columns frame (or time_s, or state), current_A or field_mT and, if there is a "
+            "force, tip_force_N and tip_force_angle_deg",
+        ),
     ],
     specimen: Specimen,
     output: Output,
-    calibration: Annotated[Path | None, typer.Option(help="calibration.toml, for images")] = None,
+    calibration: Annotated[Path | None, typer.Option(metavar="FILE", help="calibration.toml; images need it")] = None,
     gravity_angle: Annotated[
         float | None,
-        typer.Option(help="for tracked points: gravity in the beam frame, degrees from +x toward +y; 0 hangs down"),
+        typer.Option(
+            metavar="DEG",
+            help="for tracked points: direction of gravity in the beam frame, from +x toward +y; 0 if the beam hangs",
+        ),
     ] = None,
     no_gravity: Annotated[
-        bool, typer.Option("--no-gravity", help="for tracked points: their beam's weight does not bend it")
+        bool, typer.Option("--no-gravity", help="for tracked points: gravity does not bend the beam")
     ] = False,
-    average: Annotated[bool, typer.Option("--average", help="keep the mean of a state's frames, not each")] = False,
+    average: Annotated[
+        bool, typer.Option("--average", help="store the mean frame of each state instead of every frame")
+    ] = False,
     dark: Dark = None,
     flat: Flat = None,
     *,
     options: ImportOptions,
     force: Force = False,
 ) -> Result:
-    """Make a dataset of images, a video or tracked points that a lab already has."""
+    """Make a dataset from images, a video or tracked points."""
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.dataset.listing import is_image, is_video
     from eimi_lab.dataset.tracked.points_csv import import_points
     from eimi_lab.process.outputs import check_distinct
 
     _check_source(source, states)
-    given = (source, states, Path(specimen), calibration, dark, flat)
-    check_distinct([path for path in dict.fromkeys(given) if path], [output])
+    inputs = (source, states, Path(specimen), calibration, dark, flat)
+    check_distinct([path for path in dict.fromkeys(inputs) if path], [output])
     tables = _Tables(source, states, load_specimen(specimen), output, force)
     if options.format is not None:
         if dark or flat or average:
-            raise InputError("--dark, --flat and --average: belong to pictures, not to points")
+            raise InputError("--dark, --flat and --average: are for images, not for tracked points")
         count = _import_tracks(tables, options, calibration, gravity_angle, not no_gravity)
     else:
         options.refuse_track_options()
         if source.is_dir() or is_video(source) or is_image(source):
             if calibration is None or gravity_angle is not None or no_gravity:
                 raise InputError(
-                    f"{source}: images need --calibration, which holds gravity's direction or gravity = false"
+                    f"{source}: images need --calibration, and neither --gravity-angle nor --no-gravity: the "
+                    "calibration states the direction of gravity"
                 )
             count = _import_pictures(tables, options, str(calibration), average, (dark, flat))
         else:
             has_none = gravity_angle is None and not no_gravity
             if has_none or calibration or dark or flat or options.changes():
                 raise InputError(
-                    f"{source}: tracked points need --gravity-angle or --no-gravity, and nothing of pictures: no "
-                    "--calibration, --dark, --flat, --clamp and the like; or is it another tool's file? Then --format"
+                    f"{source}: tracked points need --gravity-angle or --no-gravity, and no option for images such as "
+                    "--calibration, --dark, --flat or --clamp; the file of a tracking program needs --format"
                 )
             count = import_points(source, states, tables.beam, gravity_angle, output, force, not no_gravity)
     return Result([f"{output}: {count} state{'s' if count > 1 else ''}"], {"dataset": output, "states": count})
@@ -88,7 +102,7 @@ def import_(
 
 @dataclass(frozen=True)
 class _Tables:
-    """What every import has."""
+    """The inputs and the output of an import."""
 
     source: Path
     states: Path
@@ -115,9 +129,9 @@ def _import_pictures(
     changes = options.changes()
     if missing := missing_places(calibration, changes):
         raise ask_where(missing, source, states, calibration, output)
-    seen = load_calibration(calibration, changes)
+    changed = load_calibration(calibration, changes)
     correction = read_correction_images(*dark_and_flat)
-    return import_frames(source, states, tables.beam, seen, output, tables.force, average, progress, correction)
+    return import_frames(source, states, tables.beam, changed, output, tables.force, average, progress, correction)
 
 
 def _import_tracks(
@@ -127,7 +141,7 @@ def _import_tracks(
     from eimi_lab.dataset.tracked.tracked_states import import_tracks
 
     if calibration is not None and gravity_angle is not None:
-        raise InputError("--gravity-angle: the calibration tells it; give one of them")
+        raise InputError("--gravity-angle: the calibration states the direction of gravity; leave out one of the two")
     placing = options.placing(load_calibration(calibration) if calibration else None)
     tool = options.format or ""
     source, states, output = tables.source, tables.states, tables.output
@@ -135,11 +149,13 @@ def _import_tracks(
 
 
 def _check_source(source: Path, states: Path) -> None:
-    """Raise InputError for what is no source, and for one that was given in the place of another argument."""
+    """Raise InputError if the source does not exist, or is a file that belongs to another argument."""
     if not source.exists():
-        raise InputError(f"{source}: no such folder of images, image, video or table of points")
+        raise InputError(f"{source}: no such file or folder; give a folder of images, an image, a video or points.csv")
     if states.exists() and source.samefile(states):
-        raise InputError(f"{source}: is --states; the first argument is what it lists: images, a video or points")
+        raise InputError(
+            f"{source}: is the file given as --states; the first argument is the images, the video or the points"
+        )
     if source.suffix.lower() in (".h5", ".hdf5", ".nxs"):
         raise InputError(f"{source}: is a dataset already; `eimi segment` and `eimi fit` take it")
     if source.suffix.lower() == ".toml":
@@ -147,91 +163,145 @@ def _check_source(source: Path, states: Path) -> None:
 
 
 def calibrate(
-    images: Annotated[list[Path] | None, typer.Argument(help="of a board; or one, of the beam or of a ruler")] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="the file to write [calibration.toml; board.pdf]")
+    images: Annotated[
+        list[Path] | None, typer.Argument(help="images of a board, or one image of the beam or of a ruler")
     ] = None,
-    board: Annotated[str | None, typer.Option(metavar="charuco|checkerboard|circles", help="the pattern")] = None,
-    columns: Annotated[int, typer.Option(help="squares (or circles) in a row of the board")] = 20,
-    rows: Annotated[int, typer.Option(help="rows of the board")] = 16,
-    square_mm: Annotated[float, typer.Option(help="side of a square, or distance of the circles' centres")] = 2.0,
-    board_error_percent: Annotated[float, typer.Option(help="by how much the print's scale may be wrong", min=0)] = 0.1,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="file to write",
+            show_default="calibration.toml; board.pdf with --print-board",
+        ),
+    ] = None,
+    board: Annotated[
+        str | None, typer.Option(metavar="charuco|checkerboard|circles", help="pattern of the board")
+    ] = None,
+    columns: Annotated[int, typer.Option(help="number of squares (or circles) in a row of the board")] = 20,
+    rows: Annotated[int, typer.Option(help="number of rows of the board")] = 16,
+    square_mm: Annotated[
+        float, typer.Option(help="side of a square, or distance between neighbouring circle centres")
+    ] = 2.0,
+    board_error_percent: Annotated[
+        float, typer.Option(help="uncertainty of the scale of the printed board", min=0)
+    ] = 0.1,
     print_board: Annotated[
-        bool, typer.Option("--print-board", help="write the board as a PDF to scale, no more")
+        bool, typer.Option("--print-board", help="write the board as a PDF in true size, and stop")
     ] = False,
     mid_plane: Annotated[
-        Path | None, typer.Option(help="image of the board in the beam's middle plane; else the first")
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="image of the board in the middle plane of the beam",
+            show_default="first of IMAGES",
+        ),
     ] = None,
     specimen: Annotated[
         str | None,
-        typer.Option(help="specimen.toml of the beam at rest in the image, when there is no board; or in --beam"),
+        typer.Option(
+            metavar="FILE",
+            help="specimen.toml of the beam in the image, whose width gives the scale; or of the beam in --beam",
+        ),
     ] = None,
-    width_tolerance_mm: Annotated[float, typer.Option(help="by how much its width may be wrong", min=0)] = 0.05,
+    width_tolerance_mm: Annotated[float, typer.Option(help="uncertainty of the width of the beam", min=0)] = 0.05,
     ruler_px: Annotated[
-        tuple[float, float, float, float] | None, typer.Option(help="without a board: x y of both ends of a length")
+        tuple[float, float, float, float] | None,
+        typer.Option(metavar="X Y X Y", help="both ends of a known length in the image, in px"),
     ] = None,
-    ruler_mm: Annotated[float, typer.Option(help="that length")] = 0.0,
-    coil_constant: Annotated[float | None, typer.Option(help="mT per ampere at the specimen")] = None,
+    ruler_mm: Annotated[float, typer.Option(help="known length between the ends in --ruler-px")] = 0.0,
+    coil_constant: Annotated[float | None, typer.Option(help="field per current at the specimen, in mT/A")] = None,
     clamp_midpoint_px: Annotated[
-        tuple[float, float] | None, typer.Option(help="x y of the middle of the clamp line, where the beam comes out")
+        tuple[float, float] | None,
+        typer.Option(metavar="X Y", help="middle of the line where the beam leaves its clamp, in px"),
     ] = None,
     beam: Annotated[
-        Path | None, typer.Option(help="image of the beam at rest, to measure --clamp-midpoint-px, which is then rough")
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="image of the beam at rest, in which the clamp is measured; --clamp-midpoint-px is then an estimate",
+        ),
     ] = None,
     plumb_line: Annotated[
-        Path | None, typer.Option(help="image of a dark thread with a weight, to measure the direction of gravity")
+        Path | None,
+        typer.Option(metavar="FILE", help="image of a dark thread with a weight, from which gravity is measured"),
     ] = None,
-    axis_angle: Annotated[float, typer.Option(help="undeformed beam, degrees clockwise from the image's +x")] = 90.0,
+    axis_angle: Annotated[
+        float,
+        typer.Option(metavar="DEG", help="direction of the straight beam, clockwise from the +x of the image"),
+    ] = 90.0,
     gravity_angle: Annotated[
-        float | None, typer.Option(help="gravity; else along the beam. Beside --plumb-line: roughly, else down")
+        float | None,
+        typer.Option(
+            metavar="DEG",
+            help="direction of gravity, clockwise from the +x of the image; an estimate if --plumb-line is given",
+            show_default="--axis-angle; 90 with --plumb-line",
+        ),
     ] = None,
-    field_angle: Annotated[float | None, typer.Option(help="positive coil field; else 90 degrees less")] = None,
+    field_angle: Annotated[
+        float | None,
+        typer.Option(
+            metavar="DEG",
+            help="direction of the field of a positive current, clockwise from the +x of the image",
+            show_default="--axis-angle minus 90",
+        ),
+    ] = None,
     telecentric: Annotated[bool, typer.Option("--telecentric", help="the lens is telecentric")] = False,
     force: Force = False,
 ) -> Result:
-    """Scale, distortion and orientation from images of a board, of the beam itself, or of a ruler."""
+    """Measure scale, distortion and orientation from images.
+
+    The images show a board (--board), the beam itself (--specimen) or a ruler (--ruler-px).
+    """
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.process.outputs import check_distinct, refuse_existing
     from eimi_lab.vision.calibration import calibration_file
 
     output = output or Path("board.pdf" if print_board else "calibration.toml")
-    given = (*(images or []), mid_plane, beam, plumb_line, Path(specimen) if specimen else None)
-    check_distinct([path for path in dict.fromkeys(given) if path], [output])
+    inputs = (*(images or []), mid_plane, beam, plumb_line, Path(specimen) if specimen else None)
+    check_distinct([path for path in dict.fromkeys(inputs) if path], [output])
     refuse_existing(output, force)
     if print_board:
         _write_board(_board(board or "charuco", columns, rows, square_mm), output, force)
         return Result([output], {"board": output})
     if beam is not None and (specimen is None or (board is None and ruler_px is None)):
-        raise InputError("--beam goes with --specimen and one of --board and --ruler-px, which give the scale")
+        raise InputError("--beam: needs --specimen, and one of --board and --ruler-px for the scale")
     if sum(way is not None for way in (board, None if beam else specimen, ruler_px)) != 1:
-        raise InputError("calibrate needs one of --board, --specimen and --ruler-px, and not more than one")
+        raise InputError("eimi calibrate: give exactly one of --board, --specimen and --ruler-px")
     pattern = _board(board, columns, rows, square_mm) if board else None
     if not images or (pattern is None and len(images) > 1):
-        raise InputError("IMAGES: give the images of the board, or the one image of the beam or the ruler")
+        raise InputError("IMAGES: give the images of the board, or one image of the beam or of the ruler")
     if coil_constant is None or coil_constant <= 0 or clamp_midpoint_px is None:
-        raise InputError("--coil-constant (greater than 0) and --clamp-midpoint-px are missing: no image tells them")
+        raise InputError(
+            "--coil-constant (greater than 0) and --clamp-midpoint-px: give both, because no image shows them"
+        )
     gravity = axis_angle if gravity_angle is None else gravity_angle
     field = axis_angle - 90.0 if field_angle is None else field_angle
     setup = calibration_file.BenchSetup(coil_constant, clamp_midpoint_px, axis_angle, gravity, field, telecentric)
     if pattern:
         share = board_error_percent / 100.0
-        found, told = calibration_file.from_board(images, mid_plane or images[0], pattern, setup, share)
+        calibration, remarks = calibration_file.from_board(images, mid_plane or images[0], pattern, setup, share)
     elif specimen and not beam:
-        found, told = calibration_file.from_beam(images[0], load_specimen(specimen), setup, width_tolerance_mm)
+        calibration, remarks = calibration_file.from_beam(images[0], load_specimen(specimen), setup, width_tolerance_mm)
     else:
-        found, told = calibration_file.from_ruler(images[0], ruler_px or (0.0, 0.0, 0.0, 0.0), ruler_mm, setup)
+        calibration, remarks = calibration_file.from_ruler(images[0], ruler_px or (0.0, 0.0, 0.0, 0.0), ruler_mm, setup)
     if beam and specimen:
-        found = calibration_file.with_measured_clamp(found, beam, load_specimen(specimen))
-        told.append(f"clamp at {found.clamp_midpoint_px[0]:.2f}, {found.clamp_midpoint_px[1]:.2f} px")
+        calibration = calibration_file.with_measured_clamp(calibration, beam, load_specimen(specimen))
+        x, y = calibration.clamp_midpoint_px
+        remarks.append(f"clamp at {x:.2f}, {y:.2f} px")
     if plumb_line:
-        roughly = 90.0 if gravity_angle is None else gravity_angle  # cameras are seldom upside down
-        found, more = calibration_file.with_measured_gravity(found, plumb_line, roughly)
-        told += more
-    calibration_file.write_calibration(found, output, force)
-    if found.uncertainty:
-        told.append(f"{found.pixels_per_mm:.4f} ± {found.uncertainty['pixels_per_mm']:.2g} px/mm")
-        told.append(f"axis at {found.axis_angle_deg:.3f} ± {found.uncertainty['axis_angle_deg']:.2g} degrees")
-    return Result([*told, output], {"calibration": output, "told": told, "values": found.model_dump(mode="json")})
+        estimate = 90.0 if gravity_angle is None else gravity_angle  # cameras are seldom upside down
+        calibration, more = calibration_file.with_measured_gravity(calibration, plumb_line, estimate)
+        remarks += more
+    calibration_file.write_calibration(calibration, output, force)
+    if calibration.uncertainty:
+        remarks.append(f"{calibration.pixels_per_mm:.4f} ± {calibration.uncertainty['pixels_per_mm']:.2g} px/mm")
+        remarks.append(
+            f"axis at {calibration.axis_angle_deg:.3f} ± {calibration.uncertainty['axis_angle_deg']:.2g} degrees"
+        )
+    content = {"calibration": output, "told": remarks, "values": calibration.model_dump(mode="json")}
+    return Result([*remarks, output], content)
 
 
 def _board(kind: str, columns: int, rows: int, square_mm: float) -> Board:
@@ -253,29 +323,39 @@ def _write_board(board: Board, output: Path, force: bool) -> None:
 
 @with_fields(PictureOptions)
 def segment(
-    dataset: Annotated[Path, typer.Argument(help="a dataset of frames")],
+    dataset: Annotated[Path, typer.Argument(help="dataset of frames")],
     specimen: Annotated[
-        str | None, typer.Option(help="specimen.toml to take the place of the stored one, which the dataset keeps too")
+        str | None,
+        typer.Option(metavar="FILE", help="specimen.toml that replaces the stored one; the dataset keeps both"),
     ] = None,
     calibration: Annotated[
-        Path | None, typer.Option(help="calibration.toml to take the place of the stored one, which is kept too")
+        Path | None,
+        typer.Option(metavar="FILE", help="calibration.toml that replaces the stored one; the dataset keeps both"),
     ] = None,
-    csv: Annotated[Path | None, typer.Option(help="folder for the edges as CSV and quality.json")] = None,
-    overlay: Annotated[Path | None, typer.Option(help="folder for pictures of the edges on the frames")] = None,
+    csv: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="folder for the edges as CSV and for quality.json")
+    ] = None,
+    overlay: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="folder for frames with the edges drawn on them")
+    ] = None,
     explain: Annotated[
-        Path | None, typer.Option(help="folder for pictures of how the beam is followed from its clamp")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="folder for images that show how the beam is followed from its clamp"),
     ] = None,
     dark: Dark = None,
     flat: Flat = None,
     uncorrected: Annotated[
-        bool, typer.Option("--uncorrected", help="forget the dark frame and the flat field that the dataset keeps")
+        bool, typer.Option("--uncorrected", help="remove the dark frame and the flat field from the dataset")
     ] = False,
     workers: Workers = 1,
     *,
     options: PictureOptions,
     force: Force = False,
 ) -> Result:
-    """Find the beam's edges in every state and store them in the dataset, as a dark frame and a flat field are."""
+    """Find the edges of the beam in every state of a dataset.
+
+    The edges are stored in the dataset. So are the dark frame and the flat field, if they are given.
+    """
     from eimi_lab.dataset.reading import open_dataset
     from eimi_lab.face.segmenting import find_edges
     from eimi_lab.vision.check import leaves_out

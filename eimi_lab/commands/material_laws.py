@@ -1,4 +1,4 @@
-"""Commands about laws: identified, fitted to tensile tests, validated, exported, simulated."""
+"""Commands for laws: fit, validate, tensile, export and simulate."""
 
 from __future__ import annotations
 
@@ -11,31 +11,45 @@ from eimi_lab.commands.result import Result
 from eimi_lab.commands.shared_options import Force, Output, Specimen, Workers, with_fields
 from eimi_lab.fits.options import FitOptions
 
-_DRAWS = 60  # of a fit's, for the intervals of a simulation
+_DRAWS = 60  # parameter sets drawn from a fit, for the intervals of a simulation
 
 
 @with_fields(FitOptions)
 def fit(
-    datasets: Annotated[list[Path], typer.Argument(help="one dataset or several, fitted together")],
-    model: Annotated[list[str], typer.Option(help="neo-hookean, mooney-rivlin, yeoh or ogden; may be repeated")],
+    datasets: Annotated[list[Path], typer.Argument(help="one or more datasets, fitted together")],
+    model: Annotated[
+        list[str], typer.Option(metavar="LAW", help="neo-hookean, mooney-rivlin, yeoh or ogden; may be repeated")
+    ],
     output: Output,
     options: FitOptions,
     seed: Annotated[
-        list[int] | None, typer.Option(help="of the search; stored in the result; may be repeated [1]", min=1)
+        list[int] | None,
+        typer.Option(
+            metavar="SEED",
+            help="seed of the search, stored in the result; may be repeated",
+            min=1,
+            show_default="1",
+        ),
     ] = None,
-    each: Annotated[bool, typer.Option("--each", help="fit every dataset apart")] = False,
+    each: Annotated[bool, typer.Option("--each", help="fit every dataset separately")] = False,
     bootstrap: Annotated[
-        int, typer.Option(help="repeat each fit on so many replicates of its states", min=0, max=9999)
+        int, typer.Option(help="number of bootstrap replicates on which each fit is repeated", min=0, max=9999)
     ] = 0,
     workers: Workers = 1,
-    scheduler: Annotated[str | None, typer.Option(help="of a dask cluster, such as tcp://host:8786")] = None,
-    checkpoint: Annotated[
-        Path | None, typer.Option(help="the log of all generations, to go on from if this is killed")
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="scheduler of a dask cluster, such as tcp://host:8786")
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="go on with the checkpoint, if there is one")] = False,
+    checkpoint: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="log of all generations, from which --resume continues an interrupted fit"),
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="continue from the checkpoint, if it exists")] = False,
     force: Force = False,
 ) -> Result:
-    """Identify the parameters of one law or several; datasets without edges are segmented first."""
+    """Identify the parameters of one law or of several laws.
+
+    Datasets without edges are segmented first.
+    """
     from eimi_lab.face.identifying import identify_laws
     from eimi_lab.fits.fit_summary import comparison_table, remarks, section_remarks
     from eimi_lab.fits.records import FitRecord
@@ -64,17 +78,28 @@ def fit(
 
 
 def validate(
-    datasets: Annotated[list[Path], typer.Argument(help="datasets that the fits have not seen, or any others")],
-    fit: Annotated[list[Path], typer.Option(help="fits.json, of datasets or tensile tests; may be repeated")],
+    datasets: Annotated[
+        list[Path], typer.Argument(help="datasets to predict, preferably datasets that were not fitted")
+    ],
+    fit: Annotated[
+        list[Path], typer.Option(metavar="FILE", help="fits.json of datasets or of tensile tests; may be repeated")
+    ],
     output: Output,
     section: Annotated[
-        str | None, typer.Option(metavar="solid|plane-strain|plane-stress", help="in place of the specimen's")
+        str | None,
+        typer.Option(metavar="solid|plane-strain|plane-stress", help="section model, instead of the specimen's"),
     ] = None,
-    include_flagged: Annotated[bool, typer.Option("--include-flagged", help="use flagged states too")] = False,
-    by_state: Annotated[bool, typer.Option("--by-state", help="print error and deviation of every state")] = False,
+    include_flagged: Annotated[bool, typer.Option("--include-flagged", help="use flagged states as well")] = False,
+    by_state: Annotated[
+        bool, typer.Option("--by-state", help="also print the error and the deviation of every state")
+    ] = False,
     force: Force = False,
 ) -> Result:
-    """Every fit on every dataset: error and deviation by state, best fit first, then fits against specimens."""
+    """Compare the predictions of fits with measured datasets.
+
+    Every fit predicts every dataset. The tables list the fits of each dataset, best first; for several datasets a
+    matrix of fits and specimens follows.
+    """
     from eimi_lab.fits.evidence import load_evidence
     from eimi_lab.fits.fit_summary import section_remarks
     from eimi_lab.fits.fits_file import read_any_fits
@@ -90,13 +115,13 @@ def validate(
     chosen = check_section(section)
     check_distinct([*datasets, *fit], [output])
     refuse_existing(output, force)
-    fits = [FittedLaw(path, index, found) for path in fit for index, found in enumerate(read_any_fits(path))]
+    fits = [FittedLaw(path, index, record) for path in fit for index, record in enumerate(read_any_fits(path))]
     evidence = [load_evidence(path, section=chosen, flagged=include_flagged) for path in datasets]
     validations = []
     with progress("validate", len(evidence)) as report:
-        for seen in evidence:
-            validations += [prediction.validation for prediction in predict([(law, seen) for law in fits])]
-            report(f"{seen.path}, {len(fits)} fits")
+        for measured in evidence:
+            validations += [prediction.validation for prediction in predict([(law, measured) for law in fits])]
+            report(f"{measured.path}, {len(fits)} fits")
     content = write_validation(output, validations, force)
     tables = by_dataset(validations) + (state_tables(validations) if by_state else [])
     if len(evidence) > 1:
@@ -105,18 +130,25 @@ def validate(
 
 
 def tensile(
-    curve: Annotated[Path, typer.Argument(help="strain and stress: the materials database's CSV, or two columns")],
-    model: Annotated[list[str], typer.Option(help="neo-hookean, mooney-rivlin, yeoh or ogden; may be repeated")],
+    curve: Annotated[
+        Path, typer.Argument(help="CSV of strain and stress: two columns, or a Soft Robotics Materials Database file")
+    ],
+    model: Annotated[
+        list[str], typer.Option(metavar="LAW", help="neo-hookean, mooney-rivlin, yeoh or ogden; may be repeated")
+    ],
     output: Output,
     window: Annotated[
-        list[str] | None, typer.Option(help="largest strain in percent, or full; may be repeated [20 50 100 full]")
+        list[str] | None,
+        typer.Option(
+            metavar="PERCENT|full", help="largest strain that is fitted; may be repeated", show_default="20 50 100 full"
+        ),
     ] = None,
     relative: Annotated[
-        bool, typer.Option("--relative", help="least squares on the relative error of the stress")
+        bool, typer.Option("--relative", help="minimise the relative error of the stress instead of the absolute error")
     ] = False,
     force: Force = False,
 ) -> Result:
-    """Fit laws to a tensile test, the conventional route."""
+    """Fit laws to a tensile test."""
     from eimi_lab.fits.fit_summary import tensile_remarks
     from eimi_lab.fits.fits_file import write_fits
     from eimi_lab.fits.fitting import check_models
@@ -131,26 +163,33 @@ def tensile(
     fits = [fit_window(test, name, percent, relative) for percent in windows for name in models]
     content = write_fits(output, fits, force)
     lines = []
-    for found in fits:
-        lines += [found.summary(), *(f"  {line}" for line in tensile_remarks(found))]
+    for tensile_fit in fits:
+        lines += [tensile_fit.summary(), *(f"  {line}" for line in tensile_remarks(tensile_fit))]
     return Result(lines, content.model_dump(mode="json"))
 
 
 def export(
-    fits: Annotated[Path, typer.Argument(help="fits.json, of datasets or of a tensile test")],
-    model: Annotated[str, typer.Option(help="neo-hookean, mooney-rivlin, yeoh or ogden")],
-    to: Annotated[str, typer.Option(metavar="abaqus|calculix|ansys|comsol|febio|sofa", help="which program's")],
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="the file to write; else it is printed")] = None,
-    index: Annotated[int | None, typer.Option(help="which fit of the file, from 0, where several have the law")] = None,
+    fits: Annotated[Path, typer.Argument(help="fits.json of datasets or of a tensile test")],
+    model: Annotated[str, typer.Option(metavar="LAW", help="neo-hookean, mooney-rivlin, yeoh or ogden")],
+    to: Annotated[
+        str, typer.Option(metavar="abaqus|calculix|ansys|comsol|febio|sofa", help="program that reads the card")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="file to write", show_default="print the card"),
+    ] = None,
+    index: Annotated[
+        int | None, typer.Option(help="index of the fit in the file, from 0, if several fits have this law")
+    ] = None,
     bulk_modulus_kPa: Annotated[
-        float | None, typer.Option("--bulk-modulus-kPa", help="no fit identifies it, so state it")
+        float | None, typer.Option("--bulk-modulus-kPa", help="bulk modulus of the card; it is never taken from a fit")
     ] = None,
     bulk_ratio: Annotated[
-        float | None, typer.Option("--bulk-ratio", help="in its place: bulk over initial shear modulus")
+        float | None, typer.Option("--bulk-ratio", help="instead: bulk modulus divided by initial shear modulus")
     ] = None,
     force: Force = False,
 ) -> Result:
-    """Write a fit as a material card of another finite-element program."""
+    """Write a fit as a material card for a finite-element program."""
     from eimi_lab.fits.export import bulk_modulus_Pa, card, check_solver, choose_fit
     from eimi_lab.fits.fits_file import read_any_fits
     from eimi_lab.fits.fitting import check_models
@@ -171,27 +210,50 @@ def export(
 
 
 def simulate(
-    protocol: Annotated[str, typer.Argument(help="protocol.toml, or a shipped one such as dragon_skin_10")],
+    protocol: Annotated[
+        str, typer.Argument(help="protocol.toml, or the name of a shipped protocol such as dragon_skin_10")
+    ],
     specimen: Specimen,
-    model: Annotated[str, typer.Option(help="neo-hookean, mooney-rivlin, yeoh or ogden")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="the folder to fill")],
+    model: Annotated[str, typer.Option(metavar="LAW", help="neo-hookean, mooney-rivlin, yeoh or ogden")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER", help="folder to write")],
     parameter: Annotated[
-        list[str] | None, typer.Option(help="KEY=NUMBER such as mu_Pa=46390; once for each of the law's")
+        list[str] | None,
+        typer.Option(metavar="KEY=NUMBER", help="parameter of the law, such as mu_Pa=46390; once for each"),
     ] = None,
     fit: Annotated[
-        Path | None, typer.Option(help="fits.json in place of parameters: the tip gets its intervals")
+        Path | None,
+        typer.Option(metavar="FILE", help="fits.json, instead of --parameter; the tip curve then has intervals"),
     ] = None,
-    index: Annotated[int | None, typer.Option(help="which fit of the file, from 0, where several have the law")] = None,
-    coil_constant: Annotated[float, typer.Option(help="mT for each ampere")] = 4.7,
-    gravity_angle: Annotated[float, typer.Option(help="in the beam frame, degrees from +x toward +y; 0 hangs")] = 0.0,
-    field_angle: Annotated[float, typer.Option(help="in the beam frame, as gravity's; 90 is across the beam")] = 90.0,
+    index: Annotated[
+        int | None, typer.Option(help="index of the fit in the file, from 0, if several fits have this law")
+    ] = None,
+    coil_constant: Annotated[float, typer.Option(help="field per current, in mT/A")] = 4.7,
+    gravity_angle: Annotated[
+        float,
+        typer.Option(
+            metavar="DEG", help="direction of gravity in the beam frame, from +x toward +y; 0 if the beam hangs"
+        ),
+    ] = 0.0,
+    field_angle: Annotated[
+        float,
+        typer.Option(
+            metavar="DEG", help="direction of the field in the beam frame, from +x toward +y; 90 is across it"
+        ),
+    ] = 90.0,
     bulk_modulus_kPa: Annotated[
         float | None,
-        typer.Option("--bulk-modulus-kPa", help="of a solid or in plane strain; incompressible without it"),
+        typer.Option(
+            "--bulk-modulus-kPa",
+            help="bulk modulus, for a solid or for plane strain",
+            show_default="incompressible",
+        ),
     ] = None,
     force: Force = False,
 ) -> Result:
-    """Simulate a specimen of a known law: shapes, tip curve and stretch as CSV, figure and VTU for ParaView."""
+    """Simulate a specimen with a known law.
+
+    The folder contains the shapes, the tip curve and the stretch as CSV, a figure, and VTU files for ParaView.
+    """
     import numpy as np
 
     from eimi_fitting.laws import LAWS
@@ -207,7 +269,7 @@ def simulate(
     if fit is None:
         (law, values), drawn = parse_parameters(model, parameter or []), None
     elif parameter:
-        raise InputError(f"--fit {fit}: has its parameters; give it or --parameter {parameter[0]}, not both")
+        raise InputError(f"--fit {fit}: contains the parameters; leave out --fit or --parameter {parameter[0]}")
     else:
         chosen = choose_fit(fit, read_any_fits(fit), model, index)
         law, values, drawn = LAWS[chosen.model], np.array(chosen.values()), chosen.drawn(_DRAWS)

@@ -1,4 +1,4 @@
-"""The command that says what to measure next."""
+"""The command `plan`, which chooses the states to measure next."""
 
 from __future__ import annotations
 
@@ -12,26 +12,53 @@ from eimi_lab.commands.shared_options import Force
 
 
 def plan(
-    fits: Annotated[Path, typer.Argument(help="fits.json of an earlier run: its law, its noise")],
-    protocol: Annotated[str, typer.Argument(help="protocol.toml whose limits, ramp and settling the new one takes")],
-    specimen: Annotated[list[str], typer.Option(help="specimen.toml or a shipped one; repeat it to have a choice")],
-    rig: Annotated[str, typer.Option(help="rig.toml, or a shipped one such as virtual: its limits and uncertainties")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="the protocol to write")],
-    states: Annotated[int | None, typer.Option(help="number of states [as many as the protocol has]", min=2)] = None,
+    fits: Annotated[Path, typer.Argument(help="fits.json of an earlier run; its law and its noise are used")],
+    protocol: Annotated[str, typer.Argument(help="protocol.toml whose limits, ramp and settling are used again")],
+    specimen: Annotated[
+        list[str],
+        typer.Option(
+            metavar="FILE", help="specimen.toml, or the name of a shipped specimen; repeat it to compare several"
+        ),
+    ],
+    rig: Annotated[
+        str,
+        typer.Option(
+            metavar="FILE", help="rig.toml, or the name of a shipped rig; its limits and uncertainties are used"
+        ),
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="protocol to write")],
+    states: Annotated[
+        int | None, typer.Option(help="number of states", min=2, show_default="as many as PROTOCOL has")
+    ] = None,
     goal: Annotated[
-        str, typer.Option(metavar="modulus|PARAMETER|LAW", help="narrow one of them down, or rule a law out")
+        str,
+        typer.Option(
+            metavar="modulus|PARAMETER|LAW",
+            help="the modulus or the parameter to determine best, or the law to rule out",
+        ),
     ] = "modulus",
-    model: Annotated[str | None, typer.Option(help="which law of fits.json, where there are several")] = None,
+    model: Annotated[str | None, typer.Option(metavar="LAW", help="law to use, if fits.json holds several")] = None,
     gravity_angle: Annotated[
         list[float] | None,
-        typer.Option(help="mountings to choose from, in the beam frame: 0 hangs, 90 level, 180 upright [the rig's]"),
+        typer.Option(
+            metavar="DEG",
+            help="direction of gravity in the beam frame: 0 hanging, 90 level, 180 upright; repeat it to compare "
+            "several",
+            show_default="that of the rig",
+        ),
     ] = None,
     tip_weight: Annotated[
-        list[float] | None, typer.Option(help="weights at the tip to choose from, in grams [0]", min=0.0)
+        list[float] | None,
+        typer.Option(
+            metavar="GRAMS", help="weight at the tip; repeat it to compare several", min=0.0, show_default="0"
+        ),
     ] = None,
     force: Force = False,
 ) -> Result:
-    """Which states to measure next, and how narrow an interval to expect; writes the protocol of the best run."""
+    """Choose the states to measure next and write their protocol.
+
+    The table lists the possible runs and what each is expected to achieve, best first.
+    """
     from eimi_lab.config.protocol import load_protocol
     from eimi_lab.config.rig import load_rig
     from eimi_lab.config.specimen import load_specimen
@@ -39,8 +66,8 @@ def plan(
     from eimi_lab.fits.fits_file import read_any_fits
     from eimi_lab.process.outputs import check_distinct, refuse_existing, write_file
 
-    given = dict.fromkeys([fits, *map(Path, (protocol, rig, *specimen))])  # a specimen and a rig may have one name
-    check_distinct(list(given), [output])
+    inputs = dict.fromkeys([fits, *map(Path, (protocol, rig, *specimen))])  # a specimen and a rig may have one name
+    check_distinct(list(inputs), [output])
     base, bench, beams = load_protocol(protocol), load_rig(rig), [load_specimen(name) for name in specimen]
     refuse_existing(output, force)
     aim = planning.Goal.of(fits, read_any_fits(fits), model, goal)

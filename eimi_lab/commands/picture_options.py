@@ -1,4 +1,4 @@
-"""What a person who looks at the pictures can tell, as options of the commands that look for the beam in them."""
+"""Options by which a person helps to find the beam in images."""
 
 from __future__ import annotations
 
@@ -13,31 +13,41 @@ from eimi_lab.process.errors import InputError
 
 @dataclass(frozen=True)
 class PictureOptions:
-    """Help in finding the beam; the dataset keeps it, with its calibration."""
+    """Where the beam is in the images and how it looks; stored in the dataset with the calibration."""
 
     clamp: Annotated[
-        str | None, typer.Option(metavar="X,Y", help="px: middle of the line at which the beam leaves its clamp")
+        str | None, typer.Option(metavar="X,Y", help="middle of the line where the beam leaves its clamp, in px")
     ] = None
     axis: Annotated[
         float | None,
-        typer.Option(metavar="DEG", help="direction of the beam there, at rest: 0 right, 90 down, 180 left, -90 up"),
+        typer.Option(
+            metavar="DEG", help="direction of the straight beam at its clamp: 0 right, 90 down, 180 left, -90 up"
+        ),
     ] = None
     region: Annotated[
-        str | None, typer.Option(metavar="X,Y,WIDTH,HEIGHT", help="px: the part of the pictures to look at")
+        str | None,
+        typer.Option(metavar="X,Y,WIDTH,HEIGHT", help="part of the image in which to look for the beam, in px"),
     ] = None
-    polarity: Annotated[str | None, typer.Option(metavar="dark|bright", help="the beam, against what is beside it")] = (
-        None
-    )
+    polarity: Annotated[
+        str | None,
+        typer.Option(metavar="dark|bright", help="whether the beam is darker or brighter than its background"),
+    ] = None
     channel: Annotated[
         str | None,
-        typer.Option(metavar="red|green|blue|grey", help="in which the beam differs most from what is beside it"),
+        typer.Option(metavar="red|green|blue|grey", help="channel in which the beam differs most from its background"),
     ] = None
     beam_colour: Annotated[
-        str | None, typer.Option(metavar="R,G,B", help='the beam\'s colour from 0 to 255, such as "200,30,40"')
+        str | None, typer.Option(metavar="R,G,B", help="colour of the beam, three numbers from 0 to 255")
     ] = None
 
     def changes(self) -> dict[str, Any]:
-        """In place of a calibration's own values (`eimi_lab.config.calibration.Changes`). Raises InputError."""
+        """Return the values that replace those of a calibration, by key (`eimi_lab.config.calibration.Changes`).
+
+        Raises
+        ------
+        InputError
+            If the text of an option does not hold the right count of numbers.
+        """
         picture = {
             "region_px": self.region and _numbers("--region", self.region, 4, whole=True),
             "polarity": self.polarity,
@@ -59,12 +69,34 @@ def _numbers(option: str, text: str, count: int, whole: bool = False) -> tuple[f
         numbers = ()
     if len(numbers) != count:
         kind = "whole numbers" if whole else "numbers"
-        raise InputError(f"{option} {text}: should be {count} {kind} with commas between them")
+        raise InputError(f"{option} {text}: should be {count} {kind}, separated by commas")
     return numbers
 
 
 def ask_where(missing: tuple[str, ...], source: Path, states: Path, calibration: str, output: Path) -> InputError:
-    """Write a picture from which what is missing can be read; returns the error that says so. Raises InputError."""
+    """Write an image with rulers, and return an error that asks the user to read the missing values from it.
+
+    Parameters
+    ----------
+    missing : tuple of str
+        Keys that the calibration lacks: ``clamp_midpoint_px``, ``axis_angle_deg`` or both.
+    source, states : Path
+        The images and states.csv.
+    calibration : str
+        Name of the calibration file, for the message.
+    output : Path
+        The dataset; the image is written beside it.
+
+    Returns
+    -------
+    InputError
+        The error to raise.
+
+    Raises
+    ------
+    InputError
+        If the images cannot be listed or the image cannot be written.
+    """
     import cv2
 
     from eimi_lab.dataset.listing import list_frames
@@ -76,6 +108,7 @@ def ask_where(missing: tuple[str, ...], source: Path, states: Path, calibration:
     write_file(picture, cv2.imencode(".png", ruled_picture(next(listing.images())))[1].tobytes(), force=True)
     options = " and ".join({"clamp_midpoint_px": "--clamp X,Y", "axis_angle_deg": "--axis DEG"}[key] for key in missing)
     return InputError(
-        f"{calibration}: {' and '.join(missing)} is missing; {picture} is {listing.frames[0].path.name} with its "
-        f"pixels counted: read off where the beam leaves its clamp and in which direction, and give {options}"
+        f"{calibration}: {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing; {picture} shows "
+        f"{listing.frames[0].path.name} with rulers in px: read off where the beam leaves its clamp and in which "
+        f"direction, and give {options}"
     )

@@ -1,4 +1,4 @@
-"""What a command found: lines for a person, or JSON for a program, as every command has it by --json and --quiet."""
+"""The result of a command, printed as lines for a person or, with --json, as JSON for a program."""
 
 from __future__ import annotations
 
@@ -12,23 +12,33 @@ import typer
 
 _OPTIONS = {
     "as_json": Annotated[bool, typer.Option("--json", help="print the result as JSON")],
-    "quiet": Annotated[bool, typer.Option("--quiet", help="tell no progress, and no result but JSON")],
+    "quiet": Annotated[bool, typer.Option("--quiet", help="print no progress, and no result unless --json is given")],
 }
 
 
 @dataclass(frozen=True)
 class Result:
-    """lines: for a person. content: the same for a program, and more; what JSON has no form for becomes text."""
+    """The result of a command.
+
+    Parameters
+    ----------
+    lines : sequence of object
+        Lines that are printed for a person.
+    content : mapping
+        The same facts and more, for a program. Values that JSON cannot express are written as text.
+    """
 
     lines: Sequence[object]
     content: Mapping[str, Any]
 
 
 def printing(command: Callable[..., Result]) -> Callable[..., None]:
-    """A command that prints what it finds."""
-    given = inspect.signature(command, eval_str=True).parameters.values()
+    """Return the command with the options --json and --quiet; it prints its result."""
+    parameters = inspect.signature(command, eval_str=True).parameters.values()
     keyword = inspect.Parameter.KEYWORD_ONLY
-    own = [inspect.Parameter(name, keyword, default=False, annotation=kind) for name, kind in _OPTIONS.items()]
+    printing_options = [
+        inspect.Parameter(name, keyword, default=False, annotation=kind) for name, kind in _OPTIONS.items()
+    ]
 
     def run(*, as_json: bool, quiet: bool, **arguments: Any) -> None:
         from eimi_lab.process.progress import unseen
@@ -45,7 +55,7 @@ def printing(command: Callable[..., Result]) -> Callable[..., None]:
 
     run.__name__, run.__doc__ = command.__name__, command.__doc__
     run.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-        [*(parameter.replace(kind=keyword) for parameter in given), *own]
+        [*(parameter.replace(kind=keyword) for parameter in parameters), *printing_options]
     )
-    run.__annotations__ = {parameter.name: parameter.annotation for parameter in [*given, *own]}
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in [*parameters, *printing_options]}
     return run

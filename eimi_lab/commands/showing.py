@@ -1,4 +1,4 @@
-"""Commands that show what was found: the report and the demonstration."""
+"""The commands `report` and `demo`, and the text of `eimi --version`."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import typer
 from eimi_lab.commands.result import Result
 from eimi_lab.commands.shared_options import Force, Output, Specimen
 
-# Beside Python, what a result may depend on.
+# The packages on which results depend.
 _PACKAGES = ("numpy", "scipy", "cma", "h5py", "opencv-python-headless")
 
-_UNASKED = 4  # processes at most: each takes some hundred megabytes
+_DEFAULT_WORKERS = 4  # at most: each takes some hundred megabytes
 
 
 def print_versions(asked: bool) -> None:
-    """What `eimi --version` prints: the suite's version, Python's and those of the packages that matter."""
+    """Print the versions of the suite, of Python and of the packages on which results depend, and exit."""
     if asked:
         import platform
         from importlib.metadata import version
@@ -30,25 +30,31 @@ def print_versions(asked: bool) -> None:
 
 
 def report(
-    datasets: Annotated[list[Path], typer.Argument(help="the datasets to show")],
+    datasets: Annotated[list[Path], typer.Argument(help="datasets to show")],
     output: Output,
     fit: Annotated[
         list[Path] | None,
-        typer.Option(help="fits.json, of datasets or tensile tests, to lay over them; may be repeated"),
+        typer.Option(metavar="FILE", help="fits.json of datasets or of tensile tests to compare with; may be repeated"),
     ] = None,
     assets: Annotated[
-        Path | None, typer.Option(help="a folder for each figure as SVG and PDF, each table as CSV and LaTeX")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="folder for every figure as SVG and PDF and every table as CSV and LaTeX"),
     ] = None,
     workers: Annotated[
         int | None,
         typer.Option(
-            help="processes that share the work on several datasets, one a processor at most [default: to 4]",
+            help="number of processes that share several datasets; at most one per processor",
             min=1,
+            show_default="up to 4",
         ),
     ] = None,
     force: Force = False,
 ) -> Result:
-    """Write one self-contained HTML file: the number and what limits it, laws, errors, frames, residuals, methods."""
+    """Write an HTML report of datasets and their fits.
+
+    The report is one file. It shows the modulus and what limits its accuracy, the laws, errors, frames, residuals and
+    methods.
+    """
     from eimi_lab.process.outputs import check_distinct, refuse_existing
     from eimi_lab.process.progress import progress
     from eimi_lab.process.workers import executor_for, started
@@ -56,9 +62,11 @@ def report(
     check_distinct([*datasets, *(fit or [])], [output])
     refuse_existing(output, force)
     command = shlex.join(["eimi", *sys.argv[1:]])
-    shared = min(workers or _UNASKED, len(datasets)) if fit else 1
+    shared = min(workers or _DEFAULT_WORKERS, len(datasets)) if fit else 1
     with started(executor_for(shared, None), shared, "eimi_lab.fits.prediction") as executor:
-        from eimi_lab.reporting.page import write_report  # slow to load, as what the workers load meanwhile
+        from eimi_lab.reporting.page import (
+            write_report,
+        )  # slow to import; the workers import their modules at the same time
 
         write_report(
             output,
@@ -75,16 +83,24 @@ def report(
 
 def demo(
     material: Annotated[
-        str, typer.Option(metavar="dragon_skin_10|ecoflex_00_50", help="what the hidden specimen is cast from")
+        str, typer.Option(metavar="dragon_skin_10|ecoflex_00_50", help="material of the hidden specimen")
     ] = "dragon_skin_10",
     specimen: Specimen = "type1",
-    quick: Annotated[bool, typer.Option("--quick", help="one law on fewer states")] = False,
-    seed: Annotated[int, typer.Option(help="of the search", min=1)] = 1,
-    rig: Annotated[str, typer.Option(help="a virtual rig")] = "virtual",
-    output: Annotated[Path, typer.Option("-o", "--output", help="the folder to fill")] = Path("eimi-demo"),
+    quick: Annotated[bool, typer.Option("--quick", help="fit one law to fewer states")] = False,
+    seed: Annotated[int, typer.Option(help="seed of the search", min=1)] = 1,
+    rig: Annotated[
+        str, typer.Option(metavar="FILE", help="rig.toml of a virtual rig, or the name of a shipped one")
+    ] = "virtual",
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER", help="folder to write")] = Path(
+        "eimi-demo"
+    ),
     force: Force = False,
 ) -> Result:
-    """Run the whole chain on the virtual rig and compare what it identifies with the hidden truth."""
+    """Measure and fit a virtual specimen; compare with its true law.
+
+    The demonstration acquires a dataset, finds the edges, fits laws and writes the report. The true law of the specimen
+    is hidden from all of these steps.
+    """
     from eimi_lab.demonstration import demonstrate
     from eimi_lab.process.progress import progress
 
@@ -94,7 +110,7 @@ def demo(
     return Result(
         [
             f"truth: {done.true_model}, {truth}; initial shear modulus {first.truth_Pa:.0f} Pa",
-            *(seen.in_words() for seen in first.fit.datasets),
+            *(dataset.in_words() for dataset in first.fit.datasets),
             *(f"{score.fit.summary()}; {score.difference_percent:+.2f} % from the truth" for score in done.scores),
             *files.values(),
         ],

@@ -1,4 +1,4 @@
-"""Commands that ask about laws and methods themselves: of what terms a law is, and what the method is worth."""
+"""The commands `discover`, which finds the terms of a law, and `study`, which evaluates the method."""
 
 from __future__ import annotations
 
@@ -14,27 +14,40 @@ from eimi_lab.commands.shared_options import Force, Output
 def discover(
     datasets: Annotated[list[Path], typer.Argument(help="bending datasets of one material")],
     output: Output,
-    tensile: Annotated[list[Path] | None, typer.Option(help="a tensile curve of it; may be repeated")] = None,
-    tensile_window: Annotated[str, typer.Option(help="its largest strain in percent, or full")] = "full",
+    tensile: Annotated[
+        list[Path] | None, typer.Option(metavar="FILE", help="tensile curve of the same material; may be repeated")
+    ] = None,
+    tensile_window: Annotated[
+        str, typer.Option(metavar="PERCENT|full", help="largest strain of the tensile curves that is used")
+    ] = "full",
     term: Annotated[
         list[str] | None,
         typer.Option(
             metavar="i1|i2|i1^2|i1^3|gent=JM|fung=B|ogden=ALPHA",
-            help="of the library; may be repeated [i1 i2 i1^2 i1^3 gent=20 fung=0.2 ogden=-4 ogden=8]",
+            help="term of the library; may be repeated",
+            show_default="i1 i2 i1^2 i1^3 gent=20 fung=0.2 ogden=-4 ogden=8",
         ),
     ] = None,
-    most_terms: Annotated[int, typer.Option(help="of a law", min=1, max=5)] = 3,
+    most_terms: Annotated[int, typer.Option(help="largest number of terms in a law", min=1, max=5)] = 3,
     lot: Annotated[
-        float, typer.Option(help="by how much all moduli of beam and curve may differ, one standard deviation", min=0.0)
+        float,
+        typer.Option(
+            help="relative standard deviation by which the moduli of beam and tensile specimen differ", min=0.0
+        ),
     ] = 0.02,
     section: Annotated[
-        str | None, typer.Option(metavar="solid|plane-strain|plane-stress", help="in place of the specimen's")
+        str | None,
+        typer.Option(metavar="solid|plane-strain|plane-stress", help="section model, instead of the specimen's"),
     ] = None,
-    include_flagged: Annotated[bool, typer.Option("--include-flagged", help="use flagged states too")] = False,
-    seed: Annotated[int, typer.Option(help="of the search for the modulus that begins it", min=1)] = 1,
+    include_flagged: Annotated[bool, typer.Option("--include-flagged", help="use flagged states as well")] = False,
+    seed: Annotated[int, typer.Option(help="seed of the search for the starting modulus", min=1)] = 1,
     force: Force = False,
 ) -> Result:
-    """Which terms a law is made of, by the error of what was left out; or that the data do not tell."""
+    """Find the terms of the law that the data support.
+
+    Laws are compared by their error on data that were left out of their fit. If the data do not distinguish the laws,
+    the result says so.
+    """
     from eimi_lab.face.identifying import discover as discover_terms
     from eimi_lab.fits.discovering import lines
     from eimi_lab.fits.fitting import check_section
@@ -56,19 +69,22 @@ def discover(
 
 
 def study(
-    output: Annotated[Path, typer.Option("-o", "--output", help="the folder to fill, or to go on with")] = Path(
-        "study"
-    ),
-    quick: Annotated[bool, typer.Option("--quick", help="one material, two types, two laws, six states")] = False,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FOLDER", help="folder to write, or to continue")
+    ] = Path("study"),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="study one material, two specimen types, two laws and six states")
+    ] = False,
     tensile_data: Annotated[
-        Path | None, typer.Option(help="a folder with published tensile tests, dragon*.csv and ecoflex*.csv")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="folder with published tensile tests: dragon*.csv and ecoflex*.csv"),
     ] = None,
-    seed: Annotated[int, typer.Option(help="of the searches")] = 1,
+    seed: Annotated[int, typer.Option(help="seed of the searches")] = 1,
     force: Force = False,
 ) -> Result:
-    """Evaluate the method as Di Lecce et al. 2022 did, on virtual specimens of hidden materials.
+    """Evaluate the method on virtual specimens of hidden materials.
 
-    A study that was ended goes on where it was.
+    The study repeats the evaluation by Di Lecce et al. (2022). The same command continues a study that was interrupted.
     """
     from dataclasses import asdict
 

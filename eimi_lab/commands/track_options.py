@@ -1,4 +1,4 @@
-"""What a person has to say of points that another tool tracked, as options of `eimi import`."""
+"""Options of `eimi import` for points that another program tracked."""
 
 from __future__ import annotations
 
@@ -17,30 +17,43 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ImportOptions(PictureOptions):
-    """Help in finding the beam, and what a tracking tool's file does not say of itself."""
+    """Options for finding the beam, and facts that the file of a tracking program does not state."""
 
     format: Annotated[
-        str | None, typer.Option(metavar="dice|ncorr|mudic|dltdv|tracker|deeplabcut|c3d", help="of tracked points")
+        str | None,
+        typer.Option(metavar="dice|ncorr|mudic|dltdv|tracker|deeplabcut|c3d", help="format of the tracked points"),
     ] = None
     unit: Annotated[
-        str | None, typer.Option(metavar="mm|cm|m|in|px", help="of tracked points; --clamp and --axis are in it then")
+        str | None, typer.Option(metavar="mm|cm|m|in|px", help="unit of the tracked points, and then of --clamp")
     ] = None
-    pixels_per_mm: Annotated[float | None, typer.Option(help="of tracked points in px without --calibration")] = None
-    sigma: Annotated[float | None, typer.Option(help="standard deviation of a tracked place, in the file's unit")] = (
-        None
-    )
-    rest: Annotated[int | None, typer.Option(help="frame in which the tracked beam hangs straight")] = None
-    plane: Annotated[str | None, typer.Option(help="of points in three dimensions: that of bending, such as xz")] = None
+    pixels_per_mm: Annotated[
+        float | None, typer.Option(help="scale of tracked points in px, if --calibration is not given")
+    ] = None
+    sigma: Annotated[
+        float | None, typer.Option(help="standard deviation of a tracked coordinate, in the unit of the file")
+    ] = None
+    rest: Annotated[int | None, typer.Option(help="number of the frame in which the tracked beam is straight")] = None
+    plane: Annotated[
+        str | None, typer.Option(metavar="PLANE", help="for points in three dimensions: plane of bending, such as xz")
+    ] = None
 
     def placing(self, calibration: Calibration | None) -> Placing:
-        """What is said of tracked points. Raises InputError for help with pictures, of which there are none."""
+        """Return how tracked points are placed in the beam frame.
+
+        Raises
+        ------
+        InputError
+            If an option was given that concerns images, or that the calibration determines.
+        """
         from eimi_lab.dataset.tracked.axes import Placing
 
         changes = self.changes()
         if "picture" in changes:
-            raise InputError("--region, --polarity, --channel and --beam-colour: belong to pictures, not to points")
+            raise InputError(
+                "--region, --polarity, --channel and --beam-colour: are for images, not for tracked points"
+            )
         if calibration is not None and changes:
-            raise InputError("--clamp, --axis: the calibration tells them; give one or the other")
+            raise InputError("--clamp, --axis: the calibration states them; leave out --calibration or these options")
         return Placing(
             calibration=calibration,
             unit=self.unit,
@@ -53,9 +66,9 @@ class ImportOptions(PictureOptions):
         )
 
     def refuse_track_options(self) -> None:
-        """Raise InputError where one of them is given without a format."""
-        own = ("unit", "pixels_per_mm", "sigma", "rest", "plane")
-        if given := [name for name in own if getattr(self, name) is not None]:
+        """Raise InputError if an option for tracked points is given without --format."""
+        names = ("unit", "pixels_per_mm", "sigma", "rest", "plane")
+        if needless := [name for name in names if getattr(self, name) is not None]:
             raise InputError(
-                f"--{given[0].replace('_', '-')}: goes with --format, for points that another tool tracked"
+                f"--{needless[0].replace('_', '-')}: is for points that another program tracked; give --format, too"
             )

@@ -1,4 +1,4 @@
-"""The page that a browser shows."""
+"""The command `dashboard`, which serves the live page."""
 
 from __future__ import annotations
 
@@ -12,19 +12,25 @@ from eimi_lab.process.errors import InputError, tell
 
 
 def dashboard(
-    folder: Annotated[Path, typer.Argument(help="datasets, pictures and TOML files; nothing outside it")] = Path(),
-    port: Annotated[int, typer.Option(help="to listen on; 0 takes any free one", min=0, max=65535)] = 0,
-    host: Annotated[str, typer.Option(help="address of this machine to listen on")] = "127.0.0.1",
+    folder: Annotated[
+        Path, typer.Argument(help="folder with datasets, images and TOML files; the page sees no other")
+    ] = Path(),
+    port: Annotated[int, typer.Option(help="port to listen on; 0 takes any free port", min=0, max=65535)] = 0,
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="address of this machine to listen on")] = "127.0.0.1",
     open_to_network: Annotated[
         bool,
         typer.Option(
             "--open-to-network",
-            help="with --host: whoever has the token sees the pictures and drives the coil, over an unencrypted line",
+            help="allow a --host that other machines reach: whoever has the token can see the images and drive the "
+            "coil, and the connection is not encrypted",
         ),
     ] = False,
-    browser: Annotated[bool, typer.Option("--browser", help="open the page in the browser, too")] = False,
+    browser: Annotated[bool, typer.Option("--browser", help="also open the page in the browser")] = False,
 ) -> None:
-    """Serve the live page of a folder to a browser on this machine, until Ctrl-C."""
+    """Serve a live page to a browser on this machine, until Ctrl-C.
+
+    The page runs protocols, shows runs and images, and fits laws.
+    """
     try:
         from eimi_lab.page.redirect_file import redirect_file
         from eimi_lab.page.server import check_host, serve
@@ -35,7 +41,7 @@ def dashboard(
 
         def say(address: str) -> None:
             print(address, flush=True)
-            tell("open this address in a browser of this machine; Ctrl-C ends the page, and a run with it, coil off")
+            tell("open this address in a browser on this machine; Ctrl-C ends the page and any run, with the coil off")
             if browser:
                 import webbrowser
 

@@ -1,6 +1,7 @@
-"""What decides a fit beside data, law and seed: an option is one field here, of the command line and of a checkpoint.
+"""The options of a fit: everything beside data, law and seed on which its numbers depend.
 
-Nothing that takes time to import is imported before an option is used: the command line needs the fields alone.
+Each field is an option of the command line and an entry of a checkpoint. Modules that are slow to import are imported
+when an option is used, because the command line needs only the fields.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from eimi_lab.fits.evidence import Evidence
     from eimi_lab.fits.tensile_files import FileCurve
 
-_WINDOW = "50"  # percent: more than beams bend to
+_WINDOW = "50"  # percent: larger than the strains of bent beams
 _BULK = "bulk"
 
 
@@ -30,15 +31,16 @@ class FitOptions:
     """The options of `eimi fit` on which its numbers depend."""
 
     section: Annotated[
-        str | None, typer.Option(metavar="solid|plane-strain|plane-stress", help="in place of the specimen's")
+        str | None,
+        typer.Option(metavar="solid|plane-strain|plane-stress", help="section model, instead of the specimen's"),
     ] = None
-    include_flagged: Annotated[bool, typer.Option("--include-flagged", help="fit flagged states too")] = False
+    include_flagged: Annotated[bool, typer.Option("--include-flagged", help="use flagged states as well")] = False
     free: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME[=DEVIATION]",
-            help="what is uncertain as one more unknown, by its standard deviation in mm, degrees or as a share: "
-            "width=0.02, roll=0.1, coil=0.01, ...; or bulk",
+            help="uncertain quantity to fit as well, with its standard deviation in mm, in degrees or relative: "
+            "width=0.02, roll=0.1, coil=0.01, ...; or bulk, the bulk modulus; may be repeated",
         ),
     ] = None
     prior: Annotated[
@@ -50,17 +52,34 @@ class FitOptions:
         ),
     ] = None
     tensile: Annotated[
-        list[Path] | None, typer.Option(help="a tensile curve that the law has to follow as well; may be repeated")
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="tensile curve to fit together with the datasets; may be repeated"),
     ] = None
-    tensile_window: Annotated[str | None, typer.Option(help="its largest strain in percent, or full [50]")] = None
-    tensile_weight: Annotated[float | None, typer.Option(help="multiplies what its own noise makes it count [1]")] = (
-        None
-    )
-    restarts: Annotated[int, typer.Option(help="of the search, each with twice the population", min=0, max=9)] = 0
-    bipop: Annotated[bool, typer.Option("--bipop", help="between restarts, also runs of a small population")] = False
+    tensile_window: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PERCENT|full", help="largest strain of the tensile curves that is fitted", show_default="50"
+        ),
+    ] = None
+    tensile_weight: Annotated[
+        float | None,
+        typer.Option(
+            help="weight of the tensile curves, relative to the weight that their noise gives them", show_default="1"
+        ),
+    ] = None
+    restarts: Annotated[
+        int, typer.Option(help="restarts of the search, each with twice the population", min=0, max=9)
+    ] = 0
+    bipop: Annotated[bool, typer.Option("--bipop", help="between restarts, also search with small populations")] = False
 
     def for_identify(self) -> dict[str, Any]:
-        """As `eimi_fitting.identify` takes them. Raises InputError."""
+        """Return the keyword arguments of `eimi_fitting.identify`.
+
+        Raises
+        ------
+        InputError
+            If an option cannot be used.
+        """
         return {
             "free": self._nuisances,
             "free_bulk": self._bulk,
@@ -71,7 +90,7 @@ class FitOptions:
         }
 
     def head(self) -> dict[str, Any]:
-        """As a checkpoint writes them down: files by their content."""
+        """Return the options as a checkpoint stores them: files by the hash of their content."""
         return {**asdict(self), "tensile": [curve.sha256 for curve in self._curves]}
 
     def check_laws(self, models: Sequence[str]) -> None:
@@ -86,45 +105,57 @@ class FitOptions:
                 raise InputError(f"--prior: {error}") from error
 
     def load(self, path: Path) -> Evidence:
-        """A dataset as these options take it. Raises InputError."""
+        """Load a dataset as these options require.
+
+        Raises
+        ------
+        InputError
+            If the dataset cannot be used.
+        """
         from eimi_lab.fits.evidence import load_evidence
         from eimi_lab.fits.fitting import check_section
 
         return load_evidence(path, section=check_section(self.section), flagged=self.include_flagged)
 
     def check(self, evidence: Sequence[Evidence]) -> None:
-        """Raises InputError where two datasets hold the same, or one knows nothing of what is to be freed."""
+        """Check that the datasets differ and that each can determine the quantities of ``--free``.
+
+        Raises
+        ------
+        InputError
+            If two datasets have the same content, or if a quantity cannot be freed for one of them.
+        """
         from eimi_fitting.inference.evidence.sources import SOURCES
 
-        known: dict[str, Path] = {}
-        for seen in evidence:
-            same = known.setdefault(seen.sha256, seen.path)
-            if same != seen.path:
-                raise InputError(f"{seen.path}: holds the same as {same}; the same data would count twice")
-            section = seen.experiment.model.specimen.section
+        path_of_content: dict[str, Path] = {}
+        for dataset in evidence:
+            same = path_of_content.setdefault(dataset.sha256, dataset.path)
+            if same != dataset.path:
+                raise InputError(f"{dataset.path}: holds the same as {same}; the same data would count twice")
+            section = dataset.experiment.model.specimen.section
             if self._bulk and section != "plane-strain":
                 raise InputError(
-                    f"--free bulk: {seen.path} is taken as {section}, whose search model is exactly incompressible; "
-                    "a bulk modulus takes --section plane-strain"
+                    f"--free bulk: {dataset.path} is modelled as {section}, which is exactly incompressible in the "
+                    "search; give --section plane-strain, too"
                 )
             for prior in self._nuisances:
-                if SOURCES[prior.kind].field and not seen.experiment.loads.field_T.any():
-                    raise InputError(f"--free {prior.kind}: {seen.path} has no state with a field")
-                self._check_spread(prior, seen)
+                if SOURCES[prior.kind].field and not dataset.experiment.loads.field_T.any():
+                    raise InputError(f"--free {prior.kind}: {dataset.path} has no state with a field")
+                self._check_spread(prior, dataset)
 
     @staticmethod
-    def _check_spread(prior: NuisancePrior, seen: Evidence) -> None:
-        """Raises InputError where the standard deviation of what is freed is not known of this dataset."""
+    def _check_spread(prior: NuisancePrior, dataset: Evidence) -> None:
+        """Raise InputError if neither the option nor the dataset states the standard deviation of a freed quantity."""
         from eimi_fitting.inference.evidence.sources import SOURCES
 
         if prior.spread is not None:
             return
-        stated = next((s for s in seen.experiment.stated if s.source == prior.kind), None)
+        stated = next((s for s in dataset.experiment.stated if s.source == prior.kind), None)
         if stated is None or stated.standard_uncertainty == 0:
             source = SOURCES[prior.kind]
-            said = "states no uncertainty of it" if stated is None else "says that it is exact"
+            problem = "states no uncertainty of it" if stated is None else "states that it is exact"
             raise InputError(
-                f"--free {prior.kind}: {seen.path} {said}; give one, such as --free {prior.kind}={source.usual:g}"
+                f"--free {prior.kind}: {dataset.path} {problem}; give one, such as --free {prior.kind}={source.usual:g}"
             )
 
     @property
@@ -151,9 +182,9 @@ class FitOptions:
     def _curves(self) -> tuple[FileCurve, ...]:
         from eimi_lab.fits.tensile_files import check_windows, read_curve
 
-        for option, given in (("--tensile-window", self.tensile_window), ("--tensile-weight", self.tensile_weight)):
-            if given is not None and not self.tensile:
-                raise InputError(f"{option} {given}: of which curve? give --tensile too")
+        for option, value in (("--tensile-window", self.tensile_window), ("--tensile-weight", self.tensile_weight)):
+            if value is not None and not self.tensile:
+                raise InputError(f"{option} {value}: needs a tensile curve; give --tensile, too")
         (percent,) = check_windows([self.tensile_window or _WINDOW], "--tensile-window")
         weight = 1.0 if self.tensile_weight is None else self.tensile_weight
         if not 0 < weight < float("inf"):

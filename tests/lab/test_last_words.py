@@ -37,7 +37,7 @@ cli.main()
 """
 
 
-@pytest.mark.parametrize("place", ["tell", "_told"])
+@pytest.mark.parametrize("place", ["tell", "_report_stop"])
 def test_what_the_first_left_behind_is_told_all_the_same(place: str) -> None:
     command = [sys.executable, "-c", STOPPED.format(place=place)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
