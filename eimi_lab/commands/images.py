@@ -268,7 +268,7 @@ def calibrate(
     if beam is not None and (specimen is None or (board is None and ruler_px is None)):
         raise InputError("--beam: needs --specimen, and one of --board and --ruler-px for the scale")
     if sum(way is not None for way in (board, None if beam else specimen, ruler_px)) != 1:
-        raise InputError("eimi calibrate: give exactly one of --board, --specimen and --ruler-px")
+        raise InputError("give exactly one of --board, --specimen and --ruler-px")
     pattern = _board(board, columns, rows, square_mm) if board else None
     if not images or (pattern is None and len(images) > 1):
         raise InputError("IMAGES: give the images of the board, or one image of the beam or of the ruler")

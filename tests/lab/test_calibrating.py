@@ -203,7 +203,7 @@ def test_clamp_and_gravity_from_separate_pictures(run, tmp_path):
     assert calibration.uncertainty["gravity_angle_deg"] < 0.002
     assert calibration.axis_angle_deg == 90.0
     status, said = run("calibrate", *arguments, "-o", tmp_path / "other.toml")
-    assert (status, "--beam goes with --specimen" in said) == (2, True)
+    assert (status, "--beam: needs --specimen" in said) == (2, True)
 
 
 def test_a_ruler_gives_the_scale_and_its_uncertainty(run, tmp_path):
@@ -219,8 +219,8 @@ def test_a_ruler_gives_the_scale_and_its_uncertainty(run, tmp_path):
 
 
 BAD = {
-    "no way": ((), "needs one of --board, --specimen and --ruler-px"),
-    "two ways": ((*BOARD, "--specimen", "type1"), "and not more than one"),
+    "no way": ((), "give exactly one of --board, --specimen and --ruler-px"),
+    "two ways": ((*BOARD, "--specimen", "type1"), "give exactly one of --board"),
     "clamp outside": (
         ("--ruler-px", "1", "1", "90", "1", "--ruler-mm", "9", "--clamp-midpoint-px", "400", "40"),
         "blank.png: is 400 x 100 px; --clamp-midpoint-px 400 40 is not in it",

@@ -18,11 +18,13 @@ import h5py
 import numpy as np
 import pytest
 from packaging.version import Version
+from typer.testing import CliRunner
 
 import eimi_lab
 from eimi_drivers.emulators.coil_line import RemoteCoil
 from eimi_drivers.interfaces import Limits
 from eimi_drivers.supplies.supply_names import open_supply
+from eimi_lab.cli import app
 from eimi_lab.commands.examples import EXAMPLES
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.layout import Header
@@ -143,9 +145,11 @@ def test_an_emulated_supply_is_served_until_ctrl_c(files: Path) -> None:
         assert server.wait(PATIENCE_S) == 130
 
 
-def test_the_help_shows_every_command_once_in_its_group_with_a_whole_summary(run: Run) -> None:
-    status, text = run("--help")
-    assert status == 0
+def test_the_help_shows_every_command_once_in_its_group_with_a_whole_summary() -> None:
+    def shown(*arguments: str) -> str:
+        return CliRunner().invoke(app, [*arguments, "--help"]).output
+
+    text = shown()
     groups = text[text.index("Measure:") :].split("\n\n")
     assert [group.splitlines()[0] for group in groups] == ["Measure:", "Prepare:", "Fit:", "Look:"]
     rows = [row.split(maxsplit=1) for group in groups for row in group.strip().splitlines()[1:]]
@@ -153,7 +157,7 @@ def test_the_help_shows_every_command_once_in_its_group_with_a_whole_summary(run
     for name, summary in rows:
         assert summary.endswith("."), name
         assert "..." not in summary
-        assert summary in run(name, "--help")[1]
+        assert summary in shown(name)
 
 
 def test_ctrl_c_while_the_package_is_imported_ends_in_one_line(tmp_path: Path) -> None:

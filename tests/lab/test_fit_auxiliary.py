@@ -186,7 +186,7 @@ def test_what_is_not_measured_looks_it_wherever_it_goes(tmp_path: Path, run) -> 
         (("--free", "moment=2"), "--free moment=2: should be moment=NUMBER above 0, at most 0.5 (relative)"),
         (("--free", "roll=0.1", "--free", "roll=0.2"), "--free roll=0.2: roll is given twice"),
         (("--free", "moment=0.02"), "--free moment: strip.h5 has no state with a field"),
-        (("--free", "bulk", "--section", "plane-stress"), "--free bulk: strip.h5 is taken as plane-stress"),
+        (("--free", "bulk", "--section", "plane-stress"), "--free bulk: strip.h5 is modelled as plane-stress"),
         (("--tensile", "none.csv"), "none.csv"),
         (("--tensile", "short.csv"), "short.csv: 2 rows in the window; a fit needs at least 5"),
         (
@@ -194,7 +194,7 @@ def test_what_is_not_measured_looks_it_wherever_it_goes(tmp_path: Path, run) -> 
             "--tensile-window wide: should be a strain in percent",
         ),
         (("--tensile", "short.csv", "--tensile-weight", "0"), "--tensile-weight 0: should be a number above 0"),
-        (("--tensile-window", "20"), "--tensile-window 20: of which curve? give --tensile too"),
+        (("--tensile-window", "20"), "--tensile-window 20: needs a tensile curve; give --tensile, too"),
         (("--tensile", "long.csv", "--tensile", "again.csv"), "again.csv: holds the same as long.csv"),
         (("again.h5",), "again.h5: holds the same as strip.h5"),
         (("./strip.h5", "--each"), "strip.h5: is given twice"),

@@ -58,7 +58,7 @@ def test_a_wrong_nuisance_is_told_with_all_that_there_are() -> None:
 
 
 def test_curves_are_checked_before_anything_is_fitted(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="--tensile-window 20: of which curve"):
+    with pytest.raises(InputError, match="--tensile-window 20: needs a tensile curve"):
         FitOptions(tensile_window="20").for_identify()
     (tmp_path / "short.csv").write_text("strain,stress_kPa\n0.1,5\n0.2,9\n")
     with pytest.raises(InputError, match="2 rows in the window"):

@@ -137,7 +137,7 @@ def test_a_file_given_for_the_wrong_argument_is_named(run: Run, pictures: Path) 
 
     assert import_frames(run, pictures)[0] == 0
     assert "out.h5: is a dataset already; `eimi segment` and `eimi fit` take it" in message(pictures / "out.h5")
-    assert "states.csv: is --states; the first argument is what it lists" in message(pictures / "states.csv")
+    assert "states.csv: is the file given as --states; the first argument is the images" in message(pictures / "states.csv")
     assert "specimen.toml: is a TOML file" in message(pictures / "specimen.toml")
 
 
@@ -379,7 +379,7 @@ def test_options_of_the_other_kind_of_data_are_refused(run: Run, pictures: Path)
     status, said = run("import", pictures / "points.csv", *common)
     assert (status, "tracked points need --gravity-angle" in said) == (2, True)
     status, said = run("import", pictures / "nowhere", *common)
-    assert (status, "nowhere: no such folder" in said) == (2, True)
+    assert (status, "nowhere: no such file or folder" in said) == (2, True)
 
 
 def test_the_installed_module_imports_pictures(pictures: Path) -> None:

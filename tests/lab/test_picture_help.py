@@ -62,7 +62,7 @@ def test_what_a_person_says_is_kept(run: Run, files: Path) -> None:
 @pytest.mark.parametrize(
     ("option", "value", "told"),
     [
-        ("--clamp", "60", "--clamp 60: should be 2 numbers with commas between them"),
+        ("--clamp", "60", "--clamp 60: should be 2 numbers, separated by commas"),
         ("--region", "1,2,3,x", "--region 1,2,3,x: should be 4 whole numbers"),
         ("--region", "1,2,0,4", "[picture] region_px = [1, 2, 0, 4] should be left and top"),
         ("--beam-colour", "1,2,300", "[picture] beam_colour = [1.0, 2.0, 300.0] should be red, green and blue from 0"),
@@ -84,9 +84,9 @@ def test_what_is_missing_is_asked_for_with_a_picture(run: Run, files: Path) -> N
     image = scene((40, 30, 200), (200, 200, 200))
     status, said = imported(run, files, image)
     assert (status, said.count("\n")) == (2, 1)
-    assert "clamp_midpoint_px and axis_angle_deg is missing" in said
+    assert "clamp_midpoint_px and axis_angle_deg are missing" in said
     assert "give --clamp X,Y and --axis DEG" in said
-    assert f"{files / 'out_where.png'} is frame.png with its pixels counted" in said
+    assert f"{files / 'out_where.png'} shows frame.png with rulers in px" in said
     asked = cv2.imread(str(files / "out_where.png"))
     seen = asked[46 : 46 + 96, 46 : 46 + 128].astype(int)  # the picture itself, under thin lines
     assert np.median(np.abs(seen - image)) == 0
