@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
-from itertools import groupby
+from itertools import chain
 from typing import Annotated, Any
 
 import typer
@@ -38,15 +38,20 @@ SERVERS = (bench.emulate, watching.dashboard)
 _LONGEST_SUMMARY = 200
 
 
+def _name(command: Callable[..., Any]) -> str:
+    return command.__name__.rstrip("_")  # `import` is a keyword of Python
+
+
 class _CommandsInGroups(TyperGroup):
     """Lists the commands in groups, each with its whole summary."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         width = max(map(len, self.commands))
-        for title, commands in groupby(self.commands.values(), key=lambda command: str(command.rich_help_panel)):
+        for title, group in GROUPS.items():
+            names = [_name(command) for command in group]
             with formatter.section(title):
                 formatter.write_dl(
-                    [(f"{command.name:{width}}", command.get_short_help_str(_LONGEST_SUMMARY)) for command in commands]
+                    [(f"{name:{width}}", self.commands[name].get_short_help_str(_LONGEST_SUMMARY)) for name in names]
                 )
 
 
@@ -58,11 +63,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for title, group in GROUPS.items():
-    for command in group:
-        name = command.__name__.rstrip("_")
-        add = app.command(name, epilog=in_help(EXAMPLES[name]), rich_help_panel=title)
-        add(command if command in SERVERS else printing(command))
+for command in chain.from_iterable(GROUPS.values()):
+    add = app.command(_name(command), epilog=in_help(EXAMPLES[_name(command)]))
+    add(command if command in SERVERS else printing(command))
 
 
 @app.callback()

@@ -68,10 +68,10 @@ def fit(
         output=output,
         force=force,
     )
-    fits = [found for found in content if isinstance(found, FitRecord)]
-    lines = list(dict.fromkeys(dataset.in_words() for found in fits for dataset in found.datasets))
-    for found in fits:
-        lines += [found.summary(), *(f"  {line}" for line in remarks(found))]
+    fits = [record for record in content if isinstance(record, FitRecord)]
+    lines = list(dict.fromkeys(dataset.in_words() for record in fits for dataset in record.datasets))
+    for record in fits:
+        lines += [record.summary(), *(f"  {line}" for line in remarks(record))]
     return Result(
         [*lines, *comparison_table(content.comparison), *section_remarks(evidence)], content.model_dump(mode="json")
     )

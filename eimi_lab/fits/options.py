@@ -47,8 +47,8 @@ class FitOptions:
         list[str] | None,
         typer.Option(
             metavar="PARAMETER=MEAN,DEVIATION",
-            help="what is known of a parameter of the law, by mean and standard deviation in its unit: C10=20000,500, "
-            "or initial_shear_modulus=...; may be repeated",
+            help="prior knowledge of a parameter of the law: mean and standard deviation in its unit, such as "
+            "C10=20000,500 or initial_shear_modulus=...; may be repeated",
         ),
     ] = None
     tensile: Annotated[
