@@ -1,9 +1,9 @@
-"""Whether a fit deserves to be believed: what is left of the edges against how far the beam moved and against noise.
+"""Decide whether a fit can be believed: compare its residuals with the deflection, with the noise and with each other.
 
-A law that leaves a state's edges unexplained by a twentieth of the largest deflection, or by half the beam's width,
-explains nothing: edges of another beam, a wrong scale, a wrong sign of the field, left taken for right. There is then
-no result. Residuals many times the noise that the edges state are a result with a doubt, which is said. So is a clamp
-that is not where it was stated to be: all states are off alike then.
+A state is not explained if its root mean square residual exceeds a twentieth of the largest deflection or half the
+width of the beam. The edges of another beam, a wrong scale or a wrong sign of the field cause such residuals; the fit
+is then refused. Residuals that are many times the stated uncertainty of the edges leave a result with a doubt. So does
+an error that all states of a dataset share (`common_error`).
 """
 
 from __future__ import annotations
@@ -28,32 +28,42 @@ from eimi_fitting.inference.searching.named_causes import NamedCause
 
 Array = NDArray[np.float64]
 
-# Measured on the virtual specimens' edges (the right law; Neo-Hookean on a Yeoh material), on the real beam of
-# docs/why/paper.md, and on edges that are wrong: scale by 3, 10, 30 %, sides swapped, sign of the field.
+# The limits were chosen from four kinds of edges: those of virtual specimens fitted with the right law and with another
+# one (Neo-Hookean for a Yeoh material), those of the real beam in docs/why/paper.md, and wrong ones (a scale that is
+# wrong by 3, 10 and 30 %, exchanged sides, the wrong sign of the field).
 #                                      right law      another law   real beam   wrong
 # worst state over deflection          0.0001         0.0008        0.03        0.01, 0.03, 0.20, 0.52, 1.09
 # median state over stated noise       1.2 to 1.8     4.9           0.5
 # worst state over median state        1.3 to 1.8     4.2           1.1
 _OF_DEFLECTION = 0.05
-_OF_WIDTH = 0.5  # beyond this one edge lies nearer to the other's place than to its own
+_OF_WIDTH = 0.5  # with a larger residual an edge lies nearer to the opposite simulated edge
 _OF_NOISE = 10.0
 _OF_MEDIAN = 5.0
-_WITHIN_NOISE = 3.0  # times what the places state: no more than that says nothing against a law
-_OF_ERROR = 0.5  # noise alone leaves nearly all of it
-_CONTRADICTS = 3.0  # times the misfit of the curve alone: as unlikely as three standard deviations are
+_WITHIN_NOISE = 3.0  # times the stated uncertainty: a smaller residual does not contradict the law
+_OF_ERROR = 0.5  # if the residuals are noise, a common error explains almost none of them
+_CONTRADICTS = 3.0  # standard deviations
 
 
 class NotExplained(Exception):
-    """No candidate comes near the edges of one state; experiment and state count from 0.
+    """Report that the best candidate does not explain the edges of one state.
 
-    curves: it had to follow tensile curves as well, which may be what holds it off.
+    Parameters
+    ----------
+    experiment, state : int
+        The experiment, and the state in it, counted from 0.
+    error_mm : float
+        Root mean square residual of the state.
+    deflection_mm : float
+        Largest measured deflection of the experiment.
+    curves : bool
+        Whether the fit contains tensile curves, which may be the reason.
     """
 
     def __init__(
         self, experiment: int, state: int, error_mm: float, deflection_mm: float, curves: bool = False
     ) -> None:
         self.experiment, self.state = experiment, state
-        self._found = (experiment, state, error_mm, deflection_mm, curves)
+        self._arguments = (experiment, state, error_mm, deflection_mm, curves)
         super().__init__(
             f"the best candidate is {error_mm:.3g} mm off (root mean square), where the beam moves by "
             f"{deflection_mm:.3g} mm at most: "
@@ -63,12 +73,12 @@ class NotExplained(Exception):
         )
 
     def __reduce__(self) -> tuple[type[NotExplained], tuple[int, int, float, float, bool]]:
-        """An error with more than words has to say how another process is told of it."""
-        return NotExplained, self._found
+        """Return how another process makes this exception again: the default keeps the message alone."""
+        return NotExplained, self._arguments
 
 
 def deflection_mm(experiment: Experiment) -> float:
-    """Largest distance of anything that was seen, in any state, from the beam at rest."""
+    """Return the largest distance of a measured point, in any state, from the beam at rest, in mm."""
     model: BeamModel = experiment.model
     k = len(experiment.loads)
     rest = Shapes(
@@ -88,19 +98,35 @@ def deflection_mm(experiment: Experiment) -> float:
 def check_explained(
     final: Comparison,
     experiments: Sequence[Experiment],
-    alike: Sequence[CommonError],
+    common: Sequence[CommonError],
     curves: bool = False,
     beyond: bool = False,
 ) -> None:
-    """Raises NotExplained for the worst state of the first experiment that the law does not explain.
+    """Refuse a fit that leaves a state unexplained.
 
-    alike: what all states of an experiment are off alike; a clamp that is elsewhere is a doubt and no refusal; beyond:
-    see `Evaluation`, nothing is explained then.
+    Parameters
+    ----------
+    final : Comparison
+        The residuals of the optimum, its first candidate.
+    experiments : sequence of Experiment
+        The experiments, in the order of the misfits in `final`.
+    common : sequence of CommonError
+        The common error of each experiment. The part of the residuals that a displaced clamp explains is not counted
+        here: a displaced clamp is a doubt.
+    curves : bool
+        Whether the fit contains tensile curves.
+    beyond : bool
+        Whether the optimum lies where the simulation is not valid (`Evaluation.beyond`); then no state is explained.
+
+    Raises
+    ------
+    NotExplained
+        For the worst state of the first experiment that has an unexplained state.
     """
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         error = misfit.error_mm[0]
-        if alike[index].kind == "clamp":
-            error = np.minimum(error, alike[index].error_mm)
+        if common[index].kind == "clamp":
+            error = np.minimum(error, common[index].error_mm)
         moved = deflection_mm(experiment)
         limit = _OF_DEFLECTION * moved
         if isinstance(experiment.observed, EdgeObservation):
@@ -129,7 +155,7 @@ DoubtKind = Literal[
     "modulus_open",
     "unstable",
 ]
-"""What a doubt is about; the last four are of tensile fits, and the one before them is of pictures."""
+"""The subject of a doubt. The last four belong to tensile fits; "perspective" belongs to pictures."""
 
 
 @dataclass(frozen=True)
@@ -154,21 +180,35 @@ class Doubt:
 
 
 class NotDetermined(Exception):
-    """One state alone does not say how stiff the material is."""
+    """Report that a single state does not determine the initial shear modulus."""
 
 
-def check_determined(found: Estimate, experiments: Sequence[Experiment]) -> None:
-    """Raises NotDetermined where one state is all there is, and leaves the initial shear modulus open."""
-    if sum(len(experiment.loads) for experiment in experiments) == 1 and is_open(found.initial_shear_modulus):
-        low, high = found.initial_shear_modulus.interval_95
+def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> None:
+    """Refuse a fit to a single state that does not determine the initial shear modulus.
+
+    Raises
+    ------
+    NotDetermined
+        If there is one state and the interval of the modulus is open.
+    """
+    if sum(len(experiment.loads) for experiment in experiments) == 1 and is_open(estimate.initial_shear_modulus):
+        low, high = estimate.initial_shear_modulus.interval_95
         raise NotDetermined(
-            f"this one state leaves the initial shear modulus open: it may lie anywhere from {low:.4g} to {high:.4g} "
-            "Pa; measure a state under another load"
+            f"a single state does not determine the initial shear modulus: it may lie anywhere from {low:.4g} to "
+            f"{high:.4g} Pa; measure a state under another load"
         )
 
 
 def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) -> tuple[Doubt, ...]:
-    """The curves that the law follows far worse in this fit, with such root mean squares, than it does alone."""
+    """Return a doubt for each tensile curve that this fit follows far worse than a fit to the curve alone.
+
+    Parameters
+    ----------
+    curves : sequence of TensileEvidence
+        The tensile curves; `noise_Pa` is the root mean square residual of the fit to the curve alone.
+    rmse_Pa : sequence of float
+        The root mean square residual of each curve in this fit.
+    """
     words = "this curve and the edges contradict each other: is it the same material, and its unit right?"
     return tuple(
         Doubt(words, curve=index, kind="curve_contradicts")
@@ -191,11 +231,11 @@ def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[D
 
 
 def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
-    """The slips in the loads without which the errors would be far less."""
+    """Return a doubt for each slip in the loads whose correction would reduce the error much."""
     return tuple(
         Doubt(
-            f"is there {slip.words}? without it the mean error would be about {slip.error_without_mm:.2g} mm and not "
-            f"{slip.error_mm:.2g} mm",
+            f"is there {slip.words}? without it the mean error would be about {slip.error_without_mm:.2g} mm instead "
+            f"of {slip.error_mm:.2g} mm",
             slip.experiment,
             kind="loads",
         )
@@ -203,64 +243,81 @@ def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
     )
 
 
-def common_doubts(final: Comparison, alike: Sequence[CommonError]) -> tuple[Doubt, ...]:
-    """The datasets whose states are all off alike, by what explains more than half of their error."""
+def common_doubts(final: Comparison, common: Sequence[CommonError]) -> tuple[Doubt, ...]:
+    """Return a doubt for each dataset in which a common error explains more than half of the mean error."""
     return tuple(
-        Doubt(_in_words(own), index, kind=own.kind or None)
-        for index, (misfit, own) in enumerate(zip(final.misfits, alike, strict=True))
-        if own.error_mm.mean() < _OF_ERROR * misfit.error_mm[0].mean()
+        Doubt(_describe_common_error(error), index, kind=error.kind or None)
+        for index, (misfit, error) in enumerate(zip(final.misfits, common, strict=True))
+        if error.error_mm.mean() < _OF_ERROR * misfit.error_mm[0].mean()
     )
 
 
-def _in_words(own: CommonError) -> str:
-    if own.kind == "clamp":
-        x, y = own.sizes
-        seen = f"lie ({x:+.2g}, {y:+.2g}) mm beside the simulated ones"
+def _describe_common_error(common: CommonError) -> str:
+    """Return the words of a doubt about an error that all states share."""
+    if common.kind == "clamp":
+        x, y = common.sizes
+        observation = f"lie ({x:+.2g}, {y:+.2g}) mm beside the simulated ones"
         remedy = (
             "the clamp is not where it is stated; correct its place (clamp_midpoint_px; eimi segment --calibration), "
             f"or free it (--free clamp={np.hypot(x, y):.1g})"
         )
-    elif own.kind == "roll":
-        degrees = float(np.degrees(own.sizes[0]))
-        seen = f"are turned by {degrees:+.2g} degrees about the clamp"
+    elif common.kind == "roll":
+        degrees = float(np.degrees(common.sizes[0]))
+        observation = f"are turned by {degrees:+.2g} degrees about the clamp"
         remedy = (
             "correct axis_angle_deg (eimi segment --calibration), "
             f"or free the camera's roll (--free roll={abs(degrees):.1g})"
         )
     else:
-        seen = f"are {100 * own.sizes[0]:+.2g} % off in scale"
-        size = abs(own.sizes[0])
+        observation = f"are {100 * common.sizes[0]:+.2g} % off in scale"
+        size = abs(common.sizes[0])
         remedy = (
             "check pixels_per_mm, length_mm and width_mm (eimi segment takes the corrected file), "
             f"or free the scale (--free scale={size:.1g})"
         )
     return (
-        f"the measured places {seen} in all states alike: {remedy}; as it is, the parameters take a part of that upon "
-        "themselves"
+        f"the measured places {observation} in all states: {remedy}; otherwise a part of this error goes into the "
+        "parameters"
     )
 
 
 def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequence[str] = ()) -> tuple[Doubt, ...]:
-    """What is doubtful of the comparison's first candidate; missing: what is said of each correction not found."""
-    found: list[Doubt] = []
+    """Return the doubts about the residuals of the optimum.
+
+    Parameters
+    ----------
+    final : Comparison
+        The residuals of the optimum, its first candidate.
+    experiments : sequence of Experiment
+        The experiments, in the order of the misfits in `final`.
+    missing : sequence of str
+        A sentence for each correction (a finer mesh, the solid) that could not be computed.
+
+    Returns
+    -------
+    tuple of Doubt
+        For each dataset: the missing corrections, residuals far above the stated uncertainty, and single states whose
+        error stands out.
+    """
+    result: list[Doubt] = []
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
-        found += [Doubt(words, index, kind="correction_missing") for words in missing]
+        result += [Doubt(words, index, kind="correction_missing") for words in missing]
         error, stated = misfit.error_mm[0], _stated_mm(experiment, misfit)
         ratio = float(np.median(error / np.maximum(stated, 1e-9)))
         if ratio > _OF_NOISE:
             words = (
                 f"the residuals are {ratio:.0f} times the uncertainty that the measured places state: law, "
-                "geometry, scale or loads are not quite the specimen's, and the intervals do not hold that"
+                "geometry, scale or loads differ from those of the specimen, and the intervals do not include this"
             )
-            found.append(Doubt(words, index, kind="beyond_noise"))
+            result.append(Doubt(words, index, kind="beyond_noise"))
         for k in np.flatnonzero((error > _OF_MEDIAN * np.median(error)) & (error > _OF_NOISE * stated)):
             words = f"its error is {error[k] / np.median(error):.0f} times that of the median state"
-            found.append(Doubt(words, index, int(k), kind="state_stands_out"))
-    return tuple(found)
+            result.append(Doubt(words, index, int(k), kind="state_stands_out"))
+    return tuple(result)
 
 
 def _stated_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """(K,): root mean square of the uncertainty that a state's measured places state, infinite for none."""
+    """Return (K,) the root mean square of the stated uncertainty of each state's points; infinite without points."""
     sigma = experiment.observed.sigma_mm
     if not isinstance(experiment.observed, EdgeObservation):
         sigma = np.repeat(sigma[:, None], 2, axis=1)

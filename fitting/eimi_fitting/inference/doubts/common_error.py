@@ -1,7 +1,12 @@
-"""What all states of a dataset are off alike: a clamp that is elsewhere, a rolled camera, a scale that is wrong.
+"""Estimate an error that all states of a dataset share: a displaced clamp, a rolled camera or a wrong scale.
 
-What the fit left is explained, as far as it can be, by moves of the unknowns and of one of these together, in least
-squares about the optimum. The unknowns are held by their priors; the clamp, the roll or the scale by nothing.
+About the optimum the residuals r are linear in the steps u of the unknowns and in the sizes c of the common error. The
+least-squares problem
+
+    minimise |r + J u + C c|^2 + s^2 u' P u
+
+is solved for u and c together. J and C are the slopes of the residuals, P the precisions of the priors, and s^2 the
+variance of the residuals. No prior holds c.
 """
 
 from __future__ import annotations
@@ -21,8 +26,8 @@ from eimi_fitting.inference.evidence.unknowns import Setup, Unknowns
 CommonKind = Literal["clamp", "roll", "scale"]
 Array = NDArray[np.float64]
 
-_STEP = 1e-3  # mm, or of a place's distance from the clamp
-# What the camera does to a place, to first order: its change (2, 2) with the place and its shift (2,), per mm or per 1.
+_STEP = 1e-3  # mm of a shift; radians of a roll; relative change of the scale
+# A common error moves a measured place x, to first order, by (A x + b) times its size. Each row holds A and b.
 _NONE, _QUARTER_TURN = np.zeros((2, 2)), np.array([[0.0, -1.0], [1.0, 0.0]])
 _KINDS: dict[CommonKind, tuple[tuple[Array, Array], ...]] = {
     "clamp": ((_NONE, np.array([1.0, 0.0])), (_NONE, np.array([0.0, 1.0]))),
@@ -33,7 +38,17 @@ _KINDS: dict[CommonKind, tuple[tuple[Array, Array], ...]] = {
 
 @dataclass(frozen=True)
 class CommonError:
-    """What explains most: clamp (sizes: x and y, mm), roll (rad), scale (relative) or nothing; left: (K,) mm."""
+    """The common error of a dataset that explains most of its residuals.
+
+    Attributes
+    ----------
+    kind : {"clamp", "roll", "scale", ""}
+        The kind of error; empty if none reduces the residuals.
+    sizes : ndarray
+        Shift of the clamp in x and y (mm), roll (rad) or relative change of the scale.
+    error_mm : ndarray, shape (K,)
+        Root mean square residual of each state once the common error is removed.
+    """
 
     kind: CommonKind | Literal[""]
     sizes: Array
@@ -41,46 +56,56 @@ class CommonError:
 
 
 def common_errors(
-    every_shapes: Sequence[Shapes],
+    optimum_shapes: Sequence[Shapes],
     misfits: Sequence[Misfit],
     distance: Array,
     experiments: Sequence[Experiment],
     unknowns: Unknowns,
 ) -> tuple[CommonError, ...]:
-    """One an experiment, of a kind that is no unknown of the fit already.
+    """Return the common error of each experiment, among the kinds that the fit has not freed.
 
-    every_shapes: of the optimum, the first of their candidates; misfits, distance: of `polish.difference_batch` at the
-    optimum.
+    Parameters
+    ----------
+    optimum_shapes : sequence of Shapes
+        For each experiment, shapes whose first candidate is the optimum.
+    misfits : sequence of Misfit
+        The residuals at the optimum and at its neighbours, from `polish.difference_batch`.
+    distance : ndarray, shape (n,)
+        The distances between the neighbours, from `polish.difference_batch`.
+    experiments : sequence of Experiment
+        The experiments.
+    unknowns : Unknowns
+        The unknowns of the fit.
     """
     freed = {nuisance.source for nuisance in unknowns.freed}
     kinds = [kind for kind in _KINDS if kind not in freed]
-    found = []
-    for experiment, shapes, misfit in zip(experiments, every_shapes, misfits, strict=True):
-        every = [_explained(kind, experiment, shapes, misfit, distance, unknowns.prior) for kind in kinds]
+    largest = []
+    for experiment, shapes, misfit in zip(experiments, optimum_shapes, misfits, strict=True):
+        candidates = [_fit_common_error(kind, experiment, shapes, misfit, distance, unknowns.prior) for kind in kinds]
         nothing = CommonError("", np.zeros(0), misfit.error_mm[0])
-        found.append(min((nothing, *every), key=lambda own: float(own.error_mm.mean())))
-    return tuple(found)
+        largest.append(min((nothing, *candidates), key=lambda candidate: float(candidate.error_mm.mean())))
+    return tuple(largest)
 
 
-def _explained(
+def _fit_common_error(
     kind: CommonKind, experiment: Experiment, shapes: Shapes, misfit: Misfit, distance: Array, prior: Array
 ) -> CommonError:
+    """Solve the least-squares problem of the module for one kind of error."""
     n = len(distance)
     residuals = misfit.residuals[0]
-    own = (misfit.residuals[1 : n + 1] - misfit.residuals[n + 1 :]) / distance[:, None, None, None]
-    slopes = np.concatenate([own, _slopes(kind, experiment, shapes)]).reshape(-1, residuals.size)
-    # In units of the error that was left: the priors' precisions hold the unknowns.
+    by_unknown = (misfit.residuals[1 : n + 1] - misfit.residuals[n + 1 :]) / distance[:, None, None, None]
+    slopes = np.concatenate([by_unknown, _slopes(kind, experiment, shapes)]).reshape(-1, residuals.size)
     variance = max(float((residuals**2).sum() / max(misfit.weights.sum(), 1.0)), np.finfo(float).tiny)
     held = np.zeros(len(slopes))
     held[:n] = prior * variance
     step = np.linalg.lstsq(slopes @ slopes.T + np.diag(held), -slopes @ residuals.ravel(), rcond=None)[0]
-    left = (residuals.ravel() + step @ slopes).reshape(residuals.shape)
+    remaining = (residuals.ravel() + step @ slopes).reshape(residuals.shape)
     count = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
-    return CommonError(kind, step[n:], np.sqrt((left**2).sum(axis=(1, 2)) / count))
+    return CommonError(kind, step[n:], np.sqrt((remaining**2).sum(axis=(1, 2)) / count))
 
 
 def _slopes(kind: CommonKind, experiment: Experiment, shapes: Shapes) -> Array:
-    """(parts, K, G, m): of the residuals in each part of a kind."""
+    """Return (parts, K, G, m) the slopes of the residuals in each component of a common error."""
     parts = _KINDS[kind]
     steps = [(sign * turn, sign * shift) for turn, shift in parts for sign in (_STEP, -_STEP)]
     setup = Setup(
@@ -88,6 +113,6 @@ def _slopes(kind: CommonKind, experiment: Experiment, shapes: Shapes) -> Array:
         np.stack([np.eye(2) + turn for turn, _ in steps]),
         np.stack([shift for _, shift in steps]),
     )
-    same = shapes.take(np.zeros(len(steps), np.intp))  # one candidate, seen in each way
-    found = experiment.observed.misfit(experiment.model, same, setup).residuals
-    return np.asarray(found[0::2] - found[1::2]) / (2 * _STEP)
+    same = shapes.take(np.zeros(len(steps), np.intp))  # the same candidate for every step
+    residuals = experiment.observed.misfit(experiment.model, same, setup).residuals
+    return np.asarray(residuals[0::2] - residuals[1::2]) / (2 * _STEP)
