@@ -296,3 +296,12 @@ def test_a_dimension_deviates_by_what_is_said_of_it() -> None:
     for source, own in (("remanence", "remanence_T"), ("magnet-width", "width_mm"), ("magnet-offset", "tip_offset_mm")):
         magnet = specimen_under(BEAM, {source: np.array([0.3])}).magnet
         assert getattr(magnet, own) == getattr(BEAM.magnet, own) + 0.3
+
+
+def test_a_tip_force_stays_on_a_beam_whose_dimensions_deviate() -> None:
+    beam = replace(BEAM, magnet=None, tip_load_mm=(30.0, -1.5))
+    smaller = specimen_under(beam, {"length": np.array([-0.3]), "width": np.array([-0.1])})
+    assert smaller.tip_load_mm == pytest.approx((29.7, -1.45))
+    loads = Loads.along(np.zeros(1), 90.0, 90.0, [0.005])
+    shapes = BeamModel(smaller).solve(LAWS["neo-hookean"], np.array([[46e3]]), loads)
+    assert shapes.converged.all()

@@ -266,12 +266,20 @@ SOURCES: dict[str, Source] = {
 }
 
 
-def specimen_under(specimen: Specimen, deviations: Mapping[str, Array]) -> Specimen:
-    """The specimen with what sources (parts,) deviate by."""
+def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specimen:
+    """Return the specimen with the deviations (parts,) of sources.
+
+    The point of a tip force keeps its share of length and width, so that it stays on the specimen.
+    """
+    specimen = before
     for key, deviation in deviations.items():
         if change := SOURCES[key].specimen:
             specimen = change(specimen, deviation)
-    return specimen
+    if before.tip_load_mm is None:
+        return specimen
+    x, y = before.tip_load_mm
+    larger_x, larger_y = specimen.length_mm / before.length_mm, specimen.width_mm / before.width_mm
+    return replace(specimen, tip_load_mm=(x * larger_x, y * larger_y))
 
 
 def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
