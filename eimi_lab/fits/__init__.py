@@ -1,25 +1,31 @@
 """From stored datasets to identified materials.
 
-evidence           a dataset's states, edges or points, and loads, as the mechanics takes them
-states_used        which states those are, and which were left out for which flags
-lens               whether the edges look as if seen in perspective
-named_causes       what is wrong with a dataset that no material could explain
-options            what a fit may be asked for: an option is one field
-fitting            one fit to any number of datasets
-grid               many of them: laws, datasets, seeds, bootstrap replicates
-checkpoint         the log of all generations, from which a killed run goes on
-law_record         what every fit says of its law
-bootstrap_record   a fit repeated on replicates of its data
-residuals          distances by state, edge and arc length
-records            what stands in a result file
-fits_file          fits.json: its laws compared, written and read
-fit_summary        a fit and the comparison of laws in lines to print
-assumptions        what a fit assumes of a dataset beside its law: what was freed
-prediction         any fit simulated on any dataset, seen or not; predicted_error, the interval of its error
-validation         what that comes to, and validation.json; validation_tables prints it
-tensile            tensile tests from files; tensile_fits, the laws fitted to them
-cards              fits as material cards of other programs
-plotting           a law and the errors of a validation as pictures for a notebook
+evidence            read a dataset as the states, edges or points, and loads of a fit
+states_used         the states that a fit uses, and the flags of those that it leaves out
+perspective         detect in the edges that the lens sees the depth of the beam in perspective
+before_search       check a dataset for errors that no material could explain
+options             the options of a fit
+fitting             fit one law to one or several datasets
+fit_grid            fit several laws to several datasets, with several seeds and bootstrap replicates
+checkpoint          log all generations of a search, so that an interrupted one can be resumed
+discovering         discover the terms of a law
+law_record          the part of a result file that all fits have in common
+bootstrap_record    the part of a result file on bootstrap replicates
+residuals           distances of measured places from simulated ones, by state, edge and arc length
+records             the fits of a result file
+fits_file           compare the laws of several fits; write and read fits.json
+fit_summary         print a fit and the comparison of laws
+assumptions         the bulk modulus and the nuisances that a fit assumes for a dataset
+simulated_fit       simulate a fit on a dataset, and compute its error
+prediction          simulate several fits on several datasets, and share the work among processes
+predicted_error     compute the interval of the error of a fit on a dataset
+validation          the errors of a fit on a dataset, and validation.json
+validation_tables   print validations
+planning            plan the states, the mounting and the specimen of the next run
+tensile_files       read tensile tests
+tensile_fits        fit a law to a tensile test
+export              write fits as material cards of other programs
+fit_figures         figures of fits, residuals and errors for a notebook
 
-Nothing here reads the truth that a virtual rig stores; only `eimi_lab.demonstration` and the report do, to score.
+The truth that a virtual rig stores is not read here: only `eimi_lab.demonstration` and the report read it, to score.
 """

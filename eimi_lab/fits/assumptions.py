@@ -1,6 +1,6 @@
-"""What a fit assumes of a dataset beside its law: a bulk modulus that was freed, and nuisances that were.
+"""Return what a fit assumes for a dataset in addition to its law: a free bulk modulus, and freed nuisances.
 
-Freed nuisances belong to the datasets that the fit was made from; on any other everything is as it was stated.
+Freed nuisances belong to the datasets to which the law was fitted. For any other dataset all inputs are as stated.
 """
 
 from __future__ import annotations
@@ -22,17 +22,25 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Assumptions:
-    """For P candidates: bulk_modulus_Pa (P,), None where incompressible; setup, None where all is as stated."""
+    """Assumptions for P candidates.
+
+    Attributes
+    ----------
+    bulk_modulus_Pa : ndarray, shape (P,), or None
+        None for an incompressible material.
+    setup : Setup or None
+        The freed nuisances; None if all inputs are as stated.
+    """
 
     bulk_modulus_Pa: Array | None = None
     setup: Setup | None = None
 
     def as_measured(self, places_mm: Array) -> Array:
-        """Simulated places (..., 2) of the first candidate as the camera has them, with what the camera does put in."""
+        """Map simulated places (..., 2) of the first candidate to those that the camera sees."""
         return places_mm if self.setup is None else self.setup.imaged(places_mm)
 
     def compared(self, model: str, parameters: Array, experiment: Experiment, keep: bool = False) -> Comparison:
-        """How far P candidates (P, n) of a law are from an experiment; keep: see `compare`."""
+        """Compare P candidates (P, n) of a law with an experiment; for `keep` see `compare`."""
         return compare(
             LAWS[model],
             parameters,
@@ -44,26 +52,26 @@ class Assumptions:
 
 
 def section_remark(evidence: Evidence) -> str | None:
-    """What the planar section that a dataset is taken under is to be expected to do to a modulus; None for a solid."""
+    """Return a sentence on the error of the modulus to be expected from a planar section; None for a solid."""
     specimen = evidence.experiment.model.specimen
     if specimen.section == "solid":
         return None
     percent = 100 * expected_bias(specimen)
     return (
-        f"{evidence.path}: taken in {specimen.section.replace('-', ' ')}, which is to be expected to make the modulus "
-        f"{abs(percent):.0f} % too {'high' if percent > 0 else 'low'} for this specimen; --section solid does not"
+        f"{evidence.path}: fitted in {specimen.section.replace('-', ' ')}; for this specimen the modulus is expected "
+        f"to be about {abs(percent):.0f} % too {'high' if percent > 0 else 'low'}; --section solid avoids this"
     )
 
 
 def assumptions_of(fit: FitRecord | TensileRecord, evidence: Evidence, candidates: int) -> Assumptions:
-    """What the fit assumes of this dataset, the same for all candidates."""
+    """Return what a fit assumes for a dataset, the same for all candidates."""
     if not isinstance(fit, FitRecord):
         return Assumptions()
     bulk = None
     if fit.bulk_modulus and evidence.experiment.model.specimen.section == "plane-strain":
         bulk = np.full(candidates, fit.bulk_modulus.value)
-    own = [i for i, reference in enumerate(fit.datasets) if reference.sha256 == evidence.sha256]
-    if not own or not fit.freed:
+    places = [i for i, reference in enumerate(fit.datasets) if reference.sha256 == evidence.sha256]
+    if not places or not fit.freed:
         return Assumptions(bulk)
-    deviations = ((*freed_number(freed.name), freed.deviation.value) for freed in fit.freed if own[0] in freed.datasets)
+    deviations = ((*freed_number(f.name), f.deviation.value) for f in fit.freed if places[0] in f.datasets)
     return Assumptions(bulk, Setup.of(deviations, candidates))

@@ -1,7 +1,7 @@
-"""What is wrong with a dataset where no material could explain it, by name and with the key to change.
+"""Check a dataset, before any search, for errors that no material could explain, and name the key to change.
 
-Quick tests, each before any search: of the states alone, of one picture, and
-(`eimi_fitting.inference.searching.named_causes`) of the loads.
+The checks concern the states, the width of the beam in one picture, and the loads
+(`eimi_fitting.inference.searching.named_causes`).
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from eimi_lab.vision.beam_frame import BeamFrame
 
 Array = NDArray[np.float64]
 
-_WIDTH = 1.2  # of the stated width, either way: less is what WIDTH_ANOMALY tells
-_SAME = 0.06  # relative, of two widths
-_MOST_A, _MOST_MT = 100.0, 500.0  # more of both at once is no coil on a bench
-_MOVED = 0.01  # of the beam's length
+_WIDTH = 1.2  # ratio to the stated width, up or down; the flag WIDTH_ANOMALY reports smaller deviations
+_SAME = 0.06  # relative difference within which two widths are the same
+_MOST_A, _MOST_MT = 100.0, 500.0  # a coil on a bench does not exceed both
+_MOVED = 0.01  # motion of the tip, as a fraction of the beam's length
 
 
 @dataclass(frozen=True)
 class _Remedy:
-    """What to change in calibration.toml, in the states.csv of imported pictures, and for tracked points."""
+    """The change in calibration.toml, in the states.csv of imported pictures, and for tracked points."""
 
     calibration: str
     states: str
@@ -53,45 +53,45 @@ _REMEDIES: dict[Slip, _Remedy] = {
         "turn --gravity-angle by 180 degrees and import again",
     ),
     "field_too_large": _Remedy(
-        "see that coil_constant_mT_per_A is in mT per ampere (not per kiloampere)",
-        "see that current_A in states.csv is in ampere (not mA) and import again",
-        "see that field_mT in states.csv is in mT and import again",
+        "state coil_constant_mT_per_A in mT per ampere (not per kiloampere)",
+        "state current_A in states.csv in ampere (not mA) and import again",
+        "state field_mT in states.csv in mT and import again",
     ),
     "field_too_small": _Remedy(
-        "see that coil_constant_mT_per_A is in mT per ampere (not T)",
-        "see that current_A in states.csv is in ampere and import again",
-        "see that field_mT in states.csv is in mT (not T) and import again",
+        "state coil_constant_mT_per_A in mT per ampere (not T)",
+        "state current_A in states.csv in ampere and import again",
+        "state field_mT in states.csv in mT (not T) and import again",
     ),
     "force_reversed": _Remedy("", _SIGN_OF_FORCE, _SIGN_OF_FORCE),
     "force_too_large": _Remedy("", _UNIT_OF_FORCE, _UNIT_OF_FORCE),
     "gravity_absent": _Remedy(
         "set gravity = false if the beam bends in a horizontal plane",
         "",
-        "give --no-gravity in place of --gravity-angle if the beam bends in a horizontal plane, and import again",
+        "give --no-gravity instead of --gravity-angle if the beam bends in a horizontal plane, and import again",
     ),
 }
 
 
 def in_words(cause: NamedCause, path: Path, experiment: Experiment) -> str:
-    """What a person is told of a slip in the loads of a dataset."""
+    """Return the message on a mistake in the loads of a dataset, with its remedies."""
     remedy = _REMEDIES[cause.slip]
     remedies = [remedy.points]
     if _is_edges(experiment):
         remedies = [_with(remedy.calibration, "calibration", path)] if remedy.calibration else []
         remedies += [remedy.states] if remedy.states else []
     return (
-        f"{path}: no material explains this: as stated the best is {cause.error_mm:.2g} mm off, and without "
-        f"{cause.words} {cause.error_without_mm:.2g} mm; {'; or, of imported pictures, '.join(remedies)}"
+        f"{path}: no material explains this: as stated the smallest error is {cause.error_mm:.2g} mm, and without "
+        f"{cause.words} {cause.error_without_mm:.2g} mm; {'; or, for imported pictures, '.join(remedies)}"
     )
 
 
 def _with(change: str, file: str, path: Path) -> str:
-    """A change of a file, and how a dataset is told of it."""
-    return f"{change} in {file}.toml, and give that: eimi segment {path} --{file} {file}.toml"
+    """Return a change of a file, and the command that gives the file to the dataset."""
+    return f"{change} in {file}.toml, and give it: eimi segment {path} --{file} {file}.toml"
 
 
 def check_states(path: Path, experiment: Experiment, states: Sequence[State]) -> None:
-    """Raises InputError for states that no fit need look at, with the file's name before it."""
+    """Check currents and magnet of a dataset. Raises InputError if no material could explain the states."""
     try:
         _check_currents(states)
         _check_magnet(path, experiment)
@@ -104,45 +104,50 @@ def _check_currents(states: Sequence[State]) -> None:
     field = max(abs(state.field_mT) for state in states)
     if current > _MOST_A and field > _MOST_MT:
         raise InputError(
-            f"current_A of up to {current:g} A makes a field of {field:g} mT: were milliampere given? current_A is in "
-            "ampere"
+            f"current_A of up to {current:g} A makes a field of {field:g} mT; current_A should be in ampere (not mA)"
         )
 
 
 def _check_magnet(path: Path, experiment: Experiment) -> None:
-    """For fields that alone differ, while nothing in the specimen feels them, and yet it moves."""
+    """Refuse a specimen without any magnetisation whose tip moves although only the field changes."""
     specimen, loads = experiment.model.specimen, experiment.loads
-    deaf = specimen.magnet is None and not any(specimen.magnetisation_A_per_m)
-    if not deaf or np.ptp(loads.tip_force_N, axis=0).any() or not np.ptp(loads.field_T, axis=0).any():
+    non_magnetic = specimen.magnet is None and not any(specimen.magnetisation_A_per_m)
+    if not non_magnetic or np.ptp(loads.tip_force_N, axis=0).any() or not np.ptp(loads.field_T, axis=0).any():
         return
     moved = float(np.linalg.norm(np.ptp(_tips_mm(experiment), axis=0)))
     if moved > _MOVED * specimen.length_mm:
         largest = 1e3 * float(np.linalg.norm(loads.field_T, axis=1).max())
         raise InputError(
-            f"the tip moves by {moved:.2g} mm in fields of up to {largest:g} mT, but nothing in the specimen feels "
-            "them: its file has no [magnet] and no magnetisation_kA_per_m; state it there, and "
+            f"the tip moves by {moved:.2g} mm in fields of up to {largest:g} mT, but the specimen is not magnetic: "
+            "its file has no [magnet] and no magnetisation_kA_per_m; state one of them, and "
             + (f"give it: eimi segment {path} --specimen specimen.toml" if _is_edges(experiment) else "import again")
         )
 
 
 def check_width(dataset: Dataset) -> None:
-    """Raises InputError where the beam in the first state's picture is far wider or narrower than its files say."""
-    from eimi_lab.vision.edges.apparent_width import apparent_width_mm  # slow imports, for pictures without edges alone
+    """Compare the width of the beam in the picture of the first state with the stated width.
+
+    Raises
+    ------
+    InputError
+        If they differ by more than a factor of 1.2.
+    """
+    from eimi_lab.vision.edges.apparent_width import apparent_width_mm  # slow imports, rarely needed
     from eimi_lab.vision.intensity import grey, state_mean
 
     beam, calibration = dataset.specimen.specimen, dataset.calibration
     if calibration is None:
         return
-    seen = apparent_width_mm(grey(state_mean(dataset.images(0))), BeamFrame(calibration), beam.length_mm)
-    if seen is None or 1 / _WIDTH < seen / beam.width_mm < _WIDTH:
+    width_mm = apparent_width_mm(grey(state_mean(dataset.images(0))), BeamFrame(calibration), beam.length_mm)
+    if width_mm is None or 1 / _WIDTH < width_mm / beam.width_mm < _WIDTH:
         return
     words = (
-        f"{dataset.path}: the beam in the picture is {seen / beam.width_mm:.2g} times as wide as it "
-        f"should be: {seen:.3g} mm by pixels_per_mm = {calibration.pixels_per_mm:g}, where width_mm = {beam.width_mm:g}"
+        f"{dataset.path}: the beam in the picture is {width_mm / beam.width_mm:.2g} times as wide as it should be: "
+        f"{width_mm:.3g} mm by pixels_per_mm = {calibration.pixels_per_mm:g}, where width_mm = {beam.width_mm:g}"
     )
-    if abs(seen / beam.depth_mm - 1) < _SAME:
+    if abs(width_mm / beam.depth_mm - 1) < _SAME:
         raise InputError(
-            f"{words}; that is depth_mm: width_mm is what is imaged, depth_mm points to the camera; "
+            f"{words}; this equals depth_mm: width_mm is the side in the picture, depth_mm points to the camera; "
             f"{_with('exchange them', 'specimen', dataset.path)}"
         )
     raise InputError(
@@ -156,11 +161,11 @@ def _is_edges(experiment: Experiment) -> bool:
 
 
 def _tips_mm(experiment: Experiment) -> Array:
-    """(K, 2): where the last edge points are, or how far the tracked points have moved."""
+    """Return the places (K, 2) of the last edge points, or the mean displacements (K, 2) of the tracked points."""
     observed = experiment.observed
-    seen = np.isfinite(observed.sigma_mm)
+    measured = np.isfinite(observed.sigma_mm)
     if isinstance(observed, EdgeObservation):
-        last = seen.shape[-1] - 1 - np.argmax(seen[..., ::-1], axis=-1)
+        last = measured.shape[-1] - 1 - np.argmax(measured[..., ::-1], axis=-1)
         return np.asarray(np.take_along_axis(observed.points_mm, last[..., None, None], axis=2)[:, :, 0].mean(axis=1))
-    moved = (observed.moved_mm - observed.rest_mm) * seen[..., None]
-    return np.asarray(moved.sum(axis=1) / np.maximum(seen.sum(axis=1), 1)[:, None])
+    moved = (observed.moved_mm - observed.rest_mm) * measured[..., None]
+    return np.asarray(moved.sum(axis=1) / np.maximum(measured.sum(axis=1), 1)[:, None])

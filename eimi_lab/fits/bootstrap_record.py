@@ -1,4 +1,4 @@
-"""What stands in a result file of a fit that was repeated on replicates of its data."""
+"""The part of a result file on a fit that was repeated on bootstrap replicates of its data."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class ReplicateRecord(Record):
 
     @staticmethod
     def of(fit: Fit, replicate: int) -> ReplicateRecord:
-        """What is written down of a fit to one replicate of the data."""
+        """Return the record of a fit to one replicate of the data."""
         return ReplicateRecord(
             replicate=replicate,
             parameters={name: quantity.value for name, quantity in fit.parameters.items()},
@@ -40,10 +40,10 @@ FEWEST_FOR_INTERVAL = 40  # replicates: one beyond each end of a 95 % interval
 
 
 class BootstrapRecord(Record):
-    """The fit repeated on replicates of the data: states drawn again, with replacement.
+    """Fits to replicates of the data, whose states are drawn with replacement.
 
-    interval_95: percentiles of the initial shear modulus (Efron and Tibshirani 1993, An Introduction to the Bootstrap,
-    section 13.3), null where there are too few replicates to have any.
+    `initial_shear_modulus_interval_95_Pa` holds the 2.5 % and 97.5 % percentiles of the initial shear modulus (Efron
+    and Tibshirani 1993, An Introduction to the Bootstrap, section 13.3); it is null with fewer than 40 replicates.
     """
 
     drawn: Literal["states"] = "states"
@@ -52,7 +52,7 @@ class BootstrapRecord(Record):
 
     @staticmethod
     def of(replicates: Sequence[ReplicateRecord]) -> BootstrapRecord:
-        """All replicates of one fit, and what they say together."""
+        """Return the record of all replicates of one fit, with the interval of the modulus."""
         moduli = [replicate.initial_shear_modulus_Pa for replicate in replicates]
         enough = len(moduli) >= FEWEST_FOR_INTERVAL
         low, high = np.quantile(moduli, [0.025, 0.975]) if enough else (0.0, 0.0)

@@ -1,9 +1,10 @@
-"""The log of the generations of a fit, or of a grid of fits, which is also what a killed one is resumed from.
+"""Log the generations of a fit or of a grid of fits, so that an interrupted fit can be resumed.
 
-JSON lines. The first says what is fitted; then each generation has one, with the objectives that the search was told,
-and each finished fit one. A search asks the same candidates when it is told the same values, so that a resumed one is
-told what is written here, in milliseconds, and goes on bit for bit: numbers are written so that they are read back
-exactly. A line that a kill cut short is passed over, and what it held is computed again.
+A checkpoint consists of JSON lines. The first line states what is fitted. Each generation adds a line with the
+objectives of its candidates, and each finished fit adds a line. CMA-ES is deterministic: with the same seed and the
+same objectives it proposes the same candidates. A resumed search therefore reads the logged objectives instead of
+computing them, and continues bit for bit, because numbers are written with all their digits. A line that is incomplete
+is skipped, and its generation is computed again.
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import refuse_existing
 from eimi_lab.process.writer_lock import WriterLock
 
-_SHOWN = 4  # fits or datasets, in a message
+_SHOWN = 4  # fits or datasets that a message names
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class Head(Record):
-    """What must be the same for a fit to be resumed: the fits, the data by their content, options and versions."""
+    """The first line, which must be the same to resume: fits, hashes of the data, options and versions."""
 
     fits: tuple[str, ...]
     datasets: tuple[str, ...]
@@ -40,7 +41,7 @@ class Head(Record):
 
 
 class GenerationLine(Record):
-    """One generation of the fit with that number in the head: what the search was told and where that led it."""
+    """One generation of a fit: its index in the head, the objectives, and the resulting state of the search."""
 
     fit: int
     generation: int
@@ -51,24 +52,33 @@ class GenerationLine(Record):
 
 
 class FinishedLine(Record):
-    """A finished fit."""
+    """A finished fit and its index in the head."""
 
     fit: int
     finished: FitRecord | ReplicateRecord
 
 
 class Checkpoint:
-    """A checkpoint file, new or resumed. Lines are added by whoever computes: this process or several.
+    """A checkpoint file, new or resumed. This process and its workers add lines to it.
 
-    Others cannot write to it as long as this object lives.
+    The file is locked against other programs as long as this object exists.
+
+    Parameters
+    ----------
+    path : Path
+    head : Head
+    resume : bool
+        Whether to continue an existing file.
+    force : bool
+        Whether to replace an existing file.
+
+    Raises
+    ------
+    InputError
+        If the file exists and may not be replaced, if its head differs, or if another program writes to it.
     """
 
     def __init__(self, path: Path, head: Head, *, resume: bool, force: bool = False) -> None:
-        """Begin a checkpoint; with ``resume`` go on with the one that is there, if there is one.
-
-        Raises InputError when there is one that may not be replaced, or may not be resumed because its head differs,
-        or when another program writes to it.
-        """
         self.path = path
         weakref.finalize(self, WriterLock(path).release)
         if resume and path.exists() and path.stat().st_size:
@@ -76,7 +86,7 @@ class Checkpoint:
             return
         if path.is_file() and not (force or resume):
             raise InputError(
-                f"{path}: exists already; --resume goes on with it, --force replaces it, or give another name"
+                f"{path}: exists already; give --resume to continue it, --force to replace it, or another name"
             )
         refuse_existing(path, force or resume)
         try:
@@ -86,89 +96,90 @@ class Checkpoint:
 
     @staticmethod
     def of(path: Path | None, head: Head, *, resume: bool, force: bool) -> Checkpoint:
-        """As the command line asks for it. Raises InputError where `--resume` has no `--checkpoint`."""
+        """Open the checkpoint of the command line. Raises InputError if `--resume` has no `--checkpoint`."""
         if path is None:
-            raise InputError("--resume: from which file? give --checkpoint too")
+            raise InputError("--resume: needs the file to resume from: give --checkpoint")
         return Checkpoint(path, head, resume=resume, force=force)
 
     def _lines(self) -> list[Any]:
-        """The lines that are whole."""
-        whole = []
+        """Return the complete lines."""
+        complete = []
         try:
             text = self.path.read_text(encoding="utf-8", errors="replace")
         except OSError as error:
             raise InputError(f"{self.path}: cannot be read as a checkpoint ({error.strerror})") from error
         for line in text.split("\n"):
             try:
-                whole.append(json.loads(line))
+                complete.append(json.loads(line))
             except json.JSONDecodeError:
                 continue
-        return whole
+        return complete
 
     def _head(self) -> Head:
         try:
             return Head.model_validate(next(iter(self._lines()), None))
         except ValidationError as error:
-            raise InputError(f"{self.path}: does not begin as a checkpoint of `eimi fit` does") from error
+            raise InputError(f"{self.path}: is not a checkpoint of `eimi fit`: its first line is wrong") from error
 
     def _read(self) -> tuple[list[GenerationLine], list[FinishedLine]]:
         generations: list[GenerationLine] = []
         finished: list[FinishedLine] = []
         fits = len(self._head().fits)
-        for number, line in enumerate(self._lines()[1:], start=2):
-            is_finished = isinstance(line, dict) and "finished" in line
+        for number, content in enumerate(self._lines()[1:], start=2):
+            is_finished = isinstance(content, dict) and "finished" in content
+            where = f"{self.path}: complete line {number}"
             try:
-                whole = (FinishedLine if is_finished else GenerationLine).model_validate(line)
+                line = (FinishedLine if is_finished else GenerationLine).model_validate(content)
             except ValidationError as error:
-                raise InputError(f"{self.path}: whole line {number}: {first_fault(error)}") from error
-            if not 0 <= whole.fit < fits:
-                raise InputError(f"{self.path}: whole line {number}: fit: {whole.fit} should be from 0 to {fits - 1}")
-            if isinstance(whole, FinishedLine):
-                finished.append(whole)
+                raise InputError(f"{where}: {first_fault(error)}") from error
+            if not 0 <= line.fit < fits:
+                raise InputError(f"{where}: fit: {line.fit} should be from 0 to {fits - 1}")
+            if isinstance(line, FinishedLine):
+                finished.append(line)
             else:
-                generations.append(whole)
+                generations.append(line)
         return generations, finished
 
     def finished(self) -> dict[int, FitRecord | ReplicateRecord]:
-        """The fits that need not be done again, by their number in the head."""
+        """Return the finished fits, by their index in the head."""
         return {line.fit: line.finished for line in self._read()[1]}
 
     def finish(self, fit: int, record: FitRecord | ReplicateRecord) -> None:
-        """Write down that a fit is finished."""
+        """Add a finished fit."""
         _append(self.path, FinishedLine(fit=fit, finished=record))
 
     def log_of(self, fit: int) -> GenerationLog:
-        """What is known of the search of one fit, and where its next generations are written."""
-        own: dict[int, GenerationLine] = {}
+        """Return the logged generations of one fit, up to the first that is missing, ready to log the next ones."""
+        by_number: dict[int, GenerationLine] = {}
         for line in self._read()[0]:
             if line.fit == fit:
-                own.setdefault(line.generation, line)
-        known: list[GenerationLine] = []
-        while len(known) + 1 in own:  # what follows a lost line is computed again
-            known.append(own[len(known) + 1])
-        return GenerationLog(self.path, fit, tuple(known))
+                by_number.setdefault(line.generation, line)
+        logged: list[GenerationLine] = []
+        while len(logged) + 1 in by_number:  # generations after a missing line are computed again
+            logged.append(by_number[len(logged) + 1])
+        return GenerationLog(self.path, fit, tuple(logged))
 
 
 @dataclass
 class GenerationLog:
-    """Is called after each generation of one fit, replayed ones included, and writes down the others."""
+    """The logged generations of one fit. It is called after each generation, and writes those that are new."""
 
     path: Path
     fit: int
-    known: tuple[GenerationLine, ...]
+    logged: tuple[GenerationLine, ...]
     generation: int = 0
 
     @property
     def replay(self) -> tuple[Objectives, ...]:
-        """What the search is told again."""
-        return tuple(Objectives(line.objective_mm, line.unconverged, line.unstable) for line in self.known)
+        """Return the logged objectives, which the resumed search reads instead of computing them."""
+        return tuple(Objectives(line.objective_mm, line.unconverged, line.unstable) for line in self.logged)
 
     def __call__(self, generation: Generation, objectives: Objectives) -> None:
-        """Raises OtherSearch when a replayed generation does not lead where it led before."""
+        """Write a new generation. Raises OtherSearch if a replayed one differs from the logged one."""
         self.generation += 1
-        if self.generation <= len(self.known):
-            if generation != self.known[self.generation - 1].search:
-                raise OtherSearch(f"generation {self.generation} does not lead where it led when it was written")
+        if self.generation <= len(self.logged):
+            if generation != self.logged[self.generation - 1].search:
+                raise OtherSearch(f"generation {self.generation} differs from the one in the checkpoint")
             return
         _append(
             self.path,
@@ -184,36 +195,37 @@ class GenerationLog:
 
 
 def _append(path: Path, line: Record, fresh: bool = False) -> None:
-    """One line, on the disk before this returns, in one write: lines of several processes do not mix.
+    """Write one line in a single call, so that lines of several processes do not mix, and flush it to the disk.
 
-    Each begins with its line break, so that one that was cut short does not spoil the next.
+    The line break comes first, so that an incomplete line does not damage the next one.
     """
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | (os.O_TRUNC if fresh else 0)
     descriptor = os.open(path, flags, 0o666)
     try:
         os.write(descriptor, ("" if fresh else "\n").encode() + line.model_dump_json().encode())
         os.fsync(descriptor)
-    except OSError as error:  # which names no file
+    except OSError as error:  # this error does not name the file
         raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
         os.close(descriptor)
 
 
-def _check_same(path: Path, found: Head, asked: Head) -> None:
+def _check_same(path: Path, stored: Head, wanted: Head) -> None:
+    """Raise InputError if a checkpoint was begun with other fits, data, options or versions."""
     for what, there, here in (
-        ("fits", found.fits, asked.fits),
-        ("datasets (sha256)", found.datasets, asked.datasets),
-        *_pairs("", found.options, asked.options),
-        *_pairs("version of ", found.versions, asked.versions),
+        ("fits", stored.fits, wanted.fits),
+        ("datasets (sha256)", stored.datasets, wanted.datasets),
+        *_pairs("", stored.options, wanted.options),
+        *_pairs("version of ", stored.versions, wanted.versions),
     ):
         if there != here:
             raise InputError(
-                f"{path}: its {what} should be the same to resume, is {_words(there)} there and {_words(here)} here"
+                f"{path}: to resume, {what} should be the same: {_words(there)} in the checkpoint, {_words(here)} here"
             )
 
 
-def _pairs(prefix: str, found: dict[str, Any], asked: dict[str, Any]) -> list[tuple[str, object, object]]:
-    return [(prefix + key, found.get(key), asked.get(key)) for key in {**found, **asked}]
+def _pairs(prefix: str, stored: dict[str, Any], wanted: dict[str, Any]) -> list[tuple[str, object, object]]:
+    return [(prefix + key, stored.get(key), wanted.get(key)) for key in {**stored, **wanted}]
 
 
 def _words(value: object) -> str:

@@ -1,4 +1,4 @@
-"""A dataset as evidence: its specimen's model, its loads and what was seen, in the terms of the mechanics."""
+"""Read a dataset as evidence for a fit: the model of its specimen, its loads, and the measured edges or points."""
 
 from __future__ import annotations
 
@@ -36,17 +36,30 @@ from eimi_lab.vision.edges.edge_set import EdgeSet
 
 Array = NDArray[np.float64]
 
-WHOLE_FILES = ("dimensions", "calibration")  # taken as exact where specimen or calibration states no uncertainty
-FEWEST_STATES = 2  # of which a modulus can be told: one at rest and one bent
-FEWEST_POINTS = 10  # on each edge; fewer cannot say where the beam is
+WHOLE_FILES = ("dimensions", "calibration")  # the words if specimen or calibration states no uncertainty at all
+FEWEST_STATES = 2  # from which a modulus can be identified: one at rest and one bent
+FEWEST_POINTS = 10  # on each edge of a state that is used
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """One dataset ready to fit: the experiment, the states that it holds, and which those are of the dataset's.
+    """One dataset ready to fit.
 
-    taken_as_exact: what nobody stated an uncertainty of: keys, or dimensions or calibration as a whole; doubts: what
-    the measured edges themselves say against their calibration.
+    Attributes
+    ----------
+    path : Path
+    sha256 : str
+        Hash of the file.
+    experiment : Experiment
+        Model, loads and measured edges or points of the used states.
+    states : tuple of State
+        The used states.
+    used : StatesUsed
+        The states that were used and left out, with their flags.
+    taken_as_exact : tuple of str
+        Keys without a stated uncertainty; `dimensions` or `calibration` if none of their keys has one.
+    doubts : tuple of str
+        Contradictions between the measured edges and the calibration.
     """
 
     path: Path
@@ -58,15 +71,17 @@ class Evidence:
     doubts: tuple[str, ...] = ()
 
     def plot(self) -> Any:
-        """A matplotlib figure of what was seen of the states that are used, in the beam frame, by their field."""
+        """Return a matplotlib figure of the measured edges or points of the used states, in the beam frame."""
         from eimi_lab.dataset.plotting import OF_BEAM, drawn_places  # matplotlib is slow to import
 
         observed = self.experiment.observed
-        seen = np.isfinite(observed.sigma_mm)
+        measured = np.isfinite(observed.sigma_mm)
         if isinstance(observed, PointObservation):
-            places = [[own[good]] for own, good in zip(observed.moved_mm, seen, strict=True)]
+            places = [[points[valid]] for points, valid in zip(observed.moved_mm, measured, strict=True)]
             return drawn_places(self.states, places, OF_BEAM, lines=False)
-        sides = [[own[i][good[i]] for i in range(2)] for own, good in zip(observed.points_mm, seen, strict=True)]
+        sides = [
+            [points[i][valid[i]] for i in range(2)] for points, valid in zip(observed.points_mm, measured, strict=True)
+        ]
         return drawn_places(self.states, sides, OF_BEAM, lines=True)
 
     def _repr_html_(self) -> str:
@@ -78,8 +93,8 @@ class Evidence:
         section = self.experiment.model.specimen.section
         notes = [f"Doubt: {words}." for words in self.doubts]
         if self.taken_as_exact:
-            notes.append(f"Taken as exact, for no uncertainty is stated: {', '.join(self.taken_as_exact)}.")
-        caption = f"{self.path.name} as {section}: {self.used.in_words()}"
+            notes.append(f"Taken as exact, because no uncertainty is stated: {', '.join(self.taken_as_exact)}.")
+        caption = f"{self.path.name}, section {section}: {self.used.in_words()}"
         return html_table(caption, ("state", "field, mT", "tip force, N", "points"), rows, notes)
 
 
@@ -90,22 +105,32 @@ def load_evidence(
     flagged: bool = False,
     report: Callable[[str], None] = silent,
 ) -> Evidence:
-    """Read a dataset, segmenting it first where that was not done; raises InputError.
+    """Read a dataset as evidence; find the edges first if the dataset does not hold them.
 
-    section overrides the specimen's own; flagged states are left out unless asked for; ``report`` gets a line for
-    each state that had to be segmented.
+    Parameters
+    ----------
+    path : str or Path
+    section : {"solid", "plane-strain", "plane-stress"}, optional
+        Section assumption instead of that of the specimen.
+    flagged : bool
+        Whether to use states that a quality check has flagged.
+    report : callable
+        Is called with a line after each state whose edges are found.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or if no state can be used.
     """
     path = Path(path)
     try:
         str(path).encode()
     except UnicodeEncodeError as error:
-        raise InputError(
-            f"{str(path)!r}: is not UTF-8, and a result has to name the file; give it another name"
-        ) from error
+        raise InputError(f"{str(path)!r}: is not UTF-8, but a result file has to name this file; rename it") from error
     with open_dataset(path) as dataset:
         if dataset.kind != "frames" or dataset.edges() is not None:
             return _evidence(dataset, path, section, flagged)
-    from eimi_lab.dataset.segmentation import segment  # a slow import that a fit of stored edges does without
+    from eimi_lab.dataset.segmentation import segment  # a slow import, not needed with stored edges
 
     segment(path, report)
     with open_dataset(path) as dataset:
@@ -113,7 +138,7 @@ def load_evidence(
 
 
 def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bool) -> Evidence:
-    """Of a dataset that holds edges or tracked points. Raises InputError."""
+    """Return the evidence of a dataset that holds edges or tracked points. Raises InputError."""
     specimen = dataset.specimen.mechanics()
     if section:
         specimen = dataclasses.replace(specimen, section=section)
@@ -140,9 +165,23 @@ def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bo
 
 
 def experiment_so_far(dataset: Dataset, edges: Sequence[EdgeSet]) -> Experiment | None:
-    """The states of frames that can be used, of a dataset that may still be written, by edges that it need not hold.
+    """Return the usable states of a dataset of frames, which may still be growing.
 
-    edges: one element a state, for as many as there are. None where too few can be used. Raises InputError.
+    Parameters
+    ----------
+    dataset : Dataset
+    edges : sequence of EdgeSet
+        The edges of the first states, which need not be stored in the dataset.
+
+    Returns
+    -------
+    Experiment or None
+        None if fewer than two states can be used.
+
+    Raises
+    ------
+    InputError
+        If the files of the dataset contradict each other.
     """
     used = _used(dataset, edges, flagged=False)
     if len(used) < FEWEST_STATES:
@@ -152,7 +191,7 @@ def experiment_so_far(dataset: Dataset, edges: Sequence[EdgeSet]) -> Experiment 
     return Experiment(
         BeamModel(specimen, plane=specimen.planar_section),
         _loads(dataset, states),
-        _seen(dataset, edges, used),
+        _edge_observation(dataset, edges, used),
         stated=_stated(dataset),
     )
 
@@ -170,25 +209,26 @@ def _loads(dataset: Dataset, states: Sequence[State]) -> Loads:
 
 
 def _stated(dataset: Dataset) -> tuple[StatedSource, ...]:
-    """How uncertain what was stated of the dataset is. Raises InputError."""
-    found = dataset.specimen.stated_sources()
+    """Return the stated uncertainties of specimen, calibration and rig. Raises InputError."""
+    sources = dataset.specimen.stated_sources()
     if dataset.calibration is not None:
-        found += dataset.calibration.stated_sources()
+        sources += dataset.calibration.stated_sources()
         rig = dataset.text("rig")
         if rig is not None:
-            found += stated_by_rig(rig, f"{dataset.path}: rig", dataset.calibration.coil_constant_mT_per_A)
-    return found
+            sources += stated_by_rig(rig, f"{dataset.path}: rig", dataset.calibration.coil_constant_mT_per_A)
+    return sources
 
 
 def _taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
     specimen, calibration = dataset.specimen, dataset.calibration
-    found = missing_keys(WHOLE_FILES[0], specimen.uncertainty, specimen.uncertain_keys())
+    keys = missing_keys(WHOLE_FILES[0], specimen.uncertainty, specimen.uncertain_keys())
     if calibration is not None:
-        found += missing_keys(WHOLE_FILES[1], calibration.uncertainty, calibration.uncertain_keys())
-    return found
+        keys += missing_keys(WHOLE_FILES[1], calibration.uncertainty, calibration.uncertain_keys())
+    return keys
 
 
 def _observed(dataset: Dataset, flagged: bool) -> tuple[list[int], Observation]:
+    """Return the places of the used states, and their edges or points. Raises InputError if there are none."""
     if dataset.kind == "points":
         points = dataset.points()
         most = max(len(p.names) for p in points)
@@ -207,18 +247,20 @@ def _observed(dataset: Dataset, flagged: bool) -> tuple[list[int], Observation]:
         check_width(dataset)
     if not used:
         raise InputError(f"{dataset.path}: no state has edges that can be used; {_first_flag(edges)}")
-    return used, _seen(dataset, edges, used)
+    return used, _edge_observation(dataset, edges, used)
 
 
 def _used(dataset: Dataset, edges: Sequence[EdgeSet], flagged: bool) -> list[int]:
+    """Return the places of the states with enough points and, unless `flagged`, without a flag that leaves them out."""
     return [
         i
-        for i, (state, found) in enumerate(zip(dataset.states, edges, strict=False))
-        if _enough(found) and (flagged or not leaves_out((*found.flags, *state.flags)))
+        for i, (state, pair) in enumerate(zip(dataset.states, edges, strict=False))
+        if min(len(pair.left.points_mm), len(pair.right.points_mm)) >= FEWEST_POINTS
+        and (flagged or not leaves_out((*pair.flags, *state.flags)))
     ]
 
 
-def _seen(dataset: Dataset, edges: Sequence[EdgeSet], used: Sequence[int]) -> EdgeObservation:
+def _edge_observation(dataset: Dataset, edges: Sequence[EdgeSet], used: Sequence[int]) -> EdgeObservation:
     return EdgeObservation.from_edges(
         [_widened(edges[i], _widening_mm(dataset, edges, i)) for i in used],
         _view(dataset),
@@ -226,7 +268,7 @@ def _seen(dataset: Dataset, edges: Sequence[EdgeSet], used: Sequence[int]) -> Ed
 
 
 def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> float:
-    """The standard deviation that a state's flags add to that of its points."""
+    """Return the standard deviation that the flags of a state add to that of its points."""
     calibration, beam = dataset.calibration, dataset.specimen.specimen
     if calibration is None or not edges:
         return 0.0
@@ -234,8 +276,9 @@ def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> floa
     return math.hypot(*(flag.widens_mm(calibration.pixels_per_mm, beam.width_mm, beam.depth_mm) for flag in flags))
 
 
-def _widened(found: EdgeSet, by_mm: float) -> tuple[Array, Array, Array, Array]:
-    left, right = found.left, found.right
+def _widened(pair: EdgeSet, by_mm: float) -> tuple[Array, Array, Array, Array]:
+    """Return points and standard deviations of both edges, with a further standard deviation added in quadrature."""
+    left, right = pair.left, pair.right
     return left.points_mm, np.hypot(left.sigma_mm, by_mm), right.points_mm, np.hypot(right.sigma_mm, by_mm)
 
 
@@ -264,30 +307,27 @@ def _view(dataset: Dataset) -> View | None:
 
 
 def _lens_doubts(dataset: Dataset, observed: Observation) -> tuple[str, ...]:
-    """Whether the edges look as if seen in perspective, where nothing is known of one."""
+    """Return a doubt if the edges show perspective, but the calibration does not."""
     calibration, depth_mm = dataset.calibration, dataset.specimen.specimen.depth_mm
     if calibration is None or not isinstance(observed, EdgeObservation) or observed.view:
         return ()
     (height, width, *_), _ = dataset.frame_format()
     anywhere = calibration.model_copy(update={"telecentric": False, "stand_off_mm": 1e3 * depth_mm})
     lens = BeamFrame(anywhere).view(depth_mm, (width, height))
-    found = seen_depth(observed, lens.centre_mm, depth_mm) if lens else None
-    if found is None:
+    perspective = seen_depth(observed, lens.centre_mm, depth_mm) if lens else None
+    if perspective is None:
         return ()
     stated = "telecentric = true" if calibration.telecentric else "no stand_off_mm"
     return (
-        f"the beam looks up to {found.change_mm:.2g} mm wider away from the picture's middle, as through an ordinary "
-        f"lens some {round(found.stand_off_mm, -1):g} mm away, where the calibration has {stated}: measure and state "
-        "stand_off_mm (eimi segment --calibration takes the corrected file)",
+        f"the beam appears up to {perspective.change_mm:.2g} mm wider away from the middle of the picture, as through "
+        f"an ordinary lens about {round(perspective.stand_off_mm, -1):g} mm away, but the calibration has {stated}: "
+        "measure and state stand_off_mm (eimi segment --calibration takes the corrected file)",
     )
 
 
-def _enough(found: EdgeSet) -> bool:
-    return min(len(found.left.points_mm), len(found.right.points_mm)) >= FEWEST_POINTS
-
-
 def _first_flag(edges: tuple[EdgeSet, ...]) -> str:
-    flags = [flag for found in edges for flag in found.flags]
+    """Return the first flag of a state with its remedy, in words."""
+    flags = [flag for pair in edges for flag in pair.flags]
     if not flags:
         return "the frames show no beam"
     return f"the first flag is {flags[0].name}: {flags[0].remedy}"

@@ -1,4 +1,4 @@
-"""Fits as material cards of other programs: what `eimi export` does."""
+"""Write fits as material cards of other programs, as `eimi export` does."""
 
 from __future__ import annotations
 
@@ -18,25 +18,41 @@ AnyFit = FitRecord | TensileRecord
 
 
 def check_solver(solver: str) -> str:
-    """The program asked for. Raises InputError for an unknown one."""
+    """Return the name of a program. Raises InputError if there is no card for it."""
     if solver not in SOLVERS:
         raise InputError(f"--to {solver}: should be one of {', '.join(SOLVERS)}")
     return solver
 
 
 def choose_fit(path: Path, fits: Sequence[AnyFit], model: str, index: int | None) -> AnyFit:
-    """The fit of a model, by its index in the file where there are several. Raises InputError."""
-    own = {i: fit for i, fit in enumerate(fits) if fit.model == model}
-    known = ", ".join(f"{i} ({fit.model}{_window(fit)})" for i, fit in enumerate(fits))
-    if not own:
-        raise InputError(f"{path}: --model {model}: should be one of the file's fits: {known}")
-    if index is None and len(own) > 1:
-        choices = ", ".join(f"--index {i} ({fit.model}{_window(fit)})" for i, fit in own.items())
-        raise InputError(f"{path}: holds {len(own)} fits of {model}; give one of {choices}")
-    chosen = next(iter(own)) if index is None else index
-    if chosen not in own:
-        raise InputError(f"{path}: --index {chosen}: should be the index of a {model} fit; the file has {known}")
-    return own[chosen]
+    """Choose the fit of a law from a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for messages.
+    fits : sequence of FitRecord or TensileRecord
+    model : str
+        Name of the law.
+    index : int or None
+        Index of the fit in the file; needed if the file holds several fits of the law.
+
+    Raises
+    ------
+    InputError
+        If there is no such fit, or if there are several and no index.
+    """
+    of_model = {i: fit for i, fit in enumerate(fits) if fit.model == model}
+    in_file = ", ".join(f"{i} ({fit.model}{_window(fit)})" for i, fit in enumerate(fits))
+    if not of_model:
+        raise InputError(f"{path}: --model {model}: should be one of the file's fits: {in_file}")
+    if index is None and len(of_model) > 1:
+        choices = ", ".join(f"--index {i} ({fit.model}{_window(fit)})" for i, fit in of_model.items())
+        raise InputError(f"{path}: holds {len(of_model)} fits of {model}; give one of {choices}")
+    chosen = next(iter(of_model)) if index is None else index
+    if chosen not in of_model:
+        raise InputError(f"{path}: --index {chosen}: should be the index of a {model} fit; the file has {in_file}")
+    return of_model[chosen]
 
 
 def _window(fit: AnyFit) -> str:
@@ -44,11 +60,17 @@ def _window(fit: AnyFit) -> str:
 
 
 def bulk_modulus_Pa(fit: AnyFit, bulk_modulus_kPa: float | None, bulk_ratio: float | None) -> float:
-    """The bulk modulus that the user stated, one way or the other. Raises InputError."""
+    """Return the bulk modulus in Pa, stated directly or as a ratio to the initial shear modulus.
+
+    Raises
+    ------
+    InputError
+        If none or both are stated, or if the number is not positive.
+    """
     if (bulk_modulus_kPa is None) == (bulk_ratio is None):
         raise InputError(
-            "give --bulk-modulus-kPa, or --bulk-ratio (bulk over initial shear modulus, such as 2000), and not both: "
-            "a card takes no bulk modulus from a fit"
+            "give either --bulk-modulus-kPa or --bulk-ratio (bulk over initial shear modulus, such as 2000): a card "
+            "does not take the bulk modulus of a fit"
         )
     name, stated = (
         ("--bulk-ratio", bulk_ratio) if bulk_modulus_kPa is None else ("--bulk-modulus-kPa", bulk_modulus_kPa)
@@ -59,7 +81,7 @@ def bulk_modulus_Pa(fit: AnyFit, bulk_modulus_kPa: float | None, bulk_ratio: flo
 
 
 def card(path: Path, fit: AnyFit, solver: str, bulk_Pa: float) -> str:
-    """The card's text. Raises InputError where the program has no such law or the bulk modulus makes no sense."""
+    """Return the text of a card. Raises InputError if the program lacks the law, or for a wrong bulk modulus."""
     material = Material(
         LAWS[fit.model],
         np.array(fit.values()),
@@ -74,7 +96,7 @@ def card(path: Path, fit: AnyFit, solver: str, bulk_Pa: float) -> str:
 
 
 def _origin(path: Path, fit: AnyFit) -> list[str]:
-    """Where the numbers came from, the strains for which they hold, and all that has to be said of them."""
+    """Return the comments of a card: the source of the numbers, their strains, their intervals and the doubts."""
     lines = fit.caveats()
     held = fit.held_by_bounds()
     for name, quantity in fit.parameters.items():

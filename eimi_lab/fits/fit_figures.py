@@ -1,4 +1,4 @@
-"""Results as pictures for a notebook: stress against strain of a fit, and errors of a validation."""
+"""Draw figures for a notebook: stress against strain of a fit, residuals, and errors by state."""
 
 from __future__ import annotations
 
@@ -17,13 +17,21 @@ from eimi_lab.showing.palette import IN_ORDER, MARKERS, PALETTE
 
 Array = NDArray[np.float64]
 
-_BEYOND = 2.0  # times the strain reached, to be seen as an extrapolation
+_BEYOND = 2.0  # the figure ends at this multiple of the largest strain in the data
 
 
 @styled
 def drawn_law(law: Law, parameters: Array, drawn: Array, max_stretch: float) -> Drawing:
-    """Engineering stress in uniaxial tension of parameters (n,) with the band of draws (D, n); shaded is what no data
-    reached.
+    """Draw engineering stress in uniaxial tension; strains beyond the data are shaded.
+
+    Parameters
+    ----------
+    law : Law
+    parameters : ndarray, shape (n,)
+    drawn : ndarray, shape (D, n)
+        Draws of the parameters, for the 95 % band.
+    max_stretch : float
+        Largest stretch in the data.
     """
     reached = max_stretch - 1
     strain = np.linspace(0, _BEYOND * reached, 101)
@@ -44,7 +52,7 @@ def drawn_law(law: Law, parameters: Array, drawn: Array, max_stretch: float) -> 
 def drawn_errors(
     states: Sequence[int], field_mT: Sequence[float], error_mm: Sequence[float], deviation_mm: Sequence[float]
 ) -> Drawing:
-    """Errors with bars of one deviation, against the field or, where that does not change, the state's number."""
+    """Draw errors with bars of one standard deviation against the field, or against the state if it is constant."""
     x, words = by_field(field_mT, states)
     drawing = Drawing(3.0, 4.8)
     axes = drawing.subplots()
@@ -58,7 +66,7 @@ def drawn_errors(
 
 @styled
 def drawn_residuals(edges: Sequence[str], field_mT: Array, arc_length_mm: Array, distance_mm: Array) -> Drawing:
-    """Distances (K, 2, m) along both edges, a line a state in the colour of its field."""
+    """Draw distances (K, 2, m) along both edges, a line for each state in the colour of its field."""
     values = field_mT if np.ptp(field_mT) > 0 else np.arange(float(len(field_mT)))
     scale = ScalarMappable(Normalize(values.min(), max(values.max(), values.min() + 1e-9)), colormaps[IN_ORDER])
     drawing = Drawing(4.2)
@@ -82,7 +90,7 @@ def drawn_residuals(edges: Sequence[str], field_mT: Array, arc_length_mm: Array,
 
 @styled
 def drawn_errors_of_several(errors: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> Drawing:
-    """Errors in mm against the field in mT, a line for each name."""
+    """Draw errors in mm against the field in mT, a line for each name."""
     drawing = Drawing(3.0, 4.8)
     axes = drawing.subplots()
     for number, (name, (field_mT, error_mm)) in enumerate(errors.items()):

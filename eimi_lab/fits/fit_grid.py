@@ -1,4 +1,4 @@
-"""A grid of fits: laws x datasets x seeds x bootstrap replicates, each fit a task of its own."""
+"""Compute a grid of fits: laws × datasets × seeds × bootstrap replicates. Each fit is one task for the workers."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.process.progress import silent
 from eimi_lab.process.workers import completed
 
-FEWEST_STATES = 5  # to draw from: of fewer, many replicates would hold one state alone
+FEWEST_STATES = 5  # for a bootstrap: with fewer states, many replicates would consist of one state only
 
 
 @dataclass(frozen=True)
 class Task:
-    """One fit: a law, the evidence it is fitted to together, the seed, and the replicate (0: data as measured)."""
+    """One fit: the law, the datasets, the seed, and the number of the replicate (0: the data as measured)."""
 
     model: str
     evidence: tuple[Evidence, ...]
@@ -33,6 +33,7 @@ class Task:
     replicate: int = 0
 
     def __str__(self) -> str:
+        """Return law, datasets, seed and replicate in words."""
         words = [self.model, *(str(e.path) for e in self.evidence), f"seed {self.seed}"]
         return " ".join([*words, f"replicate {self.replicate}"] if self.replicate else words)
 
@@ -40,9 +41,22 @@ class Task:
 def grid(
     models: Sequence[str], evidence: Sequence[Evidence], seeds: Sequence[int], *, each: bool = False, bootstrap: int = 0
 ) -> list[Task]:
-    """Every law with every seed on all the evidence together, or on ``each`` dataset apart, with so many replicates.
+    """Return the tasks of a grid.
 
-    Raises InputError where there are too few states to draw replicates from, or where no material could explain them.
+    Parameters
+    ----------
+    models : sequence of str
+    evidence : sequence of Evidence
+    seeds : sequence of int
+    each : bool
+        Whether each dataset is fitted separately; otherwise all datasets are fitted together.
+    bootstrap : int
+        Number of bootstrap replicates of each fit.
+
+    Raises
+    ------
+    InputError
+        If there are too few states for a bootstrap, or if no material could explain the states.
     """
     check_evidence(evidence)
     groups = [(e,) for e in evidence] if each else [tuple(evidence)]
@@ -72,12 +86,34 @@ def fit_grid(
     report: Callable[[str], None] = silent,
     underway: Callable[[str], None] = silent,
 ) -> list[FitRecord]:
-    """Do the fits of a grid; ``options`` are those of `identify`. Replicates come back within the fit that they repeat.
+    """Compute the fits of a grid. Bootstrap replicates are returned as a part of the fit that they repeat.
 
-    share_checkpoint: workers write each generation into the checkpoint, which takes that they see the file; else only
-    finished fits are written. ``report`` is called once a task, ``underway`` once a generation of what is
-    searched in this process. Raises InputError where nothing can be simulated or
-    the checkpoint does not fit, ChildProcessError when workers are lost for good.
+    Parameters
+    ----------
+    tasks : sequence of Task
+    options : mapping
+        Options of `eimi_fitting.identify`.
+    executor : callable, optional
+        Starts the workers; without it the fits are computed in this process.
+    checkpoint : Checkpoint, optional
+    share_checkpoint : bool
+        Whether workers write each generation into the checkpoint, for which they must see the file. Otherwise only
+        finished fits are written.
+    report : callable
+        Is called with a line after each task.
+    underway : callable
+        Is called with a line after each generation of a search in this process.
+
+    Returns
+    -------
+    list of FitRecord
+
+    Raises
+    ------
+    InputError
+        If a dataset cannot be fitted, or if the checkpoint belongs to another search.
+    ChildProcessError
+        If workers are lost and cannot be replaced.
     """
     done = checkpoint.finished() if checkpoint else {}
     for index in sorted(done):
@@ -88,17 +124,17 @@ def fit_grid(
         experiments = [e.experiment for e in task.evidence]
         if task.replicate:
             experiments = resampled(experiments, task.seed, task.replicate)
-        given = {**options, "model": task.model, "experiments": experiments, "seed": task.seed}
+        values = {**options, "model": task.model, "experiments": experiments, "seed": task.seed}
         log = checkpoint.log_of(index) if checkpoint and share_checkpoint else None
         if log:
-            given |= {"replay": log.replay, "progress": log}
+            values |= {"replay": log.replay, "progress": log}
         if executor is None:
-            given["progress"] = _Underway(str(task), underway, log)
-        return given
+            values["progress"] = _Underway(str(task), underway, log)
+        return values
 
-    left = [index for index in range(len(tasks)) if index not in done]
+    remaining = [index for index in range(len(tasks)) if index not in done]
     try:
-        with closing(completed(identify, arguments, left, executor, (*REFUSALS, OtherSearch))) as outcomes:
+        with closing(completed(identify, arguments, remaining, executor, (*REFUSALS, OtherSearch))) as outcomes:
             for index, outcome in outcomes:
                 done[index] = _record(tasks[index], outcome)
                 if checkpoint:
@@ -106,15 +142,15 @@ def fit_grid(
                 report(f"{tasks[index]}, mean error {1e3 * done[index].mean_error_mm:.2f} µm")
     except OtherSearch as error:
         raise InputError(
-            f"{checkpoint.path if checkpoint else ''}: cannot be resumed here: {error}; was it written on another "
-            "kind of processor?"
+            f"{checkpoint.path if checkpoint else ''}: cannot be resumed here: {error}; it may have been written on "
+            "another kind of processor"
         ) from error
     return list(_with_replicates(tasks, done))
 
 
 @dataclass
 class _Underway:
-    """Tells each generation of a fit's search, and has it logged."""
+    """Report and log each generation of a search in this process."""
 
     task: str
     tell: Callable[[str], None]
@@ -137,15 +173,13 @@ def _record(task: Task, outcome: Callable[[], Fit]) -> FitRecord | ReplicateReco
 
 
 def _with_replicates(tasks: Sequence[Task], done: Mapping[int, FitRecord | ReplicateRecord]) -> Iterator[FitRecord]:
-    """The fits of the data as measured, in order, each with its replicates, which follow it in the grid."""
-    of_each: dict[int, list[ReplicateRecord]] = {}
+    """Yield the fits to the data as measured, in order, each with the replicates that follow it in the grid."""
+    fits: list[tuple[FitRecord, list[ReplicateRecord]]] = []
     for index in range(len(tasks)):
-        found = done[index]
-        if isinstance(found, ReplicateRecord):
-            of_each[next(reversed(of_each))].append(found)
+        record = done[index]
+        if isinstance(record, ReplicateRecord):
+            fits[-1][1].append(record)
         else:
-            of_each[index] = []
-    for index, replicates in of_each.items():
-        fit = done[index]
-        assert isinstance(fit, FitRecord)
+            fits.append((record, []))
+    for fit, replicates in fits:
         yield fit.model_copy(update={"bootstrap": BootstrapRecord.of(replicates)}) if replicates else fit

@@ -1,4 +1,4 @@
-"""What `eimi fit` prints under its result lines."""
+"""Print the details of a fit and the comparison of laws, as `eimi fit` does below its results."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ from eimi_lab.fits.evidence import WHOLE_FILES, Evidence
 from eimi_lab.fits.law_record import LawRecord
 from eimi_lab.fits.records import FitRecord, TensileRecord
 
-_LARGEST = 5  # sources shown each on its own
+_LARGEST = 5  # sources with a line each; the smaller ones share a line
 
 
 def remarks(fit: FitRecord) -> list[str]:
-    """Lines on one fit: what the data fix, the budget, what was freed, tensile curves, doubts."""
+    """Return the lines on one fit: what the data determine, the uncertainty budget, nuisances, curves, doubts."""
     return [*what_is_fixed(fit), *budget_lines(fit), *what_was_fitted_beside(fit), *_doubts(fit)]
 
 
 def what_is_fixed(fit: FitRecord) -> list[str]:
-    """Lines on what the data fix."""
+    """Return the lines on what the data determine."""
     lines = [fit.identifiability.statement]
     if fit.bulk_modulus:
         low, high = fit.bulk_modulus.interval_95
         open_end = BULK_NAME in fit.identifiability.not_fixed
         lines.append(
             f"bulk modulus {_kPa(fit.bulk_modulus.value)} [{_kPa(low)}, {_kPa(high)}] kPa"
-            + ("; bending does not tell it from an infinite one" if open_end else "")
+            + ("; the data agree with an infinite one" if open_end else "")
         )
     return lines
 
 
 def what_was_fitted_beside(fit: FitRecord) -> list[str]:
-    """Lines on priors, on what was freed, and on tensile curves."""
+    """Return the lines on priors, on freed nuisances, and on tensile curves."""
     lines = fit.priors_in_words()
     for value in fit.freed:
         lines.append(
-            f"{value.name} off by {_deviation(value.deviation)}, "
+            f"{value.name}: deviation {_deviation(value.deviation)}, "
             f"prior standard deviation {_scaled(value.prior_standard_deviation, value.deviation.unit)}"
         )
     for curve in fit.tensile:
@@ -57,17 +57,17 @@ def _doubts(fit: LawRecord) -> list[str]:
 
 
 def tensile_remarks(fit: TensileRecord) -> list[str]:
-    """Lines on one fit to a tensile test: what the curve does not fix, doubts."""
+    """Return the lines on one fit to a tensile test: what the curve does not determine, and doubts."""
     return [*fit.not_fixed_in_words(), *_doubts(fit)]
 
 
 def section_remarks(evidence: Sequence[Evidence]) -> list[str]:
-    """A line for each dataset that is taken under a planar assumption."""
-    return [remark for seen in evidence if (remark := section_remark(seen))]
+    """Return a line for each dataset with a planar section assumption."""
+    return [remark for one in evidence if (remark := section_remark(one))]
 
 
 def budget_lines(fit: FitRecord) -> list[str]:
-    """What makes up the interval of the modulus, the largest first, and what to measure better next."""
+    """Return the sources of the interval of the modulus, the largest first, and what to measure better next."""
     modulus, lines = fit.initial_shear_modulus, []
     for entry in fit.budget[:_LARGEST]:
         effect = f"± {_percent(entry.effect_percent)} of the modulus"
@@ -91,24 +91,24 @@ def budget_lines(fit: FitRecord) -> list[str]:
 
 
 def all_together_percent(fit: FitRecord) -> float:
-    """What the standard uncertainties of all sources do to the modulus."""
+    """Return the standard uncertainty of the modulus due to all sources together, in per cent."""
     return float(np.sqrt(sum(entry.effect_percent**2 for entry in fit.budget)))
 
 
 def entry_words(entry: BudgetEntry, fit: FitRecord) -> str:
-    """What is uncertain, and of which datasets where not of all."""
+    """Return the name of a source, with its datasets if it does not concern all of them."""
     if len(entry.datasets) == len(fit.datasets):
         return entry.words
     return f"{entry.words} of {', '.join(fit.datasets[d].path for d in entry.datasets)}"
 
 
 def next_sentence(fit: FitRecord) -> str:
-    """What to measure better next, and what the interval would then be."""
+    """Return what to measure better next, and the interval to be expected then, as a sentence."""
     low, high = fit.measure_next.initial_shear_modulus_interval_95_Pa
-    then = f"with half of its uncertainty the interval would be [{low:.0f}, {high:.0f}] Pa"
+    interval = f"the interval would be [{low:.0f}, {high:.0f}] Pa"
     if fit.measure_next.source is None:
-        return f"Noise and mesh limit this interval: {then}, which about four times as many states give."
-    return f"Measure better next: {fit.measure_next.words}; {then}."
+        return f"Noise and mesh limit this interval: with about four times as many states {interval}."
+    return f"Measure better next: {fit.measure_next.words}; with half of its uncertainty {interval}."
 
 
 def _percent(value: float) -> str:
@@ -116,7 +116,7 @@ def _percent(value: float) -> str:
 
 
 def comparison_table(choices: Sequence[Choice]) -> list[str]:
-    """The laws against each other; nothing where they cannot be compared."""
+    """Return the comparison of the laws as a table; no lines if they cannot be compared."""
     if not choices:
         return []
     lines = ["law              unknowns    AICc     BIC   weight   error on states left out"]
@@ -129,19 +129,20 @@ def comparison_table(choices: Sequence[Choice]) -> list[str]:
 
 
 def held_out_in_words(choice: Choice) -> str:
-    """The error of states left out; `-` where none could be."""
+    """Return the error on states left out of the fit in µm; `-` if none could be left out."""
     return "-" if choice.held_out_error_mm is None else f"{1e3 * choice.held_out_error_mm:.2f} µm"
 
 
 def too_few_in_words(choices: Sequence[Choice]) -> list[str]:
-    """A sentence on the laws that have no AICc; none where all have one."""
-    lacking = [choice.model for choice in choices if choice.aicc is None]
-    if not lacking:
+    """Return a sentence on the laws that have no AICc; no lines if all laws have one."""
+    without_aicc = [choice.model for choice in choices if choice.aicc is None]
+    if not without_aicc:
         return []
-    weighed = any(choice.weight is not None for choice in choices)
+    has_weights = any(choice.weight is not None for choice in choices)
+    weights = "the weights compare only the others" if has_weights else "there are no weights"
     return [
         f"These data are worth {choices[0].independent_points:.0f} independent points, too few for an AICc of "
-        f"{', '.join(lacking)}; {'weights are of the others alone' if weighed else 'so there are no weights'}."
+        f"{', '.join(without_aicc)}; {weights}."
     ]
 
 

@@ -1,4 +1,4 @@
-"""fits.json: its laws compared, written and read."""
+"""Write and read fits.json, and compare the laws of its fits."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ AnyFit = Annotated[
 
 
 class Fits(Record):
-    """All that a fits.json holds: its fits in order, and the comparison of their laws.
+    """The content of fits.json: the fits in order, and the comparison of their laws.
 
-    ``fits[0]`` is the first fit, ``fits["yeoh"]`` the first of that law. comparison: empty unless all laws were fitted
-    to the same data.
+    `fits[0]` is the first fit, and `fits["yeoh"]` the first fit of that law. The comparison is empty unless all laws
+    were fitted to the same data.
     """
 
     fits: tuple[AnyFit, ...] = Field(min_length=1)
@@ -41,21 +41,24 @@ class Fits(Record):
 
     @staticmethod
     def of(fits: Sequence[FitRecord | TensileRecord]) -> Fits:
-        """Compare the laws of these fits."""
+        """Return the fits with the comparison of their laws."""
         return Fits(fits=tuple(fits), comparison=_comparison(fits))
 
     def write(self, path: str | Path, force: bool = False) -> Path:
-        """Write fits.json and return its path. Raises InputError when the file exists without ``force``."""
+        """Write fits.json and return its path. Raises InputError if the file exists and `force` is false."""
         write_file(Path(path), self.model_dump_json(indent=1) + "\n", force)
         return Path(path)
 
     def __len__(self) -> int:
+        """Return the number of fits."""
         return len(self.fits)
 
     def __iter__(self) -> Iterator[FitRecord | TensileRecord]:  # type: ignore[override]
+        """Iterate over the fits."""
         return iter(self.fits)
 
     def __getitem__(self, which: int | str) -> FitRecord | TensileRecord:
+        """Return a fit by its index, or the first fit of a law. Raises InputError if there is no fit of the law."""
         if isinstance(which, int):
             return self.fits[which]
         for fit in self.fits:
@@ -66,19 +69,20 @@ class Fits(Record):
         )
 
     def __repr__(self) -> str:
+        """Return the summaries of all fits."""
         return f"<Fits: {'; '.join(fit.summary() for fit in self.fits)}>"
 
     def _repr_html_(self) -> str:
         return "".join(fit._repr_html_() for fit in self.fits)
 
     def to_pandas(self) -> Any:
-        """pandas.DataFrame of all fits, a row for each parameter; see `FitRecord.to_pandas`. Raises ImportError."""
+        """Return a pandas.DataFrame with a row for each parameter of each fit. Raises ImportError without pandas."""
         tables = {f"{index} {fit.model}": fit.to_pandas() for index, fit in enumerate(self.fits)}
         return installed("pandas").concat(tables, names=["fit"])
 
 
 def _comparison(fits: Sequence[FitRecord | TensileRecord]) -> tuple[Choice, ...]:
-    """The laws compared; nothing where there is one alone, one twice, or where they have not the same data."""
+    """Compare the laws; return nothing for a single law, for a repeated law, or for fits to different data."""
     bending = [fit for fit in fits if isinstance(fit, FitRecord)]
     data = {
         (
@@ -91,16 +95,16 @@ def _comparison(fits: Sequence[FitRecord | TensileRecord]) -> tuple[Choice, ...]
     once = len({fit.model for fit in bending}) == len(fits)
     if len(bending) < 2 or not once or len(data) > 1:
         return ()
-    noise_known = all(fit.identifiability.noise_mm and fit.identifiability.noise_points for fit in bending)
-    if not noise_known:  # of earlier releases
+    has_noise = all(fit.identifiability.noise_mm and fit.identifiability.noise_points for fit in bending)
+    if not has_noise:  # a file of an earlier release
         return choose([_candidate(fit, fit.identifiability.independent_points, fit.mean_error_mm) for fit in bending])
-    every = [fit.identifiability for fit in bending]
-    # Of the law that fits best, for all laws alike.
-    model_mm = min(every, key=lambda told: told.noise_mm or 0.0).model_mm
+    data_of = [fit.identifiability for fit in bending]
+    # The error of the model is that of the best law, for all laws.
+    model_mm = min(data_of, key=lambda data: data.noise_mm or 0.0).model_mm
     return choose(
         [
-            _candidate(fit, told.noise_points or 0.0, math.hypot(told.noise_mm or 0.0, model_mm), told.stated_squares)
-            for fit, told in zip(bending, every, strict=True)
+            _candidate(fit, data.noise_points or 0.0, math.hypot(data.noise_mm or 0.0, model_mm), data.stated_squares)
+            for fit, data in zip(bending, data_of, strict=True)
         ]
     )
 
@@ -116,7 +120,7 @@ def _candidate(fit: FitRecord, points: float, error_mm: float, stated_squares: f
 
 
 def write_fits(path: Path, fits: Sequence[FitRecord | TensileRecord], force: bool = False) -> Fits:
-    """Write fits.json and return what it holds. Raises InputError when the file exists without ``force``."""
+    """Write fits.json and return its content. Raises InputError if the file exists and `force` is false."""
     content = Fits.of(fits)
     content.write(path, force)
     return content
@@ -126,12 +130,12 @@ _EXPECTED = "expected a file that `eimi fit` or `eimi tensile` of this release w
 
 
 def read_any_fits(path: str | Path) -> tuple[FitRecord | TensileRecord, ...]:
-    """The fits of a fits.json, tensile ones included. Raises InputError as `read_fits_file` does."""
+    """Read the fits of fits.json, including tensile fits. Raises InputError as `read_fits_file` does."""
     return read_fits_file(path).fits
 
 
 def read_fits_file(path: str | Path) -> Fits:
-    """Read fits.json. Raises InputError naming the file and the key."""
+    """Read fits.json. Raises InputError with the file and the key that is wrong."""
     path = Path(path)
     text = read_text(path)
     try:
@@ -139,11 +143,11 @@ def read_fits_file(path: str | Path) -> Fits:
     except json.JSONDecodeError as error:
         raise InputError(f"{path}: line {error.lineno}: is not JSON ({error.msg}); {_EXPECTED}") from error
     except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error)}; {_EXPECTED}: if it is of an earlier one, fit again") from error
+        raise InputError(f"{path}: {first_fault(error)}; {_EXPECTED}; fit again if it is older") from error
 
 
 def first_fault(error: ValidationError) -> str:
-    """The first key that cannot be used, and why; without the choices that pydantic tried on the way to it."""
+    """Return the first wrong key of a validation error, and the reason, without the alternatives pydantic tried."""
     first = error.errors()[0]
     keys = [str(key) for key in first["loc"]]
     if keys[:1] == ["fits"]:

@@ -1,4 +1,4 @@
-"""Fitting laws to datasets: what `eimi fit` does."""
+"""Fit one law to one or several datasets, as `eimi fit` does, and state why a fit is refused."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from eimi_lab.process.errors import InputError
 
 
 def check_models(models: Sequence[str]) -> list[str]:
-    """The models asked for, each once. Raises InputError for an unknown one."""
+    """Return the names of laws without repetitions. Raises InputError for an unknown law."""
     for model in models:
         if model not in LAWS:
             raise InputError(f"--model {model}: there is no law {model!r}; {suggestion(model, LAWS)}")
@@ -28,10 +28,10 @@ def check_models(models: Sequence[str]) -> list[str]:
 
 
 def check_section(section: str | None) -> Section | None:
-    """The section asked for. Raises InputError for an unknown one."""
-    for known in get_args(Section):
-        if section == known:
-            return known
+    """Return the section assumption of an option; None without one. Raises InputError for an unknown section."""
+    for name in get_args(Section):
+        if section == name:
+            return name
     if section is None:
         return None
     raise InputError(f"--section {section}: there is no such section; {suggestion(section, get_args(Section))}")
@@ -44,30 +44,44 @@ REFUSALS = (
     NotExplained,
     NotDetermined,
     CannotFit,
-)  # by `identify`, for what the evidence is
+)
+"""The errors by which `identify` refuses the evidence."""
 
 
 def refused(error: Exception, evidence: Sequence[Evidence]) -> InputError:
-    """What a person is told of one of the REFUSALS."""
+    """Return the error for the user for one of the `REFUSALS`, with the path of the dataset."""
     if isinstance(error, NotExplained):
-        own = evidence[error.experiment]
-        return InputError(f"{own.path}: state {own.states[error.state].index}: {error}")
+        dataset = evidence[error.experiment]
+        return InputError(f"{dataset.path}: state {dataset.states[error.state].index}: {error}")
     if isinstance(error, NamedCause):
-        own = evidence[error.experiment]
-        return InputError(in_words(error, own.path, own.experiment))
+        dataset = evidence[error.experiment]
+        return InputError(in_words(error, dataset.path, dataset.experiment))
     return InputError(f"{', '.join(str(e.path) for e in evidence)}: {error}")
 
 
 def check_evidence(evidence: Sequence[Evidence]) -> None:
-    """Raises InputError for states that no material could explain, before anything is searched."""
-    for own in evidence:
-        check_states(own.path, own.experiment, own.states)
+    """Check all datasets before a search. Raises InputError for states that no material could explain."""
+    for dataset in evidence:
+        check_states(dataset.path, dataset.experiment, dataset.states)
 
 
 def fit_evidence(evidence: Sequence[Evidence], model: str, seed: int = 1, **options: Any) -> FitRecord:
-    """Identify one law from all the evidence together; options are those of `identify`.
+    """Fit one law to all datasets together.
 
-    Raises InputError when nothing could be simulated or explained.
+    Parameters
+    ----------
+    evidence : sequence of Evidence
+    model : str
+        Name of the law.
+    seed : int
+        Seed of the search.
+    **options
+        Further options of `eimi_fitting.identify`.
+
+    Raises
+    ------
+    InputError
+        If no candidate could be simulated, or if no material explains the states.
     """
     check_evidence(evidence)
     try:

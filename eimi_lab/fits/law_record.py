@@ -1,4 +1,4 @@
-"""What every fit says of its law, whatever it was fitted to, and how it shows itself."""
+"""The part of a result file that bending fits and tensile fits have in common, and its tables and figures."""
 
 from __future__ import annotations
 
@@ -19,28 +19,42 @@ Array = NDArray[np.float64]
 
 
 class Record(BaseModel):
-    """A part of a result file: not changed after it is made, no unknown keys."""
+    """A part of a result file. It is immutable, and unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Stability(Record):
-    """Drucker's criterion: met over the stretches reached, and up to which stretch (null: no limit met)."""
+    """The stability of a law: the criterion, and the stretch up to which it is met (null: at all that were checked)."""
 
     criterion: str
     stable_up_to_stretch: float | None
     checked_up_to_stretch: float
 
 
-HELD = "not measured"  # beside a value
-_HELD_BY = "not measured (their intervals hold zero or are set by the bounds of the search)"
+HELD = "not measured"  # the mark of a value that the data do not determine
+_HELD_BY = "not measured (their intervals contain zero or are determined by the bounds of the search)"
 
 
 class LawRecord(Record):
-    """What every fit says of its law, whatever it was fitted to.
+    """The result of a fit, to bending or to tension.
 
-    doubts: their states are those of the dataset; draws: of the joint distribution of all that is uncertain, null in
-    files of earlier releases.
+    Attributes
+    ----------
+    model : str
+        Name of the law.
+    parameters : dict of Quantity
+        Parameters with 95 % intervals, by name, in the order of the law.
+    initial_shear_modulus : Quantity
+    max_stretch : float
+        Largest principal stretch in the data.
+    stability : Stability
+    doubts : tuple of Doubt
+        Reasons to doubt the result; a state is given by its index in the dataset.
+    draws : Draws or None
+        Draws from the joint distribution of all uncertain numbers; null in files of earlier releases.
+    versions : dict of str
+        Versions of Python and of the packages that computed the fit.
     """
 
     model: str
@@ -65,51 +79,51 @@ class LawRecord(Record):
         return self
 
     def values(self) -> list[float]:
-        """The parameters in the law's order."""
+        """Return the parameters in the order of the law."""
         return [quantity.value for quantity in self.parameters.values()]
 
     def drawn(self, most: int | None = None) -> Array:
-        """(D, n): parameters of the draws, at most so many, evenly over the modulus; none without draws."""
+        """Return the parameters (D, n) of at most `most` draws, evenly spread over the modulus; D = 0 without draws."""
         if self.draws is None:
             return np.zeros((0, len(self.parameters)))
         return self._evenly(np.array(self.draws.values)[:, : len(self.parameters)], most)
 
     def drawn_deviation(self, name: str, most: int | None = None) -> Array | None:
-        """(D,): by how much a source's number is off what was stated, in the draws of `drawn`; None if not in them."""
+        """Return the deviations (D,) of a source from its stated value in the draws of `drawn`; None without them."""
         if self.draws is None or name not in self.draws.names:
             return None
         return self._evenly(self.draws.column(name), most)
 
     @staticmethod
-    def _evenly(every: Array, most: int | None) -> Array:
-        if most is None or most >= len(every):
-            return every
-        return np.asarray(every[((np.arange(most) + 0.5) * len(every) / most).astype(int)])
+    def _evenly(draws: Array, most: int | None) -> Array:
+        if most is None or most >= len(draws):
+            return draws
+        return np.asarray(draws[((np.arange(most) + 0.5) * len(draws) / most).astype(int)])
 
     def modulus_in_words(self) -> str:
-        """The initial shear modulus with its interval."""
+        """Return the initial shear modulus with its interval."""
         modulus = self.initial_shear_modulus
         return in_words(modulus.value, modulus.interval_95)
 
     def notes(self) -> list[str]:
-        """What the fit is worth, in sentences."""
+        """Return sentences on the data and the errors of the fit."""
         return []
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Parameters that the data do not fix: their value and interval are those of the bounds of the search."""
+        """Return the parameters that the data do not determine: the bounds of the search determine their intervals."""
         return ()
 
     def stretch_in_words(self) -> str:
-        """How far the data reached, and how far the law is stable."""
+        """Return the largest stretch in the data, and the limit of stability, as a sentence."""
         limit, checked = self.stability.stable_up_to_stretch, self.stability.checked_up_to_stretch
-        stable = f"up to {checked:g}, as far as it was checked" if limit is None else f"up to {limit:.3g} only"
+        stable = f"up to {checked:g}, the largest that was checked" if limit is None else f"up to {limit:.3g} only"
         return (
             f"Largest stretch in the data {self.max_stretch:.3f}, beyond which the law is an extrapolation; "
             f"{self.stability.criterion}-stable {stable}."
         )
 
     def caveats(self) -> list[str]:
-        """What has to go wherever the numbers go: interval, what was not measured, stretch, doubts."""
+        """Return the lines that must accompany the numbers: interval, undetermined parameters, limits and doubts."""
         held = self.held_by_bounds()
         return [
             f"initial shear modulus {self.modulus_in_words()}, 95 % interval",
@@ -120,24 +134,25 @@ class LawRecord(Record):
         ]
 
     def priors_in_words(self) -> list[str]:
-        """Return what was known of the parameters before the fit."""
+        """Return a sentence for each prior on a parameter."""
         return []
 
     def doubts_in_words(self) -> list[str]:
-        """Every doubt, with what it is about."""
+        """Return the doubts, each with its dataset, state or curve."""
         return [doubt.words for doubt in self.doubts]
 
     @field_serializer("doubts")
     def _without_kinds(self, doubts: tuple[Doubt, ...]) -> list[dict[str, Any]]:
-        """Write what result files have always held of a doubt."""
+        """Write a doubt without its kind, which result files do not hold."""
         return [{key: value for key, value in vars(doubt).items() if key != "kind"} for doubt in doubts]
 
     def _quantities(self) -> dict[str, Quantity]:
         return {**self.parameters, "initial_shear_modulus": self.initial_shear_modulus}
 
     def to_pandas(self) -> Any:
-        """pandas.DataFrame of parameters and initial shear modulus with intervals, and whether only the bounds of the
-        search hold them. Raises ImportError.
+        """Return a pandas.DataFrame of parameters and initial shear modulus with their intervals.
+
+        The column `held_by_bounds` is true if the data do not determine the value. Raises ImportError without pandas.
         """
         rows = [
             {
@@ -153,7 +168,7 @@ class LawRecord(Record):
         return data_frame(rows, "parameter")
 
     def plot(self) -> Any:
-        """A matplotlib figure of the stress in uniaxial tension with its band, in the data's reach and beyond."""
+        """Return a matplotlib figure of the stress in uniaxial tension with its band, within the data and beyond."""
         from eimi_lab.fits.fit_figures import drawn_law  # matplotlib is slow to import
 
         law = LAWS[self.model]
@@ -164,6 +179,7 @@ class LawRecord(Record):
         return f"{self.model}: initial shear modulus {self.modulus_in_words()}"
 
     def __repr__(self) -> str:
+        """Return the summary."""
         return f"<{self.summary()}>"
 
     def _repr_html_(self) -> str:

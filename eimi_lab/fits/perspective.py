@@ -1,15 +1,15 @@
-"""What the edges themselves say of the lens: whether the beam's depth is seen in perspective, and from how far.
+"""Detect from the measured edges that the lens sees the depth of the beam in perspective.
 
-An ordinary lens sees the union of the outlines of the near and the far face. To first order each edge is moved outward
-by d depth / (2 S), with d its distance from the optical axis along its normal and S the stand-off: a beam that bends
-looks the wider, the farther its edges are from the axis. Each place along the beam is compared with itself in other
-states, so that a beam that is not cut true has no say.
+An ordinary lens sees the union of the outlines of the near and the far face. To first order each edge is displaced
+outward by a depth / (2 S), where a is its distance from the optical axis along its normal and S the stand-off. A bent
+beam therefore appears the wider, the farther its edges are from the axis. A bent solid also bows across its depth by
+about κ depth² / 16, where κ is the curvature, which also widens the outline. The width w is therefore fitted as
 
-A solid also bows across its depth where it is bent: its faces stand out by about kappa depth^2 / 16 on one side, which
-widens the outline as curvature does, and curvature grows with the distance from the axis. So the width is taken as a
-sum of both, and only what the distance explains beside the curvature counts. A beam also grows a little thinner where
-it is bent, which makes the stand-off come out too large, by some tenths of it: it is to be measured, not taken from
-here.
+    w = w₀(s) + b a + c κ,    a = a_left + a_right,    S = depth / (2 b)
+
+over all stations s along the beam and all states. The width w₀ at each station is free, so that an irregular shape of
+the beam has no influence. A bent beam also becomes slightly thinner, which makes S too large by some tenths: the
+stand-off should be measured and not taken from this estimate.
 """
 
 from __future__ import annotations
@@ -23,44 +23,50 @@ from eimi_fitting.inference.evidence.measurements import EdgeObservation
 
 Array = NDArray[np.float64]
 
-_STATIONS = np.linspace(0.1, 0.9, 17)  # along the beam, clear of clamp and tip
+_STATIONS = np.linspace(0.1, 0.9, 17)  # along the beam, away from clamp and tip
 _FEWEST_STATES = 4
-_SURE = 6.0  # standard errors, by leaving out one state at a time
+_SURE = 6.0  # smallest slope b that counts, in standard errors (jackknife over the states)
 
 
 @dataclass(frozen=True)
 class SeenDepth:
-    """The stand-off (mm) from which the edges look as if seen, and by how much (mm) the width then changes at most."""
+    """The stand-off (mm) that explains the edges, and the largest change of the width (mm) due to it."""
 
     stand_off_mm: float
     change_mm: float
 
 
 def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> SeenDepth | None:
-    """What perspective is in the edges of K states; None where there is none to be seen.
+    """Estimate the perspective in the edges of K states; None if it is not significant.
 
-    centre_mm: (2,) where the optical axis meets the beam's plane.
+    Parameters
+    ----------
+    observed : EdgeObservation
+    centre_mm : ndarray, shape (2,)
+        Intersection of the optical axis with the plane of the beam.
+    depth_mm : float
+        Depth of the beam.
     """
     if len(observed.points_mm) < _FEWEST_STATES:
         return None
     count = len(observed.points_mm)
-    seen = np.array([_along(observed, k, centre_mm) for k in range(count)])
-    slope = _slope(seen)
-    rest = np.array([_slope(np.delete(seen, k, axis=0)) for k in range(count)])
-    error = np.sqrt((count - 1) / count * np.sum((rest - rest.mean()) ** 2))
+    profiles = np.array([_profile(observed, k, centre_mm) for k in range(count)])
+    slope = _slope(profiles)
+    without_one = np.array([_slope(np.delete(profiles, k, axis=0)) for k in range(count)])
+    error = np.sqrt((count - 1) / count * np.sum((without_one - without_one.mean()) ** 2))
     if not slope > _SURE * error or not slope > 0:
         return None
-    return SeenDepth(0.5 * depth_mm / slope, float(slope * np.ptp(seen[:, 1], axis=0).max()))
+    return SeenDepth(0.5 * depth_mm / slope, float(slope * np.ptp(profiles[:, 1], axis=0).max()))
 
 
-def _slope(seen: Array) -> float:
-    """Of width in distance beside curvature, from (K, 3, S), each station's mean over the states taken off."""
-    width, distance, curvature = (seen - seen.mean(axis=0)).transpose(1, 0, 2).reshape(3, -1)
+def _slope(profiles: Array) -> float:
+    """Return b of the equation above from profiles (K, 3, S); subtracting the mean over the states removes w₀."""
+    width, distance, curvature = (profiles - profiles.mean(axis=0)).transpose(1, 0, 2).reshape(3, -1)
     return float(np.linalg.lstsq(np.stack([distance, curvature], axis=1), width, rcond=None)[0][0])
 
 
-def _along(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
-    """(3, S) at each station: width, the sum of both edges' distances from the axis along their normals, curvature."""
+def _profile(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
+    """Return the profile (3, S) of state k: the width w, the distance a and the curvature at each station."""
     left, right = (
         side[np.isfinite(sigma)] for side, sigma in zip(observed.points_mm[k], observed.sigma_mm[k], strict=True)
     )
@@ -75,18 +81,18 @@ def _along(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
 
 
 def _at_stations(points: Array) -> Array:
-    """(S, 2) of an edge (n, 2), by its length."""
+    """Return the points (S, 2) of an edge (n, 2) at the stations, by arc length."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     at = _STATIONS * length[-1]
     return np.stack([np.interp(at, length, points[:, i]) for i in range(2)], axis=1)
 
 
 def _crossing(points: Array, middle: Array, normal: Array) -> Array:
-    """(S,): how far along each normal an edge (n, 2) lies from the middle."""
+    """Return the distances (S,) of an edge (n, 2) from the middle (S, 2), along the normals (S, 2)."""
     tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
     arms = points[None] - middle[:, None]
     across, along = ((arms * axis[:, None]).sum(axis=2) for axis in (normal, tangent))
-    near = np.argsort(np.abs(along), axis=1)[:, :6]  # a parabola through the nearest points, and its place at 0
-    x, y = (np.take_along_axis(own, near, axis=1) for own in (along, across))
+    near = np.argsort(np.abs(along), axis=1)[:, :6]  # fit a parabola to the nearest points, and evaluate it at 0
+    x, y = (np.take_along_axis(component, near, axis=1) for component in (along, across))
     powers = (x / np.abs(x).max(axis=1, keepdims=True))[..., None] ** np.arange(3)
     return np.asarray((np.linalg.pinv(powers)[:, 0] * y).sum(axis=1))

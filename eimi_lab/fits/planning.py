@@ -1,4 +1,4 @@
-"""The run to do next: states, mounting and specimen for a goal, under a rig's limits and with what is stated of it.
+"""Plan the next run: choose states, mounting and specimen for a goal, within the limits of a rig.
 
 The mathematics is in `eimi_fitting.inference.planning.design_of_experiment`.
 """
@@ -45,7 +45,7 @@ _GRID = 41  # currents among which the states are chosen
 
 @dataclass(frozen=True)
 class Mounting:
-    """A specimen, gravity's angle in the beam frame (None: it does not bend the beam) and a weight at its tip."""
+    """A specimen, the angle of gravity in the beam frame (None: gravity does not bend it), and a weight at its tip."""
 
     specimen: SpecimenFile
     gravity_angle_deg: float | None
@@ -53,11 +53,11 @@ class Mounting:
 
     @property
     def tip_force_N(self) -> float:
-        """Of the weight."""
+        """Return the force of the weight at the tip in N."""
         return 1e-3 * STANDARD_GRAVITY * self.tip_weight_g
 
     def in_words(self) -> str:
-        """For a table."""
+        """Return specimen, gravity and weight in words."""
         gravity = "no gravity" if self.gravity_angle_deg is None else f"gravity at {self.gravity_angle_deg:g}°"
         weight = f", {self.tip_weight_g:g} g at the tip" if self.tip_weight_g else ""
         return f"{self.specimen.specimen.name}, {gravity}{weight}"
@@ -65,10 +65,18 @@ class Mounting:
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """States chosen in one mounting, and what they are good for beside as many equally spaced ones.
+    """The chosen states in one mounting, compared with the same number of equally spaced states.
 
-    expected, spaced: half-width of the 95 % interval in per cent, or, to tell laws apart, AIC for the first one;
-    effects_percent: standard deviation that each source gives the goal, largest first.
+    Attributes
+    ----------
+    mounting : Mounting
+    currents_A : tuple of float
+        The currents of the chosen states.
+    expected, spaced : float
+        Expected half-width of the 95 % interval in per cent, for the chosen and for equally spaced states. To
+        discriminate between two laws: the expected difference of AIC in favour of the first.
+    effects_percent : dict of float
+        Standard deviation of the goal due to each source of uncertainty in per cent, the largest first.
     """
 
     mounting: Mounting
@@ -80,7 +88,7 @@ class PlannedRun:
 
 @dataclass(frozen=True)
 class Goal:
-    """What is to be known: the modulus, a parameter, or that the law is not the rival."""
+    """The goal of a run: to measure the modulus or a parameter, or to discriminate the law from a rival."""
 
     fit: FitRecord
     parameter: str = MODULUS
@@ -88,10 +96,27 @@ class Goal:
 
     @staticmethod
     def of(path: Path, fits: Sequence[AnyFit], model: str | None, words: str) -> Goal:
-        """By its name on the command line. Raises InputError."""
+        """Return the goal of the command line.
+
+        Parameters
+        ----------
+        path : Path
+            The fits file, for messages.
+        fits : sequence of FitRecord or TensileRecord
+            The fits of the file.
+        model : str or None
+            The law; needed if the file holds several.
+        words : str
+            `modulus`, a parameter of the law, or another law of the file.
+
+        Raises
+        ------
+        InputError
+            If the file has no such fit, or if the goal does not exist.
+        """
         bending = {fit.model: fit for fit in fits if isinstance(fit, FitRecord)}
         if not bending:
-            raise InputError(f"{path}: holds no fit of a bending beam, whose noise a plan goes by")
+            raise InputError(f"{path}: holds no fit to a bending beam, from which a plan takes the noise")
         if model is None and len(bending) > 1:
             raise InputError(f"{path}: holds several laws; --model should be one of {', '.join(bending)}")
         fit = bending.get(model or next(iter(bending)))
@@ -110,41 +135,76 @@ class Goal:
         )
 
     def in_words(self) -> str:
-        """For a heading."""
+        """Return the goal in words, for a heading."""
         if self.rival:
-            return f"{self.fit.model} against {self.rival.model}, AIC to expect"
-        what = MODULUS if self.parameter == MODULUS else self.parameter
-        return f"{what} of {self.fit.model}, half-width of the 95 % interval to expect"
+            return f"{self.fit.model} against {self.rival.model}, expected difference of AIC"
+        return f"{self.parameter} of {self.fit.model}, expected half-width of the 95 % interval"
 
     def value(self, number: float) -> str:
-        """What a run is good for."""
+        """Format the expected result of a run."""
         return f"{number:.3g}" if self.rival else f"± {number:.3g} %"
 
 
 def mountings(
     specimens: Sequence[SpecimenFile], rig: Rig, gravity_angles: Sequence[float], weights: Sequence[float]
 ) -> list[Mounting]:
-    """All that may be combined. Raises InputError for weights that hang in no direction."""
+    """Return all combinations of specimens, angles of gravity and weights.
+
+    Parameters
+    ----------
+    specimens : sequence of SpecimenFile
+    rig : Rig
+    gravity_angles : sequence of float
+        Angles of gravity in the beam frame in degrees; if empty, that of the rig.
+    weights : sequence of float
+        Weights at the tip in grams; if empty, none.
+
+    Raises
+    ------
+    InputError
+        If weights or angles are given for a rig without gravity.
+    """
     gravity = rig.calibration.gravity
     if not gravity and (any(weights) or gravity_angles):
         raise InputError(f"rig {rig.name}: calibration has gravity = false: leave out --tip-weight and --gravity-angle")
-    own: Sequence[float | None] = gravity_angles or [round(BeamFrame(rig.calibration).gravity_deg, 3)]
+    angles: Sequence[float | None] = gravity_angles or [round(BeamFrame(rig.calibration).gravity_deg, 3)]
     return [
         Mounting(specimen, angle if gravity else None, weight)
         for specimen in specimens
-        for angle in own
+        for angle in angles
         for weight in weights or [0.0]
     ]
 
 
-def plan(goal: Goal, every: Sequence[Mounting], rig: Rig, protocol: Protocol, states: int) -> list[PlannedRun]:
-    """The best states in each mounting, the best mounting first. Raises InputError."""
+def plan(goal: Goal, choices: Sequence[Mounting], rig: Rig, protocol: Protocol, states: int) -> list[PlannedRun]:
+    """Choose the best states in each mounting.
+
+    Parameters
+    ----------
+    goal : Goal
+    choices : sequence of Mounting
+    rig : Rig
+    protocol : Protocol
+        Its limits apply in addition to those of the rig.
+    states : int
+        Number of states.
+
+    Returns
+    -------
+    list of PlannedRun
+        The best mounting first.
+
+    Raises
+    ------
+    InputError
+        If too many states are wanted, or if the beam has an equilibrium in too few of them.
+    """
     currents = _currents(rig, protocol)
     if states > len(currents):
         raise InputError(f"--states {states}: should be at most {len(currents)}, the currents that are considered")
-    runs = [run for mounting in every if (run := _planned(goal, mounting, rig, currents, states))]
+    runs = [run for mounting in choices if (run := _planned(goal, mounting, rig, currents, states))]
     if not runs:
-        raise InputError("the beam finds an equilibrium in too few states: take a lower limit, or another mounting")
+        raise InputError("the beam has an equilibrium in too few states: set a lower limit, or choose another mounting")
     return sorted(runs, key=lambda run: run.expected, reverse=goal.rival is not None)
 
 
@@ -168,38 +228,38 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
         *stated_by_rig(rig.text, rig.name, constant),
     )
     specimen = mounting.specimen.mechanics()
-    known, noise = _known(goal.fit), _noise(goal.fit)
+    law, noise = _law(goal.fit), _noise(goal.fit)
     criterion: Candidates | Rivals
     try:
         if goal.rival:
-            criterion = rivals(known, _known(goal.rival), specimen, loads, stated, noise)
+            criterion = rivals(law, _law(goal.rival), specimen, loads, stated, noise)
         else:
-            criterion = candidates(known, specimen, loads, stated, noise, goal.parameter)
+            criterion = candidates(law, specimen, loads, stated, noise, goal.parameter)
         choice = exchange(criterion, states)
-    except ValueError:  # the beam does not reach so many states
+    except ValueError:  # the beam has an equilibrium in too few states
         return None
     spaced = equally_spaced(len(criterion), states)
-    good = criterion.apart if isinstance(criterion, Rivals) else criterion.half_width_percent
+    score = criterion.apart if isinstance(criterion, Rivals) else criterion.half_width_percent
     return PlannedRun(
         mounting=mounting,
         currents_A=tuple(currents_A[criterion.states[choice]].tolist()),
-        expected=good(choice),
-        spaced=good(spaced),
+        expected=score(choice),
+        spaced=score(spaced),
         effects_percent=criterion.effects_percent(choice) if isinstance(criterion, Candidates) else {},
     )
 
 
-def _known(fit: FitRecord) -> KnownLaw:
+def _law(fit: FitRecord) -> KnownLaw:
     return KnownLaw(LAWS[fit.model], np.array(fit.values()))
 
 
 def _noise(fit: FitRecord) -> EdgeNoise:
-    left = fit.section_change.left_percent if fit.section_change else None
-    return EdgeNoise.of(fit.identifiability, len(fit.by_state), left or 0.0)
+    section_percent = fit.section_change.left_percent if fit.section_change else None
+    return EdgeNoise.of(fit.identifiability, len(fit.by_state), section_percent or 0.0)
 
 
 def protocol_text(goal: Goal, run: PlannedRun, protocol: Protocol) -> str:
-    """A protocol of the planned states that says what it is for."""
+    """Return a protocol of the planned states, with their purpose as a comment."""
     states = Currents(values_A=run.currents_A)
     changed = protocol.model_copy(
         update={"name": f"{protocol.name}-planned", "current": states, "tip_force_N": run.mounting.tip_force_N}
@@ -211,7 +271,7 @@ def protocol_text(goal: Goal, run: PlannedRun, protocol: Protocol) -> str:
 
 
 def table(goal: Goal, runs: Sequence[PlannedRun]) -> list[str]:
-    """Lines for a person, best first."""
+    """Return a table of the planned runs to print, the best first."""
     width = max(len(run.mounting.in_words()) for run in runs)
     lines = [goal.in_words(), f"{'mounting':{width}}  {'planned':>10}  {'equally spaced':>14}"]
     for run in runs:
@@ -220,12 +280,12 @@ def table(goal: Goal, runs: Sequence[PlannedRun]) -> list[str]:
     lines.append(f"best: {best.mounting.in_words()}, at {', '.join(f'{a:g}' for a in best.currents_A)} A")
     effects = [f"{name} {effect:.2g} %" for name, effect in list(best.effects_percent.items())[:3] if effect > 0]
     if effects:
-        lines.append(f"what is stated as uncertain leaves, as standard deviations: {', '.join(effects)}")
+        lines.append(f"largest sources of uncertainty, as standard deviations: {', '.join(effects)}")
     return lines
 
 
 def content(goal: Goal, runs: Sequence[PlannedRun]) -> dict[str, Any]:
-    """The same for a program."""
+    """Return goal and runs for JSON."""
     return {
         "goal": goal.in_words(),
         "runs": [

@@ -1,8 +1,9 @@
-"""The error that a fit is to be expected to have on a dataset, with all that is uncertain about both.
+"""Compute the interval of the error that a fit has on a dataset, from the uncertainties of both.
 
-Parameters are those of the fit's draws. What the dataset states as uncertain is drawn beside them: a source that the
-fit's own data had in common with it (one coil, one calibration, one caliper) as it is in the same draw, for a modulus
-that is too high by a coil that is too strong bends this beam just as far; any other by itself.
+The parameters of the law are those of the draws of the fit. The uncertain inputs of the dataset are drawn in addition.
+A source that the data of the fit share with this dataset (the same coil, calibration or calliper) takes its value from
+the same draw. For example, a coil that is weaker than stated makes the identified modulus too high, but the beam of
+this dataset still bends as simulated if the same coil acts on it. All other sources are drawn independently.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 from eimi_fitting.beam.equilibrium import Configuration
 from eimi_fitting.inference.evidence.measurements import Misfit
 from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource
-from eimi_fitting.inference.evidence.unknowns import freed_number, shared
+from eimi_fitting.inference.evidence.unknowns import freed_number
+from eimi_fitting.inference.evidence.unknowns import shared as sources_shared
 from eimi_fitting.inference.interval.considered import Candidate, changes_by, coarse_model
 from eimi_fitting.laws import LAWS
 from eimi_lab.fits.assumptions import assumptions_of
@@ -24,79 +26,98 @@ from eimi_lab.fits.records import DatasetReference, FitRecord, TensileRecord
 
 Array = NDArray[np.float64]
 
-_DRAWS = 16  # of the fit's, evenly over the modulus
-_TIMES = 25  # that each draw of the parameters meets sources of its own
+_DRAWS = 16  # draws of the fit, evenly spread over the modulus
+_TIMES = 25  # draws of the independent sources for each draw of the parameters
 
 
 def error_interval_mm(
     fit: FitRecord | TensileRecord, evidence: Evidence, residuals_mm: Array
 ) -> tuple[float, float | None] | None:
-    """95 % of the mean errors of some draws, and that of the fit itself; None without draws.
+    """Return the 95 % interval of the mean error of a fit on a dataset.
 
-    residuals_mm: (K, G, m) of the fit itself, NaN where nothing was observed. The draws bend on the coarse mesh, from
-    where the fit does there: what better models change in one they change in the others. No upper end where one of the
-    draws has no equilibrium.
+    The draws are simulated on the coarse mesh. The corrections by more accurate models are assumed to be the same for
+    all draws, so that only the differences from the fit on the coarse mesh are added to its residuals.
+
+    Parameters
+    ----------
+    fit : FitRecord or TensileRecord
+    evidence : Evidence
+    residuals_mm : ndarray, shape (K, G, m)
+        Residuals of the fit; NaN where nothing was measured.
+
+    Returns
+    -------
+    tuple of float, or None
+        The ends in mm. The interval contains the mean error of the fit. The upper end is None if a draw has no
+        equilibrium. The result is None without draws.
     """
     candidates = np.concatenate([[fit.values()], fit.drawn(_DRAWS)])
     coarse = replace(evidence.experiment, model=coarse_model(evidence.experiment.model.specimen))
-    every = assumptions_of(fit, evidence, len(candidates)).compared(fit.model, candidates, coarse, keep=True)
-    bent, sound = every.misfits[0].residuals, ~every.unconverged
-    drawn = coarse.observed.of_residuals(np.nan_to_num(residuals_mm) + bent - bent[:1])
-    errors_mm = predicted_errors_mm(fit, evidence, drawn, every.shapes[0].every)[:, sound[1:] & sound[0]]
+    comparison = assumptions_of(fit, evidence, len(candidates)).compared(fit.model, candidates, coarse, keep=True)
+    coarse_mm, converged = comparison.misfits[0].residuals, ~comparison.unconverged
+    misfit = coarse.observed.of_residuals(np.nan_to_num(residuals_mm) + coarse_mm - coarse_mm[:1])
+    errors_mm = predicted_errors_mm(fit, evidence, misfit, comparison.shapes[0].every)[:, converged[1:] & converged[0]]
     if not errors_mm.size:
         return None
     low, high = np.quantile(errors_mm, [0.025, 0.975]).tolist()
-    mean = float(drawn.error_mm[0].mean())
-    return min(low, mean), max(high, mean) if sound.all() else None
+    mean = float(misfit.error_mm[0].mean())
+    return min(low, mean), max(high, mean) if converged.all() else None
 
 
 def predicted_errors_mm(
     fit: FitRecord | TensileRecord, evidence: Evidence, misfit: Misfit, near: Configuration | None = None
 ) -> Array:
-    """(T, D): mean errors of the fit's draws on a dataset, T times with other deviations of its sources.
+    """Return the mean errors (T, D) of D draws of a fit on a dataset, for T draws of the independent sources.
 
-    misfit: of the fit itself and D of its draws (1 + D, ...); near: where the fit's beam stands on the coarse mesh, or
-    nearly so, a row a state.
+    Parameters
+    ----------
+    fit : FitRecord or TensileRecord
+    evidence : Evidence
+    misfit : Misfit
+        Residuals (1 + D, ...) of the fit and of its draws.
+    near : Configuration, optional
+        Equilibrium of the fit on the coarse mesh in each state, as a starting point.
     """
     residuals = misfit.residuals[1:]
     count = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
-    numbers = _numbers(fit, evidence)
+    numbers = _uncertain_numbers(fit, evidence)
     sizes = [(stated.source, part, stated.standard_uncertainty) for stated, part in numbers]
-    found = zip(numbers, changes_by(_candidate(fit, evidence), evidence.experiment, sizes, near), strict=True)
-    changes = [(number, change) for number, change in found if change is not None]
+    computed = zip(numbers, changes_by(_candidate(fit, evidence), evidence.experiment, sizes, near), strict=True)
+    changes = [(number, change) for number, change in computed if change is not None]
     if not changes:
         return np.asarray(misfit.error_mm[None, 1:].mean(axis=2))
-    known = [_as_drawn(fit, *number, len(residuals)) for number, _ in changes]
-    every = np.stack([change for _, change in changes])
+    common = [_shared_deviations(fit, *number, len(residuals)) for number, _ in changes]
+    changes_mm = np.stack([change for _, change in changes])
     rng = np.random.default_rng(fit.draws.seed if fit.draws else 0)
     errors = []
     for _ in range(_TIMES):
-        deviations = [rng.normal(size=len(residuals)) if own is None else own for own in known]
-        moved = residuals + np.einsum("sd,skgm->dkgm", np.array(deviations), every)
+        deviations = [rng.normal(size=len(residuals)) if shared is None else shared for shared in common]
+        moved = residuals + np.einsum("sd,skgm->dkgm", np.array(deviations), changes_mm)
         errors.append(np.sqrt((moved**2).sum(axis=(2, 3)) / count).mean(axis=1))
     return np.array(errors)
 
 
-def _numbers(fit: FitRecord | TensileRecord, evidence: Evidence) -> list[tuple[StatedSource, int]]:
-    """What the dataset states as uncertain, and the fit did not find for it."""
+def _uncertain_numbers(fit: FitRecord | TensileRecord, evidence: Evidence) -> list[tuple[StatedSource, int]]:
+    """Return the uncertain inputs of a dataset that the fit did not identify as nuisances, with their part."""
     freed = {source for source, _, _ in _candidate(fit, evidence).freed}
-    found = freed.union(*(SOURCES[source].covers for source in freed))
+    identified = freed.union(*(SOURCES[source].covers for source in freed))
     return [
         (stated, part)
         for stated in evidence.experiment.stated
-        if stated.standard_uncertainty and stated.source not in found
+        if stated.standard_uncertainty and stated.source not in identified
         for part in range(len(SOURCES[stated.source].parts))
     ]
 
 
 def _candidate(fit: FitRecord | TensileRecord, evidence: Evidence) -> Candidate:
-    own = [i for i, reference in enumerate(_datasets(fit)) if reference.sha256 == evidence.sha256]
-    every = fit.freed if isinstance(fit, FitRecord) and own else ()
+    """Return the fit as a candidate, with the nuisances that it identified for this dataset."""
+    places = [i for i, reference in enumerate(_datasets(fit)) if reference.sha256 == evidence.sha256]
+    freed = fit.freed if isinstance(fit, FitRecord) and places else ()
     return Candidate(
         LAWS[fit.model],
         np.array([fit.values()]),
         assumptions_of(fit, evidence, 1).bulk_modulus_Pa,
-        tuple((*freed_number(f.name), f.deviation.value) for f in every if own[0] in f.datasets),
+        tuple((*freed_number(f.name), f.deviation.value) for f in freed if places[0] in f.datasets),
     )
 
 
@@ -104,12 +125,12 @@ def _datasets(fit: FitRecord | TensileRecord) -> tuple[DatasetReference, ...]:
     return fit.datasets if isinstance(fit, FitRecord) else ()
 
 
-def _as_drawn(fit: FitRecord | TensileRecord, stated: StatedSource, part: int, draws: int) -> Array | None:
-    """(D,) standard uncertainties, where the fit's data had this error too; None where it is the dataset's own."""
-    every = [reference.stated for reference in _datasets(fit)]
-    for group in shared(stated.source, every):
-        of = {own.of for i in group.datasets for own in every[i] if own.source == stated.source}
+def _shared_deviations(fit: FitRecord | TensileRecord, stated: StatedSource, part: int, draws: int) -> Array | None:
+    """Return the deviations (D,) of a shared source in standard uncertainties; None if the fit does not share it."""
+    by_dataset = [reference.stated for reference in _datasets(fit)]
+    for group in sources_shared(stated.source, by_dataset):
+        of = {source.of for i in group.datasets for source in by_dataset[i] if source.source == stated.source}
         if stated.of in of and group.standard_uncertainty:
-            drawn = fit.drawn_deviation(group.part_name(part, len(every)), draws)
+            drawn = fit.drawn_deviation(group.part_name(part, len(by_dataset)), draws)
             return None if drawn is None else drawn / group.standard_uncertainty
     return None

@@ -1,8 +1,7 @@
-"""The service that predicts: fits and datasets in, errors with their intervals out.
+"""Predict the errors of fits on datasets, with their intervals, for `eimi validate`, the report and notebooks.
 
-`eimi validate`, the report and a notebook ask it. It works in this process or shares the work among workers, in steps:
-each dataset with the fits that can be simulated together; each fit that has to be simulated alone; and the interval of
-each error.
+The work is done in this process or shared among workers. It has three kinds of steps: simulate all fits on one dataset
+together; simulate one fit alone, if it failed together with the others; compute the interval of one error.
 """
 
 from __future__ import annotations
@@ -26,9 +25,22 @@ from eimi_lab.process.workers import completed
 
 
 def validate(evidence: Evidence, fit: FitRecord | TensileRecord, path: Path, index: int) -> Validation:
-    """Return the error of the fit ``index`` of the file ``path`` on a dataset, with its interval.
+    """Return the error of a fit on a dataset, with its interval.
 
-    Raises InputError when the fit was made from this very dataset under another section assumption.
+    Parameters
+    ----------
+    evidence : Evidence
+        The dataset.
+    fit : FitRecord or TensileRecord
+    path : Path
+        The file of the fit.
+    index : int
+        The index of the fit in its file.
+
+    Raises
+    ------
+    InputError
+        If the law was fitted to this dataset with another section assumption.
     """
     (prediction,) = predict([(FittedLaw(path, index, fit), evidence)])
     return prediction.validation
@@ -42,31 +54,38 @@ def predict(fits: Sequence[tuple[Law, Evidence]]) -> Sequence[Prediction[Law]]:
 
 def predict_on_each(
     datasets: Sequence[Sequence[tuple[Law, Evidence]]],
-    told: Callable[[str], None] = silent,
+    step_done: Callable[[str], None] = silent,
     executor: Callable[[], AbstractContextManager[Executor]] | None = None,
     meanwhile: Callable[[], None] | None = None,
 ) -> Iterator[tuple[int, list[Prediction[Law]]]]:
-    """Yield each dataset's place and predictions twice: once all its fits are simulated, and at last with intervals.
+    """Predict the errors of fits on several datasets.
 
     Parameters
     ----------
-    datasets
-        For each dataset every fit, with the evidence as which that fit takes the dataset.
-    told
-        Is called for each fit that is simulated and for each interval.
-    executor
-        Whose workers share the steps; None for this process alone.
-    meanwhile
-        See `completed`.
+    datasets : sequence
+        For each dataset its fits, each with the evidence for its section assumption.
+    step_done : callable
+        Is called with a line after each simulated fit and after each interval.
+    executor : callable, optional
+        Starts the workers that share the steps; without it all steps are done in this process.
+    meanwhile : callable, optional
+        See `eimi_lab.process.workers.completed`.
+
+    Yields
+    ------
+    place : int
+        Place of a dataset. Each dataset comes twice.
+    predictions : list of Prediction
+        First without intervals, as soon as all fits are simulated on the dataset; at the end with intervals.
 
     Raises
     ------
     InputError
-        As `validate` does.
+        If a law was fitted to a dataset with another section assumption.
     """
 
     def next_steps(step: _Step, outcome: Any) -> list[_Step]:
-        """Return what is left to do for the fits that a step simulated, or could not: the long steps first."""
+        """Return the steps that follow a simulation, the long ones first."""
         if step.kind == "interval":
             return []
         alone, intervals = list[_Step](), list[_Step]()
@@ -79,10 +98,10 @@ def predict_on_each(
         return alone + intervals
 
     first = [
-        _Step("together", place, 0, partial(_simulate_together, fits, silent if executor else told))
+        _Step("together", place, 0, partial(_simulate_together, fits, silent if executor else step_done))
         for place, fits in enumerate(datasets)
     ]
-    if executor:  # what takes longest first, lest it be waited for in the end
+    if executor:  # begin with the longest steps, so that the workers finish at about the same time
         first.sort(key=lambda step: -_size(datasets[step.dataset]))
     predictions: dict[int, list[Prediction[Law] | None]] = {}
     steps = completed(_called, lambda step: {"call": step.call}, first, executor, (InputError,), meanwhile, next_steps)
@@ -93,7 +112,7 @@ def predict_on_each(
         else:
             predictions[step.dataset][step.fit] = outcome
         if step.kind != "together" or executor:
-            _tell(step, outcome, told)
+            _report(step, outcome, step_done)
         simulated = [prediction for prediction in predictions[step.dataset] if prediction]
         if step.kind != "interval" and len(simulated) == len(datasets[step.dataset]):
             yield step.dataset, simulated
@@ -102,7 +121,7 @@ def predict_on_each(
 
 
 class _Step(NamedTuple):
-    """All fits on a dataset together, one fit alone, or the interval of its error; dataset, fit: their places."""
+    """One step of the work, with the places of its dataset and of its fit."""
 
     kind: Literal["together", "alone", "interval"]
     dataset: int
@@ -115,12 +134,12 @@ def _called(call: Callable[[], Any]) -> Any:
 
 
 def _simulate_together(
-    fits: Sequence[tuple[Law, Evidence]], told: Callable[[str], None]
+    fits: Sequence[tuple[Law, Evidence]], step_done: Callable[[str], None]
 ) -> list[Prediction[Law] | None]:
-    """Simulate what can be simulated together: the fits that take the dataset under one section assumption."""
+    """Simulate all fits on one dataset, those with the same section assumption together."""
     sections = [evidence.experiment.model.specimen.section for _, evidence in fits]
     of_section = {
-        section: simulate_each(evidence, [law for (law, _), own in zip(fits, sections, strict=True) if own == section])
+        section: simulate_each(evidence, [law for (law, _), s in zip(fits, sections, strict=True) if s == section])
         for section, (_, evidence) in zip(sections, fits, strict=True)
     }
     predictions = []
@@ -128,7 +147,7 @@ def _simulate_together(
         prediction = next(of_section[section])
         predictions.append(prediction)
         if prediction:
-            told(prediction.in_words())
+            step_done(prediction.in_words())
     return predictions
 
 
@@ -142,17 +161,17 @@ def _with_interval(prediction: Prediction[Law]) -> Prediction[Law]:
     return replace(prediction, validation=validation)
 
 
-def _tell(step: _Step, outcome: Any, told: Callable[[str], None]) -> None:
+def _report(step: _Step, outcome: Any, step_done: Callable[[str], None]) -> None:
     if step.kind == "interval":
-        told(f"{outcome.in_words()}, its interval")
+        step_done(f"{outcome.in_words()}, interval of the error")
         return
     for prediction in outcome if step.kind == "together" else [outcome]:
         if prediction:
-            told(prediction.in_words())
+            step_done(prediction.in_words())
 
 
 def _size(fits: Sequence[tuple[Law, Evidence]]) -> float:
-    """Estimate how long a dataset takes beside others: states, and elements across a wider beam."""
+    """Estimate the relative time of a dataset from its number of states and from the width of its beam."""
     for _, evidence in fits:
         specimen = evidence.experiment.model.specimen
         return len(evidence.states) * specimen.width_mm / specimen.length_mm

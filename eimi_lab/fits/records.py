@@ -1,7 +1,7 @@
-"""What stands in a result file: the models that write and read it, with what each part means.
+"""The models that write and read the fits of a result file.
 
-What the mathematics found is held as the mathematics has it; only what it knows nothing of (files, currents, versions)
-is said in models of this module.
+The results of the mathematics are stored in its own types. The models of this module add what the mathematics does not
+contain: files, currents, versions.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ Array = NDArray[np.float64]
 
 
 class StateError(Record):
-    """Error and deviation of one state; dataset counts from 0 in the order given."""
+    """Error and deviation of one state. `dataset` is the place of its dataset in the fit, `state` its index there."""
 
     dataset: int
     state: int
@@ -54,7 +54,7 @@ class StateError(Record):
 
     @staticmethod
     def of(evidence: Evidence, error_mm: Array, deviation_mm: Array, dataset: int = 0) -> tuple[StateError, ...]:
-        """One for each state of the evidence."""
+        """Return one element for each state of a dataset, from errors (K,) and deviations (K,) in mm."""
         return tuple(
             StateError(
                 dataset=dataset,
@@ -69,9 +69,24 @@ class StateError(Record):
 
 
 class CurveRecord(Record):
-    """A tensile curve in the fit: its weight, and the root mean square residual of the law alone with it and here.
+    """A tensile curve in a joint fit.
 
-    path: null for one that was given in a notebook; sha256: of its file, or else of its numbers.
+    Attributes
+    ----------
+    path : str or None
+        The file; null for a curve that was passed as numbers.
+    sha256 : str
+        Hash of the file, or else of the numbers.
+    window_percent : float or None
+        Largest strain in per cent; null for the whole curve.
+    weight : float
+        Weight relative to that of its noise.
+    rows : int
+    correlation_rows : float
+        Number of rows over which residuals are correlated.
+    largest_strain : float
+    rmse_alone_Pa, rmse_Pa : float
+        Root mean square residual of the law fitted to this curve alone, and of the joint fit.
     """
 
     path: str | None
@@ -86,12 +101,12 @@ class CurveRecord(Record):
 
     @property
     def name(self) -> str:
-        """Its file, or what stands for one."""
+        """Return the file, or a name from the hash for a curve without a file."""
         return self.path or f"tensile curve {self.sha256[:8]} (from no file)"
 
     @staticmethod
     def of(evidence: TensileEvidence, rmse_Pa: float) -> CurveRecord:
-        """What is written down of a curve, which may come from a file or from anywhere."""
+        """Return the record of a curve, which may come from a file or from numbers."""
         curve = evidence.curve
         file = curve if isinstance(curve, FileCurve) else None
         numbers = np.stack([curve.strain, curve.stress_Pa]).astype("<f8").tobytes()
@@ -109,7 +124,7 @@ class CurveRecord(Record):
 
 
 class DatasetReference(Record):
-    """Which file was fitted, by its content, and which of its states; stated: how well its numbers were known."""
+    """A dataset of a fit: path, hash, section assumption, used states, and the stated uncertainties of its inputs."""
 
     path: str
     sha256: str
@@ -118,17 +133,41 @@ class DatasetReference(Record):
     stated: tuple[StatedSource, ...] = ()
 
     def in_words(self) -> str:
-        """The file with how many of its states were used, and which were not for which flags."""
+        """Return the file with the number of used states, and the flags of the others."""
         return f"{self.path}: {self.states.in_words()}"
 
 
 class FitRecord(LawRecord):
-    """A law identified from datasets of a bending beam.
+    """A law identified from datasets of a bending beam. Lengths are in mm.
 
-    mesh: what a mesh twice as fine changed, null where all is taken as solid; section_change: what the solid changed,
-    null where a planar section was taken throughout; held_out_error_mm: mean error of states left out of the fit;
-    taken_as_exact: keys of which nobody stated an uncertainty, or dimensions or calibration where none was stated at
-    all; priors: on parameters of the law, not in the file where there are none.
+    Attributes
+    ----------
+    mean_error_mm, mean_deviation_mm : float
+        Mean over the states of the error and of its standard deviation along the edges.
+    by_state : tuple of StateError
+    identifiability : Identifiability
+        What the data determine.
+    freed : tuple of FreedNuisance
+        Uncertain inputs that were fitted too.
+    priors : tuple of Prior
+        Priors on parameters of the law; a file without priors does not have the key.
+    tensile : tuple of CurveRecord
+    mesh : CorrectionEffect or None
+        Change of the result by a mesh twice as fine; null if all datasets have the solid section.
+    section_change : CorrectionEffect or None
+        Change of the result by the solid section; null if all datasets have a planar section.
+    held_out_error_mm : float or None
+        Mean error of states left out of the fit.
+    taken_as_exact : tuple of str
+        Keys without a stated uncertainty; `dimensions` or `calibration` if none of their keys has one.
+    budget : tuple of BudgetEntry
+        Sources of uncertainty, the largest first.
+    measure_next : MeasureNext
+    datasets : tuple of DatasetReference
+    runs : tuple of Run
+        Runs of the search: the first and its restarts.
+    history : tuple of Generation
+    bootstrap : BootstrapRecord or None
     """
 
     kind: Literal["bending"] = "bending"
@@ -160,17 +199,17 @@ class FitRecord(LawRecord):
     _residuals: tuple[Residuals, ...] = PrivateAttr(default=())
 
     def residuals(self, dataset: int = 0) -> Residuals:
-        """Return the distances of the measured places from the fit's simulated ones, by state, edge and arc length.
+        """Return the distances of the measured places from the simulated ones, by state, edge and arc length.
 
         Parameters
         ----------
         dataset : int
-            Which of the fit's datasets, from 0.
+            Place of the dataset in the fit, from 0.
 
         Raises
         ------
         InputError
-            For a fit that was read from a file, which does not hold the distances.
+            If the fit was read from a file, because files do not hold the distances.
         """
         if not self._residuals:
             raise InputError(
@@ -180,7 +219,7 @@ class FitRecord(LawRecord):
         return self._residuals[dataset]
 
     def to_xarray(self) -> Any:
-        """xarray.Dataset of parameters with their intervals and draws, and of the errors of all states.
+        """Return an xarray.Dataset of the parameters with their intervals and draws, and of the errors of all states.
 
         Raises ImportError without xarray.
         """
@@ -209,7 +248,7 @@ class FitRecord(LawRecord):
 
     @staticmethod
     def of(fit: Fit, evidence: Sequence[Evidence]) -> FitRecord:
-        """What is written down of a fit to this evidence, with the residuals that a file does not hold."""
+        """Return the record of a fit to these datasets, with the residuals, which a file does not hold."""
         ends = np.cumsum([len(e.states) for e in evidence])[:-1]
         errors, deviations = np.split(fit.error_mm, ends), np.split(fit.deviation_mm, ends)
         # What the mathematics calls by the same name is written as it is, and the rest in the words of the file.
@@ -227,7 +266,7 @@ class FitRecord(LawRecord):
             ),
             doubts=(
                 *(Doubt(words, index, kind="perspective") for index, e in enumerate(evidence) for words in e.doubts),
-                *(_of_dataset_state(doubt, evidence) for doubt in fit.doubts),
+                *(_with_dataset_index(doubt, evidence) for doubt in fit.doubts),
             ),
             stability=Stability(
                 criterion="Drucker",
@@ -253,13 +292,13 @@ class FitRecord(LawRecord):
 
     @model_serializer(mode="wrap")
     def _without_absent_priors(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Write a fit without priors exactly as releases did that had none."""
+        """Write a fit without priors exactly as releases before priors did."""
         written: dict[str, Any] = serialize(self)
         return written if self.priors else {key: value for key, value in written.items() if key != "priors"}
 
     @model_validator(mode="after")
     def _is_stiff(self) -> Self:
-        """A law fitted to large tensile strains alone need not be; no beam hangs still in a field without it."""
+        """Require a positive initial shear modulus, without which a beam has no stable equilibrium."""
         if not self.initial_shear_modulus.value > 0:
             raise ValueError(f"initial shear modulus {self.initial_shear_modulus.value:g} Pa should be above 0")
         return self
@@ -270,7 +309,7 @@ class FitRecord(LawRecord):
         return sum(float(prior.standardised(law, values)[0]) ** 2 for prior in self.priors)
 
     def priors_in_words(self) -> list[str]:
-        """Return a sentence for each prior on a parameter: what was taken as known, and what came out."""
+        """Return a sentence for each prior on a parameter, with the fitted value."""
         law, quantities = LAWS[self.model], self._quantities()
         return [
             f"Prior on {prior.parameter}: {prior.mean:.5g} ± {prior.standard_deviation:.3g}"
@@ -280,7 +319,7 @@ class FitRecord(LawRecord):
         ]
 
     def doubts_in_words(self) -> list[str]:
-        """Every doubt, with the dataset, the state or the curve that it is about."""
+        """Return the doubts, each with the dataset, the state or the curve that it concerns."""
         return [f"{self._about(doubt)}{doubt.words}" for doubt in self.doubts]
 
     def _about(self, doubt: Doubt) -> str:
@@ -291,17 +330,17 @@ class FitRecord(LawRecord):
         return self.datasets[doubt.dataset].path + ("" if doubt.state is None else f", state {doubt.state}") + ": "
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """With the initial shear modulus where not even that is measured."""
-        own, names = self.identifiability.held_by_bounds, self.identifiability.names
-        open_modulus = names[0] in self.identifiability.not_fixed
-        return (*own, "initial_shear_modulus") if open_modulus else own
+        """Return the parameters that the data do not determine, including `initial_shear_modulus` if it is one."""
+        data = self.identifiability
+        open_modulus = data.names[0] in data.not_fixed
+        return (*data.held_by_bounds, "initial_shear_modulus") if open_modulus else data.held_by_bounds
 
     def fitted_to(self) -> Literal["bending", "bending and tensile"]:
-        """Whether tensile curves had a say."""
+        """Return the kind of data: `bending`, or `bending and tensile` for a joint fit."""
         return "bending and tensile" if self.tensile else "bending"
 
     def summary(self) -> str:
-        """One line: law, initial shear modulus with its interval, mean error, and what was taken as exact."""
+        """Return one line: law, initial shear modulus with its interval, mean error, and what was taken as exact."""
         whole = [word for word in self.taken_as_exact if word in WHOLE_FILES]
         exact = f"; {' and '.join(whole)} taken as exact" if whole else ""
         return (
@@ -310,7 +349,7 @@ class FitRecord(LawRecord):
         )
 
     def notes(self) -> list[str]:
-        """States used, error and deviation, and what the data fix."""
+        """Return sentences on the used states, error and deviation, and what the data determine."""
         error, deviation = 1e3 * self.mean_error_mm, 1e3 * self.mean_deviation_mm
         return [
             *(f"{dataset.in_words()}." for dataset in self.datasets),
@@ -320,15 +359,15 @@ class FitRecord(LawRecord):
         ]
 
 
-def _of_dataset_state(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:
-    """The doubt with its state counted as the dataset does, which may hold some that were left out."""
+def _with_dataset_index(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:
+    """Return a doubt with the index of its state in the dataset instead of that among the used states."""
     if doubt.dataset is None or doubt.state is None:
         return doubt
     return replace(doubt, state=evidence[doubt.dataset].states[doubt.state].index)
 
 
 class TensileSource(Record):
-    """The tensile test that was fitted, by its content."""
+    """The file of a tensile test, with its hash and the material that it names."""
 
     path: str
     sha256: str
@@ -338,9 +377,23 @@ class TensileSource(Record):
 class TensileRecord(LawRecord):
     """A law fitted to a window of a tensile test.
 
-    window_percent: largest engineering strain asked for (null: the whole curve); max_stretch: largest one there was;
-    correlation: of the parameters' errors, a row each, null in files of earlier releases; not_fixed: parameters whose
-    interval holds zero or is the range of the search.
+    Attributes
+    ----------
+    window_percent : float or None
+        Largest engineering strain of the window in per cent; null for the whole curve.
+    residuals : {"absolute", "relative"}
+        The residuals whose squares were minimised.
+    rmse_Pa : float
+        Root mean square residual of the engineering stress.
+    rows, rows_left_out : int
+        Rows that were used, and rows without a positive stress.
+    correlation_rows : float
+        Number of rows over which residuals are correlated.
+    correlation : tuple or None
+        Correlation matrix of the errors of the parameters; null in files of earlier releases.
+    not_fixed : tuple of str
+        Parameters whose interval contains zero or is the range of the search.
+    source : TensileSource
     """
 
     kind: Literal["tensile"] = "tensile"
@@ -355,11 +408,11 @@ class TensileRecord(LawRecord):
     source: TensileSource
 
     def window(self) -> str:
-        """The window in words: `50 %` or `full`."""
+        """Return the window in words: `50 %` or `full`."""
         return "full" if self.window_percent is None else f"{self.window_percent:g} %"
 
     def summary(self) -> str:
-        """One line: law, window, initial shear modulus with its interval, RMSE, stability."""
+        """Return one line: law, window, initial shear modulus with its interval, RMSE, stability."""
         limit = self.stability.stable_up_to_stretch
         stable = "" if limit is None else f", stable up to a stretch of {limit:.2f} only"
         if limit == 1.0:
@@ -370,20 +423,20 @@ class TensileRecord(LawRecord):
         )
 
     def notes(self) -> list[str]:
-        """Window and misfit, and what the curve does not fix."""
+        """Return sentences on window and misfit, and on the parameters that the curve does not determine."""
         misfit = f"Window {self.window()}: RMSE {1e-3 * self.rmse_Pa:.3g} kPa over {self.rows} rows."
         return [misfit, *self.not_fixed_in_words()]
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Those whose interval is the range of the search, or holds zero."""
+        """Return the parameters whose interval contains zero or is the range of the search."""
         return self.not_fixed
 
     def not_fixed_in_words(self) -> list[str]:
-        """A sentence, or none where the curve fixes every parameter."""
-        return [f"The curve does not fix {', '.join(self.not_fixed)}."] if self.not_fixed else []
+        """Return a sentence on the parameters that the curve does not determine; nothing if it determines all."""
+        return [f"The curve does not determine {', '.join(self.not_fixed)}."] if self.not_fixed else []
 
 
 def package_versions() -> dict[str, str]:
-    """Python and the packages that a number depends on."""
+    """Return the versions of Python and of the packages on which the numbers depend."""
     packages = {package: version(package) for package in PACKAGES}
     return {"python": platform.python_version(), **packages}

@@ -1,4 +1,4 @@
-"""Distances of what was measured from what a fit simulates: by state, by edge and along the edge."""
+"""Hold the distances of measured places from simulated ones, by state, by edge and along the edge."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from eimi_lab.showing.tables import data_frame, html_table, installed
 
 Array = NDArray[np.float64]
 
-_SMOOTHED = 9  # points of an edge in whose mean their scatter no longer lengthens the path along them
+_SMOOTHED = 9  # points of a moving mean, without which the scatter of the points would lengthen the path along them
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """Distances of one dataset's measured places from a fit's simulated ones, as arrays.
+    """Distances of the measured places of one dataset from the simulated ones.
 
     Parameters
     ----------
     dataset : str
         The dataset's path.
     state : ndarray, shape (K,)
-        Numbers of the states that were used, as the dataset counts them.
+        Indices in the dataset of the states that were used.
     field_mT : ndarray, shape (K,)
         Field of each state, mT.
     edge : tuple of str
@@ -62,13 +62,13 @@ class Residuals:
 
     @property
     def root_mean_square_mm(self) -> Array:
-        """(K,): root mean square of each state, mm; of tracked points that of a point's two components together."""
+        """Return the root mean square distance (K,) of the points of each state in mm."""
         squares = np.nansum(self.distance_mm**2, axis=(1, 2))
         points = np.isfinite(self.distance_mm).sum(axis=(1, 2)) / (1 if self.edge == ("left", "right") else 2)
         return np.asarray(np.sqrt(squares / points))
 
     def to_pandas(self) -> Any:
-        """pandas.DataFrame with a row for each measured place, in mm. Raises ImportError without pandas."""
+        """Return a pandas.DataFrame with a row for each measured place, in mm. Raises ImportError without pandas."""
         rows = [
             {
                 "state": int(self.state[k]),
@@ -82,7 +82,7 @@ class Residuals:
         return data_frame(rows, "state")
 
     def to_xarray(self) -> Any:
-        """xarray.Dataset with the axes state, edge and point, in mm. Raises ImportError without xarray."""
+        """Return an xarray.Dataset with the axes state, edge and point, in mm. Raises ImportError without xarray."""
         axes, mm = ("state", "edge", "point"), {"units": "mm"}
         variables = {"distance": (axes, self.distance_mm, mm)}
         coordinates = {
@@ -94,14 +94,15 @@ class Residuals:
         return installed("xarray").Dataset(variables, coordinates, {"path": self.dataset})
 
     def plot(self) -> Any:
-        """A matplotlib figure of the distances along both edges, a line for each state."""
+        """Return a matplotlib figure of the distances along both edges, a line for each state."""
         from eimi_lab.fits.fit_figures import drawn_residuals  # matplotlib is slow to import
 
         return drawn_residuals(self.edge, self.field_mT, self.arc_length_mm, self.distance_mm)
 
     def __repr__(self) -> str:
-        places = int(np.isfinite(self.distance_mm).any(axis=1).sum()) if self.edge == ("x", "y") else None
-        points = int(np.isfinite(self.distance_mm).sum()) if places is None else places
+        """Return dataset, number of states and number of points."""
+        measured = np.isfinite(self.distance_mm)
+        points = int((measured.any(axis=1) if self.edge == ("x", "y") else measured).sum())
         return f"<Residuals of {self.dataset}: {len(self.state)} states, {points} points>"
 
     def _repr_html_(self) -> str:
@@ -113,7 +114,7 @@ class Residuals:
 
 
 def _arc_length_mm(observed: EdgeObservation | PointObservation) -> Array:
-    """(K, 2, m): see `Residuals`; arbitrary where nothing was measured."""
+    """Return the arc lengths (K, 2, m) of `Residuals`; arbitrary where nothing was measured."""
     if isinstance(observed, PointObservation):
         return np.repeat(observed.rest_mm[:, None, :, 0], 2, axis=1)
     lengths = np.full(observed.sigma_mm.shape, np.nan)
@@ -124,7 +125,7 @@ def _arc_length_mm(observed: EdgeObservation | PointObservation) -> Array:
 
 
 def _along_mm(points_mm: Array) -> Array:
-    """(m,): length from the clamp, at x = 0, along points (m, 2) of an edge from clamp to tip."""
+    """Return the length (m,) from the clamp at x = 0 along the points (m, 2) of an edge."""
     if not len(points_mm):
         return np.zeros(0)
     half = min(_SMOOTHED, len(points_mm)) // 2

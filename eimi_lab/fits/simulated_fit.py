@@ -1,7 +1,8 @@
-"""A fit simulated on a dataset, which the fit was made from or not, and its error there.
+"""Simulate a fit on a dataset, and compute its error.
 
-On a dataset that it was made from, a fit keeps the nuisances that it freed (magnetic moment, roll and so on); on any
-other dataset they are as stated. `prediction` adds the interval of the error and shares the work among processes.
+If the law was fitted to this dataset, the nuisances that the fit freed (magnetic moment, roll and so on) keep their
+identified values. On any other dataset they have their stated values. `prediction` adds the interval of the error and
+shares the work among processes.
 """
 
 from __future__ import annotations
@@ -27,15 +28,15 @@ from eimi_lab.process.errors import InputError
 
 Array = NDArray[np.float64]
 
-_SAME_STRETCH = 1e-3  # two simulations of one beam may differ by this much
-# Of a fit's own error, or a micrometre: what depth adds to its edges is known this well. Of a fit that is hundreds of
-# micrometres off one or two states then tell, and no digit that counts is theirs.
+_SAME_STRETCH = 1e-3  # difference of stretch that two simulations of one beam may have
+# Accuracy of the correction for the depth, as a fraction of the error of the fit. For a fit with an error of hundreds
+# of micrometres, one or two solved states are then enough.
 _OF_ERROR = 0.01
 
 
 @dataclass(frozen=True)
 class FittedLaw:
-    """A fit with its file and its place there. Two with the same file and place are equal."""
+    """A fit with its file and its index there; two objects are equal if file and index are equal."""
 
     path: Path
     index: int
@@ -43,7 +44,7 @@ class FittedLaw:
 
     @property
     def label(self) -> str:
-        """What progress calls it: `fits.json, fits.0`."""
+        """Return the name for progress lines, such as `fits.json, fits.0`."""
         return f"{self.path}, fits.{self.index}"
 
 
@@ -52,11 +53,20 @@ Law = TypeVar("Law", bound=FittedLaw)
 
 @dataclass(frozen=True)
 class Prediction(Generic[Law]):
-    """A fit simulated on a dataset of K states, and what that is worth.
+    """The simulation of a fit on a dataset of K states. All arrays are empty if the beam has no equilibrium.
 
-    edges_mm: (K, 2, n, 2) simulated left and right edges as the camera has them, by the better model where there is
-    one; residuals_mm: (K, 2, m) signed distances of the measured edge points or components of tracked points, NaN
-    where nothing was observed; error_mm, deviation_mm: (K,). They are empty where the validation's status is not "ok".
+    Attributes
+    ----------
+    fitted_law : FittedLaw
+    evidence : Evidence
+    validation : Validation
+    edges_mm : ndarray, shape (K, 2, n, 2)
+        Simulated left and right edges as the camera sees them, by the most accurate model that was solved.
+    residuals_mm : ndarray, shape (K, 2, m)
+        Signed distances of the measured edge points, or components of the distances of tracked points; NaN where
+        nothing was measured.
+    error_mm, deviation_mm : ndarray, shape (K,)
+        Mean distance and its standard deviation in each state.
     """
 
     fitted_law: Law
@@ -69,30 +79,45 @@ class Prediction(Generic[Law]):
 
     @property
     def has_equilibrium(self) -> bool:
-        """Whether the beam has an equilibrium in all states."""
+        """Return whether the beam has an equilibrium in all states."""
         return self.validation.status == "ok"
 
     def in_words(self) -> str:
-        """Name the dataset and the fit."""
+        """Return the names of the dataset and of the fit."""
         return f"{self.evidence.path.name}, {self.fitted_law.label}"
 
 
 def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Prediction[Law] | None]:
-    """Simulate several fits together, which costs less; None for a fit that `simulate_alone` has to simulate.
+    """Simulate several fits together, which takes less time than one by one.
 
-    What depth adds is much the same for fits that bend the beam alike: each begins with what was found before. Where
-    it is large a solid has to be followed through all states, which takes long and tells nothing of the other fits.
-    Raises InputError for a fit that was made from this very dataset under another section assumption.
+    Fits that bend the beam similarly have similar corrections for the depth, so that each correction starts from the
+    previous ones. If a correction is too large to be interpolated, a solid has to be followed through all states; this
+    is left to `simulate_alone`.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    laws : sequence of FittedLaw
+
+    Yields
+    ------
+    Prediction or None
+        One for each fit; None for a fit that `simulate_alone` has to simulate.
+
+    Raises
+    ------
+    InputError
+        If a law was fitted to this dataset with another section assumption.
     """
     near: list[Correction] = []
-    for fitted_law, plain in zip(laws, _planar_comparisons(evidence, [own.fit for own in laws]), strict=True):
+    for fitted_law, plain in zip(laws, _planar_comparisons(evidence, [law.fit for law in laws]), strict=True):
         prediction, depth = _simulated(evidence, fitted_law, near, plain, "interpolate")
         near += [depth.without_shapes()] if depth else []
         yield prediction
 
 
 def simulate_alone(evidence: Evidence, fitted_law: Law) -> Prediction[Law]:
-    """Simulate a fit for which `simulate_each` yielded None. Raises InputError as that does."""
+    """Simulate a fit for which `simulate_each` yielded None. Raises InputError as `simulate_each` does."""
     (plain,) = _planar_comparisons(evidence, [fitted_law.fit])
     prediction, _ = _simulated(evidence, fitted_law, (), plain, "follow")
     assert prediction
@@ -100,51 +125,60 @@ def simulate_alone(evidence: Evidence, fitted_law: Law) -> Prediction[Law]:
 
 
 def _planar_comparisons(evidence: Evidence, fits: Sequence[FitRecord | TensileRecord]) -> list[Comparison]:
-    """How far each fit is from a dataset on the planar model on which its correction begins.
+    """Compare each fit with a dataset on the planar model from which its correction starts.
 
-    Those of one law that assume nothing else of the dataset are one batch.
+    Fits of one law without a bulk modulus and without freed nuisances are simulated as one batch.
     """
     experiment = polished(evidence.experiment)
-    own = [assumptions_of(fit, evidence, 1) for fit in fits]
+    assumptions = [assumptions_of(fit, evidence, 1) for fit in fits]
     batches: dict[object, list[int]] = {}
     for i, fit in enumerate(fits):
-        is_alone = own[i].bulk_modulus_Pa is not None or own[i].setup is not None
+        is_alone = assumptions[i].bulk_modulus_Pa is not None or assumptions[i].setup is not None
         batches.setdefault(i if is_alone else fit.model, []).append(i)
-    found: dict[int, Comparison] = {}
+    comparisons: dict[int, Comparison] = {}
     for batch in batches.values():
         values = np.array([fits[i].values() for i in batch])
-        every = own[batch[0]].compared(fits[batch[0]].model, values, experiment)
-        found |= {i: every.take(np.array([row])) for row, i in enumerate(batch)}
-    return [found[i] for i in range(len(fits))]
+        of_batch = assumptions[batch[0]].compared(fits[batch[0]].model, values, experiment)
+        comparisons |= {i: of_batch.take(np.array([row])) for row, i in enumerate(batch)}
+    return [comparisons[i] for i in range(len(fits))]
 
 
 def _simulated(
     evidence: Evidence, fitted_law: Law, near: Sequence[Correction], plain: Comparison, method: Method
 ) -> tuple[Prediction[Law] | None, Correction | None]:
-    """Return the prediction, and the correction by the better model.
+    """Return the prediction, and the correction by a more accurate model; None for both if "interpolate" fails.
 
-    near: the corrections of other fits on the same dataset; plain: of `_planar_comparisons`; method: how a
-    solid is solved. No prediction is returned if "interpolate" fails.
+    Parameters
+    ----------
+    evidence : Evidence
+    fitted_law : FittedLaw
+    near : sequence of Correction
+        Corrections of other fits on the same dataset, as a starting point.
+    plain : Comparison
+        Result of `_planar_comparisons`.
+    method : {"interpolate", "follow"}
+        How a solid is solved.
     """
     fit, path, index = fitted_law.fit, fitted_law.path, fitted_law.index
     section = evidence.experiment.model.specimen.section
     used = {reference.sha256: reference for reference in fit.datasets} if isinstance(fit, FitRecord) else {}
-    seen = used.get(evidence.sha256)
-    if seen is not None and seen.section != section:
+    reference = used.get(evidence.sha256)
+    if reference is not None and reference.section != section:
         raise InputError(
-            f"{path}: fits.{index} took {evidence.path} as {seen.section}, not {section}; give --section {seen.section}"
+            f"{path}: fits.{index} was fitted to {evidence.path} with the section {reference.section}, not {section}; "
+            f"give --section {reference.section}"
         )
-    experiment, own = polished(evidence.experiment), assumptions_of(fit, evidence, 1)
+    experiment, assumptions = polished(evidence.experiment), assumptions_of(fit, evidence, 1)
 
     def against(experiments: Sequence[Experiment]) -> Comparison:
-        return own.compared(fit.model, np.array([fit.values()]), experiments[0])
+        return assumptions.compared(fit.model, np.array([fit.values()]), experiments[0])
 
     options = SolidOptions(method, max(ACCURACY_MM, _OF_ERROR * float(plain.error_mm[0].mean())))
     better = by_better_model(experiment, plain, against, near, options)
     if better is None and method == "interpolate" and not plain.unconverged[0]:
         return None, None
-    misfit, curves, found = better or (None, None, None)
-    validation = _validation(evidence, fitted_law, seen is not None, plain, misfit)
+    misfit, curves, correction = better or (None, None, None)
+    validation = _validation(evidence, fitted_law, reference is not None, plain, misfit)
     if misfit is None or curves is None:
         nothing = np.zeros(0)
         return Prediction(fitted_law, evidence, validation, nothing, nothing, nothing, nothing), None
@@ -152,18 +186,18 @@ def _simulated(
         fitted_law,
         evidence,
         validation,
-        edges_mm=own.as_measured(points_on(curves, 6)),
+        edges_mm=assumptions.as_measured(points_on(curves, 6)),
         residuals_mm=np.where(misfit.weights > 0, misfit.residuals[0], np.nan),
         error_mm=misfit.error_mm[0],
         deviation_mm=misfit.deviation_mm[0],
     )
-    return prediction, found
+    return prediction, correction
 
 
 def _validation(
     evidence: Evidence, fitted_law: FittedLaw, seen: bool, plain: Comparison, misfit: Misfit | None
 ) -> Validation:
-    """plain: of the fit on the planar mesh; misfit: by the better model, None without an equilibrium."""
+    """Make the validation from the comparison on the planar mesh and the misfit of the most accurate model."""
     fit = fitted_law.fit
     common: dict[str, Any] = {
         "dataset": str(evidence.path),

@@ -1,16 +1,16 @@
-"""Which states of a dataset a fit used, and which it left out for which flags: said wherever its result is shown."""
+"""State which states of a dataset a fit used, and for which flags it left out others, wherever a result is shown."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-FEW_POINTS = "too few edge points"  # in place of a flag's name, where no flag says why
+FEW_POINTS = "too few edge points"  # instead of the name of a flag, for a state without a flag
 
 
 @dataclass(frozen=True)
 class FlaggedState:
-    """A state by its number in the dataset, and the names of its flags."""
+    """The index of a state in the dataset, and the names of its flags."""
 
     state: int
     flags: tuple[str, ...]
@@ -18,7 +18,7 @@ class FlaggedState:
 
 @dataclass(frozen=True)
 class WidenedState:
-    """A state by its number, and the standard deviation that its flags added to that of its points."""
+    """The index of a state, and the standard deviation in mm that its flags add to that of its points."""
 
     state: int
     by_mm: float
@@ -26,9 +26,18 @@ class WidenedState:
 
 @dataclass(frozen=True)
 class StatesUsed:
-    """total: states in the dataset; left_out: those that were not used; flagged: those used in spite of their flags.
+    """The use of the states of a dataset in a fit.
 
-    widened: of those the ones whose points count for less.
+    Attributes
+    ----------
+    total : int
+        Number of states in the dataset.
+    left_out : tuple of FlaggedState
+        States that were not used.
+    flagged : tuple of FlaggedState
+        States that were used in spite of their flags.
+    widened : tuple of WidenedState
+        Used states whose points have a larger standard deviation because of their flags.
 
     Examples
     --------
@@ -43,7 +52,7 @@ class StatesUsed:
     widened: tuple[WidenedState, ...] = ()
 
     def in_words(self) -> str:
-        """How many were used; by flag how many were left out, or used all the same, and which."""
+        """Return the number of used states, and for each flag the states that were left out or used in spite of it."""
         words = f"{self.total - len(self.left_out)} of {self.total} states used"
         if self.left_out:
             words += f"; left out {_by_flag(self.left_out)}"
@@ -57,7 +66,7 @@ class StatesUsed:
 
 def _by_flag(states: Sequence[FlaggedState]) -> str:
     by_flag: dict[str, list[str]] = {}
-    for own in states:
-        for flag in own.flags:
-            by_flag.setdefault(flag, []).append(str(own.state))
+    for flagged in states:
+        for flag in flagged.flags:
+            by_flag.setdefault(flag, []).append(str(flagged.state))
     return ", ".join(f"{len(numbers)} {flag} ({', '.join(numbers)})" for flag, numbers in by_flag.items())

@@ -1,12 +1,12 @@
-"""Tensile tests from files, whole and as curves for a joint fit.
+"""Read tensile tests from files, whole or as curves for a joint fit.
 
-Two formats are read, told apart by the first line:
+There are two formats; the first line of a file shows which one it has:
 
-database   `;` between cells, information about the test first, then a header with `Engineering Strain` and
-           `Engineering Stress (MPa)`: the Soft Robotics Materials Database (Marechal et al. 2020,
-           doi 10.1089/soro.2019.0115)
-plain      `,` between cells, a header of two names: `strain` or `strain_percent`, and `stress_Pa`, `stress_kPa` or
-           `stress_MPa`, both engineering values
+database   Cells are separated by `;`. Information about the test comes first, then a header with `Engineering Strain`
+           and `Engineering Stress (MPa)`. This is the format of the Soft Robotics Materials Database (Marechal et al.
+           2020, doi 10.1089/soro.2019.0115).
+plain      Cells are separated by `,`. The header has two names: `strain` or `strain_percent`, and `stress_Pa`,
+           `stress_kPa` or `stress_MPa`. Both are engineering values.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ STRAINS = {"strain": 1.0, "strain_percent": 1e-2}
 STRESSES = {"stress_Pa": 1.0, "stress_kPa": 1e3, "stress_MPa": PA_PER_MPA}
 COLUMNS = {
     "strain": Column("Engineering strain: elongation over the length at rest.", "0.2"),
-    "strain_percent": Column("In place of strain: the same times 100.", "20"),
+    "strain_percent": Column("Instead of strain: the strain in per cent.", "20"),
     "stress_Pa": Column("Engineering stress: force over the area at rest.", "24000"),
-    "stress_kPa": Column("In place of stress_Pa.", "24"),
-    "stress_MPa": Column("In place of stress_Pa.", "0.024"),
+    "stress_kPa": Column("Instead of stress_Pa.", "24"),
+    "stress_MPa": Column("Instead of stress_Pa.", "0.024"),
 }
 WINDOWS = ("20", "50", "100", "full")
-_ROWS = 5  # of a tensile curve in its window; fewer say nothing of its noise
+_ROWS = 5  # fewest rows of a curve in its window, from which its noise can be estimated
 _DATABASE_STRAIN, _DATABASE_STRESS = "Engineering Strain", "Engineering Stress (MPa)"
 
 
@@ -61,7 +61,13 @@ class FileCurve(TensileCurve):
 
 
 def read_curve(path: Path, percent: float | None, weight: float) -> FileCurve:
-    """The rows of a test up to a strain in percent, with the weight that they have in a fit. Raises InputError."""
+    """Read a tensile test up to a strain in per cent (None: the whole curve), with its weight in a joint fit.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or if fewer than five rows are in the window.
+    """
     test = read_tensile(path)
     inside = test.strain <= (float("inf") if percent is None else percent / 100)
     if inside.sum() < _ROWS:
@@ -70,7 +76,7 @@ def read_curve(path: Path, percent: float | None, weight: float) -> FileCurve:
 
 
 def read_tensile(path: Path) -> TensileTest:
-    """Read a tensile test of either format. Raises InputError naming file, row and value."""
+    """Read a tensile test in either format. Raises InputError with file, row and value."""
     text = read_text(path)
     if ";" in text.partition("\n")[0]:
         rows, material = _database_rows(path, text)
@@ -89,17 +95,18 @@ def read_tensile(path: Path) -> TensileTest:
 
 
 def _only(path: Path, header: list[str], names: dict[str, float]) -> str:
-    found = [name for name in names if name in header]
-    if len(found) != 1:
+    """Return the name that is in the header. Raises InputError if there is none or more than one."""
+    present = [name for name in names if name in header]
+    if len(present) != 1:
         raise InputError(
             f"{path}: row 1: {','.join(header)!r} should be one of {', '.join(STRAINS)} "
             f"and one of {', '.join(STRESSES)}, such as strain,stress_MPa"
         )
-    return found[0]
+    return present[0]
 
 
 def _database_rows(path: Path, text: str) -> tuple[list[Row], str | None]:
-    """The rows below the header of the columns, and the material that the information above it names."""
+    """Return the rows below the header, and the material that the information above the header states."""
     columns: list[str] | None = None
     material, rows = None, []
     for line, words in enumerate(text.removeprefix("\ufeff").splitlines(), 1):
@@ -115,8 +122,8 @@ def _database_rows(path: Path, text: str) -> tuple[list[Row], str | None]:
             rows.append(Row(path, line, dict(zip(columns, cells, strict=True))))
     if columns is None:
         raise InputError(
-            f"{path}: has no header with the columns {_DATABASE_STRAIN} and {_DATABASE_STRESS}; a file of two columns "
-            "has commas between them and a first row such as strain,stress_MPa"
+            f"{path}: has no header with the columns {_DATABASE_STRAIN} and {_DATABASE_STRESS}; a file with two "
+            "columns should have commas between them and a first row such as strain,stress_MPa"
         )
     if not rows:
         raise InputError(f"{path}: has a header but no rows")
@@ -124,7 +131,7 @@ def _database_rows(path: Path, text: str) -> tuple[list[Row], str | None]:
 
 
 def check_windows(windows: list[str], option: str = "--window") -> list[float | None]:
-    """Percentages, None for the whole curve, each once. Raises InputError."""
+    """Return the windows in per cent without repetitions, None for the whole curve. Raises InputError."""
     checked: list[float | None] = []
     for window in windows:
         try:

@@ -1,4 +1,4 @@
-"""Laws fitted to a window of a tensile test: the conventional route, what `eimi tensile` does."""
+"""Fit a law to a window of a tensile test, which is the conventional route to a law, as `eimi tensile` does."""
 
 from __future__ import annotations
 
@@ -17,11 +17,27 @@ from eimi_lab.fits.records import TensileRecord, TensileSource, package_versions
 from eimi_lab.fits.tensile_files import TensileTest
 from eimi_lab.process.errors import InputError
 
-_MISFIT = 0.1  # of the stresses, both as root mean square: beyond it a law has another shape than the curve
+_MISFIT = 0.1  # ratio of the residuals to the stresses (root mean squares) from which the law is doubtful
 
 
 def fit_window(test: TensileTest, model: str, window_percent: float | None, relative: bool = False) -> TensileRecord:
-    """Fit one law to one window of a test. Raises InputError."""
+    """Fit a law to a tensile test by least squares.
+
+    Parameters
+    ----------
+    test : TensileTest
+    model : str
+        Name of the law.
+    window_percent : float or None
+        Largest engineering strain in per cent; None for the whole curve.
+    relative : bool
+        Whether to fit relative residuals of the stress.
+
+    Raises
+    ------
+    InputError
+        If there are too few rows in the window.
+    """
     largest = np.inf if window_percent is None else window_percent / 100
     try:
         fit = fit_tensile(LAWS[model], test.strain, test.stress_Pa, largest_strain=largest, relative=relative)
@@ -67,17 +83,19 @@ def fit_window(test: TensileTest, model: str, window_percent: float | None, rela
 
 
 def _doubts(fit: TensileFit, stress_Pa: float) -> Iterator[Doubt]:
-    """What a reader should know of a fit to stresses of such a root mean square."""
+    """Yield the doubts about a fit; `stress_Pa` is the root mean square of the measured stresses."""
     if fit.rows_left_out:
         yield Doubt(f"{fit.rows_left_out} rows without a positive stress were left out", kind="rows_left_out")
     if fit.rmse_Pa > _MISFIT * stress_Pa:
-        left_percent = 100 * fit.rmse_Pa / stress_Pa
+        percent = 100 * fit.rmse_Pa / stress_Pa
         yield Doubt(
-            f"the law leaves {left_percent:.0f} % of the stress: the curve has another shape", kind="curve_shape"
+            f"the residuals are {percent:.0f} % of the stress: the law does not have the shape of the curve",
+            kind="curve_shape",
         )
     if fit.initial_shear_modulus_interval_Pa[0] <= 0:
         yield Doubt(
-            "the initial shear modulus may be zero or less: this curve does not fix the law at small strains",
+            "the interval of the initial shear modulus contains zero: this curve does not determine the law at small "
+            "strains",
             kind="modulus_open",
         )
     if fit.stable_to is not None and fit.stable_to < 1 + fit.max_strain:

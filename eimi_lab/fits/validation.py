@@ -1,9 +1,8 @@
-"""validation.json: what a fit's error is on datasets, those that it has not seen above all.
+"""Hold and write the errors of fits on datasets (validation.json).
 
-A law that finds no equilibrium in one of the states is a result, not an accident: its errors are then null and its
-status says so. A law that is not Drucker-stable over the stretches it reaches is simulated all the same, and flagged.
-
-What the errors are is told in `prediction`, and what their intervals are in `predicted_error`.
+If the beam has no equilibrium in a state, the errors are null and the status says so. A law that is not Drucker-stable
+over the stretches of the dataset is simulated nevertheless, and marked. `simulated_fit` computes the errors, and
+`predicted_error` their intervals.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from eimi_lab.showing.tables import data_frame, html_table
 
 
 class FitReference(Record):
-    """Which fit of which file; window_percent of a tensile fit (null: the whole curve)."""
+    """The file of a fit and its index there; `window_percent` of a tensile fit is null for the whole curve."""
 
     path: str
     index: int
@@ -30,7 +29,7 @@ class FitReference(Record):
 
     @classmethod
     def of(cls, fit: FitRecord | TensileRecord, path: Path, index: int) -> FitReference:
-        """Of the fit ``index`` of a file."""
+        """Return the reference to the fit `index` of the file `path`."""
         return cls(
             path=str(path),
             index=index,
@@ -39,19 +38,27 @@ class FitReference(Record):
         )
 
     def kind_in_words(self) -> str:
-        """`bending`, `bending and tensile`, `tensile 50 %` or `tensile full`."""
+        """Return `bending`, `bending and tensile`, `tensile 50 %` or `tensile full`."""
         if self.kind != "tensile":
             return self.kind
         return "tensile full" if self.window_percent is None else f"tensile {self.window_percent:g} %"
 
 
 class Validation(Record):
-    """One fit on one dataset.
+    """The errors of one fit on one dataset; lengths are in mm.
 
-    seen: the fit was made from this dataset; states: which of the dataset's were used here; stable: Drucker-stable over
-    the stretches reached here (null where no equilibrium was found); within_fitted_stretch: the fit's data reached the
-    largest stretch of this dataset;
-    mean_error_interval_mm: null without draws, its upper end where one of them finds no equilibrium.
+    Attributes
+    ----------
+    seen : bool
+        Whether the law was fitted to this dataset.
+    states : StatesUsed
+        The states that were compared.
+    mean_error_interval_mm : tuple of float, or None
+        95 % interval of the mean error; None without draws. The upper end is None if a draw has no equilibrium.
+    stable : bool or None
+        Whether the law is Drucker-stable over the stretches of this dataset; None without an equilibrium.
+    within_fitted_stretch : bool or None
+        Whether the data of the fit reached the largest stretch of this dataset; None without an equilibrium.
     """
 
     dataset: str
@@ -72,16 +79,16 @@ class Validation(Record):
     by_state: tuple[StateError, ...]
 
     def to_pandas(self) -> Any:
-        """pandas.DataFrame with a row a state. Raises ImportError."""
+        """Return a pandas.DataFrame with a row for each state. Raises ImportError without pandas."""
         return data_frame([state.model_dump(exclude={"dataset"}) for state in self.by_state], "state")
 
     def plot(self) -> Any:
-        """A matplotlib figure of the errors of the states, with bars of one deviation."""
+        """Return a matplotlib figure of the errors by state, with bars of one standard deviation."""
         from eimi_lab.fits.fit_figures import drawn_errors  # matplotlib is slow to import
 
-        own = self.by_state
-        states, fields = [s.state for s in own], [s.field_mT for s in own]
-        return drawn_errors(states, fields, [s.error_mm for s in own], [s.deviation_mm for s in own])
+        rows = [(s.state, s.field_mT, s.error_mm, s.deviation_mm) for s in self.by_state]
+        states, field_mT, error_mm, deviation_mm = zip(*rows, strict=True) if rows else ((), (), (), ())
+        return drawn_errors(states, field_mT, error_mm, deviation_mm)
 
     def _repr_html_(self) -> str:
         rows = [
@@ -97,13 +104,13 @@ class Validation(Record):
 
 
 class ValidationFile(Record):
-    """A whole validation.json."""
+    """The content of validation.json."""
 
     validations: tuple[Validation, ...]
 
 
 def write_validation(path: Path, validations: Sequence[Validation], force: bool = False) -> ValidationFile:
-    """Write validation.json and return what it holds. Raises InputError when it exists and not ``force``."""
+    """Write validation.json and return its content. Raises InputError if it exists and `force` is false."""
     content = ValidationFile(validations=tuple(validations))
     write_file(path, content.model_dump_json(indent=1) + "\n", force)
     return content

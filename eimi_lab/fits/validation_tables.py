@@ -1,4 +1,4 @@
-"""Validations as lines to print: by dataset, by state, and every fit against every specimen."""
+"""Print validations: by dataset, by state, and as a matrix of fits and datasets."""
 
 from __future__ import annotations
 
@@ -14,25 +14,26 @@ _FITS_ABREAST = 6
 
 
 def by_dataset(validations: Sequence[Validation]) -> list[str]:
-    """For each dataset every fit, the smallest mean error first, those without a result last."""
+    """Return a table for each dataset, with the fits in the order of their mean errors; fits without a result last."""
     rows = [(v, _cells(v)) for v in validations]
     widths = _widths([_HEAD, *(cells for _, cells in rows)])
     lines = []
     for dataset in dict.fromkeys(v.dataset for v in validations):
-        own = [(v, cells) for v, cells in rows if v.dataset == dataset]
-        own.sort(key=lambda row: np.inf if row[0].mean_error_mm is None else row[0].mean_error_mm)
-        lines.append(f"{dataset} ({own[0][0].section}, {own[0][0].states.in_words()})")
-        lines += [_line(cells, widths, _HEAD, _RIGHT) for cells in (_HEAD, *(c for _, c in own))]
+        of_dataset = [(v, cells) for v, cells in rows if v.dataset == dataset]
+        of_dataset.sort(key=lambda row: np.inf if row[0].mean_error_mm is None else row[0].mean_error_mm)
+        first = of_dataset[0][0]
+        lines.append(f"{dataset} ({first.section}, {first.states.in_words()})")
+        lines += [_line(cells, widths, _HEAD, _RIGHT) for cells in (_HEAD, *(c for _, c in of_dataset))]
     return lines
 
 
 def by_state(validations: Sequence[Validation]) -> list[str]:
-    """For each dataset a line a state, with error ± deviation in µm of each fit that has an equilibrium."""
+    """Return a table for each dataset: error ± deviation in µm by state, for each fit that has an equilibrium."""
     lines = []
     for dataset in dict.fromkeys(v.dataset for v in validations):
-        own = [v for v in validations if v.dataset == dataset and v.by_state]
-        for first in range(0, len(own), _FITS_ABREAST):
-            shown = own[first : first + _FITS_ABREAST]
+        of_dataset = [v for v in validations if v.dataset == dataset and v.by_state]
+        for first in range(0, len(of_dataset), _FITS_ABREAST):
+            shown = of_dataset[first : first + _FITS_ABREAST]
             lines.append(f"{dataset}: error ± deviation by state, µm")
             head = ("state", "field, mT", *(f"{v.fit.path}:{v.fit.index} {v.model}" for v in shown))
             rows = [
@@ -55,7 +56,10 @@ def by_state(validations: Sequence[Validation]) -> list[str]:
 
 
 def matrix(validations: Sequence[Validation]) -> list[str]:
-    """A line a fit, a column a dataset: mean error in µm with its interval, `*` where the fit was made from it."""
+    """Return a table with a row for each fit and a column for each dataset.
+
+    The cells are mean errors in µm with their intervals; `*` marks the datasets to which the law was fitted.
+    """
     datasets = list(dict.fromkeys(v.dataset for v in validations))
     head = ("fit", "", "law", *datasets)
     rows: dict[FitReference, list[str]] = {}
@@ -69,7 +73,7 @@ def matrix(validations: Sequence[Validation]) -> list[str]:
 
 
 def error_in_words(v: Validation) -> str:
-    """Mean error in µm with its interval, `>` where that has no upper end; or why there is none."""
+    """Return the mean error in µm with its interval, or the status; `>` if the interval has no upper end."""
     if v.mean_error_mm is None or v.mean_error_interval_mm is None:
         return v.status
     low, high = v.mean_error_interval_mm
@@ -77,7 +81,13 @@ def error_in_words(v: Validation) -> str:
 
 
 def micrometres(length_mm: float | None) -> str:
-    """A length in µm in three digits; `-` for none."""
+    """Return a length in µm with three digits; `-` for None.
+
+    Examples
+    --------
+    >>> micrometres(0.01234), micrometres(0.1234), micrometres(None)
+    ('12.3', '123', '-')
+    """
     if length_mm is None:
         return "-"
     um = 1e3 * length_mm
@@ -95,7 +105,7 @@ def _cells(v: Validation) -> tuple[str, ...]:
     if not v.stable:
         notes.append("not stable over these stretches")
     if not v.within_fitted_stretch:
-        notes.append("stretched beyond its data")
+        notes.append("stretched beyond the data of the fit")
     return (*start, error_in_words(v), micrometres(v.mean_deviation_mm), f"{v.max_stretch:.3f}", ", ".join(notes))
 
 
@@ -104,7 +114,7 @@ def _widths(table: Sequence[Sequence[str]]) -> list[int]:
 
 
 def _line(cells: Sequence[str], widths: Sequence[int], head: Sequence[str], right: Sequence[str]) -> str:
-    """One line of a table; columns whose heading is in ``right`` end at the right."""
+    """Return one line of a table; the columns whose heading is in `right` are aligned to the right."""
     aligned = (
         cell.rjust(width) if name in right else cell.ljust(width)
         for cell, width, name in zip(cells, widths, head, strict=True)

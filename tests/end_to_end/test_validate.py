@@ -1,4 +1,4 @@
-"""Every fit on every dataset, as a person runs it."""
+"""`eimi validate` computes the errors of fits on datasets."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ def test_unseen_states_and_the_comparison_with_tensile_fits(done: Done, folder: 
         assert v["mean_error_mm"] == pytest.approx(np.mean([s["error_mm"] for s in v["by_state"]]))
         assert v["mean_deviation_mm"] == pytest.approx(np.mean([s["deviation_mm"] for s in v["by_state"]]))
         assert (v["status"], v["stable"], v["section"]) == ("ok", True, "plane-stress")
-    # A fit of the same law from the same strip predicts what it has not seen; one of a stiffer curve does not.
+    # A fit of the true law to the same strip predicts the unseen states; a fit to a stiffer curve does not.
     assert found[5]["mean_error_mm"] < 1e-3
     assert found[3]["mean_error_mm"] > 0.1
-    # What the fit itself wrote of the states it saw.
+    # The errors on the fitted states are those in the file of the fit.
     (own,) = json.loads((folder / "fits.json").read_text())["fits"]
     # To 0.02 µm: the finer mesh's edges are followed from where it changed them, and here nothing else is left.
     assert own["mean_error_mm"] == pytest.approx(found[2]["mean_error_mm"], rel=5e-3, abs=2e-5)
@@ -104,7 +104,7 @@ def test_by_state_prints_what_the_file_holds(done: Done, folder: Path) -> None:
     assert lines[first + 5].split()[0] == "mean"
 
 
-def test_results_show_themselves_and_turn_into_frames(folder: Path) -> None:
+def test_results_have_html_and_become_data_frames(folder: Path) -> None:
     pytest.importorskip("pandas")
     (fit,) = read_any_fits(folder / "fits.json")
     tensile = read_any_fits(folder / "tensile.json")[0]
@@ -126,7 +126,7 @@ def test_results_show_themselves_and_turn_into_frames(folder: Path) -> None:
     assert list(found.to_pandas().index) == [0, 1, 2]
 
 
-def test_what_was_measured_turns_into_labelled_arrays(folder: Path) -> None:
+def test_residuals_become_labelled_arrays(folder: Path) -> None:
     pytest.importorskip("xarray")
     dataset = open_dataset(folder / "unseen.h5")  # no `with` in a notebook's cell
     labelled, points = dataset.to_xarray(), dataset.points()
@@ -136,7 +136,7 @@ def test_what_was_measured_turns_into_labelled_arrays(folder: Path) -> None:
     assert labelled.place.attrs["units"] == "mm"
 
 
-def test_what_is_not_installed_is_named(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_is_named(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for package in ("pandas", "xarray"):
         monkeypatch.setitem(sys.modules, package, None)
     (fit,) = read_any_fits(folder / "fits.json")
@@ -146,7 +146,7 @@ def test_what_is_not_installed_is_named(folder: Path, monkeypatch: pytest.Monkey
         dataset.to_xarray()
 
 
-def test_a_law_without_an_equilibrium_is_told_and_stops_nothing(done: Done, folder: Path) -> None:
+def test_a_law_without_an_equilibrium_does_not_stop_the_others(done: Done, folder: Path) -> None:
     content = json.loads((folder / "tensile.json").read_text())
     content["fits"][0]["parameters"]["mu"]["value"] = -60e3
     (folder / "negative.json").write_text(json.dumps(content))
@@ -157,7 +157,7 @@ def test_a_law_without_an_equilibrium_is_told_and_stops_nothing(done: Done, fold
     assert [line.split()[0] for line in lines[-2:]] == ["negative.json:0", "unseen.h5:"]
 
 
-def test_no_better_model_is_asked_where_the_planar_one_has_no_equilibrium(
+def test_no_finer_model_is_solved_if_the_planar_one_has_no_equilibrium(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     evidence, asked = load_evidence(folder / "unseen.h5"), list[float]()
@@ -189,16 +189,19 @@ def test_no_better_model_is_asked_where_the_planar_one_has_no_equilibrium(
         (
             ("train.h5", "--fit", "earlier.json", "-o", "v.json"),
             "earlier.json: fits.0.mesh: Field required; expected a "
-            "file that `eimi fit` or `eimi tensile` of this release wrote: if it is of an earlier one, fit again",
+            "file that `eimi fit` or `eimi tensile` of this release wrote; fit again if it is older",
         ),
         (("train.h5", "--fit", "empty.json", "-o", "v.json"), "empty.json: fits: Tuple should have at least 1 item"),
         (
             ("train.h5", "--fit", "fits.json", "--section", "plane-strain", "-o", "v.json"),
-            "fits.json: fits.0 took train.h5 as plane-stress, not plane-strain; give --section plane-stress",
+            "fits.json: fits.0 was fitted to train.h5 with the section plane-stress, not plane-strain; give --section "
+            "plane-stress",
         ),
     ],
 )
-def test_bad_input_to_validate_is_one_line(eimi: Eimi, folder: Path, arguments: tuple[str, ...], told: str) -> None:
+def test_wrong_input_to_validate_is_refused_in_one_line(
+    eimi: Eimi, folder: Path, arguments: tuple[str, ...], told: str
+) -> None:
     content = json.loads((folder / "fits.json").read_text())
     del content["fits"][0]["mesh"]
     (folder / "earlier.json").write_text(json.dumps(content))

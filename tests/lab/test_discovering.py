@@ -1,4 +1,4 @@
-"""`eimi discover` through real files: the terms of a strip's law, what it writes, and what it refuses."""
+"""`eimi discover` on real files: it finds the terms of a law, writes them, and refuses wrong options in one line."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ section = "plane-stress"
 
 @pytest.fixture
 def strip(tmp_path: Path, run) -> Path:
-    """Places of a strip of 46 kPa under two forces, tracked: strip.h5; and a tensile test of it: curve.csv."""
+    """Write strip.h5, tracked points on a strip of 46 kPa under two forces, and curve.csv, a tensile test of it."""
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")).refined()
     forces = [0.001, 0.002]
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along([0.0] * 2, 90.0, 90.0, forces))
@@ -71,7 +71,7 @@ def test_terms_are_found_with_a_curve_and_not_without(strip: Path, run) -> None:
         (["--tensile-window", "-1"], "--tensile-window -1: should be a strain in percent"),
     ],
 )
-def test_what_is_wrong_is_said_in_one_line(strip: Path, run, arguments: list[str], said: str) -> None:
+def test_wrong_options_are_refused_in_one_line(strip: Path, run, arguments: list[str], said: str) -> None:
     curve = ("--tensile", strip / "curve.csv")
     status, told = run("discover", strip / "strip.h5", *curve, *arguments, "-o", strip / "d.json")
     assert (status, told.count("\n")) == (2, 1), told

@@ -1,4 +1,4 @@
-"""`eimi fit` with more than datasets, and with edges that are wrong, through real dataset files."""
+"""`eimi fit` with tensile curves, with freed nuisances and with wrong data, on real dataset files."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ section = "plane-strain"
 
 
 def write_points(folder: Path, change=lambda places: places) -> None:
-    """states.csv and points.csv of a strip of 46 kPa that hangs sideways under tip forces, the places changed."""
+    """Write states.csv and points.csv of a horizontal strip of 46 kPa under tip forces, with changed places."""
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-strain")).refined()
     forces = [0.0, 0.001, 0.002]
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along([0.0] * 3, 90.0, 90.0, forces))
@@ -53,14 +53,14 @@ def write_points(folder: Path, change=lambda places: places) -> None:
 
 
 def import_points(folder: Path, run, name: str = "strip.h5", **options) -> None:
-    """The dataset of write_points."""
+    """Import the files of `write_points` as a dataset."""
     write_points(folder, **options)
     tables = ("--states", folder / "states.csv", "--specimen", folder / "strip.toml", "--gravity-angle", "90")
     status, told = run("import", folder / "points.csv", *tables, "-o", folder / name)
     assert status == 0, told
 
 
-def test_a_tensile_curve_and_a_free_roll_stand_in_fits_json(tmp_path: Path, run) -> None:
+def test_fits_json_holds_a_tensile_curve_and_a_freed_roll(tmp_path: Path, run) -> None:
     import_points(tmp_path, run)
     strain = np.linspace(0.02, 0.8, 40)
     stress = engineering_stress(LAWS["mooney-rivlin"], np.array([[16e3, 7e3]]), strain)[0]
@@ -88,7 +88,7 @@ def test_a_tensile_curve_and_a_free_roll_stand_in_fits_json(tmp_path: Path, run)
     low, high = law["parameters"]["C01"]["interval_95"]
     assert low < 7e3 < high
     assert law["identifiability"]["not_fixed"] == []
-    # The curve knows that neo-hookean is not the law.
+    # The curve shows that the law is not Neo-Hookean.
     chosen = {choice["model"]: choice for choice in content["comparison"]}
     assert chosen["mooney-rivlin"]["aicc"] == 0.0
     assert chosen["neo-hookean"]["aicc"] > 10
@@ -96,12 +96,12 @@ def test_a_tensile_curve_and_a_free_roll_stand_in_fits_json(tmp_path: Path, run)
 
 
 def curve_of_46_kPa(unit: str) -> str:
-    """A tensile curve of the strip's material, its stress in kPa whatever the header says."""
+    """Return a tensile curve of the strip's material in kPa, with the unit of the header as given."""
     rows = [f"{e},{46 * (1 + e - (1 + e) ** -2) + 0.3 * (-1) ** k}" for k, e in enumerate(np.linspace(0.01, 0.5, 40))]
     return "\n".join([f"strain,stress_{unit}", *rows]) + "\n"
 
 
-def test_a_curve_that_contradicts_the_edges_is_doubted(tmp_path: Path, run) -> None:
+def test_a_curve_that_contradicts_the_edges_raises_a_doubt(tmp_path: Path, run) -> None:
     import_points(tmp_path, run)
     for unit, doubted in (("kPa", False), ("MPa", True)):
         (tmp_path / "curve.csv").write_text(curve_of_46_kPa(unit))
@@ -131,7 +131,7 @@ def test_a_curve_from_a_notebook_is_recorded_and_counts(tmp_path: Path, run) -> 
         (own,) = fit.tensile
         assert (own.path, own.rows, own.largest_strain, own.weight) == (None, 30, 0.5, 1.0)
         assert any("(from no file): RMSE" in line for line in remarks(fit))
-    # The edges alone do not tell the two laws apart.
+    # The edges alone cannot discriminate between the two laws.
     plain, law = content.comparison
     assert (law.model, law.aicc) == ("mooney-rivlin", 0.0)
     assert plain.aicc > 10
@@ -141,16 +141,16 @@ def test_a_curve_from_a_notebook_is_recorded_and_counts(tmp_path: Path, run) -> 
     assert "(from no file)" in (tmp_path / "report.html").read_text()
 
 
-def test_a_law_for_which_the_data_are_too_few_has_no_weight_in_the_table() -> None:
+def test_a_law_with_too_few_data_has_no_weight_in_the_table() -> None:
     laws = choose([Candidate("ogden", 6, ((8.0, 0.02),), 0.02), Candidate("neo-hookean", 1, ((8.0, 0.02),))])
     _, few, alone, sentence = comparison_table(laws)
     assert few.split()[2:] == ["too", "few", few.split()[4], "-", "20.00", "µm"]
     assert alone.split()[4:] == ["-", "-"]
-    assert "worth 8 independent points, too few for an AICc of ogden; so there are no weights." in sentence
+    assert "worth 8 independent points, too few for an AICc of ogden; there are no weights." in sentence
 
 
-def test_what_is_not_measured_looks_it_wherever_it_goes(tmp_path: Path, run) -> None:
-    """The card of every program that has the law, stderr, the notebook's table, pandas and the report."""
+def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path, run) -> None:
+    """The mark is on the cards of all programs, on stderr, in the notebook's table, in pandas and in the report."""
     import_points(tmp_path, run, change=lambda places: 1.005 * places)
     fits = tmp_path / "fits.json"
     assert run("fit", tmp_path / "strip.h5", "--model", "mooney-rivlin", "-o", fits)[0] == 0
@@ -206,7 +206,7 @@ def test_what_is_not_measured_looks_it_wherever_it_goes(tmp_path: Path, run) -> 
         ),
     ],
 )
-def test_what_cannot_be_freed_or_followed_is_one_line(
+def test_wrong_nuisances_and_curves_are_refused_in_one_line(
     tmp_path: Path, run, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], told: str
 ) -> None:
     import_points(tmp_path, run)
@@ -223,7 +223,7 @@ def test_what_cannot_be_freed_or_followed_is_one_line(
 
 
 def garbled_state(places):
-    """The last state's points where the first ones were."""
+    """Replace the points of the last state by those of the first."""
     return np.concatenate([places[:2], places[:1]])
 
 
@@ -237,7 +237,7 @@ def garbled_state(places):
     ],
     ids=["one state", "mirrored", "scale", "noise"],
 )
-def test_a_fit_on_garbage_says_so_instead_of_returning_a_number(tmp_path: Path, run, change, state: str) -> None:
+def test_a_fit_to_wrong_data_is_refused(tmp_path: Path, run, change, state: str) -> None:
     import_points(tmp_path, run, change=change)
     status, said = run("fit", tmp_path / "strip.h5", "--model", "neo-hookean", "-o", tmp_path / "fits.json")
     assert status == 2
@@ -247,7 +247,7 @@ def test_a_fit_on_garbage_says_so_instead_of_returning_a_number(tmp_path: Path, 
     assert not (tmp_path / "fits.json").exists()
 
 
-def test_a_doubt_stands_in_the_result(tmp_path: Path, run) -> None:
+def test_a_doubt_is_written_into_the_result(tmp_path: Path, run) -> None:
     import_points(tmp_path, run, change=lambda places: 1.005 * places)
     status, told = run("fit", tmp_path / "strip.h5", "--model", "neo-hookean", "-o", tmp_path / "fits.json")
     assert status == 0, told

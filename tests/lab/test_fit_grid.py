@@ -1,4 +1,4 @@
-"""Grids of fits: the same on any number of workers, after any worker's death, and after the death of the whole."""
+"""A grid of fits gives the same result with any number of workers, and after workers or the program were killed."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ ONE_THREAD = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 @pytest.fixture(scope="module")
 def beams(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with two measurements of one beam of known modulus: tracked points with noise."""
+    """Write two datasets of one beam of known modulus: tracked points with noise."""
     folder = tmp_path_factory.mktemp("beams")
     text = load_specimen("type1").text.replace('section = "solid"', 'section = "plane-stress"')  # for speed
     specimen = parse(SpecimenFile, text, "type1")
@@ -69,7 +69,7 @@ def beams(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def without_times(content: Any) -> Any:
-    """A parsed fits.json without its wall times."""
+    """Return the content of fits.json without wall times."""
     if isinstance(content, dict):
         return {key: without_times(value) for key, value in content.items() if key != "wall_s"}
     return [without_times(value) for value in content] if isinstance(content, list) else content
@@ -83,7 +83,7 @@ def plain(fits: list[FitRecord]) -> Any:
     return without_times([json.loads(fit.model_dump_json()) for fit in fits])
 
 
-def test_a_grid_on_two_workers_is_that_of_one(beams: Path, tmp_path: Path, run: Run) -> None:
+def test_a_grid_is_the_same_with_one_and_with_two_workers(beams: Path, tmp_path: Path, run: Run) -> None:
     data = [beams / "first.h5", beams / "second.h5"]
     fit = ["fit", *data, "--each", "--model", "neo-hookean", "--seed", "2", "--bootstrap", "1"]
     status, said = run(*fit, "-o", tmp_path / "one.json")
@@ -125,7 +125,7 @@ def test_bootstrap_interval_holds_the_modulus(beams: Path) -> None:
     assert fit.bootstrap.initial_shear_modulus_interval_95_Pa is not None
     low, high = fit.bootstrap.initial_shear_modulus_interval_95_Pa
     assert low < fit.initial_shear_modulus.value < high
-    # 60 points in 5 states, 10 µm each: the modulus is good to a few parts in a thousand.
+    # 60 points in 5 states with 10 µm of noise determine the modulus to a few parts in a thousand.
     assert 1e-4 < (high - low) / MODULUS_PA < 0.02
 
 
@@ -146,7 +146,7 @@ def test_a_killed_worker_changes_nothing(beams: Path) -> None:
     assert not multiprocessing.active_children()
 
 
-def test_what_a_worker_refuses_is_told_as_by_one_process(beams: Path, tmp_path: Path, run: Run) -> None:
+def test_a_refusal_is_the_same_with_workers_and_without(beams: Path, tmp_path: Path, run: Run) -> None:
     (tmp_path / "odd.h5").write_bytes((beams / "first.h5").read_bytes())
     with h5py.File(tmp_path / "odd.h5", "r+", libver="latest") as file:
         file["entry/data/y"][...] = -file["entry/data/y"][()]  # bent to the wrong side
@@ -158,14 +158,14 @@ def test_what_a_worker_refuses_is_told_as_by_one_process(beams: Path, tmp_path: 
     assert not (tmp_path / "fits.json").exists()
 
 
-def test_workers_that_always_die_are_given_up() -> None:
+def test_a_grid_ends_if_its_workers_always_die() -> None:
     with pytest.raises(ChildProcessError, match="lost 3 times in succession"):
         list(completed(os._exit, lambda task: {"status": 1}, [0, 1], partial(processes, 2)))
 
 
 @pytest.fixture
 def dask() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """The address of a local scheduler, and its two workers."""
+    """Start a local scheduler with two workers, and return its address and the workers."""
     pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'eimi-lab[cluster]'")
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -218,7 +218,7 @@ def generations(path: Path) -> int:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_fit_that_is_stopped_says_so_in_one_line_and_takes_its_workers_along(
+def test_a_stopped_fit_prints_one_line_and_ends_its_workers(
     beams: Path, tmp_path: Path, workers: int, number: signal.Signals
 ) -> None:
     fit = ["fit", beams / "first.h5", "--model", "ogden", "--seed", 1, "--seed", 2, "--restarts", 5]
@@ -239,7 +239,9 @@ def test_a_fit_that_is_stopped_says_so_in_one_line_and_takes_its_workers_along(
 
 
 @pytest.mark.parametrize(("checkpoint", "told"), [([], "fits.json"), (["--checkpoint", "log.jsonl"], "log.jsonl")])
-def test_a_full_disk_is_one_line_with_the_file(beams: Path, tmp_path: Path, checkpoint: list[str], told: str) -> None:
+def test_a_full_disk_is_reported_in_one_line_with_the_file(
+    beams: Path, tmp_path: Path, checkpoint: list[str], told: str
+) -> None:
     fit = ["fit", str(beams / "first.h5"), "--model", "neo-hookean", "--restarts", "1", *checkpoint, "-o", "fits.json"]
     done = subprocess.run(
         [sys.executable, "-m", "eimi_lab", *fit],
@@ -255,7 +257,7 @@ def test_a_full_disk_is_one_line_with_the_file(beams: Path, tmp_path: Path, chec
 
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_fit_killed_again_and_again_ends_as_if_it_had_not_been(beams: Path, tmp_path: Path, workers: int) -> None:
+def test_a_fit_that_is_killed_repeatedly_ends_with_the_same_result(beams: Path, tmp_path: Path, workers: int) -> None:
     fit = ["fit", beams / "first.h5", "--model", "neo-hookean", "--seed", 1, "--seed", 2, "--restarts", 1, "--bipop"]
     fit += ["--workers", workers, "--resume"]
     whole = eimi(*fit, "-o", "whole.json", "--checkpoint", "whole.jsonl", cwd=tmp_path)
@@ -275,13 +277,13 @@ def test_a_fit_killed_again_and_again_ends_as_if_it_had_not_been(beams: Path, tm
     last = eimi(*fit, "-o", "fits.json", "--checkpoint", "log.jsonl", cwd=tmp_path)
     assert last.wait(PATIENCE_S) == 0, last.stderr
     assert read(tmp_path / "fits.json") == read(tmp_path / "whole.json")
-    # The same generations were told the same: order of lines aside, one log holds what the other holds.
+    # Except for the order of the lines, both logs hold the same generations with the same objectives.
     logged = [
         {line for line in path.read_text().split("\n") if '"objective_mm":' in line and line.endswith("}}")}
         for path in (log, tmp_path / "whole.jsonl")
     ]
     assert logged[0] == logged[1]
-    # What is finished is not done again.
+    # A finished fit is not computed again.
     (tmp_path / "fits.json").unlink()
     size = log.stat().st_size
     assert eimi(*fit, "-o", "fits.json", "--checkpoint", "log.jsonl", cwd=tmp_path).wait(PATIENCE_S) == 0
@@ -289,7 +291,7 @@ def test_a_fit_killed_again_and_again_ends_as_if_it_had_not_been(beams: Path, tm
     assert read(tmp_path / "fits.json") == read(tmp_path / "whole.json")
 
 
-def test_what_cannot_be_resumed_is_told_in_one_line(beams: Path, tmp_path: Path, run: Run) -> None:
+def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(beams: Path, tmp_path: Path, run: Run) -> None:
     log, output = tmp_path / "log.jsonl", tmp_path / "fits.json"
     fit = ["fit", beams / "first.h5", "--model", "neo-hookean", "--restarts", 1, "-o", output, "--checkpoint", log]
     assert run(*fit)[0] == 0
@@ -302,30 +304,30 @@ def test_what_cannot_be_resumed_is_told_in_one_line(beams: Path, tmp_path: Path,
         assert not output.exists()
         return said
 
-    assert "log.jsonl: exists already; --resume goes on with it" in refused()
-    assert "its restarts should be the same to resume, is 1 there and 2 here" in refused("--resume", "--restarts", 2)
-    assert "its fits should be the same" in refused("--resume", "--seed", 2)
+    assert "log.jsonl: exists already; give --resume to continue it" in refused()
+    assert "to resume, restarts should be the same: 1 in the checkpoint, 2 here" in refused("--resume", "--restarts", 2)
+    assert "fits should be the same" in refused("--resume", "--seed", 2)
     assert "--workers 2: the cluster" in refused("--resume", "--workers", 2, "--scheduler", "tcp://localhost:1")
     assert "second.h5" in refused("--resume", beams / "second.h5")
     log.write_text(written.replace('"numpy":"', '"numpy":"0.'))
-    assert "its version of numpy should be the same" in refused("--resume")
+    assert "version of numpy should be the same" in refused("--resume")
     log.write_text(written.replace('"step_size":0.', '"step_size":1.').rsplit("\n", 1)[0])
-    assert "cannot be resumed here: generation 1 does not lead where it led" in refused("--resume")
+    assert "cannot be resumed here: generation 1 differs from the one in the checkpoint" in refused("--resume")
     log.write_text(written.replace('"generation":3', '"generation":"x"'))
-    assert "whole line 4: generation" in refused("--resume")
+    assert "complete line 4: generation" in refused("--resume")
     log.write_text(written.replace('"fit":0', '"fit":1'))
-    assert "whole line 2: fit: 1 should be from 0 to 0" in refused("--resume")
+    assert "complete line 2: fit: 1 should be from 0 to 0" in refused("--resume")
     log.unlink()
     log.symlink_to("none/log.jsonl")
     assert "log.jsonl: there is no folder" in refused()
     log.unlink()
     log.write_text("something else")
-    assert "log.jsonl: does not begin as a checkpoint" in refused("--resume")
+    assert "log.jsonl: is not a checkpoint of `eimi fit`" in refused("--resume")
     status, said = run("fit", beams / "first.h5", "--model", "neo-hookean", "-o", output, "--resume")
-    assert (status, said) == (2, "eimi: --resume: from which file? give --checkpoint too\n")
+    assert (status, said) == (2, "eimi: --resume: needs the file to resume from: give --checkpoint\n")
 
 
-def test_too_few_states_are_not_drawn_from(beams: Path, tmp_path: Path, run: Run, monkeypatch: Any) -> None:
+def test_a_bootstrap_of_too_few_states_is_refused(beams: Path, tmp_path: Path, run: Run, monkeypatch: Any) -> None:
     monkeypatch.setattr("eimi_lab.fits.fit_grid.FEWEST_STATES", 6)
     status, said = run(
         "fit", beams / "first.h5", "--model", "neo-hookean", "--bootstrap", 3, "-o", tmp_path / "fits.json"
@@ -342,7 +344,7 @@ def test_there_are_no_more_workers_than_processors(monkeypatch: Any) -> None:
 
 
 @pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n"])
-def test_a_service_that_is_no_scheduler_is_not_waited_for(answer: bytes, monkeypatch: Any) -> None:
+def test_an_address_without_a_scheduler_is_refused_at_once(answer: bytes, monkeypatch: Any) -> None:
     pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'eimi-lab[cluster]'")
     monkeypatch.setattr("eimi_lab.process.workers._ANSWER_S", 1)
     with socket.create_server(("127.0.0.1", 0)) as service:
@@ -360,7 +362,7 @@ def test_a_service_that_is_no_scheduler_is_not_waited_for(answer: bytes, monkeyp
             pass
 
 
-def test_no_scheduler_is_one_line(beams: Path, tmp_path: Path, run: Run, monkeypatch: Any) -> None:
+def test_a_missing_scheduler_is_reported_in_one_line(beams: Path, tmp_path: Path, run: Run, monkeypatch: Any) -> None:
     pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'eimi-lab[cluster]'")
     monkeypatch.setattr("eimi_lab.process.workers._ANSWER_S", 1)
     arguments = ["--scheduler", "tcp://127.0.0.1:1", "-o", tmp_path / "fits.json"]

@@ -1,4 +1,4 @@
-"""An option of `eimi fit` is one field: the command line, the checkpoint and the fit have it from there."""
+"""One field adds an option of `eimi fit` to the command line, to the checkpoint and to the fit."""
 
 from __future__ import annotations
 
@@ -19,45 +19,45 @@ from eimi_lab.process.errors import InputError
 
 @dataclass(frozen=True)
 class MoreOptions(FitOptions):
-    """With one more."""
+    """The options of a fit and one more."""
 
     population: Annotated[int, typer.Option(help="of the search", min=2)] = 8
 
 
-found: list[MoreOptions] = []
+received: list[MoreOptions] = []
 
 
 @with_fields(MoreOptions)
 def command(output: Output, options: MoreOptions, again: bool = False) -> None:
-    """Keep what was asked for."""
-    found.append(options)
+    """Keep the options of the command line."""
+    received.append(options)
 
 
-def test_every_field_is_an_option_of_the_command_and_stands_in_a_checkpoint() -> None:
+def test_each_field_is_an_option_of_the_command_and_a_key_of_the_checkpoint() -> None:
     names = {field.name for field in fields(FitOptions)}
     assert names <= set(inspect.signature(fit).parameters)
     assert names == set(FitOptions().head())
 
 
 def test_another_option_is_another_field() -> None:
-    found.clear()
+    received.clear()
     app = typer.Typer()
     app.command()(command)
     told = CliRunner().invoke(app, ["-o", "fits.json", "--population", "12", "--bipop"])
     assert told.exit_code == 0, told.output
-    assert found == [MoreOptions(population=12, bipop=True)]
-    assert found[0].head()["population"] == 12
+    assert received == [MoreOptions(population=12, bipop=True)]
+    assert received[0].head()["population"] == 12
     assert CliRunner().invoke(app, ["-o", "fits.json", "--population", "1"]).exit_code == 2
 
 
-def test_a_wrong_nuisance_is_told_with_all_that_there_are() -> None:
+def test_an_unknown_nuisance_is_refused_with_a_list_of_all() -> None:
     with pytest.raises(InputError) as told:
         FitOptions(free=["widht=0.1"]).for_identify()
     for words in ("moment=0.02 (relative)", "coil=0.01 (relative)", "roll=0.1 (degrees)", "clamp=0.05 (mm)", "bulk"):
         assert words in str(told.value)
 
 
-def test_curves_are_checked_before_anything_is_fitted(tmp_path: Path) -> None:
+def test_curves_are_checked_before_the_fit(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--tensile-window 20: needs a tensile curve"):
         FitOptions(tensile_window="20").for_identify()
     (tmp_path / "short.csv").write_text("strain,stress_kPa\n0.1,5\n0.2,9\n")
@@ -65,7 +65,7 @@ def test_curves_are_checked_before_anything_is_fitted(tmp_path: Path) -> None:
         FitOptions(tensile=[tmp_path / "short.csv"]).for_identify()
 
 
-def test_a_prior_reaches_the_fit_and_a_wrong_one_is_told_with_what_would_be_right() -> None:
+def test_a_prior_reaches_the_fit_and_a_wrong_one_is_refused_with_the_right_form() -> None:
     options = FitOptions(prior=["C10=20000,500"])
     (prior,) = options.for_identify()["priors"]
     assert (prior.parameter, prior.mean, prior.standard_deviation) == ("C10", 20e3, 500.0)

@@ -1,4 +1,4 @@
-"""Datasets that no material could explain, and what a person is told: one line, the cause, the key to change."""
+"""A dataset that no material could explain is refused in one line with the cause and the key to change."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ REST = np.column_stack([np.linspace(5, 24, 6), np.zeros(6)])
 
 
 def places(gravity_deg: float | None = 30.0) -> np.ndarray:
-    """(3, 6, 2) mm: points on a beam of 46 kPa in three fields, gravity to one side."""
+    """Return points (3, 6, 2) in mm on a beam of 46 kPa in three fields, with gravity to one side."""
     magnet = Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", magnet)).refined()
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(FIELD_MT, 90.0, gravity_deg))
@@ -49,7 +49,7 @@ def places(gravity_deg: float | None = 30.0) -> np.ndarray:
 
 
 def bent() -> Experiment:
-    """The same as an experiment."""
+    """Return the points as an experiment."""
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
     seen = PointObservation(np.tile(REST, (3, 1, 1)), places(), np.full((3, 6), 0.005))
     return Experiment(model, Loads.along(FIELD_MT, 90.0, 30.0), seen)
@@ -73,7 +73,7 @@ def fit(folder: Path, run, *, seen=None, fields=FIELD_MT, gravity="30", magnet=M
     return status, told.splitlines()[-1]
 
 
-def test_nothing_is_named_where_nothing_is_wrong(tmp_path: Path, run) -> None:
+def test_correct_loads_are_accepted(tmp_path: Path, run) -> None:
     assert fit(tmp_path, run)[0] == 0
     (found,) = read_any_fits(tmp_path / "fits.json")
     assert found.initial_shear_modulus.value == pytest.approx(46e3, rel=0.01)
@@ -84,34 +84,34 @@ def test_nothing_is_named_where_nothing_is_wrong(tmp_path: Path, run) -> None:
     [
         ({"fields": (0.0, -3.0, -6.0)}, "a field that is the wrong way round", "change the sign of field_mT"),
         ({"gravity": "-150"}, "a gravity that is upside down", "turn --gravity-angle by 180 degrees"),
-        ({"fields": (0.0, 3e3, 6e3)}, "a field a thousand times too large", "field_mT in states.csv is in mT"),
+        ({"fields": (0.0, 3e3, 6e3)}, "a field a thousand times too large", "state field_mT in states.csv in mT and"),
         (
             {"fields": (0.0, 3e-3, 6e-3)},
             "a field a thousand times too small",
-            "field_mT in states.csv is in mT (not T)",
+            "state field_mT in states.csv in mT (not T)",
         ),
         ({"seen": places(None)}, "gravity", "give --no-gravity"),
     ],
 )
-def test_a_slip_in_the_loads_is_named(tmp_path: Path, run, stated, cause: str, remedy: str) -> None:
+def test_a_mistake_in_the_loads_is_named(tmp_path: Path, run, stated, cause: str, remedy: str) -> None:
     status, line = fit(tmp_path, run, **stated)
     assert status == 2
-    assert "beam.h5: no material explains this: as stated the best is" in line
+    assert "beam.h5: no material explains this: as stated the smallest error is" in line
     assert f"without {cause} " in line
     assert remedy in line
     assert not (tmp_path / "fits.json").exists()
 
 
-def test_a_slip_that_is_hardly_seen_is_a_doubt(tmp_path: Path, run) -> None:
-    """Upside down, the weight of a hanging beam is worth a tenth of its bending."""
+def test_a_mistake_with_a_small_effect_is_a_doubt(tmp_path: Path, run) -> None:
+    """For a hanging beam, a reversed weight changes the bending by only a tenth."""
     status, line = fit(tmp_path, run, seen=places(0.0), gravity="180")
     if status == 0:
-        (found,) = read_any_fits(tmp_path / "fits.json")
-        line = " ".join(found.doubts_in_words())
+        (record,) = read_any_fits(tmp_path / "fits.json")
+        line = " ".join(record.doubts_in_words())
     assert "a gravity that is upside down" in line
 
 
-def test_a_field_that_nothing_feels_is_named(tmp_path: Path, run) -> None:
+def test_a_field_on_a_specimen_without_a_magnet_is_named(tmp_path: Path, run) -> None:
     status, line = fit(tmp_path, run, magnet="")
     assert status == 2
     assert "beam.h5: the tip moves by" in line
@@ -126,7 +126,7 @@ def test_a_field_that_nothing_feels_is_named(tmp_path: Path, run) -> None:
         (
             "width_mm = 2.0\ndepth_mm = 2.0",
             "width_mm = 0.8\ndepth_mm = 2.0",
-            "that is depth_mm: width_mm is what is",
+            "this equals depth_mm: width_mm is the side in the picture",
         ),
     ],
 )
@@ -144,16 +144,16 @@ def test_a_beam_of_another_width_than_stated_is_named(pictures: Path, run, key: 
 
 def test_milliampere_for_ampere_are_named() -> None:
     states = [State(k, 500.0 * k, None, 2350.0 * k, 0.0, ()) for k in range(4)]
-    with pytest.raises(InputError, match=r"d\.h5: current_A of up to 1500 A .* were milliampere given\?"):
+    with pytest.raises(InputError, match=r"d\.h5: current_A of up to 1500 A .* current_A should be in ampere"):
         check_states(Path("d.h5"), bent(), states)
 
 
-def test_one_state_is_enough_where_it_determines_the_modulus(tmp_path: Path, run) -> None:
+def test_one_state_is_enough_if_it_determines_the_modulus(tmp_path: Path, run) -> None:
     assert fit(tmp_path, run, seen=places()[2:], fields=FIELD_MT[2:])[0] == 0
-    (found,) = read_any_fits(tmp_path / "fits.json")
-    assert found.initial_shear_modulus.value == pytest.approx(46e3, rel=0.03)
-    assert found.held_out_error_mm is None
-    # Along gravity a beam of this stiffness hardly stretches, by less than the points are good to.
+    (record,) = read_any_fits(tmp_path / "fits.json")
+    assert record.initial_shear_modulus.value == pytest.approx(46e3, rel=0.03)
+    assert record.held_out_error_mm is None
+    # Gravity along a beam of this stiffness stretches it by less than the uncertainty of the points.
     rng = np.random.default_rng(0)
     hanging = REST[None] + rng.normal(0, 0.005, (1, *REST.shape))
     status, line = fit(tmp_path, run, seen=hanging, fields=(0.0,), gravity="0", name="hanging")

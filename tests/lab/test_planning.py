@@ -1,4 +1,4 @@
-"""The command that plans the next run: what it refuses, and the protocol that it writes."""
+"""`eimi plan` writes a protocol of the planned states, and refuses impossible plans in one line."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ARGUMENTS = ("dragon_skin_10_quick", "--rig", "virtual")
 
 @pytest.fixture(scope="module")
 def fits(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A Neo-Hookean fit of a strip under two weights."""
+    """Fit the Neo-Hookean law to a strip under two weights."""
     strip = Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")
     model, loads = BeamModel(strip), Loads.along([0.0, 0.0], gravity_angle_deg=90.0, tip_force_N=[0.001, 0.002])
     rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
@@ -36,7 +36,9 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_protocol_says_what_it_is_for(fits: Path, run, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_planned_protocol_states_its_purpose(
+    fits: Path, run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "planned.toml"
     mounting = ("--gravity-angle", 90, "--gravity-angle", 0, "--tip-weight", 2)
     assert run("plan", fits, *ARGUMENTS, "--specimen", "type1", "--states", 3, *mounting, "-o", out)[0] == 0
@@ -50,7 +52,7 @@ def test_a_protocol_says_what_it_is_for(fits: Path, run, tmp_path: Path, capsys:
     assert (status, "a virtual beam bears no weight" in told) == (2, True)
 
 
-def test_the_table_is_there_as_json(fits: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:
+def test_the_plan_is_printed_as_json(fits: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:
     from eimi_lab import cli
 
     arguments = ["plan", fits, *ARGUMENTS, "--specimen", "type1", "--states", 2, "--json", "-o", tmp_path / "p.toml"]
@@ -58,9 +60,9 @@ def test_the_table_is_there_as_json(fits: Path, monkeypatch: pytest.MonkeyPatch,
     monkeypatch.setattr(cli, "unwind_on_termination", lambda: None)
     with pytest.raises(SystemExit):
         cli.main()
-    (found,) = json.loads(capsys.readouterr().out)["runs"]
-    assert found["expected"] <= found["equally_spaced"]
-    assert len(found["currents_A"]) == 2
+    (planned,) = json.loads(capsys.readouterr().out)["runs"]
+    assert planned["expected"] <= planned["equally_spaced"]
+    assert len(planned["currents_A"]) == 2
 
 
 @pytest.mark.parametrize(
@@ -71,14 +73,16 @@ def test_the_table_is_there_as_json(fits: Path, monkeypatch: pytest.MonkeyPatch,
         (("--states", "99"), "--states 99: should be at most 41"),
     ],
 )
-def test_what_cannot_be_planned_is_told(fits: Path, run, tmp_path: Path, more: tuple[str, ...], told: str) -> None:
+def test_an_impossible_plan_is_refused_in_one_line(
+    fits: Path, run, tmp_path: Path, more: tuple[str, ...], told: str
+) -> None:
     status, said = run("plan", fits, *ARGUMENTS, "--specimen", "type1", *more, "-o", tmp_path / "planned.toml")
     assert (status, said.count("\n"), told in said) == (2, 1, True), said
     assert not (tmp_path / "planned.toml").exists()
 
 
 def planned(fits: Path, folder: Path, run, protocol_A: float, rig_A: float, unsure_A: float = 0.0) -> tuple[str, float]:
-    """What the plan's heading says and its highest current, with limits and an uncertainty of the current."""
+    """Return the heading and the highest current of a plan, for given limits and uncertainty of the current."""
     for path in Path("protocols/rigs").glob("virtual*.toml"):
         (folder / path.name).write_text(path.read_text())
     rig, protocol, out = folder / "virtual.toml", folder / "protocol.toml", folder / "planned.toml"
@@ -94,7 +98,7 @@ def planned(fits: Path, folder: Path, run, protocol_A: float, rig_A: float, unsu
 
 
 def half_width(heading: str) -> float:
-    """In per cent, of the planned run."""
+    """Return the expected half-width of the planned run in per cent."""
     return float(heading.split("±")[1].split("%")[0])
 
 
@@ -104,7 +108,7 @@ def test_the_stricter_of_both_limits_holds_in_a_plan(fits: Path, run, tmp_path: 
     assert 0.4 < planned(fits, tmp_path, run, protocol_A, rig_A)[1] <= 0.5
 
 
-def test_what_a_rig_says_of_its_current_is_in_the_interval_to_expect(fits: Path, run, tmp_path: Path) -> None:
+def test_the_uncertainty_of_the_current_is_in_the_expected_interval(fits: Path, run, tmp_path: Path) -> None:
     sure, unsure = (half_width(planned(fits, tmp_path, run, 1.6, 2.0, unsure_A)[0]) for unsure_A in (0.0, 0.05))
     # 0.05 A of 0.7 A, in a torque that goes as the modulus: several per cent.
     assert unsure > sure + 3.0

@@ -1,4 +1,4 @@
-"""The error that a fit is to be expected to have on a beam it has not seen: that beam's own uncertainties are in it."""
+"""The interval of the error on an unseen beam includes the uncertainties of that beam."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ OTHER = replace(FIRST, length_mm=32.0)
 
 
 def evidence(name: str, stated: Specimen, hidden: Specimen, coil: float, *known: StatedSource) -> Evidence:
-    """What is stated of a beam, with the edges of the one that it is, in a field that is so many times as strong."""
+    """Return a dataset that states one beam, but has the edges of another one in a field stronger by a factor."""
     model, loads = BeamModel(hidden), Loads.along(FIELD_MT)
     real = replace(loads, field_T=coil * loads.field_T)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), real)
     edges = points_on(edge_curves(model, shapes)[0], 2)[:, :, 1:-1]
     edges = edges + np.random.default_rng(len(name)).normal(0, NOISE_MM, edges.shape)
     sigma = np.full(edges.shape[2], NOISE_MM)
-    seen = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in edges])
+    observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in edges])
     states = tuple(State(k, None, None, b, 0.0, ()) for k, b in enumerate(FIELD_MT))
-    experiment = Experiment(BeamModel(stated), loads, seen, stated=known)
+    experiment = Experiment(BeamModel(stated), loads, observed, stated=known)
     return Evidence(Path(f"{name}.h5"), name, experiment, states, StatesUsed(len(states), (), ()))
 
 
@@ -44,9 +44,9 @@ def record(one: Evidence) -> FitRecord:
     return FitRecord.of(identify("neo-hookean", [one.experiment]), [one])
 
 
-def interval_um(found: Validation) -> tuple[float, float]:
-    assert found.mean_error_interval_mm is not None
-    low, high = found.mean_error_interval_mm
+def interval_um(validation: Validation) -> tuple[float, float]:
+    assert validation.mean_error_interval_mm is not None
+    low, high = validation.mean_error_interval_mm
     assert high is not None
     return 1e3 * low, 1e3 * high
 
@@ -58,9 +58,9 @@ def test_the_unseen_beam_brings_its_own_uncertainty_and_shares_that_of_the_coil(
     thicker = replace(OTHER, width_mm=3.03)
 
     def judged(*known: StatedSource) -> tuple[float, tuple[float, float]]:
-        found = validate(evidence("unseen", OTHER, thicker, 1.03, *known), fit, Path("f.json"), 0)
-        assert found.mean_error_mm is not None
-        return 1e3 * found.mean_error_mm, interval_um(found)
+        validation = validate(evidence("unseen", OTHER, thicker, 1.03, *known), fit, Path("f.json"), 0)
+        assert validation.mean_error_mm is not None
+        return 1e3 * validation.mean_error_mm, interval_um(validation)
 
     width = StatedSource("width", 0.02, "specimen 2")
     error, (least, most) = judged(coil)
@@ -75,22 +75,22 @@ def test_the_unseen_beam_brings_its_own_uncertainty_and_shares_that_of_the_coil(
 
 
 @pytest.mark.parametrize("stated", [True, False], ids=["in the file", "of an earlier release"])
-def test_a_dataset_that_the_fit_has_seen_has_the_deviations_of_the_fit(stated):
+def test_the_fitted_dataset_keeps_the_deviations_of_the_fit(stated):
     width = StatedSource("width", 0.02, "specimen 1")
     one = evidence("first", FIRST, replace(FIRST, width_mm=3.03), 1.0, width)
     fit = record(one)
     if not stated:
         fit = fit.model_copy(update={"datasets": tuple(d.model_copy(update={"stated": ()}) for d in fit.datasets)})
-    found = validate(one, fit, Path("f.json"), 0)
-    assert found.seen
-    error, (low, high) = 1e3 * (found.mean_error_mm or 0.0), interval_um(found)
+    validation = validate(one, fit, Path("f.json"), 0)
+    assert validation.seen
+    error, (low, high) = 1e3 * (validation.mean_error_mm or 0.0), interval_um(validation)
     assert low <= error < high
     # With its width the modulus moves as far as keeps the beam's shape: that leaves micrometres, not tens of them.
     assert (high < 4 * error) is stated
 
 
 @pytest.mark.parametrize(("fitted", "foretold"), [(0, 1), (1, 0)], ids=["its own weight", "52 g"])
-def test_one_recording_of_the_real_beam_foretells_where_the_tip_is_in_the_other(measured, tmp_path, fitted, foretold):
+def test_one_recording_of_the_real_beam_predicts_the_tip_in_the_other(measured, tmp_path, fitted, foretold):
     folder = measured / "real_beam"
     points, tables = folder / "points.csv", (folder / "states.csv", load_specimen(folder / "specimen.toml"))
     import_points(points, *tables, -90.0, tmp_path / "beam.h5")
@@ -100,7 +100,7 @@ def test_one_recording_of_the_real_beam_foretells_where_the_tip_is_in_the_other(
     drawn = np.array(fit.draws.values)[::8, :1]
     rest = other.observed.rest_mm[0]
     foretold_mm = other.model.positions(other.model.solve(LAWS["neo-hookean"], drawn, other.loads), rest)[:, 0]
-    # What a marker's own place is uncertain by is common to all of a recording.
+    # The uncertainty of the place of a marker on the beam is common to all states of a recording.
     seen_mm = foretold_mm + np.random.default_rng(1).normal(0, other.observed.sigma_mm[0, 0], (len(drawn), 1, 2))
     low, high = np.quantile(seen_mm, [0.025, 0.975], axis=0)
     moved = other.observed.moved_mm[0]

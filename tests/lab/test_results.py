@@ -1,4 +1,4 @@
-"""What a command found, for a person and for a program, and how its help says that it is used."""
+"""A command prints its result as lines or as JSON, and its help shows valid examples."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Eimi = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Eimi:
-    """Runs the command line in this process; exit status, what it printed and what it said on stderr."""
+    """Return a function that runs the command line in this process: exit status, standard output, standard error."""
 
     def eimi(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["eimi", *map(str, arguments)])
@@ -33,7 +33,7 @@ def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
     return eimi
 
 
-def test_a_program_gets_json_and_a_person_words(eimi: Eimi, dataset: Path) -> None:
+def test_a_result_is_printed_as_json_or_as_lines(eimi: Eimi, dataset: Path) -> None:
     status, said, progressed = eimi("segment", dataset)
     assert "segment 1/" in progressed
     assert (status, said.startswith(f"{dataset}: edges of ")) == (0, True)
@@ -48,7 +48,7 @@ def test_a_program_gets_json_and_a_person_words(eimi: Eimi, dataset: Path) -> No
     assert (status, json.loads(said), progressed) == (0, found, "")
 
 
-def test_what_goes_wrong_is_told_however_quiet(eimi: Eimi, tmp_path: Path) -> None:
+def test_an_error_is_printed_even_with_quiet(eimi: Eimi, tmp_path: Path) -> None:
     status, said, told = eimi("segment", tmp_path / "none.h5", "--quiet", "--json")
     assert (status, said) == (2, "")
     assert told.startswith("eimi: ")
@@ -81,8 +81,10 @@ def test_every_command_has_an_example_and_takes_h(eimi: Eimi) -> None:
     assert "\n    eimi fit run.h5 --model neo-hookean -o fits.json\n" in said
 
 
-def test_an_estimate_is_of_the_steps_alone(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """What comes before the first step, the conditioning of a coil, is no part of a step."""
+def test_the_estimated_time_counts_the_steps_only(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The time before the first step, such as the conditioning of a coil, does not count."""
     now = iter([1000.0, 1010.0, 1020.0, 1030.0])
     monkeypatch.setattr("eimi_lab.process.progress.time.monotonic", lambda: next(now))
     with progress("acquire", 4) as report:
@@ -93,7 +95,7 @@ def test_an_estimate_is_of_the_steps_alone(capsys: pytest.CaptureFixture[str], m
     assert [line.endswith("done") for line in lines] == [True, False, False, True]
 
 
-def test_nothing_is_told_unseen(capsys: pytest.CaptureFixture[str]) -> None:
+def test_hidden_progress_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     with unseen(), progress("fit", 1) as report:
         report.underway("half")
         report("done")

@@ -1,4 +1,4 @@
-"""Tensile tests as files: both formats, what is wrong in them told in one line, and the fits as cards."""
+"""Tensile tests are read in both formats, errors in them are reported in one line, and fits become cards."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_the_database_itself(measured: Path) -> None:
         (DATABASE + COLUMNS + "1;2;3;0,1;4\n", "row 6: Engineering Strain = '0,1' should be a number"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_in_a_file_is_one_line(run: Run, tmp_path: Path, text: str, told: str) -> None:
+def test_an_error_in_a_file_is_reported_in_one_line(run: Run, tmp_path: Path, text: str, told: str) -> None:
     (tmp_path / "curve.csv").write_text(text)
     status, said = run("tensile", tmp_path / "curve.csv", "--model", "mooney-rivlin", "--window", "full",
                        "-o", tmp_path / "fits.json")  # fmt: skip
@@ -109,8 +109,8 @@ def test_any_text_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, t
     assert np.isfinite([test.strain, test.stress_Pa]).all()
 
 
-def test_a_negative_initial_modulus_is_a_result_but_no_card(run: Run, tmp_path: Path) -> None:
-    """What Mooney-Rivlin makes of a whole curve that stiffens: true of the curve, and of no use."""
+def test_a_negative_initial_modulus_is_a_result_but_cannot_be_a_card(run: Run, tmp_path: Path) -> None:
+    """A Mooney-Rivlin fit to a whole curve that stiffens may have a negative modulus, which no solver accepts."""
     strain = np.linspace(0.2, 7.0, 60)
     rows = (f"{e},{46 * e + 2 * e**3}" for e in strain)
     (tmp_path / "curve.csv").write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")
@@ -145,7 +145,7 @@ def test_fits_of_windows_are_written_and_read(run: Run, curve: Path) -> None:
         for quantity in (*fit.parameters.values(), fit.initial_shear_modulus):
             low, high = quantity.interval_95
             assert low <= quantity.value <= high
-    # An earlier release wrote no correlation.
+    # Files of an earlier release hold no correlation.
     written = json.loads(output.read_text())
     for fit in written["fits"]:
         del fit["correlation"]
@@ -164,7 +164,7 @@ def test_parameters_of_another_law_are_refused(run: Run, curve: Path) -> None:
 
 
 @pytest.mark.parametrize("window", ["0", "-5", "inf", "nan", "wide"])
-def test_a_window_that_is_none_is_refused(run: Run, curve: Path, window: str) -> None:
+def test_a_wrong_window_is_refused(run: Run, curve: Path, window: str) -> None:
     status, said = run("tensile", curve, "--model", "yeoh", f"--window={window}", "-o", curve.with_name("f.json"))
     assert (status, said.count("\n")) == (2, 1)
     assert f"--window {window}: should be a strain in percent above 0, or full" in said
@@ -172,7 +172,7 @@ def test_a_window_that_is_none_is_refused(run: Run, curve: Path, window: str) ->
 
 @pytest.fixture
 def fits(run: Run, curve: Path) -> Path:
-    """Neo-Hookean once, Yeoh twice."""
+    """Write one Neo-Hookean fit and two Yeoh fits."""
     output = curve.with_name("fits.json")
     assert run("tensile", curve, "--model", "yeoh", "--window", "50", "--window", "full", "-o", output)[0] == 0
     nh = curve.with_name("nh.json")
@@ -183,7 +183,7 @@ def fits(run: Run, curve: Path) -> Path:
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_a_card_says_where_it_is_from(run: Run, fits: Path, solver: str) -> None:
+def test_a_card_names_its_source(run: Run, fits: Path, solver: str) -> None:
     card = fits.with_name("card.txt")
     status, said = run("export", fits, "--model", "neo-hookean", "--to", solver, "--bulk-ratio", "2000", "-o", card)
     assert status == 0
@@ -216,7 +216,7 @@ def test_a_card_says_where_it_is_from(run: Run, fits: Path, solver: str) -> None
         ("yeoh sofa --index 1 --bulk-ratio 9", "sofa has no yeoh law"),
     ],
 )
-def test_an_export_that_cannot_be_is_one_line(run: Run, fits: Path, arguments: str, told: str) -> None:
+def test_an_impossible_export_is_refused_in_one_line(run: Run, fits: Path, arguments: str, told: str) -> None:
     card = fits.with_name("card.txt")
     model, solver, *others = arguments.split()
     status, said = run("export", fits, "--model", model, "--to", solver, *others, "-o", card)

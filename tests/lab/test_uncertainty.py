@@ -1,4 +1,4 @@
-"""[uncertainty] in the files of a bench: what may stand there, and what becomes of it in a fit."""
+"""The table [uncertainty] in the files of a bench: its valid keys, and its effect on a fit."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PROTOCOLS = Path(__file__).parents[2] / "protocols"
 
 
 def text_of(name: str, table: str = "") -> str:
-    """A shipped file with another table of uncertainties."""
+    """Return a shipped file with another table of uncertainties."""
     before, _, _ = (PROTOCOLS / name).read_text(encoding="utf-8").partition("[uncertainty]")
     return before + (f"[uncertainty]\n{table}\n" if table else "")
 
@@ -41,7 +41,7 @@ def text_of(name: str, table: str = "") -> str:
         ("pixels_per_mm = 0.1", "pixels_per_mm is not a known key"),
     ],
 )
-def test_what_cannot_be_an_uncertainty_is_said_in_one_line(table, said):
+def test_a_wrong_uncertainty_is_refused_in_one_line(table, said):
     with pytest.raises(InputError) as told:
         parse(SpecimenFile, text_of("specimens/type1.toml", table), "beam.toml")
     assert str(told.value).startswith("beam.toml: ")
@@ -49,7 +49,7 @@ def test_what_cannot_be_an_uncertainty_is_said_in_one_line(table, said):
     assert "\n" not in str(told.value)
 
 
-def test_an_uncertainty_of_what_is_not_there_is_refused():
+def test_an_uncertainty_of_a_missing_input_is_refused():
     telecentric = text_of("rigs/virtual_calibration.toml", "stand_off_mm = 1.0")
     with pytest.raises(
         InputError, match=r"\[uncertainty\] stand_off_mm = 1: there is no stand_off_mm to which it could belong"
@@ -62,7 +62,7 @@ def test_an_uncertainty_of_what_is_not_there_is_refused():
         parse(SpecimenFile, beam + "[uncertainty]\nremanence_T = 0.01\n", "beam.toml")
 
 
-def test_shares_and_pixels_become_what_the_inference_takes():
+def test_relative_uncertainties_and_pixels_are_converted_for_the_inference():
     calibration = parse(
         Calibration,
         text_of(
@@ -78,7 +78,7 @@ def test_shares_and_pixels_become_what_the_inference_takes():
     assert (current.source, current.standard_uncertainty) == ("offset", pytest.approx(0.003 * 4.7))
 
 
-def test_who_shares_an_error_follows_from_names_and_numbers():
+def test_names_and_numbers_determine_which_datasets_share_an_error():
     def of(text: str) -> dict[str, str]:
         return {s.source: s.of for s in parse(SpecimenFile, text, "beam.toml").stated_sources()}
 
@@ -91,7 +91,7 @@ def test_who_shares_an_error_follows_from_names_and_numbers():
     assert first["remanence"] != second["remanence"]
 
 
-def test_the_virtual_rig_is_exact_and_the_bench_states_all_it_has():
+def test_the_virtual_rig_is_exact_and_the_bench_states_all_uncertainties():
     assert all(
         s.standard_uncertainty == 0
         for s in load_calibration(PROTOCOLS / "rigs/virtual_calibration.toml").stated_sources()

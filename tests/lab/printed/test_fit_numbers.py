@@ -38,7 +38,7 @@ def test_the_line_of_a_fit_has_the_modulus_with_its_interval_and_the_error_in_mi
 def test_the_remarks_of_a_fit_have_the_right_units(fit: FitRecord) -> None:
     lines = remarks(fit)
     assert "bulk modulus 7000 [5000, 9000] kPa" in lines
-    assert "moment off by 1.1 % [-2 %, 4 %], prior standard deviation 5 %" in lines
+    assert "moment: deviation 1.1 % [-2 %, 4 %], prior standard deviation 5 %" in lines
     assert any(
         line.startswith(
             "curve.csv: RMSE 0.35 kPa, 0.21 kPa for the curve alone (weight 0.5, 40 rows that count as 10.0"
@@ -51,7 +51,7 @@ def test_the_remarks_of_a_fit_have_the_right_units(fit: FitRecord) -> None:
     assert any("the interval would be [45000, 57000] Pa" in line for line in lines)
     in_degrees = replace(fit.freed[0], deviation=Quantity(0.2, "deg", (0.1, 0.4)), prior_standard_deviation=0.3)
     lines = remarks(fit.model_copy(update={"freed": (in_degrees,)}))
-    assert "moment off by 0.2 deg [0.1 deg, 0.4 deg], prior standard deviation 0.3 deg" in lines
+    assert "moment: deviation 0.2 deg [0.1 deg, 0.4 deg], prior standard deviation 0.3 deg" in lines
 
 
 def test_the_comparison_of_laws_has_each_criterion_in_its_column(choices: tuple[Choice, ...]) -> None:
