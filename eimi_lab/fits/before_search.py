@@ -86,7 +86,7 @@ def in_words(cause: NamedCause, path: Path, experiment: Experiment) -> str:
 
 
 def _with(change: str, file: str, path: Path) -> str:
-    """Return a change of a file, and the command that gives the file to the dataset."""
+    """Return the remedy: change a file, and pass it to the dataset with a command."""
     return f"{change} in {file}.toml, and give it: eimi segment {path} --{file} {file}.toml"
 
 

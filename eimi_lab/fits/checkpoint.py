@@ -32,7 +32,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class Head(Record):
-    """The first line, which must be the same to resume: fits, hashes of the data, options and versions."""
+    """The first line of a checkpoint. A fit is resumed only if its own head is the same."""
 
     fits: tuple[str, ...]
     datasets: tuple[str, ...]

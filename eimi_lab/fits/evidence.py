@@ -251,7 +251,7 @@ def _observed(dataset: Dataset, flagged: bool) -> tuple[list[int], Observation]:
 
 
 def _used(dataset: Dataset, edges: Sequence[EdgeSet], flagged: bool) -> list[int]:
-    """Return the places of the states with enough points and, unless `flagged`, without a flag that leaves them out."""
+    """Return the places of the usable states. States with a serious flag are usable only if `flagged` is true."""
     return [
         i
         for i, (state, pair) in enumerate(zip(dataset.states, edges, strict=False))

@@ -94,7 +94,7 @@ def _doubts(fit: TensileFit, stress_Pa: float) -> Iterator[Doubt]:
         )
     if fit.initial_shear_modulus_interval_Pa[0] <= 0:
         yield Doubt(
-            "the interval of the initial shear modulus contains zero: this curve does not determine the law at small "
+            "the interval of the initial shear modulus reaches zero: this curve does not determine the law at small "
             "strains",
             kind="modulus_open",
         )

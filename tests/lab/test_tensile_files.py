@@ -121,7 +121,7 @@ def test_a_negative_initial_modulus_is_a_result_but_cannot_be_a_card(run: Run, t
     assert fit.initial_shear_modulus.value < 0
     (written,) = json.loads(output.read_text())["fits"]
     words = [doubt["words"] for doubt in written["doubts"]]
-    assert any("initial shear modulus may be zero or less" in doubt for doubt in words)
+    assert any("initial shear modulus reaches zero" in doubt for doubt in words)
     assert any("not Drucker-stable" in doubt for doubt in words)
     status, said = run("export", output, "--model", "mooney-rivlin", "--to", "abaqus", "--bulk-ratio", "2000")
     assert (status, said.count("\n")) == (2, 1)
@@ -209,8 +209,8 @@ def test_a_card_names_its_source(run: Run, fits: Path, solver: str) -> None:
         ("ogden abaqus --bulk-ratio 9", "--model ogden: should be one of the file's fits"),
         ("hooke abaqus --bulk-ratio 9", "--model hooke: there is no law 'hooke'; did you mean 'neo-hookean'?"),
         ("neo-hookean nastran --bulk-ratio 9", "--to nastran: should be one of abaqus"),
-        ("neo-hookean ansys", "give --bulk-modulus-kPa, or --bulk-ratio"),
-        ("neo-hookean ansys --bulk-ratio 9 --bulk-modulus-kPa 9", "and not both"),
+        ("neo-hookean ansys", "give either --bulk-modulus-kPa or --bulk-ratio"),
+        ("neo-hookean ansys --bulk-ratio 9 --bulk-modulus-kPa 9", "give either --bulk-modulus-kPa or --bulk-ratio"),
         ("neo-hookean ansys --bulk-ratio 0", "--bulk-ratio 0.0: should be a finite number"),
         ("neo-hookean ansys --bulk-modulus-kPa 9", "should be above two thirds"),
         ("yeoh sofa --index 1 --bulk-ratio 9", "sofa has no yeoh law"),
