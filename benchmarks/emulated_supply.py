@@ -2,9 +2,10 @@
 
     python -m benchmarks.emulated_supply korad pty
 
-It prints its address, then a line for every change of output or set-point: seconds of the monotonic clock, which all
-processes of a machine share, 1 or 0, amperes. A line on its standard input spoils the line to it: `silence`, `late`
-(every answer by 0.4 s), `cut` (at the next message, once), `none`.
+It prints its address, then a line for every change of output, set-point or true current: seconds of the monotonic clock,
+which all processes of a machine share, 1 or 0, the set-point and the true current in amperes. A line on its standard
+input spoils the line to it: `silence`, `late` (every answer by 0.4 s), `cut` (at the next message, once); or its coil:
+`shorted` (0.8 A whatever is set), `drift` (to 2.4 A), `fallen` (no current with the output on). `none` ends the fault.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ from eimi_drivers.emulators.supply import CoilSupply
 
 WATCH_EVERY_S = 0.002
 LATE_S = 0.4
+SHORTED_A, DRIFTS_TO_A = 0.8, 2.4
+LEAST_CHANGE_A = 0.02
 
 
 SERVE = {"pty": serve_pty, "tcp": serve_tcp, "hislip": serve_hislip}
@@ -48,19 +51,29 @@ def main() -> None:
                     line.inject(Fault.SLOW)
                 case "cut":
                     line.inject(Fault.DROP)
+                case "shorted":
+                    coil.shorted_A = SHORTED_A
+                case "drift":
+                    coil.drift(DRIFTS_TO_A)
+                case "fallen":
+                    coil.fallen = True
                 case _:
                     line.inject(None)
+                    coil.shorted_A, coil.fallen = 0.0, False
+                    coil.drift(0.0, 0.0)
 
 
 def _watch(coil: CoilSupply, watchdog: Callable[[], None] | None) -> None:
     before: tuple[bool, float] | None = None
+    told_A = 0.0
     while True:
         if watchdog:
             watchdog()
         now = (coil.state.output, coil.state.set_current_A)
-        if now != before:
-            print(f"{time.monotonic():.4f} {int(now[0])} {now[1]:g}", flush=True)
-            before = now
+        true_A = coil.coil_current_A()
+        if now != before or abs(true_A - told_A) > LEAST_CHANGE_A:
+            print(f"{time.monotonic():.4f} {int(now[0])} {now[1]:g} {true_A:.3f}", flush=True)
+            before, told_A = now, true_A
         time.sleep(WATCH_EVERY_S)
 
 

@@ -33,7 +33,8 @@ from eimi_lab.dataset.recovery import recover
 class Fault:
     """act: brings it about, and gives the moment from which the time to off counts.
 
-    said: what has to stand in the run's words. off_within_s: what is promised. unread: see `Trial`.
+    said: what has to stand in the run's words. off_within_s: what is promised. unread: see `Trial`. flows_on: the current
+    does not end with the output, so that nobody may call the coil off while it flows.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Fault:
     said: str
     off_within_s: float
     unread: bool = False
+    flows_on: bool = False
 
 
 def _silent_for(trial: Trial, seconds: float, then: Callable[[], object]) -> float:
@@ -93,6 +95,18 @@ def _dead_computer(trial: Trial) -> float:
     return time.monotonic()
 
 
+def _shorted(trial: Trial, number: signal.Signals) -> float:
+    trial.supply.tell("shorted")
+    time.sleep(0.1)
+    return trial.send(number)
+
+
+def _spoilt_coil(trial: Trial, fault: str) -> float:
+    began = time.monotonic()
+    trial.supply.tell(fault)
+    return began
+
+
 def _pulled_cable(trial: Trial) -> float:
     trial.supply.tell("silence")
     return time.monotonic()
@@ -103,6 +117,11 @@ def _step_clock(trial: Trial) -> float:
 
 
 STOPPED = "stopped by SIG"
+MAY_BE_ON = r"MAY STILL BE ON: 0\.80 A measured"
+OFF_TARGET = r"A measured at a set-point of 1\.5 A"
+LINES = (("korad", "pty"), ("scpi", "tcp"), ("scpi", "hislip"))
+"""A serial line, a socket and HiSLIP."""
+
 TOOK_OVER = "stood still for more than 5 s.*switched off"
 DIED = "the run died; .*: the coil was switched off"
 FAULTS = (
@@ -116,6 +135,31 @@ FAULTS = (
             (signal.SIGKILL, DIED, 3.0),
             (signal.SIGSTOP, TOOK_OVER, 9.0),
         )
+    ),
+    *(
+        Fault(
+            f"shorted regulator, {number.name} {transport}",
+            driver,
+            transport,
+            lambda t, n=number: _shorted(t, n),
+            MAY_BE_ON,
+            6.0,
+            flows_on=True,
+        )
+        for driver, transport in LINES
+        for number in (signal.SIGTERM, signal.SIGKILL)
+    ),
+    *(
+        Fault(
+            f"{fault} {transport}",
+            driver,
+            transport,
+            lambda t, f=fault: _spoilt_coil(t, f),
+            OFF_TARGET,
+            3.0,
+        )
+        for driver, transport in LINES
+        for fault in ("drift", "fallen")
     ),
     Fault("two Ctrl-C", "korad", "pty", lambda t: t.send(signal.SIGINT, signal.SIGINT, pause_s=0.1), STOPPED, 2.5),
     Fault("Ctrl-Z", "scpi", "tcp", _refused_then_stopped, "Ctrl-Z is refused", 4.0),
@@ -187,6 +231,8 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
             except RuntimeError as error:
                 on_for_s = time.monotonic() - began
                 wrong.append(str(error))
+            if fault.flows_on:
+                wrong += _called_off(trial)
             supply.tell("none")
             if trial.process.poll() is None and "SIGSTOP" in fault.name:
                 trial.process.send_signal(signal.SIGCONT)
@@ -209,6 +255,12 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
         if wrong:
             wrong += [f"    {line}" for line in trial.lines[-12:]]
         return Outcome(on_for_s, trial.acknowledged(), lost, wrong)
+
+
+def _called_off(trial: Trial) -> list[str]:
+    """Wait until the coil is said to be on; give what called it off before."""
+    wait_until(lambda: any("MAY STILL BE ON" in line for line in trial.lines), "no word of a coil that may be on")
+    return [line for line in trial.lines if "coil is off" in line or "was switched off" in line]
 
 
 def _stored(folder: Path) -> int:

@@ -37,7 +37,7 @@ class Supply:
         )
         assert self._process.stdout is not None
         self.driver, self.transport = driver, transport
-        self.told: list[tuple[float, bool, float]] = []
+        self.told: list[tuple[float, bool, float, float]] = []
         self._listener = threading.Thread(target=self._listen, daemon=True)
         lines = [self._process.stdout.readline().strip() for _ in range(2)]  # in either order
         self.address = next(line for line in lines if not re.match(r"\d+\.\d{4} ", line))
@@ -48,8 +48,8 @@ class Supply:
     def _listen(self) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:
-            at, on, current_A = line.split()
-            self.told.append((float(at), on == "1", float(current_A)))
+            at, on, set_A, true_A = line.split()
+            self.told.append((float(at), on == "1", float(set_A), float(true_A)))
 
     def tell(self, word: str) -> None:
         """Spoil the line, or mend it."""
@@ -66,7 +66,12 @@ class Supply:
 
     def off_s(self) -> float:
         """When it was switched off last."""
-        return self.told[-1][0]
+        off_s = self.told[-1][0]
+        for at, on, _, _ in reversed(self.told):
+            if on:
+                break
+            off_s = at
+        return off_s
 
     def close(self) -> None:
         """End the process."""

@@ -122,7 +122,12 @@ def _status() -> int:
             from eimi_lab.acquisition.event_words import in_words
             from eimi_lab.acquisition.events import OffNotConfirmed
 
-            return _tell(in_words(OffNotConfirmed(by="run", reason=str(error))), 1)
+            return _tell(
+                in_words(
+                    OffNotConfirmed(by="run", reason=str(error), current_A=error.current_A, limit_A=error.limit_A)
+                ),
+                1,
+            )
         if isinstance(error, UnusableDriver):
             return _tell(str(error), 2)
         if isinstance(error, InstrumentError | OSError | OwnFault):

@@ -78,6 +78,7 @@ FURTHER_EXAMPLES = {
     "current.up_and_down": "true",
     "telecentric": "true",
     "calibrated_on": "2026-11-20",
+    "supply.off_below_A": "0.02",
     "uncertainty.magnet_tip_offset_mm": "0.05",
     f"uncertainty.{FOCAL_LENGTH}": "12.0",
 }

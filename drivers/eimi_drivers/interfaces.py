@@ -50,7 +50,24 @@ class ProtectionTripped(InstrumentError):
 
 
 class SwitchOffFailed(InstrumentError):
-    """At least one stage of switching off failed; the message lists every stage and its outcome."""
+    """The supply is not known to be off; the message lists every stage with its outcome, or the measured current.
+
+    Parameters
+    ----------
+    message : str
+        What failed.
+    current_A, limit_A : float, optional
+        The measured current, and the limit below which the supply counts as off; None if nothing was measured.
+    """
+
+    def __init__(self, message: str, current_A: float | None = None, limit_A: float | None = None) -> None:
+        super().__init__(message)
+        self.current_A = current_A
+        self.limit_A = limit_A
+
+
+class AnotherSupply(InstrumentError):
+    """After the line was opened anew another instrument answers at the address of the coil's supply."""
 
 
 class UnusableDriver(InstrumentError):
@@ -67,22 +84,28 @@ class UnknownDriver(UnusableDriver, KeyError):
 
 @dataclass(frozen=True)
 class Identity:
-    """Who answered: driver name, the instrument's own identification text, its address."""
+    """Who answered: driver name, the instrument's own identification text, its address.
+
+    serial_number: of the instrument, or of its USB port; empty if neither has one. Only with it is the identity unique.
+    """
 
     driver: str
     text: str
     address: str
+    serial_number: str = ""
 
 
 @dataclass(frozen=True)
 class Limits:
     """The largest current (A) and voltage (V) that may ever be asked for. Both positive.
 
-    A bipolar supply may be asked for the same current the other way.
+    A bipolar supply may be asked for the same current the other way. off_below_A: the measured current (A) below which
+    the supply counts as off; None takes the limit of its family, see `eimi_drivers.supplies.off.off_limit_A`.
     """
 
     current_A: float
     voltage_V: float
+    off_below_A: float | None = None
 
 
 @dataclass(frozen=True)
@@ -91,6 +114,19 @@ class Reading:
 
     current_A: float
     voltage_V: float
+
+
+@dataclass(frozen=True)
+class Off:
+    """A supply that was switched off and measured.
+
+    current_A: the current measured last. limit_A: the limit that it is below. found_off: whether the output was already
+    off when the line to the supply had been opened anew.
+    """
+
+    current_A: float
+    limit_A: float
+    found_off: bool = False
 
 
 @dataclass(frozen=True)
@@ -113,7 +149,14 @@ class PowerSupply(Protocol):
 
     Every call ends within 5 s: with an answer, or with InstrumentTimeout. Every error is an InstrumentError.
 
-    Optional member: `without_contact`, see `SupplyDriver`; the one of the instrument is stored with the dataset.
+    Optional members:
+
+    without_contact: str
+        See `SupplyDriver`; the one of the instrument is stored with the dataset.
+    reads_zero_within_A: float
+        The largest current (A) that `measure` of a healthy unit gives when no current flows. Absent: 0.
+    measures_current: bool
+        Whether `measure` gives a measured current. Absent: True.
     """
 
     limits: Limits
@@ -140,8 +183,11 @@ class PowerSupply(Protocol):
     def check(self) -> None:
         """Raise ProtectionTripped or InstrumentError when the instrument reports a fault."""
 
-    def safe_off(self) -> None:
-        """Program zero, switch off, verify; each is tried even when another fails. Raises SwitchOffFailed."""
+    def safe_off(self) -> Off | None:
+        """Program zero, switch off, verify, measure; each is tried even when another fails. Raises SwitchOffFailed.
+
+        Returns what was measured. A driver that does not measure here returns None: the suite then calls `measure`.
+        """
 
     def close(self) -> None:
         """Release the port. Does not switch off: safe_off does. Closing twice is allowed."""

@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import math
 import threading
+from collections import deque
 from collections.abc import Callable
 
-from eimi_drivers.interfaces import Clock, InstrumentError, PowerSupply
+from eimi_drivers.interfaces import Clock, InstrumentError, Off, PowerSupply, Reading
+from eimi_drivers.supplies.off import off_limit_A, switch_off
 from eimi_lab.config.protocol import Ramp
 
 REACHED_WITHIN_S = 3.0  # supplies measure a few times a second, and coils are slow
 POLL_S = 0.1
-TALK_EVERY_S, TALK_AT_ZERO_EVERY_S = 2.0, 8.0
-"""A supply is asked for faults so often, whatever the run waits for: a watchdog of its own hears from it, too."""
+WATCH_EVERY_S = 1.5
+"""The current is measured, and the supply asked for faults, so often, whatever the run waits for."""
+
+FOLLOWS_WITHIN_S = 1.5
+"""The measured current lags behind a ramp by less than this time."""
+
+MEASURED_AGAIN_AFTER_S = 0.2
+"""A current that is wrong is measured again before the run ends because of it."""
 
 
 def without_contact(supply: object) -> str:
@@ -35,21 +43,60 @@ class Coil:
         self._clock = clock
         self._rule = rule
         self.asked_A = asked_A
-        self.changed_s = self._asked_s = clock.now()
+        self.changed_s = self._watched_s = clock.now()
+        self.out_of_control = False
+        self._recent: deque[tuple[float, float]] = deque([(self.changed_s, asked_A)])
         self._stepping = threading.Lock()
 
-    def keep_in_touch(self) -> None:
-        """Ask the supply for faults when it was not asked for a while. Raises what `PowerSupply.check` raises.
+    def switch_off(self) -> Off | None:
+        """Switch off and measure, see `eimi_drivers.supplies.off.switch_off`."""
+        self.asked_A = 0.0
+        self._recent.append((self._clock.now(), 0.0))
+        return switch_off(self.supply, self._clock)
 
-        Not while another thread sets a current: two exchanges at once would mix.
+    def watch(self) -> None:
+        """Measure the current and ask the supply for faults if that was not done for `WATCH_EVERY_S`.
+
+        The run calls it between its operations, whatever it does: in ramps, while the beam settles, in a pause. Nothing
+        is asked while another thread sets a current, because two exchanges at once would mix.
+
+        Raises
+        ------
+        InstrumentError
+            The current is above the limit of the supply or differs from every set-point of the last `FOLLOWS_WITHIN_S`
+            by more than the tolerance, in two measurements; or what `PowerSupply.check` and `measure` raise.
         """
-        every_s = TALK_EVERY_S if self.asked_A else TALK_AT_ZERO_EVERY_S
-        if self._clock.now() - self._asked_s > every_s and self._stepping.acquire(blocking=False):
+        if self._clock.now() - self._watched_s > WATCH_EVERY_S and self._stepping.acquire(blocking=False):
             try:
-                self._asked_s = self._clock.now()
+                self._watched_s = self._clock.now()
                 self.supply.check()
+                self._compare(self.supply.measure())
             finally:
                 self._stepping.release()
+
+    def _compare(self, reading: Reading) -> None:
+        if self._is_right(reading.current_A):
+            return
+        self._clock.sleep(MEASURED_AGAIN_AFTER_S)
+        again_A = self.supply.measure().current_A
+        if not self._is_right(again_A):
+            self.out_of_control = True
+            raise self._off_target(again_A)
+
+    def _is_right(self, current_A: float) -> bool:
+        since_s = self._clock.now() - FOLLOWS_WITHIN_S
+        while len(self._recent) > 1 and self._recent[1][0] <= since_s:
+            self._recent.popleft()
+        set_points_A = [asked_A for _, asked_A in self._recent]
+        margin_A = max(self._rule.tolerance_A, 0.0 if any(set_points_A) else off_limit_A(self.supply))
+        within_set_points = min(set_points_A) - margin_A <= current_A <= max(set_points_A) + margin_A
+        return within_set_points and abs(current_A) <= self.supply.limits.current_A + margin_A
+
+    def _set(self, current_A: float) -> None:
+        self.asked_A = current_A
+        self._recent.append((self._clock.now(), current_A))
+        self.supply.set_current(current_A)
+        self.changed_s = self._clock.now()
 
     def ramp_to(self, current_A: float, stop_if_asked: Callable[[], None] = never) -> None:
         """Ramp to a current. Raises what `PowerSupply.set_current` raises."""
@@ -59,25 +106,25 @@ class Coil:
         for step in range(1, steps + 1):
             stop_if_asked()
             began = self._clock.now()
-            self.asked_A = current_A if step == steps else round(start + (current_A - start) * step / steps, 6)
-            self.supply.set_current(self.asked_A)
-            self.changed_s = self._clock.now()
+            self._set(current_A if step == steps else round(start + (current_A - start) * step / steps, 6))
             self._pause(pause - (self._clock.now() - began), stop_if_asked)
 
     def ramp_down(self, stop_if_asked: Callable[[], None] = never) -> None:
         """Ramp to zero within `ramp.down_within_s`, in larger steps where the supply is too slow for the rule's.
 
+        A current that `watch` found out of control is not ramped.
+
         Raises what `PowerSupply.set_current` raises.
         """
+        if self.out_of_control:  # its set-point does not matter any more
+            return
         start = self.asked_A
         seconds = min(abs(start) / self._rule.rate_A_per_s, self._rule.down_within_s)
         pause = seconds / max(1, math.ceil(round(abs(start) / self._rule.step_A, 6)))
         began = self._clock.now()
         while self.asked_A and (elapsed := self._clock.now() - began) < seconds:
             stop_if_asked()
-            self.asked_A = round(start * max(0.0, 1 - (elapsed + pause) / seconds), 6)
-            self.supply.set_current(self.asked_A)
-            self.changed_s = self._clock.now()
+            self._set(round(start * max(0.0, 1 - (elapsed + pause) / seconds), 6))
             self._pause(began + elapsed + pause - self._clock.now(), stop_if_asked)
 
     def _pause(self, seconds: float, stop_if_asked: Callable[[], None]) -> None:
@@ -90,9 +137,8 @@ class Coil:
     def step_to(self, current_A: float) -> None:
         """Set a current at once, without a ramp; in another thread, perhaps. Raises as `PowerSupply.set_current`."""
         with self._stepping:
-            self.asked_A = current_A
-            self.supply.set_current(current_A)
-            self.changed_s = self._asked_s = self._clock.now()
+            self._set(current_A)
+            self._watched_s = self.changed_s
 
     def wait_until_reached(self, stop_if_asked: Callable[[], None] = never) -> None:
         """Wait until the measured current is the one asked for. Raises InstrumentError when it stays away."""

@@ -98,7 +98,7 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
             say(f"{clock.now():9.2f} s  > {message}")
 
     wire = _Wire(emulate(language, coil, place), clock, place, say_message)
-    supply = supply_driver(language)(wire, Limits(limits.current_A, limits.voltage_V), clock)
+    supply = supply_driver(language)(wire, Limits(limits.current_A, limits.voltage_V, rig.supply.off_below_A), clock)
 
     currents = protocol.currents_A
     constant = rig.calibration.coil_constant_mT_per_A

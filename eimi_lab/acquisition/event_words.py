@@ -163,8 +163,7 @@ def _(event: Fault) -> str:
 
 @in_words.register
 def _(event: OffConfirmed) -> str:
-    measured = "" if event.current_A is None else f", {event.current_A:.3g} A measured"
-    measured += "" if event.limit_A is None or not measured else f" (at most {event.limit_A:.3g} A counts as off)"
+    measured = f", {_how_off(event)}"
     if event.takeover is None:
         return f"the coil is off{measured}{event.remark}"
     return (
@@ -175,7 +174,8 @@ def _(event: OffConfirmed) -> str:
 @in_words.register
 def _(event: OffNotConfirmed) -> str:
     why = f"{_why(event.takeover, event.run_killed)}; " if event.takeover else ""
-    words = f"{why}THE COIL MAY STILL BE ON, switch it off by hand"
+    measured = "" if event.current_A is None else f": {event.current_A:.2f} A measured"
+    words = f"{why}THE COIL MAY STILL BE ON{measured}, switch it off by hand"
     if event.trying_process is not None:
         words += f"; process {event.trying_process} goes on trying"
     elif event.takeover:
@@ -210,14 +210,23 @@ def _(event: RunEnded) -> str:
     )
 
 
-def left_behind(ended: RunEnded) -> str:
+def left_behind(off: OffConfirmed | None, ended: RunEnded) -> str:
     """Return what a run that was asked to stop leaves behind, for the words of `Stopped`."""
-    return f"the coil is off; {in_words(ended)}"
+    return f"{in_words(off)}; {in_words(ended)}" if off else in_words(ended)
 
 
-def off_after(seconds: float) -> str:
-    """Return the answer to a person who asked for the coil to be switched off."""
-    return f"the coil is off, confirmed after {seconds:.2f} s"
+def _how_off(event: OffConfirmed) -> str:
+    if event.determined_by == "commanded":
+        return "switched off as commanded; this supply cannot measure"
+    if event.limit_A is None:
+        return "as measured"
+    return f"below {event.limit_A:.3g} A measured"
+
+
+def off_after(off: OffConfirmed | OffNotConfirmed | None, seconds: float) -> str:
+    """Return the answer to a person who asked for the coil to be switched off. off: the last event of the coil."""
+    how = f", {_how_off(off)}" if isinstance(off, OffConfirmed) else ""
+    return f"the coil is off, confirmed after {seconds:.2f} s{how}"
 
 
 def _why(takeover: Takeover, run_killed: bool = False) -> str:

@@ -12,6 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
+from eimi_drivers.interfaces import Off
+
 Speaker = Literal["run", "guardian"]
 Takeover = Literal["run_died", "run_stood_still", "run_could_not_switch_off"]
 
@@ -23,6 +25,8 @@ class Event:
     event: ClassVar[str]
     time_s: float = field(default_factory=time.time, compare=False)
 
+
+FOUND_OFF = "; the output was found off when the line was opened anew"
 
 OnEvent = Callable[[Event], None]
 """Is given every event, in the thread of the run: it has to return at once, and an error in it ends the run."""
@@ -198,6 +202,27 @@ class OffConfirmed(Event):
     run_killed: bool = False
     address: str = ""
     remark: str = ""
+
+
+def off_confirmed(
+    off: Off | None,
+    by: Speaker,
+    takeover: Takeover | None = None,
+    run_killed: bool = False,
+    address: str = "",
+    remark: str = "",
+) -> OffConfirmed:
+    """Return the event of a coil that is off. off: what was measured; None if the supply cannot measure."""
+    return OffConfirmed(
+        by=by,
+        determined_by="commanded" if off is None else "measured",
+        current_A=None if off is None else off.current_A,
+        limit_A=None if off is None else off.limit_A,
+        takeover=takeover,
+        run_killed=run_killed,
+        address=address,
+        remark=f"{FOUND_OFF if off and off.found_off else ''}{remark}",
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

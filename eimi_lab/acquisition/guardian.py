@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 
-from eimi_drivers.interfaces import InstrumentError
+from eimi_drivers.interfaces import Identity, InstrumentError, Limits
 
 READY_WITHIN_S = 120.0
 STILL_FOR_S = 5.0
@@ -32,14 +32,15 @@ BEAT_EVERY_S = 0.1
 TAKING_OVER_WITHIN_S = 10.0
 
 READY, HERE, TAKING_OVER = b"ready\n", b".\n", b"taking over\n"  # of the guardian
-ARM, BEAT, DISARM, TAKE_OVER, ALLOW = b"on", b".", b"off", b"take over", b"allow "  # of the run
+ARM, BEAT, DISARM, TAKE_OVER, ALLOW, SUPPLY = b"on", b".", b"off", b"take over", b"allow ", b"supply "  # of the run
 
 
 @dataclass(frozen=True)
 class Ward:
     """The supply to switch off: driver, address and limits, as the rig has them.
 
-    packed: the driver itself, if this program added it; see `added_driver.pack`.
+    packed: the driver itself, if this program added it; see `added_driver.pack`. identity: text and serial number of
+    the supply that the run uses; None before the run has asked.
     """
 
     driver: str
@@ -47,6 +48,13 @@ class Ward:
     current_A: float
     voltage_V: float
     packed: str = ""
+    off_below_A: float | None = None
+    identity: tuple[str, str] | None = None
+
+    @property
+    def limits(self) -> Limits:
+        """The limits that the driver is opened with."""
+        return Limits(self.current_A, self.voltage_V, self.off_below_A)
 
 
 class Guardian:
@@ -88,6 +96,10 @@ class Guardian:
             raise InstrumentError(f"{self._ward.address}: the guardian process did not start; nothing was switched on")
         self._armed = True
         self._heard_s = time.monotonic()
+
+    def expect(self, identity: Identity) -> None:
+        """Say which supply the run uses, so that the guardian believes and touches no other one at its address."""
+        self._send(SUPPLY + json.dumps([identity.text, identity.serial_number]).encode())
 
     def beat(self) -> None:
         """The run moves on. Never waits, raises nothing."""

@@ -18,7 +18,9 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from eimi_drivers.interfaces import Limits, PowerSupply, SwitchOffFailed
+from eimi_drivers.clock import WallClock
+from eimi_drivers.interfaces import AnotherSupply, InstrumentError, Off, PowerSupply, SwitchOffFailed
+from eimi_drivers.supplies.off import measured_off, off_limit_A, switch_off
 from eimi_drivers.supplies.supply_names import open_supply
 from eimi_drivers.supplies.transport import share_ports
 from eimi_lab.acquisition.added_driver import unpack
@@ -28,11 +30,11 @@ from eimi_lab.acquisition.events import (
     EmulatedSupplyGone,
     Event,
     GuardianTookOver,
-    OffConfirmed,
     OffNotConfirmed,
     OnEvent,
     RunKilled,
     Takeover,
+    off_confirmed,
 )
 from eimi_lab.acquisition.guardian import (
     ALLOW,
@@ -43,6 +45,7 @@ from eimi_lab.acquisition.guardian import (
     READY,
     SILENT_FOR_S,
     STILL_FOR_S,
+    SUPPLY,
     TAKE_OVER,
     TAKING_OVER,
     Ward,
@@ -70,22 +73,25 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
     run = os.getppid()
     os.set_blocking(TO_RUN, False)
     _say(READY)
-    if takeover := _wait_until_needed():
+    takeover, identity = _wait_until_needed()
+    if takeover:
+        ward = replace(ward, identity=identity)
         if takeover == STANDS_STILL:
             share_ports()  # the run has them locked
             _say(TAKING_OVER)
         on_event(GuardianTookOver(takeover=takeover, address=ward.address))
-        switch_off(ward, takeover, run, on_event)
+        switch_off_for_the_run(ward, takeover, run, on_event)
 
 
-def _wait_until_needed() -> Takeover | None:
-    """Return why the coil has to be switched off; None where the run ended well."""
+def _wait_until_needed() -> tuple[Takeover | None, tuple[str, str] | None]:
+    """Return why the coil has to be switched off, None if the run ended well; and the identity of its supply."""
+    identity: tuple[str, str] | None = None
     armed, patience_s, heard_s, unfinished = False, STILL_FOR_S, time.monotonic(), b""
     while True:
         if select.select([FROM_RUN], [], [], SILENT_FOR_S / 4)[0]:
             data = os.read(FROM_RUN, 4096)
             if not data:
-                return DIED if armed else None
+                return DIED if armed else None, identity
             heard_s = time.monotonic()
             *messages, unfinished = (unfinished + data).split(b"\n")
             for message in messages:
@@ -94,18 +100,21 @@ def _wait_until_needed() -> Takeover | None:
                     armed = message == ARM
                     _log.info("armed" if armed else "disarmed")
                 elif message == TAKE_OVER:
-                    return ASKED
+                    return ASKED, identity
+                elif message.startswith(SUPPLY):
+                    text, serial_number = json.loads(message.removeprefix(SUPPLY))
+                    identity = text, serial_number
                 elif message.startswith(ALLOW):
                     patience_s = float(message.removeprefix(ALLOW))
                 else:
                     assert message == BEAT
         elif armed and time.monotonic() - heard_s > patience_s:
-            return STANDS_STILL
+            return STANDS_STILL, identity
         _say(HERE)
 
 
-def switch_off(ward: Ward, takeover: Takeover, run: int, on_event: OnEvent) -> None:
-    """Ramp down, zero, off, verify, again and again until the supply says that it is off.
+def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: int, on_event: OnEvent) -> None:
+    """Ramp down, zero, off, verify, measure, again and again until no current is measured.
 
     A run that stands still keeps its connection, and some supplies serve one at a time: where the first attempt fails,
     that process, `run`, is ended.
@@ -114,36 +123,36 @@ def switch_off(ward: Ward, takeover: Takeover, run: int, on_event: OnEvent) -> N
     told_s = began - TELL_EVERY_S + 2.0
     pause_s = TRY_AGAIN_AFTER_S
     killed = False
+    was_on: set[bool] = set()
     while True:
         try:
-            remark = _try_once(ward)
+            off, remark = _try_once(ward, was_on)
         except Exception as error:  # a library's mistake must not leave the coil on
-            why = " ".join(f"{type(error).__name__}: {error}".split())
+            measured_A = error.current_A if isinstance(error, SwitchOffFailed) else None
+            limit_A = error.limit_A if isinstance(error, SwitchOffFailed) else None
+            why = " ".join((str(error) if measured_A is not None else f"{type(error).__name__}: {error}").split())
             _log.info("switching off failed: %s", why)
         else:
-            on_event(
-                OffConfirmed(
-                    by="guardian",
-                    determined_by="commanded",
-                    takeover=takeover,
-                    run_killed=killed,
-                    address=ward.address,
-                    remark=remark,
-                )
-            )
+            on_event(off_confirmed(off, "guardian", takeover, killed, ward.address, remark))
             return
         emulated = re.search(r"/dev/pts/\d+", ward.address)
         if emulated and not Path(emulated[0]).exists():
             on_event(EmulatedSupplyGone(takeover=takeover, address=ward.address))
             return
-        if takeover == STANDS_STILL and not killed and os.getppid() == run:
+        if takeover == STANDS_STILL and not killed and measured_A is None and os.getppid() == run:
             on_event(RunKilled(address=ward.address, reason=why))
             with suppress(ProcessLookupError):
                 os.kill(run, signal.SIGKILL)
             killed = True
             continue
         not_off = OffNotConfirmed(
-            by="guardian", reason=why, takeover=takeover, run_killed=killed, trying_process=os.getpid()
+            by="guardian",
+            reason=why,
+            current_A=measured_A,
+            limit_A=limit_A,
+            takeover=takeover,
+            run_killed=killed,
+            trying_process=os.getpid(),
         )
         if time.monotonic() - began > TRY_FOR_S:
             on_event(replace(not_off, trying_process=None))
@@ -155,24 +164,56 @@ def switch_off(ward: Ward, takeover: Takeover, run: int, on_event: OnEvent) -> N
         pause_s = min(2 * pause_s, TRY_AGAIN_LATER_S)
 
 
-def _try_once(ward: Ward) -> str:
-    """Open, half way toward zero, off, close; why there was no ramp, in words.
+def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
+    """Open, compare the identity, half way toward zero, off, measure, close.
 
-    Raises whatever went wrong before the supply said that it is off.
+    was_on: holds True once the run's supply was found on, as the run left it. One that is found off at the first look
+    may be another one of the same kind, unless it has a serial number or its line is a pseudo-terminal.
+
+    Returns what was measured, and in words what did not go well. Raises whatever went wrong before the supply was off.
     """
-    supply = open_supply(ward.driver, ward.address, Limits(ward.current_A, ward.voltage_V))
+    clock = WallClock()
+    supply = open_supply(ward.driver, ward.address, ward.limits, clock)
     try:
+        found_off = _found_off(ward, supply, was_on)
         without_ramp = _ramp_down(supply)
         try:
-            supply.safe_off()
+            off = switch_off(supply, clock)
+            if found_off and not (ward.identity and ward.identity[1]) and "/dev/pts/" not in ward.address:
+                measured = f", {off.current_A:.2f} A measured" if off else ""
+                raise SwitchOffFailed(
+                    f"{ward.address}: the supply there was found off{measured}, but it has no serial number: it may be "
+                    "another supply than the coil's"
+                )
+            return (replace(off, found_off=found_off) if off else off), without_ramp
         except SwitchOffFailed as error:
-            if supply.output_on():
+            if error.current_A is not None or found_off or supply.output_on():
                 raise
-            return f", and says so; not every stage went well ({error})"
-        return without_ramp
+            off = measured_off(supply.measure, off_limit_A(supply), clock, ward.address)
+            return off, f"; not every stage went well ({error})"
     finally:
         with suppress(Exception):
             supply.close()
+
+
+def _found_off(ward: Ward, supply: PowerSupply, was_on: set[bool]) -> bool:
+    """Return whether the run's supply is off at the first look. Raises AnotherSupply if another one answers."""
+    if ward.identity is None:
+        return False
+    try:
+        answered = supply.identify()
+    except InstrumentError:  # switching off is tried all the same
+        return False
+    if (answered.text, answered.serial_number) != ward.identity:
+        raise AnotherSupply(
+            f"{ward.address}: the coil's supply is not there: {answered.text!r} {answered.serial_number} answers in "
+            f"place of {' '.join(ward.identity)!r}"
+        )
+    with suppress(InstrumentError):
+        if supply.output_on():
+            was_on.add(True)
+        return not was_on
+    return False
 
 
 def _ramp_down(supply: PowerSupply) -> str:

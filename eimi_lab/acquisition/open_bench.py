@@ -59,29 +59,30 @@ def open_bench(
 
     Leaving closes them; it does not switch off: `switching_off` does.
     """
-    stricter = rig.supply.limits.stricter(limits)
+    limited = rig.model_copy(
+        update={"supply": rig.supply.model_copy(update={"limits": rig.supply.limits.stricter(limits)})}
+    )
     if rig.simulated:
         from eimi_lab.virtual.virtual_rig import open_virtual_rig
 
-        limited = rig.model_copy(update={"supply": rig.supply.model_copy(update={"limits": stricter})})
         supply, camera, clock, truth = open_virtual_rig(limited, specimen)
         with closing(supply), closing(camera):
             yield Bench(supply, camera, clock, truth)
         return
     from eimi_drivers.cameras.timed import TimedCamera
     from eimi_drivers.clock import WallClock
-    from eimi_drivers.interfaces import InstrumentDisconnected, Limits
+    from eimi_drivers.interfaces import InstrumentDisconnected
     from eimi_drivers.supplies.supply_names import open_supply
     from eimi_lab.acquisition.added_driver import pack
     from eimi_lab.acquisition.cameras import open_rig_camera
 
     wall, cue, interruption = WallClock(), Cue(), Interruption()
     driver = rig.supply.driver
-    ward = Ward(driver, rig.supply.address, stricter.current_A, stricter.voltage_V, pack(driver))
+    within = limited.supply.opened_with
+    ward = Ward(driver, rig.supply.address, within.current_A, within.voltage_V, pack(driver), within.off_below_A)
     with ExitStack() as opened:
         guardian = opened.enter_context(guarding(ward, guardian_events))
         try:
-            within = Limits(ward.current_A, ward.voltage_V)
             supply = opened.enter_context(
                 closing(open_supply(ward.driver, ward.address, within, wall, transcript, interruption.between_messages))
             )

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from eimi_drivers.interfaces import InstrumentError
+from eimi_drivers.interfaces import InstrumentError, SwitchOffFailed
+from eimi_drivers.supplies.off import off_limit_A
 from eimi_drivers.supplies.supply_names import is_bipolar
 from eimi_lab.acquisition.coil import Coil, without_contact
 from eimi_lab.acquisition.conditioning import condition
@@ -18,6 +19,7 @@ from eimi_lab.acquisition.event_words import left_behind
 from eimi_lab.acquisition.events import (
     Event,
     Fault,
+    OffConfirmed,
     OnEvent,
     OutputSwitched,
     RunBegun,
@@ -117,6 +119,8 @@ def acquire(
     with _told_from_begin_to_end(_run_begun(protocol, specimen, rig, bench, path, resume), ending, on_event) as heard:
         supply, camera, clock = bench.supply, WatchedCamera(bench.camera, show, bench.cue), bench.clock
         identities = (supply.identify(), camera.identify())
+        if bench.guardian:
+            bench.guardian.expect(identities[0])
         header = Header(
             specimen,
             rig.calibration,
@@ -175,12 +179,13 @@ def acquire(
 
 @dataclass
 class _Ending:
-    """What the last event of a run says: where its dataset is, and how many of its states are in it."""
+    """What the last event of a run says: where its dataset is, how many states are in it, how the coil was off."""
 
     path: Path
     states: int
     stored: int | None = None
     writer: DatasetWriter | None = None
+    off: OffConfirmed | None = None
 
     def event(self, status: Literal["completed", "stopped", "failed"], reason: str = "") -> RunEnded:
         """Return the last event of a run that ends now."""
@@ -211,6 +216,8 @@ def _told_from_begin_to_end(begun: RunBegun, ending: _Ending, on_event: OnEvent)
 
     def heard(event: Event) -> None:
         _log.info("%s", event)
+        if isinstance(event, OffConfirmed):
+            ending.off = event
         on_event(event)
 
     heard(begun)
@@ -249,16 +256,24 @@ def _step_through(run: Stepping, first: int, interruption: Interruption, pauses:
                 released += record_release(run.camera, run.clock, run.coil, protocol.release.seconds, stop_if_asked)
     except Stopped as stopped:
         run.store(RELEASE, [states - 1] * len(released), released)
-        raise Stopped(stopped.number, left_behind(ending.event("stopped"))) from stopped
+        raise Stopped(stopped.number, left_behind(ending.off, ending.event("stopped"))) from stopped
     run.store(RELEASE, [states - 1] * len(released), released)
 
 
 def _begin_with_output_off(bench: Bench, protocol: Protocol, take_over: bool, on_event: OnEvent) -> None:
     """Refuse a supply that is on, or ramp it down and switch it off. Raises InstrumentError, Stopped."""
     supply = bench.supply
-    if not supply.output_on():
-        return
     found = supply.measure()
+    if not supply.output_on():
+        limit_A = off_limit_A(supply)
+        if getattr(supply, "measures_current", True) and abs(found.current_A) > limit_A:
+            raise SwitchOffFailed(
+                f"{supply.identify().address}: {found.current_A:.2f} A measured although the output is off; at most "
+                f"{limit_A:g} A counts as off",
+                found.current_A,
+                limit_A,
+            )
+        return
     if not take_over:
         raise InstrumentError(
             f"{supply.identify().address}: the output is on ({found.current_A:.3f} A, {found.voltage_V:.2f} V): "

@@ -6,18 +6,18 @@ import logging
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 
-from eimi_drivers.interfaces import InstrumentError
+from eimi_drivers.interfaces import InstrumentError, Off
 from eimi_lab.acquisition.coil import Coil, never
 from eimi_lab.acquisition.events import (
-    OffConfirmed,
     OffNotConfirmed,
     OnEvent,
     OutputSwitched,
     StopRequested,
     SuspendRefused,
+    off_confirmed,
     unheard,
 )
 from eimi_lab.acquisition.guardian import Guardian
@@ -43,6 +43,7 @@ class _SignalsHeeded:
         self._coil, self._guardian, self._on_event = coil, guardian, on_event
         self._noted: list[int] = []
         self._suspended = self._stop_told = self._off = False
+        self._fault: InstrumentError | None = None
 
     def note(self, number: int, frame: FrameType | None) -> None:
         """Handle a signal: remember it, and do no more."""
@@ -66,9 +67,11 @@ class _SignalsHeeded:
         if self._noted:
             self._tell_of_the_stop()
             raise Stopped(self._noted[0])
+        if self._fault:
+            raise self._fault
         if self._guardian:
             self._guardian.check()
-        self._coil.keep_in_touch()
+        self._coil.watch()
 
     def go_on_down(self) -> None:
         """Between the steps of the ramp down: raise _InHaste after a second signal."""
@@ -83,17 +86,24 @@ class _SignalsHeeded:
 
     def switch_off_in_haste(self) -> None:
         """See `Heeded.switch_off_in_haste`."""
-        if len(self._noted) > 1 and not self._off:
+        if not self._off and (len(self._noted) > 1 or self._current_is_wrong()):
             self._off = True
-            _log.info("a second signal came while a state is stored: the coil is switched off first")
+            _log.info("a second signal, or a wrong current, while a state is stored: the coil is switched off first")
             if self._guardian:
                 self._guardian.allow(OFF_WITHIN_S)
             try:
-                self._coil.supply.safe_off()
+                off = self._coil.switch_off()
             except InstrumentError as error:  # it is tried again on the way out, and told of there
                 _log.info("switching off failed: %s", error)
             else:
-                _tell_that_it_is_off(self._on_event)
+                _tell_that_it_is_off(off, self._on_event)
+
+    def _current_is_wrong(self) -> bool:
+        try:
+            self._coil.watch()
+        except InstrumentError as error:  # it ends the run as soon as the state is stored
+            self._fault = error
+        return self._fault is not None
 
     def _tell_of_the_stop(self) -> None:
         if not self._stop_told:
@@ -176,15 +186,19 @@ def _off(coil: Coil, guardian: Guardian | None, on_event: OnEvent) -> None:
     if guardian:
         guardian.allow(OFF_WITHIN_S)
     try:
-        coil.supply.safe_off()
+        off = coil.switch_off()
     except Exception as error:
-        on_event(OffNotConfirmed(by="run", reason=str(error)))
+        measured_A, limit_A = getattr(error, "current_A", None), getattr(error, "limit_A", None)
+        on_event(OffNotConfirmed(by="run", reason=str(error), current_A=measured_A, limit_A=limit_A))
+        if guardian:
+            with suppress(InstrumentError):  # it tries on; in a pause it was disarmed
+                guardian.arm()
         raise
     if guardian:
         guardian.disarm()
-    _tell_that_it_is_off(on_event)
+    _tell_that_it_is_off(off, on_event)
 
 
-def _tell_that_it_is_off(on_event: OnEvent) -> None:
+def _tell_that_it_is_off(off: Off | None, on_event: OnEvent) -> None:
     on_event(OutputSwitched(on=False))
-    on_event(OffConfirmed(by="run", determined_by="commanded"))
+    on_event(off_confirmed(off, "run"))

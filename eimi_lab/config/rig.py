@@ -12,6 +12,7 @@ from eimi_drivers.cameras.camera_names import CAMERAS
 from eimi_drivers.cameras.settings import CameraSettings
 from eimi_drivers.emulators.coil_line import ADDRESS
 from eimi_drivers.installed import did_you_mean
+from eimi_drivers.interfaces import Limits
 from eimi_drivers.supplies.supply_names import SUPPLIES
 from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.config.materials import TrueMaterials, load_materials
@@ -41,11 +42,19 @@ class Supply(Table):
     """A serial port or a VISA resource, as the driver requires; a channel number follows after #."""
     limits: SupplyLimits
     """Limits that the coil tolerates; the protocol also has limits, and the stricter ones apply."""
+    off_below_A: float | None = Field(default=None, gt=0)
+    """Measured current below which the coil counts as off; without it the larger of 20 mA and what a healthy unit of
+    the family shows at zero."""
 
     @field_validator("driver")
     @classmethod
     def _exists(cls, driver: str) -> str:
         return _one_of(driver, [*SUPPLIES, VIRTUAL])
+
+    @property
+    def opened_with(self) -> Limits:
+        """The limits that the driver is opened with."""
+        return Limits(self.limits.current_A, self.limits.voltage_V, self.off_below_A)
 
 
 class CoilRating(Table):

@@ -41,7 +41,7 @@ from eimi_lab.acquisition.events import (
 from eimi_lab.page.eye import EDGES, FRAMES, SIZES
 from eimi_lab.page.frame_memory import new_memory
 
-CONFIRMED_WITHIN_S = 1.5
+CONFIRMED_WITHIN_S = 4.0
 """A run that was told to stop and has not said by then that the output is off is killed; its guardian takes over."""
 
 CLOSED_WITHIN_S = 10.0
@@ -121,8 +121,9 @@ class BenchRun:
         self.progress = Progress(name, protocol, specimen, rig)
         self._changed, self._seen = changed, seen
         self._tasks: list[asyncio.Task[None]] = []
-        self._off = asyncio.Event()
-        self._off.set()
+        self._answered = asyncio.Event()
+        self._answered.set()
+        self._last_off: OffConfirmed | OffNotConfirmed | None = None
         self._ended = asyncio.Event()
         self._taking: tuple[float, int] | None = None
 
@@ -208,13 +209,15 @@ class BenchRun:
     async def _confirmed(self) -> str:
         began = time.monotonic()
         try:
-            await asyncio.wait_for(self._off.wait(), CONFIRMED_WITHIN_S)
+            await asyncio.wait_for(self._answered.wait(), CONFIRMED_WITHIN_S)
         except TimeoutError:
             self._signal(signal.SIGKILL)
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._off.wait(), CLOSED_WITHIN_S)
+                await asyncio.wait_for(self._answered.wait(), CLOSED_WITHIN_S)
         if self.progress.coil == "off":
-            return off_after(time.monotonic() - began)
+            return off_after(self._last_off, time.monotonic() - began)
+        if isinstance(self._last_off, OffNotConfirmed):
+            return in_words(self._last_off)
         return in_words(OffNotConfirmed(by="run", reason=""))
 
     def _signal(self, number: int) -> None:
@@ -232,10 +235,10 @@ class BenchRun:
 
     def _coil(self, state: str) -> None:
         self.progress.coil = state
-        if state == "off":
-            self._off.set()
-        else:
-            self._off.clear()
+        if state == "on":
+            self._answered.clear()
+        else:  # off, or a coil that may still be on
+            self._answered.set()
 
     async def _hear(self, events: int) -> None:
         """Listen until the run has ended, and its guardian where that was left to finish."""
@@ -272,8 +275,10 @@ class BenchRun:
                 if progress.phase in ("beginning", "paused"):
                     progress.phase = "running"
             case OffConfirmed():
+                self._last_off = event
                 self._coil("off")
             case OffNotConfirmed():
+                self._last_off = event
                 self._coil("unknown")
             case Paused() if progress.phase == "pausing":
                 progress.phase = "paused"

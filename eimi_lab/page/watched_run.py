@@ -19,7 +19,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
-from eimi_drivers.interfaces import Clock, Identity, Limits, PowerSupply, Reading
+from eimi_drivers.interfaces import Clock, Identity, Limits, Off, PowerSupply, Reading, SwitchOffFailed
+from eimi_drivers.supplies.off import switch_off
 from eimi_lab.acquisition.coil import without_contact
 from eimi_lab.acquisition.events import OnEvent, PageGone
 from eimi_lab.acquisition.heating import Warming
@@ -97,6 +98,16 @@ class WatchedSupply:
         """As the driver has it."""
         return without_contact(self._supply)
 
+    @property
+    def measures_current(self) -> bool:
+        """As the driver has it."""
+        return bool(getattr(self._supply, "measures_current", True))
+
+    @property
+    def reads_zero_within_A(self) -> float:
+        """As the driver has it."""
+        return float(getattr(self._supply, "reads_zero_within_A", 0.0))
+
     def values(self) -> dict[str, Any]:
         """What is known of the coil now; heat is a share of what it bears for ever."""
         heat = self._warming.share(self._clock.now()) if self._warming else None
@@ -129,10 +140,15 @@ class WatchedSupply:
     def check(self) -> None:
         self._supply.check()
 
-    def safe_off(self) -> None:
-        self._supply.safe_off()
-        self.set_A = self.measured_A = 0.0
+    def safe_off(self) -> Off | None:
+        try:
+            off = switch_off(self._supply, self._clock)
+        except SwitchOffFailed as error:
+            self.measured_A = self.measured_A if error.current_A is None else error.current_A
+            raise
+        self.set_A, self.measured_A = 0.0, off.current_A if off else 0.0
         self._switched(False)
+        return off
 
     def close(self) -> None:
         self._supply.close()

@@ -20,7 +20,7 @@ from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.emulators.coil_line import RemoteCoil
 from eimi_drivers.emulators.korad import KoradDialect
 from eimi_drivers.emulators.supply import CoilSupply
-from eimi_drivers.interfaces import Clock, Frame, Identity, Limits, PowerSupply
+from eimi_drivers.interfaces import Clock, Frame, Identity, PowerSupply
 from eimi_drivers.supplies.korad import KoradSupply
 from eimi_drivers.supplies.transport import InProcessTransport
 from eimi_lab.config.materials import TrueMaterial
@@ -136,7 +136,7 @@ def open_virtual_rig(rig: Rig, specimen: SpecimenFile) -> tuple[PowerSupply, Vir
     )
     supply = KoradSupply(
         InProcessTransport(KoradDialect(coil), clock),
-        Limits(rig.supply.limits.current_A, rig.supply.limits.voltage_V),
+        rig.supply.opened_with,
         clock,
     )
     return supply, virtual_camera(rig, specimen, coil, clock), clock, truth_of(rig, specimen)

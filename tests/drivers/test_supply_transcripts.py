@@ -92,6 +92,8 @@ def scpi(
         *no_error,
         *channel(family["curr?"], "0.000"),
         *channel(family["out?"], family["is_off"]),
+        *channel(family["meas_curr?"], "0.0012"),
+        *channel(family["meas_volt?"], "0.00"),
         *disarmed,
     ]
 
@@ -206,12 +208,18 @@ SCPI_TRANSCRIPTS = {
         *(("MEAS:CURR?", "6.99E-1"), ("MEAS:VOLT?", "2.8E0")),
         *(("SYST:ERR?", NONE), ("OUTP?", "1")),
         *(("FUNC:MODE CURR", ""), ("CURR 0.00", ""), ("FUNC:MODE CURR", ""), ("CURR 0.00", "")),
-        *(("SYST:ERR?", NONE), ("CURR?", "0.0E0"), ("CURR?", "0.0E0"), ("MEAS:CURR?", "1.2E-3")),
+        *(
+            ("SYST:ERR?", NONE),
+            ("CURR?", "0.0E0"),
+            ("CURR?", "0.0E0"),
+            ("MEAS:CURR?", "1.2E-3"),
+            ("MEAS:VOLT?", "0.0E0"),
+        ),
     ],
 }
 
 GENESYS = [
-    *(("ADR 6", "OK"), ("RMT REM", "OK"), ("IDN?", "LAMBDA,GEN40-38")),
+    *(("ADR 6", "OK"), ("RMT REM", "OK"), ("IDN?", "LAMBDA,GEN40-38"), ("SN?", "123A456-0001")),
     *(("OVM", "OK"), ("PV 12.00", "OK"), ("PV?", "12.000"), ("PV?", "12.000")),
     *(("PC 0.70", "OK"), ("PC?", "00.700"), ("PC?", "00.700")),
     *(
@@ -225,7 +233,7 @@ GENESYS = [
     *(("MC?", "00.699"), ("MV?", "02.800")),
     ("STT?", "MV(02.800),PV(12.000),MC(00.699),PC(00.700),SR(02),FR(00)"),
     *(("OUT?", "ON"), ("PC 0.00", "OK"), ("OUT OFF", "OK"), ("PC?", "00.000"), ("PC?", "00.000")),
-    *(("OUT?", "OFF"), ("OUT?", "OFF")),
+    *(("OUT?", "OFF"), ("OUT?", "OFF"), ("MC?", "00.040"), ("MV?", "00.000")),
 ]
 
 KORAD = [
@@ -235,7 +243,7 @@ KORAD = [
     *(("OCP0", ""), ("OUT1", ""), ("STATUS?", "\x50"), ("STATUS?", "\x50"), ("STATUS?", "\x50")),
     *(("IOUT1?", "0.699"), ("VOUT1?", "02.80"), ("STATUS?", "\x50")),
     *(("ISET1:0.000", ""), ("OUT0", ""), ("ISET1?", "0.000K"), ("ISET1?", "0.000K")),
-    *(("STATUS?", "\x10"), ("STATUS?", "\x10")),
+    *(("STATUS?", "\x10"), ("STATUS?", "\x10"), ("IOUT1?", "0.001"), ("VOUT1?", "00.00")),
 ]
 
 TRANSCRIPTS = {

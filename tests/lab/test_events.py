@@ -121,9 +121,11 @@ def test_an_event_has_words_in_one_line(event: Event) -> None:
     assert not words.endswith(".")
 
 
-def test_the_words_of_a_measured_off_state_hold_the_current_and_the_limit() -> None:
+def test_the_words_of_an_off_state_say_how_it_was_determined() -> None:
     off = OffConfirmed(by="run", determined_by="measured", current_A=0.001, limit_A=0.01)
-    assert in_words(off) == "the coil is off, 0.001 A measured (at most 0.01 A counts as off)"
+    assert in_words(off) == "the coil is off, below 0.01 A measured"
+    off = OffConfirmed(by="run", determined_by="commanded")
+    assert in_words(off) == "the coil is off, switched off as commanded; this supply cannot measure"
 
 
 def test_an_event_or_a_key_of_a_later_release_is_tolerated() -> None:
@@ -168,7 +170,10 @@ def test_a_run_sends_its_events_in_order(setup: Any) -> None:
     assert [(event.state, event.current_A) for event in stored] == list(enumerate(setup.stored()))
     assert ended == RunEnded(status="completed", reason="", stored=4, states=4, dataset=str(setup.path))
     off = events[-2]
-    assert off == OffConfirmed(by="run", determined_by="commanded")
+    assert isinstance(off, OffConfirmed)
+    assert (off.by, off.determined_by, off.limit_A) == ("run", "measured", 0.02)
+    assert off.current_A is not None
+    assert abs(off.current_A) <= 0.02
 
 
 def test_a_fault_and_a_stop_are_told_apart_and_both_end_with_the_coil_off(setup: Any) -> None:

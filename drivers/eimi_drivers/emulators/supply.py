@@ -50,8 +50,11 @@ class CoilSupply:
     The coil warms up by thermal_resistance_K_per_W times R I² with the time constant thermal_time_constant_s
     (first order, R taken cold in the heating), and its resistance grows as copper's does.
 
-    Things that go wrong: locked, somebody holds the front panel and no setter is obeyed; hunting_A, the current
-    swings by so much and never settles; `trip`.
+    Things that go wrong: `locked`, somebody holds the front panel and no setter is obeyed; `hunting_A`, the current
+    swings by so much and never settles; `shorted_A`, the regulator is shorted and so much flows whatever is set, also
+    with the output off, while set-point and output read back as they were set; `drift`, the current departs from its
+    set-point; `fallen`, no current flows although the output says that it is on; `trip`. `offset_A` is what the meter
+    adds to every current.
     """
 
     def __init__(
@@ -75,7 +78,9 @@ class CoilSupply:
         self.max_voltage_V = max_voltage_V
         self.bipolar = False
         self.locked = False
-        self.hunting_A = 0.0
+        self.hunting_A = self.shorted_A = self.offset_A = 0.0
+        self.fallen = False
+        self._drift_A_per_s = self._drift_began_s = self._drift_to_A = 0.0
         self._clock = clock
         self._cold_ohm = resistance_ohm
         self._time_constant_s = time_constant_s
@@ -91,9 +96,13 @@ class CoilSupply:
 
     def coil_current_A(self) -> float:
         """The true current in the coil now, A, without noise."""
-        hunting_A = self.hunting_A if self.state.output and self.state.set_current_A else 0.0
-        swing_A = hunting_A * math.sin(2 * math.pi * HUNTING_HZ * self._clock.now())
-        return self._settling_current_A() + swing_A
+        energised = self.state.output and self.state.set_current_A
+        swing_A = self.hunting_A * math.sin(2 * math.pi * HUNTING_HZ * self._clock.now()) if energised else 0.0
+        current_A = 0.0 if self.fallen else self._settling_current_A() + swing_A
+        if energised and self._drift_A_per_s:
+            drifting_s = self._clock.now() - self._drift_began_s
+            current_A = max(current_A, min(current_A + self._drift_A_per_s * drifting_s, self._drift_to_A))
+        return max(current_A, self.shorted_A) if self.shorted_A else current_A
 
     def heating_K(self) -> float:
         """How much warmer than the room the coil is now, K."""
@@ -110,7 +119,7 @@ class CoilSupply:
         self._protect()
         current_noise_A, voltage_noise_V = self._noise
         return Reading(
-            current_A=self.coil_current_A() + self._random.normal(0.0, current_noise_A),
+            current_A=self.coil_current_A() + self.offset_A + self._random.normal(0.0, current_noise_A),
             voltage_V=self._voltage_V() + self._random.normal(0.0, voltage_noise_V),
         )
 
@@ -142,6 +151,10 @@ class CoilSupply:
     def clear_trip(self) -> bool:
         """Forget a trip, unless locked; the output stays off."""
         return self._obey(tripped=False)
+
+    def drift(self, to_A: float, rate_A_per_s: float = 1.0) -> None:
+        """Let the current rise to `to_A` at this rate from now on, as long as the output is on; a rate of 0 ends it."""
+        self._drift_to_A, self._drift_A_per_s, self._drift_began_s = to_A, rate_A_per_s, self._clock.now()
 
     def trip(self) -> None:
         """Let a protection switch the output off, whatever the reason."""

@@ -1,4 +1,4 @@
-"""What every supply driver shares: limits, read-back, protection, and switching off stage by stage."""
+"""What every supply driver shares: limits, read-back, protection, and switching off until no current is measured."""
 
 from __future__ import annotations
 
@@ -6,14 +6,17 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from decimal import ROUND_DOWN, Decimal
 from typing import ClassVar, TypeVar
 
 from eimi_drivers.interfaces import (
+    AnotherSupply,
     Clock,
     Identity,
     InstrumentError,
     Limits,
+    Off,
     ProtectionTripped,
     Reading,
     ReplyNotUnderstood,
@@ -21,7 +24,8 @@ from eimi_drivers.interfaces import (
     SetPointRefused,
     SwitchOffFailed,
 )
-from eimi_drivers.supplies.transport import Transport, split_address
+from eimi_drivers.supplies.off import measured_off, off_limit_A
+from eimi_drivers.supplies.transport import Transport, split_address, usb_serial_number
 
 REPLY_TIMEOUT_S = 1.0
 READ_BACK_WITHIN_S = 0.6
@@ -32,6 +36,9 @@ LATE_ANSWER_S = 1.0
 
 PROTECTION_MARGIN = 1.1
 """An instrument's own protection is set this far above the limits: it is for a regulator that has failed."""
+
+MEASURING_ATTEMPTS = 2
+"""A measurement that fails after the output was switched off is tried again so many times in all."""
 
 WATCHDOG_S = 10
 """A supply's own watchdog switches off after so long without a message; a run sends one every 2 s at least."""
@@ -55,6 +62,7 @@ class SupplyBase(ABC):
     channels: the first and the last channel that an address may name after `#`; default_channel: the one
     used when it names none. read_backs: how often in a row a read-back must be right to be believed.
     without_contact: what becomes of the output when the cable is pulled or the computer dies, in words.
+    reads_zero_within_A: the read-back accuracy at zero, see `PowerSupply`.
     """
 
     name: ClassVar[str]
@@ -66,6 +74,14 @@ class SupplyBase(ABC):
     read_backs: ClassVar[int] = 1
     without_contact: str = STAYS_ON
 
+    @property
+    def reads_zero_within_A(self) -> float:
+        """The largest current (A) that a healthy unit of the family shows when none flows.
+
+        0 stands for a family whose value is below `off.LEAST_OFF_A` or not stated here.
+        """
+        return 0.0
+
     def __init__(self, link: Transport, limits: Limits, clock: Clock) -> None:
         """Sends nothing. Raises InstrumentError when the address names a channel that there is not."""
         self.limits = limits
@@ -73,6 +89,7 @@ class SupplyBase(ABC):
         self._clock = clock
         self._switched_on = False
         self._unanswered = False
+        self._bound: Identity | None = None
         channel = split_address(link.address)[1]
         self._channel = self.default_channel if channel is None else channel
         first, last = self.channels
@@ -170,23 +187,72 @@ class SupplyBase(ABC):
                 "does not report, or somebody at its front panel"
             )
 
-    def safe_off(self) -> None:
-        """Program zero, switch off, read both back; each stage is tried whatever became of the others.
+    def safe_off(self) -> Off:
+        """Program zero, switch off, read both back, and measure until no current flows.
 
-        Off is told before zero is read back: on a slow line that question takes longer than all the rest.
-        Where one failed the line is opened anew and all are tried again. Raises SwitchOffFailed with the outcome of
-        every stage when one failed then, too.
+        Each stage is tried whatever became of the others. The output is switched off before zero is read back: on a
+        slow line that question takes longer than all the rest. If a stage fails, the line is opened anew and all are
+        tried again.
+
+        Returns
+        -------
+        Off
+            The measured current and the limit that it is below, see `eimi_drivers.supplies.off`.
+
+        Raises
+        ------
+        SwitchOffFailed
+            A stage failed twice, with the outcome of every stage; or a current above the limit still flows; or another
+            supply answers once the line is opened anew; or a supply without a serial number is then found off.
         """
+        found_off = False
         failed = self._try_to_switch_off()
         if failed:
-            with suppress(InstrumentError):
-                self._link.reopen()
+            found_off = self._reopen_and_compare()
             failed = self._try_to_switch_off()
         if failed:
             raise failed from failed.__cause__
+        off = self._measured_off(found_off)
         with suppress(InstrumentError):
             self._disarm_watchdog()
         self._switched_on = False
+        return off
+
+    def _reopen_and_compare(self) -> bool:
+        """Open the line anew and return whether the output is off already. Raises SwitchOffFailed for another supply.
+
+        A name such as /dev/ttyUSB0 or an address in a network may belong to another supply by then. A line that cannot
+        be opened anew leads to the same supply as before.
+        """
+        try:
+            if not self._link.reopen() or self._bound is None:
+                return False
+            self.identify()
+            found_off = not self.output_on()
+        except AnotherSupply as error:
+            raise SwitchOffFailed(str(error)) from error
+        except InstrumentError:
+            return False
+        if found_off and not self._bound.serial_number:
+            raise SwitchOffFailed(
+                f"{self._link.address}: after the line was lost and opened anew the supply there is off, but "
+                f"{self._bound.text!r} has no serial number: it may be another supply than the coil's"
+            )
+        return found_off
+
+    def _measured_off(self, found_off: bool) -> Off:
+        for _ in range(MEASURING_ATTEMPTS):
+            try:
+                off = measured_off(self.measure, off_limit_A(self), self._clock, self._link.address)
+                return replace(off, found_off=found_off)
+            except SwitchOffFailed:
+                raise
+            except Exception as error:  # as in _try_to_switch_off
+                failed = error
+        raise SwitchOffFailed(
+            f"{self._link.address}: zero: done; off: done; verify: done; measure: failed ({type(failed).__name__}: "
+            f"{failed})"
+        ) from failed
 
     def _try_to_switch_off(self) -> SwitchOffFailed | None:
         stages: tuple[tuple[str, Callable[[], None]], ...] = (
@@ -277,15 +343,48 @@ class SupplyBase(ABC):
         return number
 
     def _identity(self, reply: bytes) -> Identity:
+        text = self._line("*IDN?", reply)
+        return self._bind(text, serial_number_in(text))
+
+    def _line(self, question: str, reply: bytes) -> str:
         text = reply.strip(b"\0 \t\r\n").decode("latin-1")
         if not (text.isascii() and text.isprintable() and text):
-            raise self._not_understood("*IDN?", reply, "a line of text")
-        return Identity(driver=self.name, text=text, address=self._link.address)
+            raise self._not_understood(question, reply, "a line of text")
+        return text
+
+    def _bind(self, text: str, serial_number: str) -> Identity:
+        """Return the identity of the instrument. Raises AnotherSupply if it is not the one that answered first."""
+        address = self._link.address
+        identity = Identity(self.name, text, address, serial_number or usb_serial_number(address))
+        self._bound = self._bound or identity
+        if self._bound != identity:
+            raise AnotherSupply(
+                f"{address}: the coil's supply is not there: {_shown(identity)} answers in place of "
+                f"{_shown(self._bound)}"
+            )
+        return identity
 
     def _not_understood(self, question: str, reply: bytes, expected: str) -> ReplyNotUnderstood:
         return ReplyNotUnderstood(
             f"{self._link.address}: the answer to {question} must be {expected}, but it is {reply!r}"
         )
+
+
+def serial_number_in(text: str) -> str:
+    """Return the serial number in an answer to `*IDN?`, or "" if there is none.
+
+    It is the third of four fields (IEEE 488.2, 10.14), and "0" stands for none. Some Korad supplies add `SN:` and the
+    number instead.
+    """
+    if match := re.search(r"\bSN:\s*(\w+)", text):
+        return match[1]
+    fields = [field.strip() for field in text.split(",")]
+    return fields[2] if len(fields) >= 4 and fields[2].strip("0") else ""
+
+
+def _shown(identity: Identity) -> str:
+    serial_number = f" with serial number {identity.serial_number}" if identity.serial_number else ""
+    return f"{identity.text!r}{serial_number}"
 
 
 def _text(value: float, step: str) -> str:

@@ -51,7 +51,10 @@ They give the order of voltage and over-voltage protection: E01 refuses a voltag
 the voltage set and 5 % of the rating. So a rising voltage wants the OVP out of its way first, and set after it.
 """
 
-_RATING = re.compile(r"GENH?(\d+(?:\.\d+)?)-")
+READ_BACK_OF_RATING = 0.003
+"""See `GenesysSupply.reads_zero_within_A`."""
+
+_RATING = re.compile(r"GENH?(\d+(?:\.\d+)?)-(\d+(?:\.\d+)?)")
 _REFUSAL = re.compile(rb"[EC]\d\d\s*")
 _FAULT_REGISTER = re.compile(rb".*\bFR\(([0-9a-fA-F]{1,2})\)\s*", re.DOTALL)
 
@@ -77,6 +80,7 @@ class GenesysSupply(SupplyBase):
     def __init__(self, link: Transport, limits: Limits, clock: Clock) -> None:
         super().__init__(link, limits, clock)
         self._selected = False
+        self._rated_A = 0.0
         self._greeting = (f"ADR {self._channel}", "RMT REM")
 
     @classmethod
@@ -85,8 +89,25 @@ class GenesysSupply(SupplyBase):
         return SerialTransport(address)
 
     def identify(self) -> Identity:
-        """Ask IDN?."""
-        return self._identity(self._ask("IDN?"))
+        """Ask IDN?, and SN? for the serial number; the unit's own address on the line is part of what is unique."""
+        return self._bind(self._model(), f"{self._line('SN?', self._ask('SN?'))}#{self._channel}")
+
+    @property
+    def reads_zero_within_A(self) -> float:
+        """0.3 % of the rated current, assumed from the accuracy that the family's data sheets state for read-back.
+
+        The rating is the second number of the model: 38 A of GEN40-38.
+        """
+        if not self._rated_A:
+            self._model()
+        return READ_BACK_OF_RATING * self._rated_A
+
+    def _model(self) -> str:
+        """Ask IDN?, and note the rated current if the answer has it."""
+        model = self._line("IDN?", self._ask("IDN?"))
+        if rating := _RATING.search(model):
+            self._rated_A = float(rating[2])
+        return model
 
     def output_on(self) -> bool:
         """Whether the output is on: OUT?."""
@@ -142,7 +163,7 @@ class GenesysSupply(SupplyBase):
 
     def _ovp_V(self) -> float:
         """Above the limit by the margin, and by 5 % of the rating, below which the supply refuses it (E04)."""
-        identity = self.identify().text
+        identity = self._model()
         rating = _RATING.search(identity)
         if rating is None:
             raise InstrumentError(

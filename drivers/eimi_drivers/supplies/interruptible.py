@@ -27,9 +27,9 @@ class InterruptibleTransport:
         """See `Transport.read`."""
         return self._link.read(size, timeout_s, end)
 
-    def reopen(self) -> None:
+    def reopen(self) -> bool:
         """See `Transport.reopen`."""
-        self._link.reopen()
+        return self._link.reopen()
 
     def close(self) -> None:
         """See `Transport.close`."""

@@ -48,11 +48,11 @@ class LoggedTransport:
         self._slowest_s = max(self._slowest_s, self._clock.now() - self._sent_s)
         return received
 
-    def reopen(self) -> None:
+    def reopen(self) -> bool:
         """See `Transport.reopen`."""
         self._reopened += 1
         _log.info("%s: the line is opened anew", self.address)
-        self._link.reopen()
+        return self._link.reopen()
 
     def close(self) -> None:
         """See `Transport.close`."""

@@ -35,6 +35,11 @@ class ScpiSupply(SupplyBase):
         """Open the VISA resource, or the serial line."""
         return open_visa(address)
 
+    @property
+    def reads_zero_within_A(self) -> float:
+        """See `Profile.reads_zero_within_A`."""
+        return self.profile.reads_zero_within_A
+
     def identify(self) -> Identity:
         """Ask *IDN?."""
         return self._identity(self._ask("*IDN?"))

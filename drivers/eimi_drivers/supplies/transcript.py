@@ -60,10 +60,10 @@ class RecordingTransport:
         self._note("<", escaped(received))
         return received
 
-    def reopen(self) -> None:
+    def reopen(self) -> bool:
         """See `Transport.reopen`."""
         self._note("open", self.address.encode("unicode_escape").decode("ascii"))
-        self._link.reopen()
+        return self._link.reopen()
 
     def close(self) -> None:
         """Close both."""
@@ -129,8 +129,9 @@ class ReplayedTransport:
             raise self._mismatch(f"read {size} bytes")
         return unescaped(received[1])
 
-    def reopen(self) -> None:
-        """See `Transport.reopen`."""
+    def reopen(self) -> bool:
+        """See `Transport.reopen`. There is no other line."""
+        return False
 
     def close(self) -> None:
         """Nothing to release."""

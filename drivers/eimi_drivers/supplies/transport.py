@@ -57,8 +57,11 @@ class Transport(Protocol):
         Raises InstrumentTimeout when neither has come within `timeout_s`.
         """
 
-    def reopen(self) -> None:
-        """Close and open anew, for a line that has failed. Raises InstrumentError."""
+    def reopen(self) -> bool:
+        """Close and open anew, for a line that has failed; False if it stays as it was. Raises InstrumentError.
+
+        Whoever opens a line anew asks who is there: the address may lead to another instrument by then.
+        """
 
     def close(self) -> None:
         """Release the connection."""
@@ -68,6 +71,19 @@ def split_address(address: str) -> tuple[str, int | None]:
     """Where the instrument is, and the channel that `#2` at the end names; None without one."""
     match = _CHANNEL.fullmatch(address)
     return (match[1], int(match[2])) if match else (address, None)
+
+
+def usb_serial_number(address: str) -> str:
+    """Return the serial number of the USB device that a serial port belongs to; "" if it has none or is no USB port."""
+    from serial.tools import list_ports
+
+    place = split_address(address)[0]
+    visa = _VISA_SERIAL.fullmatch(place)
+    port = visa[1] if visa else place
+    name = f"COM{port}" if port.isdecimal() else os.path.realpath(port)
+    if "://" in port or "::" in port or name.startswith("/dev/pts/"):
+        return ""
+    return next((str(found.serial_number or "") for found in list_ports.comports() if found.device == name), "")
 
 
 def _no_answer(address: str, timeout_s: float, received: bytes = b"") -> InstrumentTimeout:
@@ -101,13 +117,14 @@ class SerialTransport:
                 exclusive=None if _sharing else True,
             )
 
-    def reopen(self) -> None:
+    def reopen(self) -> bool:
         """See `Transport.reopen`. Not a pseudo-terminal: one that is gone may be another program's by now."""
         if "/dev/pts/" in self.address:
-            return
+            return False
         with suppress(InstrumentError):
             self.close()
         self._open()
+        return True
 
     @contextmanager
     def _errors_named(self) -> Iterator[None]:
@@ -117,6 +134,8 @@ class SerialTransport:
             raise InstrumentTimeout(f"{self.address}: the port takes no more bytes") from error
         except (OSError, TerminalError) as error:  # SerialException is an OSError; termios' own error is none
             raise InstrumentDisconnected(f"{self.address}: {error}") from error
+        except (TypeError, AttributeError) as error:  # what pyserial raises on a port that it could not open anew
+            raise InstrumentDisconnected(f"{self.address}: the port is not open") from error
         except ValueError as error:
             raise InstrumentError(f"{self.address}: {error}") from error
 
@@ -162,8 +181,8 @@ class VisaTransport:
     """Any VISA resource through PyVISA, with its backend in Python, `@py`: no vendor library is needed.
 
     Where one is installed, the environment variable PYVISA_LIBRARY (PyVISA's own) chooses it: `@ivi`.
-    `TCPIP::host::port::SOCKET`, `TCPIP::host::INSTR`, `USB0::…::INSTR` (needs PyUSB). A line that has failed is opened
-    anew with the next message.
+    `TCPIP::host::port::SOCKET`, `TCPIP::host::INSTR`, `USB0::…::INSTR` (needs PyUSB). A line that has failed stays
+    closed until `reopen`.
     """
 
     def __init__(self, address: str) -> None:
@@ -195,11 +214,12 @@ class VisaTransport:
             raise
         self._failed = False
 
-    def reopen(self) -> None:
+    def reopen(self) -> bool:
         """See `Transport.reopen`."""
         with suppress(InstrumentError):
             self.close()
         self._open()
+        return True
 
     @contextmanager
     def _errors_named(self, timeout_s: float = WRITE_TIMEOUT_S) -> Iterator[None]:
@@ -230,7 +250,7 @@ class VisaTransport:
     def write(self, message: bytes) -> None:
         """See `Transport.write`."""
         if self._failed:
-            self.reopen()
+            raise InstrumentDisconnected(f"{self.address}: the line was lost")
         self._discard_unread()
         with self._errors_named():
             self._resource.timeout = round(WRITE_TIMEOUT_S * 1000)
@@ -301,8 +321,9 @@ class InProcessTransport:
             raise _no_answer(self.address, timeout_s, received)
         return received
 
-    def reopen(self) -> None:
-        """See `Transport.reopen`."""
+    def reopen(self) -> bool:
+        """See `Transport.reopen`. There is no other line."""
+        return False
 
     def close(self) -> None:
         """Nothing to release."""

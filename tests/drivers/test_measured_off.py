@@ -1,0 +1,167 @@
+"""A supply is off when no current is measured, whatever its set-point and its output say."""
+
+from __future__ import annotations
+
+import pytest
+
+from eimi_drivers.clock import SimulatedClock
+from eimi_drivers.emulators.serve import DIALECTS, emulate, open_in_process
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import Limits, Off, SwitchOffFailed
+from eimi_drivers.supplies.off import DECAYS_WITHIN_S, LEAST_OFF_A, off_limit_A, switch_off
+from eimi_drivers.supplies.supply_names import supply_driver
+from eimi_drivers.supplies.transport import InProcessTransport
+
+LIMITS = Limits(1.0, 12.0)
+ENDS = 200
+
+
+@pytest.fixture
+def coil():
+    return CoilSupply(SimulatedClock(), resistance_ohm=4.0)
+
+
+def energised(driver, coil, limits=LIMITS):
+    supply = open_in_process(driver, coil, limits)
+    supply.set_voltage(12.0)
+    supply.set_current(0.8)
+    supply.set_output(True)
+    return supply
+
+
+@pytest.mark.parametrize("driver", DIALECTS)
+def test_a_shorted_regulator_is_never_called_off(driver, coil):
+    supply = energised(driver, coil)
+    coil.shorted_A = 0.8
+    with pytest.raises(SwitchOffFailed, match=r"0\.80 A measured although the output was switched off") as caught:
+        supply.safe_off()
+    assert caught.value.current_A == pytest.approx(0.8, abs=0.01)
+    assert caught.value.limit_A == off_limit_A(supply)
+    assert coil.state.set_current_A == 0.0
+    coil.shorted_A = 0.0
+    assert supply.safe_off().current_A <= off_limit_A(supply)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("driver", DIALECTS)
+def test_a_healthy_supply_at_its_worst_offset_gives_no_false_alarm(driver, sign, coil):
+    supply = energised(driver, coil)
+    coil.offset_A = sign * max(LEAST_OFF_A, supply.reads_zero_within_A) * 0.999
+    for _ in range(ENDS // 20):
+        supply.set_current(0.8)
+        supply.set_output(True)
+        coil.clock.sleep(1.0)
+        off = supply.safe_off()
+        assert abs(off.current_A) <= off.limit_A
+        assert abs(coil.coil_current_A()) <= 2 * off.limit_A  # a meter that shows too little hides as much
+
+
+def test_a_slow_coil_is_waited_for():
+    coil = CoilSupply(SimulatedClock(), resistance_ohm=4.0, time_constant_s=0.3)
+    supply = energised("scpi", coil)
+    coil.clock.sleep(5.0)
+    began_s = coil.clock.now()
+    assert supply.safe_off() == Off(pytest.approx(0.0, abs=LEAST_OFF_A), LEAST_OFF_A)
+    assert 0.3 < coil.clock.now() - began_s < DECAYS_WITHIN_S
+    assert coil.coil_current_A() <= LEAST_OFF_A
+
+
+def test_the_limit_of_the_rig_replaces_that_of_the_family(coil):
+    supply = energised("genesys", coil, Limits(1.0, 12.0, off_below_A=0.03))
+    assert off_limit_A(supply) == 0.03
+    coil.offset_A = 0.05
+    with pytest.raises(SwitchOffFailed, match=r"at most 0\.03 A counts as off"):
+        supply.safe_off()
+    assert off_limit_A(open_in_process("genesys", coil, LIMITS)) == pytest.approx(0.15)  # the unit is a GEN30-50
+
+
+def test_a_driver_that_does_not_measure_is_measured_from_outside(coil):
+    supply = energised("scpi", coil)
+
+    class Commanding:
+        limits = LIMITS
+
+        def safe_off(self):
+            supply.safe_off()
+
+        def measure(self):
+            return supply.measure()
+
+    assert switch_off(Commanding(), coil.clock) == Off(pytest.approx(0.0, abs=LEAST_OFF_A), LEAST_OFF_A)
+    silent = Commanding()
+    silent.measures_current = False
+    assert switch_off(silent, coil.clock) is None
+
+
+class Line(InProcessTransport):
+    """A line that, opened anew, leads to another instrument."""
+
+    def __init__(self, first, second, clock):
+        super().__init__(first, clock)
+        self._second = second
+
+    def reopen(self):
+        self._responder = self._second
+        return True
+
+
+class Cut:
+    """An instrument whose line is cut once it was told its set-point."""
+
+    cut = False
+
+    def __init__(self, instrument):
+        self.instrument = instrument
+
+    def receive(self, data):
+        if self.cut:
+            raise ConnectionResetError("the line was cut")
+        return self.instrument.receive(data)
+
+
+def on_a_line_that_is_cut(first, second, coil):
+    instrument = Cut(first)
+    supply = supply_driver("scpi")(Line(instrument, second, coil.clock), LIMITS, coil.clock)
+    supply.identify()
+    supply.set_voltage(12.0)
+    supply.set_current(0.8)
+    supply.set_output(True)
+    instrument.cut = True
+    return supply
+
+
+def scpi(coil, serial_number):
+    dialect = emulate("scpi", coil)
+    dialect.identification = f"EIMI,EMULATED SUPPLY,{serial_number},1.0"
+    return dialect
+
+
+def test_another_supply_at_the_same_address_is_neither_believed_nor_touched(coil):
+    stranger = CoilSupply(coil.clock)
+    stranger.switch(True)
+    supply = on_a_line_that_is_cut(scpi(coil, "A1"), scpi(stranger, "B2"), coil)
+    with pytest.raises(SwitchOffFailed, match=r"the coil's supply is not there: .*B2"):
+        supply.safe_off()
+    assert stranger.state.output
+    assert coil.state.output
+
+
+def test_the_same_supply_with_a_serial_number_may_be_found_off(coil):
+    supply = on_a_line_that_is_cut(scpi(coil, "A1"), scpi(coil, "A1"), coil)
+    coil.switch(False)  # a person pressed its button
+    off = supply.safe_off()
+    assert off.found_off
+    assert off.current_A <= LEAST_OFF_A
+
+
+def test_a_supply_without_a_serial_number_that_is_found_off_may_be_another_one(coil):
+    stranger = CoilSupply(coil.clock)
+    supply = on_a_line_that_is_cut(scpi(coil, "0"), scpi(stranger, "0"), coil)
+    with pytest.raises(SwitchOffFailed, match="has no serial number: it may be another supply"):
+        supply.safe_off()
+
+
+def test_a_supply_without_a_serial_number_that_is_found_on_is_switched_off(coil):
+    supply = on_a_line_that_is_cut(scpi(coil, "0"), scpi(coil, "0"), coil)
+    assert not supply.safe_off().found_off
+    assert not coil.state.output

@@ -1,0 +1,105 @@
+"""The current is watched throughout a run: one that departs from its set-point ends the run with the coil off."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from eimi_drivers.interfaces import InstrumentError, SwitchOffFailed
+from eimi_lab.acquisition.event_words import in_words
+from eimi_lab.acquisition.events import Event, OffConfirmed, OffNotConfirmed
+from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.toml import parse
+
+WITHIN_S = 3.0
+"""In the time of the emulator, from the fault to the output that is off."""
+
+
+def restless(setup: Any) -> None:
+    """Make a beam that never settles, and a protocol that waits for it for a minute."""
+    text = setup.protocol.text.replace("timeout_s = 5.0", "timeout_s = 60.0")
+    setup.protocol = parse(Protocol, text, "patient")
+    setup.camera.sway_px = 0.5
+
+
+def spoil_at(setup: Any, current_A: float, fault: Any) -> list[float]:
+    """Bring a fault about in the first frame at a set-point; give when it came and when the output went off."""
+    times_s: list[float] = []
+    switch = setup.coil.switch
+
+    def watch_output(on: bool) -> bool:
+        if not on and times_s and setup.coil.state.output:
+            times_s.append(setup.bench.clock.now())
+        return bool(switch(on))
+
+    def bring_about(number: int) -> None:
+        if setup.coil.state.set_current_A == current_A and not times_s:
+            fault()
+            times_s.append(setup.bench.clock.now())
+
+    setup.coil.switch = watch_output
+    setup.camera.event = bring_about
+    return times_s
+
+
+@pytest.mark.parametrize("fault", ["drift", "fallen"])
+def test_a_current_that_departs_while_the_beam_settles_ends_the_run(setup: Any, fault: str) -> None:
+    restless(setup)
+
+    def spoil() -> None:
+        if fault == "drift":
+            setup.coil.drift(2.4)
+        else:
+            setup.coil.fallen = True
+
+    times_s = spoil_at(setup, 0.2, spoil)
+    events: list[Event] = []
+    with pytest.raises(InstrumentError, match=r"A measured at a set-point of 0\.2 A"):
+        setup.run(remark=lambda words: None, on_event=events.append)
+    began_s, off_s = times_s
+    assert off_s - began_s < WITHIN_S
+    assert not setup.coil.state.output
+    assert any(isinstance(event, OffConfirmed) and event.determined_by == "measured" for event in events)
+
+
+def test_a_shorted_regulator_at_the_end_of_a_protocol_is_said_to_be_on(setup: Any) -> None:
+    def short(number: int) -> None:
+        if setup.coil.state.set_current_A == 0.3:
+            setup.coil.shorted_A = 0.3
+
+    setup.camera.event = short
+    events: list[Event] = []
+    with pytest.raises(SwitchOffFailed) as caught:
+        setup.run(remark=lambda words: None, on_event=events.append)
+    assert caught.value.current_A == pytest.approx(0.3, abs=0.01)
+    assert not setup.coil.state.output
+    assert not any(isinstance(event, OffConfirmed) for event in events)
+    told = next(event for event in events if isinstance(event, OffNotConfirmed))
+    assert in_words(told).startswith("THE COIL MAY STILL BE ON: 0.30 A measured, switch it off by hand")
+
+
+def test_a_run_does_not_begin_while_a_current_flows_with_the_output_off(setup: Any) -> None:
+    setup.coil.shorted_A = 0.8
+    with pytest.raises(SwitchOffFailed, match=r"0\.80 A measured although the output is off"):
+        setup.run(remark=lambda words: None)
+    assert not setup.path.exists()
+
+
+def test_a_single_wrong_measurement_does_not_end_a_run(setup: Any) -> None:
+    measure = setup.bench.supply.measure
+    wrong: list[float] = []
+
+    def once() -> Any:
+        reading = measure()
+        if setup.coil.state.set_current_A == 0.2 and not wrong and setup.bench.clock.now() > 3.0:
+            wrong.append(1.0)
+            return type(reading)(reading.current_A + 1.0, reading.voltage_V)
+        return reading
+
+    restless(setup)
+    setup.bench.supply.measure = once
+    setup.protocol = parse(Protocol, setup.protocol.text.replace("timeout_s = 60.0", "timeout_s = 8.0"), "p")
+    setup.run(remark=lambda words: None)
+    assert wrong
+    assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
