@@ -2,10 +2,11 @@
 
     python -m benchmarks.emulated_supply korad pty
 
-It prints its address, then a line for every change of output, set-point or true current: seconds of the monotonic clock,
-which all processes of a machine share, 1 or 0, the set-point and the true current in amperes. A line on its standard
-input spoils the line to it: `silence`, `late` (every answer by 0.4 s), `cut` (at the next message, once); or its coil:
-`shorted` (0.8 A whatever is set), `drift` (to 2.4 A), `fallen` (no current with the output on). `none` ends the fault.
+It prints its address, then a line for every change of output, set-point or true current: seconds of the monotonic
+clock, which all processes of a machine share, 1 or 0, the set-point and the true current in amperes. A line on its
+standard input spoils the line to it: `silence`, `late` (every answer by 0.4 s), `cut` (at the next message, once); or
+its coil: `shorted` (0.8 A whatever is set), `drift` (to 2.4 A), `fallen` (no current with the output on). `none` ends
+the fault.
 """
 
 from __future__ import annotations

@@ -33,8 +33,8 @@ from eimi_lab.dataset.recovery import recover
 class Fault:
     """act: brings it about, and gives the moment from which the time to off counts.
 
-    said: what has to stand in the run's words. off_within_s: what is promised. unread: see `Trial`. flows_on: the current
-    does not end with the output, so that nobody may call the coil off while it flows.
+    said: what has to stand in the run's words. off_within_s: what is promised. unread: see `Trial`. flows_on: the
+    current does not end with the output, so that nobody may call the coil off while it flows.
     """
 
     name: str
@@ -260,7 +260,8 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 def _called_off(trial: Trial) -> list[str]:
     """Wait until the coil is said to be on; give what called it off before."""
     wait_until(lambda: any("MAY STILL BE ON" in line for line in trial.lines), "no word of a coil that may be on")
-    return [line for line in trial.lines if "coil is off" in line or "was switched off" in line]
+    off = re.compile("the coil (is|was switched) off")
+    return [line for line in trial.lines if off.search(line)]
 
 
 def _stored(folder: Path) -> int:

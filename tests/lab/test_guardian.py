@@ -130,7 +130,13 @@ def test_a_pseudo_terminal_that_is_gone_is_not_waited_for(capfd: pytest.CaptureF
 
 def test_no_ramp_is_no_reason_to_stay_on() -> None:
     bench = Bench("korad")
-    bench.line.inject(Fault.SILENCE, lambda message: message == b"IOUT1?")
+    measured: list[bytes] = []
+
+    def is_the_measurement_before_the_ramp(message: bytes) -> bool:
+        measured.extend([message] if message == b"IOUT1?" else [])
+        return message == b"IOUT1?" and len(measured) == 1
+
+    bench.line.inject(Fault.SILENCE, is_the_measurement_before_the_ramp)
     with bench.ward() as ward:
         with guarding(ward) as guardian:
             guardian.arm()
