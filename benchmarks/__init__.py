@@ -13,6 +13,10 @@ photographs         error of the edges in rendered photographs of coloured beams
 lab_photographs     photographs with one difficulty of a bench each
 flag_pictures       a picture for every flag
 report_pictures     a report in a browser, wide and narrow, and on paper
+report_cost         time and memory of a report of three datasets
+fit_cost            time and memory of `eimi fit`
+page_delays         delays of the live page
+picture_overlays    pictures of edges for the documentation
 seeds               error of the modulus by law and seed
 coverage            how many 95 % intervals hold the truth
 plan                what a planned choice of states is worth, and whether it comes out as foretold
@@ -21,8 +25,10 @@ second_worker       what a second worker brings to many fits
 storage             frames stored a second
 first_frame         from the start of the program to the first frame
 kill_campaign       runs killed at random moments: the coil off, states kept
-off_campaign        every fault that can keep a coil on, at full current; with `spoilt_bench`, `spoilt_run`,
-                    `emulated_supply`
+off_campaign        every fault that can keep a coil on, at full current
+spoilt_bench        a run at full current on an emulated supply in another process
+spoilt_run          `eimi` with a camera that can be disturbed from outside
+emulated_supply     an emulated supply in a process of its own
 fuzz_files          mutated HDF5 and TOML files: no traceback, no hang
 mutants             small mistakes in a copy of the code, and which of them the tests notice
 numbers             results of whole cases before and after a change

@@ -1,14 +1,25 @@
 """Identify a soft material from pictures of a bent beam: `import eimi_lab as eimi`, or `eimi` on the command line.
 
-open, acquire, import_pictures, import_points, segment    from the bench or from pictures to a dataset with edges
-fit, open_fits, tensile, discover, Prior                  from datasets to laws
-simulate, validate, plan, report, export                  what a law is used for
-LAWS, SUPPLIES, CAMERAS                                   what there is by name; an own one joins by LAWS[name] = law
+`open`, `acquire`, `import_pictures`, `import_points` and `segment` lead from the bench or from pictures to a dataset
+with edges. `fit`, `open_fits`, `tensile`, `discover` and `Prior` lead from datasets to laws. `simulate`, `validate`,
+`plan`, `report` and `export` use a law. `LAWS`, `SUPPLIES` and `CAMERAS` list what there is by name, and
+`LAWS[name] = law` adds one.
 
-The rooms, from the bottom: process and showing (tools); config (the files that a person edits); vision (the beam's
-edges in its frames); dataset (the HDF5 file of a run); virtual (a rig that needs no hardware); acquisition (a run on
-the bench); fits (from datasets to materials); reporting (one HTML file that shows them); page and study; face (the
-functions above); commands (what each command of `eimi` takes and prints).
+process         tools of the process: errors, signals, workers, files
+showing         the style of figures and tables
+config          the files that a person edits
+vision          the edges of the beam in its frames
+dataset         the HDF5 file of a run
+virtual         a rig that needs no hardware
+acquisition     a run on the bench
+fits            from datasets to laws
+reporting       the report, one HTML file
+page            the live page on this computer
+study           the evaluation on virtual specimens and tensile data
+face            the public functions
+demonstration   the whole chain on the virtual rig
+commands        the commands of `eimi`
+cli             the command line that collects them
 """
 
 from __future__ import annotations

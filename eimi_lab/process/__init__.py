@@ -8,5 +8,6 @@ threads      the number of threads of linear algebra
 garbage      less frequent garbage collection, and reuse of freed memory
 workers      distribution of tasks to processes or a cluster
 writer_lock  one writer at a time for each file
+log          the log for a maintainer, off by default
 outputs      result files that are written completely or not at all
 """

@@ -1,12 +1,15 @@
-"""Materials, finite elements and identification for soft beams: values in, values out.
+"""Identify hyperelastic laws from the bending of soft beams: laws, finite elements and inference.
 
-laws         hyperelastic laws: energies, stability, bounds of a search, tensile fits, material cards
-beam         specimen and loads in, the beam's shape in every state out, for many candidates at once
-inference    from measured edges to a law and what it is worth
-discovery    which terms a law is made of
+laws          hyperelastic laws: energy, stability, tensile fits, material cards
+beam          the finite-element models: a specimen and its loads in, the bent shape out
+inference     from measured edges to a law with its uncertainty
+discovery     which terms a strain energy contains
+units         conversion between Pa and MPa
+correlation   the number of independent points among correlated residuals
+suggestion    the nearest name to a misspelt one
 
-The names below are what a user needs; each is loaded when it is first asked for. Knows no files and no instruments;
-needs numpy, scipy and cma alone.
+The names below are public, and each is loaded when it is first used. This package reads no files and knows no
+instruments; it imports numpy, scipy and cma alone.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ def suggestion(name: object, names: Iterable[str]) -> str:
     --------
     >>> suggestion("yeo", ["neo-hookean", "yeoh"])
     "did you mean 'yeoh'?"
-    >>> suggestion("hooke", ["neo-hookean", "yeoh"])
+    >>> suggestion("mooney", ["neo-hookean", "yeoh"])
     'there are neo-hookean, yeoh'
     """
     every = list(names)

@@ -1,8 +1,12 @@
-"""Cameras, and the one way to open one by name.
+"""Drivers of cameras, and `open_camera`, which opens one by name.
 
-`opencv` serves a device, a video file and a series of images through one class; `basler` Basler cameras;
-`image_series` puts image files in the order in which a person numbered them; `settings` says what can be set on
-a camera; `opening` knows the drivers by name.
+camera_names   the drivers by name
+opencv         a device, a video file or a series of images through OpenCV
+basler         Basler cameras through pypylon
+image_series   sort image files by the numbers in their names
+settings       the settings of a camera, and whether the camera took them
+frame_format   check that a frame has the shape and type of the frames before it
+timed          enforce a timeout on every call of a camera
 """
 
 from eimi_drivers.cameras.camera_names import CAMERAS, open_camera

@@ -1,8 +1,14 @@
-"""A coil supply with no hardware: a model of the supply and its coil, and command languages on top of it.
+"""Emulated coil supplies: one model of a supply with its coil, and a command language on top of it.
 
-`supply` is the model: set-points, output, protection, and a coil whose current follows with a time constant.
-`korad`, `scpi`, `scpi_families` and `genesys` are the dialects. `faults` spoils any of them on purpose. `serve`
-puts one where the ordinary drivers find it: in the same process, on a pseudo-terminal, or on a TCP port.
+supply          the model: set-points, output, protection, and a coil with a time constant
+korad           the language of Korad supplies
+genesys         the language of TDK-Lambda Genesys supplies
+scpi            the commands that all SCPI families share
+scpi_families   the commands that differ between SCPI families
+hislip          the HiSLIP protocol for an emulated SCPI supply
+faults          faults that can be added to an emulated instrument
+coil_line       a line on which an emulated coil reports its true current to a virtual beam
+serve           serve an emulator in the same process, on a pseudo-terminal or on a TCP port
 """
 
 from eimi_drivers.emulators.serve import DIALECTS, emulate, open_in_process, serve_pty, serve_tcp

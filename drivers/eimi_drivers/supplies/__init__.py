@@ -1,9 +1,16 @@
-"""Drivers of power supplies, and the one way to open one by name.
+"""Drivers of power supplies, and `open_supply`, which opens one by name.
 
-`base` holds what every driver shares: limits, read-back, switching off stage by stage. `korad`, `scpi`,
-`genesys` and `kepco` each hold one command language; `scpi_profiles` what tells SCPI families apart.
-`transport` carries bytes over a serial line, over VISA or to an emulator in the same process. `opening` knows
-the drivers by name.
+supply_names    the drivers by name
+base            what every driver shares: limits, read-back, protection, switching off in stages
+korad           Korad supplies and their relabelled versions
+genesys         TDK-Lambda Genesys over a serial line
+kepco           Kepco BOP bipolar supplies
+scpi            supplies that speak SCPI
+scpi_profiles   the command strings of each SCPI family
+transport       bytes over a serial line, over VISA or to an emulator in the same process
+interruptible   a line that can be left between two messages
+logged          a line whose messages go into the log
+transcript      a line whose messages are written to a file, or read from one
 """
 
 from eimi_drivers.supplies.supply_names import SUPPLIES, open_supply

@@ -1,8 +1,12 @@
-"""Conformance suites for supplies and cameras, for whoever writes a driver.
+"""Conformance suites for people who write a driver of a supply or a camera. No test framework is needed.
 
-`check_supply` puts a driver on an emulated instrument with a coil, and `check_camera` opens a camera or its stand-in;
-each raises one AssertionError that says in words what does not hold. Both need no test framework. `SUPPLY_CHECKS` and
-`CAMERA_CHECKS` are the single checks, for a framework that shows each as a test of its own.
+supply_checks   the checks of a supply; `check_supply` runs them all
+camera_checks   the checks of a camera; `check_camera` runs them all
+supply_bench    a supply driver on an emulated instrument with a coil
+claims          the claim of a check, and the error if the claim does not hold
+
+`check_supply` and `check_camera` raise one AssertionError that lists every failed check. `SUPPLY_CHECKS` and
+`CAMERA_CHECKS` are the single checks, for a framework that reports each as a test.
 """
 
 from eimi_drivers.testing.camera_checks import CAMERA_CHECKS, check_camera

@@ -1,8 +1,27 @@
-"""The forward model: a specimen, a law and loads in, the shape of the beam in every state out.
+"""The forward model: from a specimen, a law and loads to the shape of the beam in every state.
 
-bending (`Beam`) is the public face. specimen, loads, actuation and kinds_of_load state what is given.
-Planar: model (`BeamModel`) on grid, mesh, element and pressure. Solid: solid_model (`SolidModel`) on solid_grid,
-bricks, brick and isotropy; beside (`SolidBeside`) solves a solid from its planar model by way of depth_effect.
-Both: rigid (the magnet), equilibrium (Newton's method), system and band (linear algebra), path (one state after
-another), outline (the edges that a camera sees), view (the camera's lens).
+bending        `Beam`, the public model for every section
+specimen       the beam and its magnet
+loads          the loads of all states, composed of actuations
+actuation      the interface of one kind of load
+kinds_of_load  a uniform field, gravity, a force at the tip, a pressure
+model          `BeamModel`, the planar model
+grid           the planar mesh of a specimen
+mesh           structured meshes of quadrilaterals
+element        the planar element Q2/P1
+pressure       pressure on a face that follows the deformation
+solid_model    `SolidModel`, the model in three dimensions
+solid_grid     the solid mesh of a specimen
+bricks         structured meshes of hexahedra
+brick          the solid element with 27 nodes
+isotropy       stress and tangent of an isotropic law at many points
+beside         `SolidBeside`, the solid found from its planar model
+depth_effect   the difference between a solid and its planar model
+rigid          the magnet as a rigid body
+equilibrium    Newton's method for a batch of candidates
+system         the linear system of a Newton step
+band           band matrices of a whole batch
+path           one state after another, or all at once
+outline        the edges that a camera sees
+view           the perspective of a camera
 """
