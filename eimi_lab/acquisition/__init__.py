@@ -1,25 +1,26 @@
-"""A run: a protocol taken through the bench, every state stored before the next one begins.
+"""A run: take the protocol through the bench, and store every state before the next one begins.
 
-bench           opens the instruments that a rig names
-cameras         the camera that a rig names: a device, a recording, a virtual beam
-playback        a recording that plays the camera, and whether it is long enough
-coil            the supply as a coil sees it: ramps, and a current that is what was asked for
-events          what happens in a run: a dataclass for each thing
-event_words     events in English, for a person
-event_lines     events as lines of JSON, for a program
-switching_off   every way out of a run ends with the coil off
-interruption    what a run does about signals while an operation is under way
-guardian        a process that switches off when a run dies or stands still: the run's side of it
-guardian_process    the process itself
-settling        whether the beam is at rest, from consecutive frames
-capture         the frames of a state and what is wrong with them
-transients      frames kept while the beam settles, and after the current went to zero
-conditioning    cycles before the run, and what they changed
-stepping        one state after another
-pausing         a run that waits for a person
-live_view       a look at the frames while a run goes on
-heating         whether the coil bears a protocol
-resuming        going on with a run that ended early
-run             the run itself
-dry_run         what a run would do, down to the bytes on the wire
+run               the run itself
+stepping          one state after another
+coil              ramps, and a measured current that agrees with the set-point
+settling          decide from consecutive frames whether the beam is at rest
+capture           the frames of one state and their flags
+transients        frames that are kept while the beam settles or rings
+conditioning      cycles before the run, and how far they changed the beam
+pausing           wait for a person
+resuming          continue a run that ended early
+open_bench        open the instruments that a rig names
+added_driver      carry a driver of this program to the guardian process
+cameras           the camera that a rig names: a device, a recording or a virtual beam
+playback          a recording in place of a camera
+live_view         show the frames during a run
+heating           decide whether the coil withstands a protocol
+switching_off     end every run with the coil off
+interruption      react to signals during an operation
+guardian          the guardian, seen from the run
+guardian_process  the process that switches off if the run dies or stands still
+events            one dataclass for each thing that happens in a run
+event_words       events in English, for a person
+event_lines       events as lines of JSON, for a program
+dry_run           what a run would do, with the exact messages to the supply
 """

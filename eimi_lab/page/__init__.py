@@ -1,21 +1,23 @@
-"""The live page for the bench: what `eimi dashboard` serves to a browser on the same machine.
+"""The live page for the bench: what `eimi dashboard` serves to a browser on the same computer.
 
-server        the routes, and the socket that they listen on
-admission     who may ask: token, cookie, Host, Origin, and what a browser may do with the answer
-data_folder   the folder that the page may see, and nothing outside it
-stored_runs   a dataset as the page shows it: states, pictures, edges
-run_desk      the routes by which a run is begun, paused, ended and stopped
-choices       what a run may be made of, and what it would do
-bench         the run's process, seen from the server
-watched_run   the page, seen from the run's process
-frame_memory  the newest frame, in memory that both share
-eye           processes that make pictures of frames, and find the edges in them
-tabs          who looks on, who steers, and what each gets
-picture_desk  the routes for pictures without instruments
-by_hand       their edges by a calibration that is dragged into place, and the files that come of it
-fit_desk      the routes by which a dataset is fitted, and the fit's process
-stored_fits   what a result file says of its fits
-worker        one process beside the server for whatever takes long or may break
+server         the routes, and the socket that they listen on
+admission      which requests are answered: the token, Host and Origin
+redirect_file  a private file that opens the page without the token in a command line
+data_folder    the folder that the page may read and write
+tabs           the open tabs: one controls the run, the others watch
+run_desk       the routes that begin, pause, end and stop a run
+choices        the protocols, specimens and rigs that a person may choose
+bench_run      the process of a run, seen from the server
+watched_run    the page, seen from the process of a run
+frame_memory   the newest frame, in memory that server and run share
+eye            processes that compress frames and find the edges in them
+stored_runs    a dataset as the page shows it
+stored_fits    the fits of a result file as the page shows them
+fit_desk       the routes that fit a dataset, and the process of the fit
+picture_desk   the routes for pictures without instruments
+by_hand        edges with a calibration that a person drags into place
+report_links   links to reports that a new tab can open
+worker         one process for work that is long or may fail
 
-The server itself does next to nothing, so that it answers at once. What the browser gets is in `static`.
+The server does almost no work itself and therefore answers at once. `static` holds what the browser loads.
 """
