@@ -70,6 +70,11 @@ class AnotherSupply(InstrumentError):
     """After the line was opened anew another instrument answers at the address of the coil's supply."""
 
 
+def raised(error: BaseException) -> str:
+    """Return the type and the words of an error on one line, for the message of an InstrumentError."""
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
 class UnusableDriver(InstrumentError):
     """A driver cannot be imported, or does not have what this module asks for; no instrument is at fault."""
 

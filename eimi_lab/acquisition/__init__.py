@@ -9,6 +9,7 @@ transients        frames that are kept while the beam settles or rings
 conditioning      cycles before the run, and how far they changed the beam
 pausing           wait for a person
 resuming          continue a run that ended early
+supply_lock       one run at a time for each supply
 open_bench        open the instruments that a rig names
 added_driver      carry a driver of this program to the guardian process
 cameras           the camera that a rig names: a device, a recording or a virtual beam

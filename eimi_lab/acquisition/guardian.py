@@ -29,10 +29,17 @@ SILENT_FOR_S = 1.5
 """A guardian that has said nothing for so long is taken for one that is gone; it says something every quarter of it."""
 
 BEAT_EVERY_S = 0.1
+LONGEST_GAP_S = 10.0
+"""A run that did nothing for longer was stopped, or the computer slept: it does not go on."""
 TAKING_OVER_WITHIN_S = 10.0
 
 READY, HERE, TAKING_OVER = b"ready\n", b".\n", b"taking over\n"  # of the guardian
 ARM, BEAT, DISARM, TAKE_OVER, ALLOW, SUPPLY = b"on", b".", b"off", b"take over", b"allow ", b"supply "  # of the run
+
+
+def awake_s() -> float:
+    """Return seconds of a clock that also counts while the computer sleeps, where the system has one."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME) if hasattr(time, "CLOCK_BOOTTIME") else time.monotonic()
 
 
 @dataclass(frozen=True)
@@ -84,7 +91,8 @@ class Guardian:
             os.set_blocking(end.fileno(), False)
         self._said = b""
         self._armed = False
-        self._heard_s = self._beaten_s = time.monotonic()
+        self._heard_s = time.monotonic()
+        self._beaten_s, self._gap_s = awake_s(), 0.0
 
     def arm(self) -> None:
         """From here on the end of the run switches the coil off. Raises InstrumentError when nobody is on guard."""
@@ -96,6 +104,7 @@ class Guardian:
             raise InstrumentError(f"{self._ward.address}: the guardian process did not start; nothing was switched on")
         self._armed = True
         self._heard_s = time.monotonic()
+        self._beaten_s, self._gap_s = awake_s(), 0.0
 
     def expect(self, identity: Identity) -> None:
         """Say which supply the run uses, so that the guardian believes and touches no other one at its address."""
@@ -103,19 +112,37 @@ class Guardian:
 
     def beat(self) -> None:
         """The run moves on. Never waits, raises nothing."""
-        if self._armed and time.monotonic() - self._beaten_s > BEAT_EVERY_S:
-            self._beaten_s = time.monotonic()
+        if self._armed and awake_s() - self._beaten_s > BEAT_EVERY_S:
+            self._note_the_gap()
+            self._beaten_s = awake_s()
             self._send(BEAT)
 
     def allow(self, seconds: float) -> None:
         """The next beat may take so long; never waits, raises nothing."""
         if self._armed:
+            self._note_the_gap()
+            self._beaten_s = awake_s() + seconds
             self._send(ALLOW + f"{seconds:.1f}".encode())
+
+    def refuse_a_gap(self) -> None:
+        """Raise InstrumentError if the run did nothing for longer than `LONGEST_GAP_S` while the coil was on."""
+        self._note_the_gap()
+        if self._armed and self._gap_s:
+            raise InstrumentError(
+                f"{self._ward.address}: the run stood still for {self._gap_s:.0f} s with the coil on: the computer "
+                "slept, or the process was stopped; a run does not go on after that"
+            )
+
+    def _note_the_gap(self) -> None:
+        gap_s = awake_s() - self._beaten_s
+        if self._armed and gap_s > LONGEST_GAP_S:
+            self._gap_s = max(self._gap_s, gap_s)
 
     def check(self) -> None:
         """Raise InstrumentError when the guardian is gone, stopped, or has taken over: the run has to end."""
         if not self._armed:
             return
+        self.refuse_a_gap()
         self._listen()
         place = self._ward.address
         if TAKING_OVER in self._said:

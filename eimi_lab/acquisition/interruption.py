@@ -43,6 +43,8 @@ class Interruption:
     def between_messages(self) -> None:
         """For the line to the supply, before each message: a second signal leaves the rest of the exchanges out.
 
+        A run that stood still for long does not send another set-point either.
+
         On a slow line the read-backs of a set-point are most of what it takes.
         """
         if self._run:

@@ -16,9 +16,11 @@ from eimi_lab.acquisition.events import OnEvent, Warned
 from eimi_lab.acquisition.guardian import Guardian, Ward, guarding
 from eimi_lab.acquisition.interruption import Interruption
 from eimi_lab.acquisition.playback import Cue
+from eimi_lab.acquisition.supply_lock import only_run_on
 from eimi_lab.config.protocol import SupplyLimits
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.process.awake import kept_awake
 from eimi_lab.process.progress import silent
 
 
@@ -81,6 +83,8 @@ def open_bench(
     within = limited.supply.opened_with
     ward = Ward(driver, rig.supply.address, within.current_A, within.voltage_V, pack(driver), within.off_below_A)
     with ExitStack() as opened:
+        opened.enter_context(only_run_on(rig.supply.address))
+        opened.enter_context(kept_awake("a run with current in a coil"))
         guardian = opened.enter_context(guarding(ward, guardian_events))
         try:
             supply = opened.enter_context(

@@ -80,7 +80,9 @@ class _SignalsHeeded:
             raise _InHaste
 
     def leave_in_haste(self) -> None:
-        """See `Heeded.leave_in_haste`. A thread beside the main one is not interrupted."""
+        """See `Heeded.leave_in_haste`. Signals do not interrupt a thread beside the main one."""
+        if self._guardian and not self._off:
+            self._guardian.refuse_a_gap()
         if len(self._noted) > 1 and not self._off and threading.current_thread() is threading.main_thread():
             raise Stopped(self._noted[0])
 

@@ -7,6 +7,7 @@ stderr       a standard error stream that never blocks the program
 threads      the number of threads of linear algebra
 garbage      less frequent garbage collection, and reuse of freed memory
 workers      distribution of tasks to processes or a cluster
+awake        no sleep of the computer while a run goes on
 writer_lock  one writer at a time for each file
 log          the log for a maintainer, off by default
 outputs      result files that are written completely or not at all

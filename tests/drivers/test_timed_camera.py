@@ -12,7 +12,7 @@ import pytest
 from eimi_drivers.cameras import timed
 from eimi_drivers.cameras.settings import NO_SETTINGS
 from eimi_drivers.cameras.timed import TimedCamera, calls_under_way
-from eimi_drivers.interfaces import Camera, Frame, Identity, InstrumentDisconnected, InstrumentTimeout
+from eimi_drivers.interfaces import Camera, Frame, Identity, InstrumentDisconnected, InstrumentError, InstrumentTimeout
 from tests.patience import PATIENCE_S
 
 
@@ -95,6 +95,27 @@ def test_the_drivers_own_errors_come_through() -> None:
     with pytest.raises(InstrumentDisconnected, match="no such device"):
         TimedCamera("cam 3", missing)
     assert not calls_under_way()
+
+
+def test_an_error_of_the_cameras_library_is_one_line_that_names_the_camera() -> None:
+    class Broken:
+        def identify(self) -> Identity:
+            return Identity("broken", "broken", "cam 3")
+
+        def flush(self) -> None:
+            raise RuntimeError("0xE1000014:\n  the stream was lost")
+
+        def grab(self, timeout_s: float) -> Frame:
+            raise ZeroDivisionError
+
+        def close(self) -> None: ...
+
+    camera = TimedCamera("cam 3", Broken)
+    with pytest.raises(InstrumentError, match=r"^cam 3: its driver raised RuntimeError: 0xE1000014: the stream was"):
+        camera.flush()
+    with pytest.raises(InstrumentError, match="cam 3: its driver raised ZeroDivisionError"):
+        camera.grab(1.0)
+    camera.close()
 
 
 def test_the_caller_is_asked_meanwhile_and_may_leave() -> None:

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -18,6 +19,7 @@ from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import InstrumentError, Limits
 from eimi_drivers.supplies.supply_names import open_supply
+from eimi_lab.acquisition import guardian as guardian_module
 from eimi_lab.acquisition.guardian import Guardian, Ward, guarding
 from tests.patience import PATIENCE_S
 
@@ -183,6 +185,27 @@ def test_a_run_may_announce_that_it_takes_longer() -> None:
         guardian.check()
         guardian.disarm()
     assert bench.heard == []
+
+
+def test_a_run_that_stood_still_as_its_guardian_did_sends_no_further_set_point(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    slept_s = [0.0]
+    monkeypatch.setattr(guardian_module, "awake_s", lambda: time.monotonic() + slept_s[0])
+    bench = Bench("korad")
+    with bench.ward() as ward, guarding(ward) as guardian:
+        guardian.refuse_a_gap()
+        guardian.arm()
+        guardian.beat()
+        guardian.refuse_a_gap()
+        slept_s[0] = 60.0
+        with pytest.raises(InstrumentError, match="stood still for 60 s with the coil on"):
+            guardian.refuse_a_gap()
+        guardian.beat()
+        with pytest.raises(InstrumentError, match="the computer slept, or the process was stopped"):
+            guardian.check()
+        guardian.disarm()
+        guardian.check()
 
 
 def test_a_guardian_that_is_stopped_is_told_and_still_does_its_work() -> None:

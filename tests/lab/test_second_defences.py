@@ -197,6 +197,8 @@ class Watcher:
 
     def expect(self, identity: Identity) -> None: ...
 
+    def refuse_a_gap(self) -> None: ...
+
     def allow(self, seconds: float) -> None:
         self.did.append("allow")
 

@@ -7,7 +7,7 @@ from eimi_drivers.cameras.opencv import OpenCVCamera
 from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings, settings_of
 from eimi_drivers.contract import check_camera, check_camera_driver
 from eimi_drivers.installed import Drivers
-from eimi_drivers.interfaces import Camera, CameraDriver, InstrumentError
+from eimi_drivers.interfaces import Camera, CameraDriver, InstrumentError, raised
 
 CAMERAS: Drivers[CameraDriver] = Drivers(
     "camera",
@@ -53,7 +53,12 @@ def open_camera(driver: str, source: str | int, settings: CameraSettings = NO_SE
 def open_with(driver: CameraDriver, name: str, source: str | int, settings: CameraSettings = NO_SETTINGS) -> Camera:
     """Open a camera with a driver that needs no entry in `CAMERAS`. See `open_camera`; `name` is for messages."""
     check_camera_driver(name, driver)
-    camera = driver(source, settings)
+    try:
+        camera = driver(source, settings)
+    except (InstrumentError, KeyboardInterrupt):
+        raise
+    except Exception as error:  # a camera's library raises errors of its own
+        raise InstrumentError(f"{name} camera {source}: its driver raised {raised(error)}") from error
     check_camera(name, driver, camera)
     try:
         settings.verify(f"{name} camera {source}", settings_of(camera))

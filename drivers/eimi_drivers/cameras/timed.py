@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from eimi_drivers.cameras.settings import settings_of
-from eimi_drivers.interfaces import Camera, Frame, Identity, InstrumentTimeout
+from eimi_drivers.interfaces import Camera, Frame, Identity, InstrumentError, InstrumentTimeout, raised
 
 OPEN_WITHIN_S = 60.0  # a network camera is looked for
 ANSWER_WITHIN_S = 5.0
@@ -17,6 +17,7 @@ GRACE_S = 0.5
 """Beyond the timeout that a camera is given for a frame."""
 
 LOOK_EVERY_S = 0.1
+OPENING = "being opened"
 
 _Answer = TypeVar("_Answer")
 
@@ -73,7 +74,7 @@ class TimedCamera:
         _callers.append(caller)
         caller.start()
         try:
-            self._camera = self._within(OPEN_WITHIN_S, "being opened", open_it)
+            self._camera = self._within(OPEN_WITHIN_S, OPENING, open_it)
         except BaseException:
             self._calls.put(None)
             raise
@@ -126,6 +127,10 @@ class TimedCamera:
                 if self._meanwhile:
                     self._meanwhile()
                 continue
+            if isinstance(error, InstrumentError) or (error is not None and not isinstance(error, Exception)):
+                raise error
+            if error is not None and what != OPENING:  # a camera's library raises errors of its own
+                raise InstrumentError(f"{self._name}: its driver raised {raised(error)} in {what}") from error
             if error is not None:
                 raise error
             return found  # type: ignore[return-value]

@@ -1,0 +1,44 @@
+"""One run at a time for each supply.
+
+Two runs on one serial port are kept apart by the port itself. A supply in a network accepts several connections: two
+runs would set its current in turns.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from eimi_drivers.interfaces import InstrumentError
+from eimi_drivers.supplies.transport import split_address
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.writer_lock import WriterLock
+
+
+@contextmanager
+def only_run_on(address: str) -> Iterator[None]:
+    """Hold the right to use the supply at an address; the system releases it when the process ends.
+
+    All channels of an address share one lock. The lock is for the runs of one user of this computer.
+
+    Raises
+    ------
+    InstrumentError
+        Another run uses the supply.
+    """
+    place = split_address(address)[0]
+    line = os.path.realpath(place) if place.startswith("/") else place.upper()
+    folder = Path(os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir())
+    user = os.getuid() if hasattr(os, "getuid") else 0
+    try:
+        lock = WriterLock(folder / f"eimi-supply-{user}-{hashlib.sha256(line.encode()).hexdigest()[:16]}")
+    except InputError as error:
+        raise InstrumentError(f"{address}: another run uses this supply; wait until it has ended") from error
+    try:
+        yield
+    finally:
+        lock.release()

@@ -1,0 +1,66 @@
+"""Keep the computer from going to sleep, as far as its system offers a way."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+_CONTINUOUS, _SYSTEM_REQUIRED = 0x80000000, 0x00000001
+"""Flags of SetThreadExecutionState (Microsoft, Windows API, winbase.h)."""
+
+
+@contextmanager
+def kept_awake(reason: str) -> Iterator[None]:
+    """Inhibit sleep while the context lasts; it does nothing where the system offers no way.
+
+    Linux: systemd-inhibit, if it is installed. macOS: caffeinate. Windows: SetThreadExecutionState. The inhibition ends
+    with this process, however it ends. A lid that is closed or a person can still put the computer to sleep.
+
+    Parameters
+    ----------
+    reason
+        What goes on, for a person who asks the system what inhibits sleep.
+    """
+    if sys.platform == "win32":
+        import ctypes
+
+        ctypes.windll.kernel32.SetThreadExecutionState(_CONTINUOUS | _SYSTEM_REQUIRED)
+        try:
+            yield
+        finally:
+            ctypes.windll.kernel32.SetThreadExecutionState(_CONTINUOUS)
+        return
+    inhibitor = _inhibitor(reason)
+    try:
+        yield
+    finally:
+        if inhibitor:
+            assert inhibitor.stdin is not None
+            with suppress(OSError):
+                inhibitor.stdin.close()
+            inhibitor.terminate()
+            inhibitor.wait()
+
+
+def _inhibitor(reason: str) -> subprocess.Popen[bytes] | None:
+    """Start a program that inhibits sleep until its standard input closes or this process ends."""
+    if sys.platform == "darwin":
+        command = ["caffeinate", "-i", "-s", "-w", str(os.getpid())]
+    else:
+        command = ["systemd-inhibit", "--what=sleep:idle", "--who=eimi", f"--why={reason}", "cat"]
+    if shutil.which(command[0]) is None:
+        return None
+    try:
+        return subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C ends the run, which ends it
+        )
+    except OSError:
+        return None

@@ -1,0 +1,64 @@
+"""Two runs never share a supply, and the computer does not go to sleep while one has it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from eimi_drivers.interfaces import InstrumentError
+from eimi_lab.acquisition.supply_lock import only_run_on
+from eimi_lab.process.awake import kept_awake
+from tests.patience import PATIENCE_S
+
+ADDRESS = "TCPIP::192.0.2.7::5025::SOCKET"
+HOLD = """
+import sys
+from eimi_lab.acquisition.supply_lock import only_run_on
+with only_run_on(sys.argv[1]):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_second_run_on_a_supply_is_refused_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLD, f"{ADDRESS}#2"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as first:
+        assert first.stdin is not None
+        assert first.stdout is not None
+        assert first.stdout.readline() == "held\n"
+        with pytest.raises(InstrumentError, match="another run uses this supply") as caught, only_run_on(ADDRESS):
+            pass
+        assert "\n" not in str(caught.value)
+        with only_run_on("TCPIP::192.0.2.8::5025::SOCKET"):  # another supply is free
+            pass
+        first.kill()
+        first.wait(PATIENCE_S)
+    with only_run_on(ADDRESS):  # the run died, and its lock with it
+        pass
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="systemd-inhibit is of Linux")
+def test_sleep_is_inhibited_as_long_as_the_context_lasts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    noted = tmp_path / "noted"
+    program = tmp_path / "systemd-inhibit"
+    program.write_text(f'#!/bin/sh\necho "$@" > {noted}\nexec cat\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
+    with kept_awake("a run"):
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not noted.exists() or not noted.read_text():
+            assert time.monotonic() < deadline_s
+            time.sleep(0.01)
+    assert noted.read_text().split() == ["--what=sleep:idle", "--who=eimi", "--why=a", "run", "cat"]
+
+
+def test_a_system_without_a_way_to_inhibit_sleep_is_no_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with kept_awake("a run"):
+        pass
