@@ -89,7 +89,7 @@ def of_the_bench(browser: Browser, address: str) -> None:
     page.get_by_role("button", name="Start").wait_for()
     page.wait_for_timeout(1500)
     keep(page, "stopped")
-    page.get_by_label("go on with that dataset").check()
+    page.get_by_label("continue this dataset").check()
     page.get_by_role("button", name="Start").click()
     page.get_by_text("6 of 6").wait_for()
     page.get_by_role("button", name="Start").wait_for()
@@ -126,7 +126,7 @@ def of_own_pictures(browser: Browser, address: str, folder: Path) -> None:
         page.fill(place, value)
     for number in range(6):
         page.get_by_label(f"current of shot_{number}.png").fill(f"{0.3 * number:.1f}")
-    page.get_by_role("button", name="clamp's middle").focus()
+    page.get_by_role("button", name="middle of the clamp").focus()
     page.locator("#by-hand polyline.edge >> nth=1").wait_for(state="attached")
     page.wait_for_timeout(1500)
     keep(page, "calibrating_by_hand")

@@ -35,7 +35,7 @@ POLICY = (
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'"
-"""Of a report, whose styles and pictures are in it, and which runs nothing."""
+"""Policy of a report: its styles and images are part of the file, and it runs no script."""
 
 HEADERS = {
     "Content-Security-Policy": POLICY,
@@ -96,7 +96,9 @@ class Admission:
     def _refusal(self, scope: Scope) -> Response | None:
         headers = Headers(scope=scope)
         if headers.getlist("host") not in [[host] for host in self.hosts]:
-            return PlainTextResponse("this page is not known by that name", 421)
+            return PlainTextResponse(
+                "this page has another host name; open the address that `eimi dashboard` printed", 421
+            )
         reads = scope["type"] == "http" and scope["method"] in SAFE
         if reads and scope["path"] == INDEX:  # also if a file, which has another origin, redirects to it
             return _refused_length(headers)
@@ -104,10 +106,10 @@ class Admission:
         if scope["type"] == "http" and not open_to_all and not self._is_token(headers.get(TOKEN_HEADER, "")):
             return PlainTextResponse("open the address that `eimi dashboard` printed when it began", 403)
         if headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
-            return PlainTextResponse("asked by another site", 403)
+            return PlainTextResponse("refused: the request comes from another site", 403)
         steers = scope["type"] == "websocket" or scope["method"] not in SAFE
         if steers and headers.getlist("origin") != [f"http://{headers['host']}"]:
-            return PlainTextResponse("asked by another site", 403)
+            return PlainTextResponse("refused: the request comes from another site", 403)
         return _refused_length(headers)
 
     async def _is_introduced(self, receive: Receive, send: Send) -> bool:
@@ -125,7 +127,7 @@ class Admission:
 
 def _refused_length(headers: Headers) -> Response | None:
     if int(headers.get("content-length", "0") or 0) > MOST_BODY_BYTES or "transfer-encoding" in headers:
-        return PlainTextResponse("too long", 413)
+        return PlainTextResponse("the request is too long", 413)
     return None
 
 
@@ -150,7 +152,7 @@ def _without_accept(send: Send) -> Send:
 
 
 def with_headers(send: Send) -> Send:
-    """Add what binds the browser to every answer that does not say otherwise."""
+    """Return a function that adds the headers that restrict the browser, unless an answer sets them itself."""
 
     async def bound(message: Message) -> None:
         if message["type"] == "http.response.start":

@@ -1,9 +1,10 @@
-"""A run that the page began, seen from the server: its process, the events that it sends, and the ways to end it.
+"""A run that the page started, seen from the server: its process, its events, and the ways to end it.
 
-The run is `eimi acquire` in a process of its own, which ends with its coil off when the page is gone. Stopping goes by
-signals, past everything that carries pictures: two of them, since the second leaves the ramp out. Where no
-event says within a moment that the coil is off, the run is killed, and its guardian switches off. What is known of the
-run comes from its events and from its guardian's alone; its words on standard error are shown and not read.
+The run is `eimi acquire` in a separate process, which ends with its coil off when the page ends. STOP uses signals,
+which do not wait for frames or messages. It sends two signals, because the second one skips the ramp. If no event
+confirms within `CONFIRMED_WITHIN_S` that the coil is off, the run is killed and its guardian switches the coil off. The
+state of the run is derived only from its events and from those of its guardian. Its last line on standard error is shown
+to the person and not interpreted.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ from eimi_lab.page.eye import EDGES, FRAMES, SIZES
 from eimi_lab.page.frame_memory import new_memory
 
 CONFIRMED_WITHIN_S = 4.0
-"""A run that was told to stop and has not said by then that the output is off is killed; its guardian takes over."""
+"""Kill a run that has not confirmed the output as off within this time after STOP; its guardian then takes over."""
 
 CLOSED_WITHIN_S = 10.0
 KEPT_LINES = 40
@@ -60,12 +61,12 @@ SAID = (
 )
 """The events that the page shows in words."""
 
-AT_ONCE = (signal.SIGINT, signal.SIGTERM)  # not the same twice: the kernel would make one of them
+AT_ONCE = (signal.SIGINT, signal.SIGTERM)  # two different signals, because the kernel merges two equal ones
 
 
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """What a run is to do. protocol, specimen, rig: as the command line takes them. dataset: where it goes."""
+    """The inputs and options of a run, as `eimi acquire` takes them."""
 
     protocol: str
     specimen: str
@@ -76,23 +77,27 @@ class Order:
     note: str = ""
 
     def arguments(self) -> list[str]:
-        """Of `eimi acquire`."""
-        given = ["acquire", f"--specimen={self.specimen}", f"--rig={self.rig}", f"--output={self.dataset}"]
-        given += [f"--note={self.note}"] if self.note else []
-        given += ["--resume"] if self.resume else []
-        given += ["--take-over"] if self.take_over else []
-        return [*given, "--", self.protocol]
+        """Return the arguments of `eimi acquire`."""
+        arguments = ["acquire", f"--specimen={self.specimen}", f"--rig={self.rig}", f"--output={self.dataset}"]
+        arguments += [f"--note={self.note}"] if self.note else []
+        arguments += ["--resume"] if self.resume else []
+        arguments += ["--take-over"] if self.take_over else []
+        return [*arguments, "--", self.protocol]
 
 
 @dataclass
 class Progress:
-    """What is known of the run. coil: off, on or unknown."""
+    """The state of a run as the page shows it.
+
+    The attribute ``coil`` is "off", "on" or "unknown"; ``phase`` is "beginning", "running", "pausing", "paused",
+    "stopping" or "ended".
+    """
 
     dataset: str
     protocol: str
     specimen: str
     rig: str
-    phase: str = "beginning"  # then running, pausing, paused, stopping, ended
+    phase: str = "beginning"
     coil: str = "off"
     states: int = 0
     currents_A: list[float] = field(default_factory=list)
@@ -106,12 +111,24 @@ class Progress:
     said: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
 
     def told(self) -> dict[str, Any]:
-        """For the page."""
+        """Return the state as a JSON object."""
         return {**vars(self), "said": list(self.said)}
 
 
 class BenchRun:
-    """One run under way, or ended. changed: is called at every change of `progress`; seen: with what the eye sends."""
+    """A run, under way or ended.
+
+    Parameters
+    ----------
+    order : Order
+        Inputs and options of the run.
+    name : str
+        Name of the dataset on the page.
+    changed : callable
+        Is called at every change of ``progress``.
+    seen : callable
+        Is called with each frame and with each set of edges.
+    """
 
     def __init__(
         self, order: Order, name: str, changed: Callable[[], None], seen: Callable[[dict[str, Any], bytes], None]
@@ -129,11 +146,11 @@ class BenchRun:
 
     @property
     def going_on(self) -> bool:
-        """Whether its process lives, or the guardian is still at work."""
+        """Whether the process of the run or its guardian is still running."""
         return not self._ended.is_set()
 
     async def begin(self) -> None:
-        """Start the run and the two eyes."""
+        """Start the run and the two processes that look at its frames."""
         memory = new_memory()
         heard, bell = os.pipe()
         told, events = os.pipe()
@@ -169,7 +186,7 @@ class BenchRun:
         )
 
     def pause(self) -> None:
-        """Ask for a pause after the state under way."""
+        """Ask for a pause after the current state."""
         if self.progress.phase == "running":
             self._type("p")
             self._phase("pausing")
@@ -180,13 +197,13 @@ class BenchRun:
             self._type("")
 
     def end(self) -> None:
-        """Ask for the end, with the ramp down; what is stored stays, and the run can be resumed."""
+        """Ask for the end, with a ramp down. Stored states stay, and the run can be resumed."""
         if self.going_on:
             self._signal(signal.SIGINT)
             self._phase("stopping")
 
     def stop(self) -> asyncio.Task[str]:
-        """Coil to zero and off at once. The task gives what came of it, in words."""
+        """Set the coil to zero and switch it off at once; the returned task gives the outcome in words."""
         if self.going_on:
             for number in AT_ONCE:
                 self._signal(number)
@@ -194,7 +211,7 @@ class BenchRun:
         return asyncio.create_task(self._confirmed())
 
     async def closed(self) -> None:
-        """End it, and wait until it has ended."""
+        """End the run, and wait until all its processes have ended."""
         if self.going_on:
             self.end()
             with suppress(TimeoutError):
@@ -241,10 +258,10 @@ class BenchRun:
             self._answered.set()
 
     async def _hear(self, events: int) -> None:
-        """Listen until the run has ended, and its guardian where that was left to finish."""
+        """Read events and messages until the run has ended, and its guardian if the run left the coil to it."""
         await asyncio.gather(self._hear_events(events), self._hear_words())
         self.progress.status = await self._run.wait()
-        if self.progress.coil == "on":  # it ended without an event of its coil; one that has no guardian is simulated
+        if self.progress.coil == "on":  # no event confirmed the coil; a run without a guardian is simulated
             self._coil("unknown" if self.progress.guardian else "off")
         self._ended.set()
         self._phase("ended")
@@ -257,13 +274,13 @@ class BenchRun:
         )
         try:
             while line := await reader.readline():
-                with suppress(ValueError):  # a run that is killed leaves a line unfinished
+                with suppress(ValueError):  # a killed run leaves an incomplete line
                     self.heard(from_line(line))
         finally:
             transport.close()
 
     def heard(self, event: Event | None) -> None:
-        """Take note of an event; None is one of a later release."""
+        """Update the state from an event; None stands for an event that only a later release defines."""
         progress = self.progress
         match event:
             case RunBegun():
@@ -292,7 +309,7 @@ class BenchRun:
         self._changed()
 
     def _estimate(self, at_s: float) -> None:
-        """From the states that were taken; the first one takes the start as well, so it does not count by itself."""
+        """Estimate the time left from the time per state, measured after the first state (which includes the start)."""
         if self._taking is None:
             self._taking = at_s, self.progress.stored
             return
@@ -308,7 +325,7 @@ class BenchRun:
                 self.progress.last_words = line.removeprefix("eimi: ")
 
     async def _see_all(self, open_while_seen: int) -> None:
-        """Until both eyes have ended: that of frames with the run, that of edges after it."""
+        """Pass on frames and edges until both processes have ended: frames end with the run, edges end after it."""
         frames, edges = self._eyes
         finding = asyncio.create_task(self._see(edges))
         await self._see(frames)

@@ -1,6 +1,6 @@
-"""Pictures without instruments: edges by a calibration that a person drags into place, and the files that come of it.
+"""Images taken without instruments: a person drags the calibration into place and saves it with the currents.
 
-Called in the worker's process.
+The functions run in the process of the worker.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from eimi_lab.config.specimen import load_specimen
 from eimi_lab.config.toml import check, read_text, to_toml
 from eimi_lab.dataset.importing import import_frames
 from eimi_lab.page.data_folder import DataFolder
-from eimi_lab.page.eye import found_in
+from eimi_lab.page.eye import edges_in
 from eimi_lab.page.stored_runs import jpeg
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import refuse_existing, write_file
@@ -32,21 +32,21 @@ EDITED = (
     *("pixels_per_mm", "coil_constant_mT_per_A", "clamp_midpoint_px", "axis_angle_deg", "gravity_angle_deg"),
     *("field_angle_deg", "picture"),
 )
-"""What the page lets a person change of a calibration."""
+"""The keys of a calibration that the page can change."""
 
 MOST_FOLDERS = 200
 WIDEST_PX = 1600
 
 
 def folders(folder: DataFolder) -> list[str]:
-    """The folders that hold pictures, the data folder and two levels below it."""
-    found = []
+    """Return the names of the folders that contain images, from the data folder to two levels below."""
+    names = []
     for path in sorted({folder.root, *folder.root.glob("*/"), *folder.root.glob("*/*/")})[:MOST_FOLDERS]:
         name = folder.name_of(path)
         hidden = any(part.startswith(".") for part in Path(name).parts)
         if not hidden and path.resolve().is_relative_to(folder.root) and _has_pictures(path):
-            found.append(name)
-    return found
+            names.append(name)
+    return names
 
 
 def _has_pictures(path: Path) -> bool:
@@ -54,9 +54,12 @@ def _has_pictures(path: Path) -> bool:
 
 
 def opened(path: Path) -> dict[str, Any]:
-    """The pictures of a folder by name, with the currents and the calibration that are written down there already.
+    """Return the images of a folder, with the currents and the calibration that its files state.
 
-    Raises InputError.
+    Raises
+    ------
+    InputError
+        If the folder holds no image, or if a file in it cannot be read.
     """
     images = sorted(find_images(path), key=lambda file: natural_key(file.name))
     height, width = read_image(images[0]).shape[:2]
@@ -70,7 +73,7 @@ def opened(path: Path) -> dict[str, Any]:
 
 
 def _guess(width: int, height: int) -> dict[str, Any]:
-    """Where to begin dragging: a beam that hangs from the upper third."""
+    """Return a first calibration to drag into place: a beam that hangs from the upper part of the image."""
     return {
         "pixels_per_mm": round(height / 60.0, 3),
         "coil_constant_mT_per_A": 1.0,
@@ -89,10 +92,10 @@ def _written_calibration(file: Path) -> dict[str, Any] | None:
 
 
 def _stated(folder: Path, changes: dict[str, Any]) -> Calibration:
-    """What the page says, over whatever else the folder's calibration.toml holds. Raises InputError."""
+    """Return the calibration of the page; keys that it cannot change come from the folder's calibration.toml."""
     file = folder / CALIBRATION
-    own = {key: value for key, value in changes.items() if key in EDITED}
-    return load_calibration(file, own) if file.is_file() else check(Calibration, own, "", "calibration")
+    edited = {key: value for key, value in changes.items() if key in EDITED}
+    return load_calibration(file, edited) if file.is_file() else check(Calibration, edited, "", "calibration")
 
 
 def _written_currents(file: Path) -> dict[str, str]:
@@ -103,7 +106,13 @@ def _written_currents(file: Path) -> dict[str, str]:
 
 
 def picture(path: Path) -> bytes:
-    """A picture as JPEG, made smaller where it is very wide. Raises InputError."""
+    """Return an image as JPEG, at most `WIDEST_PX` wide.
+
+    Raises
+    ------
+    InputError
+        If the image cannot be read.
+    """
     return jpeg(_image(path, path.stat().st_mtime_ns), WIDEST_PX)
 
 
@@ -113,25 +122,34 @@ def _image(path: Path, changed_ns: int) -> Any:
 
 
 def edges(path: Path, calibration: dict[str, Any], specimen: str) -> dict[str, Any]:
-    """Edges found in a picture by a calibration, in its pixels. Raises InputError."""
+    """Return the edges of an image in its pixels, found with the calibration of the page.
+
+    Raises
+    ------
+    InputError
+        If the image, the specimen or the calibration cannot be used.
+    """
     stated = _stated(path.parent, calibration)
     beam = load_specimen(specimen)
     image = _image(path, path.stat().st_mtime_ns)
     region = region_of(stated, image.shape)
-    cut, seen = (region.cut(image), region.calibration) if region else (image, stated)
-    return found_in(cut, seen, beam, BeamFrame(stated))
+    cut, calibration_of_cut = (region.cut(image), region.calibration) if region else (image, stated)
+    return edges_in(cut, calibration_of_cut, beam, BeamFrame(stated))
 
 
 def saved(path: Path, calibration: dict[str, Any], currents: dict[str, Any], replace: bool) -> dict[str, Any]:
-    """Write calibration.toml and states.csv into a folder of pictures; a picture without a current is left out.
+    """Write calibration.toml and states.csv into a folder of images; images without a current are left out.
 
-    Raises InputError, before anything is written, for files that exist unless they are to be replaced.
+    Raises
+    ------
+    InputError
+        Before anything is written: if a file exists and ``replace`` is false, or if no image has a current.
     """
     stated = _stated(path, calibration)
     names = [image.name for image in find_images(path)]
     rows = [(name, _current(name, currents[name])) for name in names if str(currents.get(name, "")).strip()]
     if not rows:
-        raise InputError(f"{path.name}: no picture has a current; fill in that of one at least")
+        raise InputError(f"{path.name}: no picture has a current; enter the current of at least one")
     for name in (CALIBRATION, STATES):
         refuse_existing(path / name, replace)
     for name, text in ((CALIBRATION, to_toml(stated)), (STATES, csv_text([("frame", "current_A"), *rows]))):
@@ -150,6 +168,6 @@ def _current(name: str, text: Any) -> str:
 
 
 def dataset_of(path: Path, specimen: str, target: Path, replace: bool) -> int:
-    """Make a dataset of a folder's pictures by the files that were saved there; gives the number of its states."""
+    """Make a dataset from the images of a folder and the files saved there; return the number of states."""
     stated = load_calibration(path / CALIBRATION)
     return import_frames(path, path / STATES, load_specimen(specimen), stated, target, replace)

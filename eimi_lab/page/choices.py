@@ -1,4 +1,4 @@
-"""Protocols, specimens and rigs that a person may choose from, and what a run of them would do."""
+"""The protocols, specimens and rigs that the page offers, and the dry run of a choice."""
 
 from __future__ import annotations
 
@@ -18,51 +18,63 @@ from eimi_lab.process.errors import InputError
 Choices = dict[str, list[str]]
 
 SHIPPED = {"protocol": "", "specimen": "specimens", "rig": "rigs"}
-# The key by which a TOML file of each kind is known.
+# A key that only TOML files of this kind have.
 KEYS = {"protocol": "frames_per_state", "specimen": "specimen", "rig": "supply", "calibration": "pixels_per_mm"}
 MOST_FILES = 500
 MOST_LINES = 400
 
 
 def shipped(kind: str) -> list[str]:
-    """The names of shipped files of a kind."""
+    """Return the names of the shipped files of a kind: "protocol", "specimen" or "rig"."""
     folder = Path(str(files("eimi_lab.protocols"))) / SHIPPED[kind]
     return sorted(file.stem for file in folder.glob("*.toml") if KEYS[kind] in parse_table(read_text(file), file))
 
 
 def choices(folder: DataFolder) -> Choices:
-    """Names by kind: files of the data folder and of its folders, from it on, then those that are shipped."""
-    found: Choices = {kind: [] for kind in KEYS}
+    """Return the names to choose from by kind: TOML files of the data folder and its subfolders, then shipped ones."""
+    names: Choices = {kind: [] for kind in KEYS}
     tomls = sorted([*folder.root.glob("*.toml"), *folder.root.glob("*/*.toml")])[:MOST_FILES]
     for file in tomls:
         name = folder.name_of(file)
         try:
             table = parse_table(read_text(folder.inside(name)), file)
-        except InputError:  # not for a run, whatever it is
+        except InputError:  # not a file for a run
             continue
         for kind, key in KEYS.items():
             if key in table:
-                found[kind].append(name)
+                names[kind].append(name)
                 break
     for kind in SHIPPED:
-        found[kind] += shipped(kind)
-    return found
+        names[kind] += shipped(kind)
+    return names
 
 
 def chosen(folder: DataFolder, kind: str, name: object) -> str:
-    """What the command line takes for a choice: the path of a file, or a shipped name. Raises InputError."""
+    """Return a choice as the command line takes it: the path of a file, or the name of a shipped file.
+
+    Raises
+    ------
+    InputError
+        If nothing was chosen, or if the file does not exist in the data folder.
+    """
     if not isinstance(name, str) or not name:
-        raise InputError(f"choose a {kind}")
+        raise InputError(f"{kind} is missing; choose one")
     if name in shipped(kind):
         return name
     file = folder.inside(name)
     if not file.is_file():
-        raise InputError(f"{name}: no such file")
+        raise InputError(f"{name}: no such file in the folder of this page, and no shipped {kind} of this name")
     return str(file)
 
 
 def dry(protocol: str, specimen: str, rig: str) -> list[str]:
-    """What a run would do, in lines. Raises InputError, as the run would."""
+    """Return the lines of a dry run, shortened in the middle.
+
+    Raises
+    ------
+    InputError
+        If the run would be refused.
+    """
     asked, beam, bench = load_protocol(protocol), load_specimen(specimen), load_rig(rig)
     check_request(asked, beam, bench)
     lines = [words] if (words := pictures_needed(asked, bench)) else []

@@ -1,4 +1,4 @@
-"""The folder that the page may see: datasets, pictures, TOML files, fits and reports, and nothing outside it."""
+"""The data folder: the page reads and writes datasets, images, TOML files, fits and reports only inside it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,19 @@ KINDS = {".h5": "dataset", ".toml": "toml", ".json": "json", ".html": "report", 
 
 @dataclass(frozen=True)
 class Entry:
-    """A file or a folder. name: from the data folder on, with slashes. kind: folder, dataset, picture, toml, …"""
+    """A file or a folder.
+
+    Parameters
+    ----------
+    name : str
+        Path relative to the data folder, with slashes.
+    kind : str
+        "folder", "dataset", "picture", "toml", "json", "report" or "table".
+    changed_s : float
+        Time of the last change, s since 1970.
+    size : int
+        Size in bytes.
+    """
 
     name: str
     kind: str
@@ -25,21 +37,32 @@ class Entry:
 
 @dataclass(frozen=True)
 class DataFolder:
-    """A folder whose names come from a browser. root: as it is, links followed."""
+    """A folder whose files are named by a browser.
+
+    Parameters
+    ----------
+    root : Path
+        Absolute path without symbolic links.
+    """
 
     root: Path
 
     def inside(self, name: str) -> Path:
-        """The path that a name from the page stands for. Raises InputError for one that leads out of the folder.
+        """Return the path of a name that came from the page.
 
-        Links are followed before it is judged: one that leads outside is refused as ".." is.
+        Links are followed before the check, so a link that leads outside is refused as ".." is.
+
+        Raises
+        ------
+        InputError
+            If the path lies outside the folder.
         """
         parts = PurePosixPath(name)
         wrong = "\0" in name or "\\" in name or parts.is_absolute() or ".." in parts.parts or ":" in name
         if not wrong:
             try:
                 path = (self.root / parts).resolve()
-            except (OSError, RuntimeError):  # RuntimeError is Python's for a loop of links before 3.13
+            except (OSError, RuntimeError):  # before Python 3.13 a loop of links raises RuntimeError
                 wrong = True
             else:
                 wrong = not path.is_relative_to(self.root)
@@ -48,26 +71,32 @@ class DataFolder:
         return path
 
     def name_of(self, path: Path) -> str:
-        """The inverse of `inside`."""
+        """Return the name of a path; the inverse of `inside`."""
         return path.relative_to(self.root).as_posix()
 
     def listed(self, name: str = "") -> list[Entry]:
-        """What is in a folder, folders first, the newest file first. Raises InputError."""
+        """Return the entries of a folder: folders first, then the newest files first.
+
+        Raises
+        ------
+        InputError
+            If the name is not a folder inside the data folder.
+        """
         folder = self.inside(name)
         if not folder.is_dir():
-            raise InputError(f"{name}: is no folder")
-        found: list[Entry] = []
+            raise InputError(f"{name}: is not a folder")
+        listed: list[Entry] = []
         with os.scandir(folder) as entries:
             for entry in entries:
                 kind = self._kind(entry)
-                if kind and len(found) < MOST_ENTRIES:
+                if kind and len(listed) < MOST_ENTRIES:
                     about = entry.stat()
                     where = self.name_of(folder / entry.name)
-                    found.append(Entry(where, kind, about.st_mtime, about.st_size))
-        return sorted(found, key=lambda entry: (entry.kind != "folder", -entry.changed_s, entry.name))
+                    listed.append(Entry(where, kind, about.st_mtime, about.st_size))
+        return sorted(listed, key=lambda entry: (entry.kind != "folder", -entry.changed_s, entry.name))
 
     def _kind(self, entry: os.DirEntry[str]) -> str:
-        """What an entry is to the page; empty for what is none of its business."""
+        """Return the kind of an entry, or an empty text if the page does not show it."""
         if entry.name.startswith("."):
             return ""
         try:

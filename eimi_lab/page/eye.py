@@ -1,6 +1,6 @@
-"""Two processes between a run and the page: the newest frame as JPEG with its light, and the edges in it.
+"""Two processes that look at the frames of a run: one encodes the newest frame as JPEG, one finds the edges in it.
 
-They give way to the run wherever all want a core, and the edges to the frames: they take longer, and come after theirs.
+Their priority (nice) is lower than that of the run. That of the edges is the lowest, because they take the longest.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.page.frame_memory import FrameMemory, Seen
-from eimi_lab.page.stored_runs import in_pixels, jpeg, known, shown_flags
+from eimi_lab.page.stored_runs import finite, in_pixels, jpeg, shown_flags
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.edge_set import tip_angle_deg
 from eimi_lab.vision.edges.finding import find_edges
@@ -29,20 +29,20 @@ from eimi_lab.vision.flags import CHECK_OF
 from eimi_lab.vision.intensity import full_scale
 
 SIZES = struct.Struct(">II")
-"""Before each message: bytes of its JSON and of its JPEG."""
+"""Header of each message: the sizes of its JSON and of its JPEG in bytes."""
 
 BINS = 32
 WIDEST_PX = 960
 SATURATED = 0.998  # of full scale
-FRAMES, EDGES = "frames", "edges"  # what a process is begun for
+FRAMES, EDGES = "frames", "edges"  # the task of a process
 GIVES_WAY = 5  # nice
 SHORTEST_PAUSE_S = 0.01
 _BLUR = CHECK_OF["blur_px"]
-_EDGES_SHARE = 0.5  # of the time, at most
+_EDGES_SHARE = 0.5  # largest share of the time that the search for edges takes
 
 
 def show_frames(memory: int, bell: int, rig: str) -> None:
-    """Send each newest frame until the bell is let go of, which its holder does when it ends."""
+    """Send each newest frame until the bell, a pipe, is closed; the run closes it at its end."""
     calibration, frames, last = load_rig(rig).calibration, FrameMemory(memory), 0
     while True:
         select.select([bell], [], [])
@@ -55,9 +55,9 @@ def show_frames(memory: int, bell: int, rig: str) -> None:
 
 
 def find_in_frames(memory: int, until_closed: int, rig: str, specimen: str) -> None:
-    """Send the edges of the newest frame, again and again, in no more than half of the time; of the last one, too.
+    """Send the edges of the newest frame, again and again, until the descriptor `until_closed` is closed.
 
-    Ends when the descriptor `until_closed` is let go of.
+    The search takes at most half of the time. The edges of the last frame are sent, too.
     """
     calibration, beam, frames = load_rig(rig).calibration, load_specimen(specimen), FrameMemory(memory)
     place, last, pause_s, going_on = BeamFrame(calibration), 0, SHORTEST_PAUSE_S, True
@@ -67,7 +67,7 @@ def find_in_frames(memory: int, until_closed: int, rig: str, specimen: str) -> N
         if seen is None or seen.kept > 1:
             continue
         last, began = seen.number, time.monotonic()
-        _send({"kind": "edges", "seen": last, **found_in(seen.image, calibration, beam, place)})
+        _send({"kind": "edges", "seen": last, **edges_in(seen.image, calibration, beam, place)})
         pause_s = max(SHORTEST_PAUSE_S, (time.monotonic() - began) * (1 / _EDGES_SHARE - 1))
 
 
@@ -85,9 +85,9 @@ def _described(seen: Seen, calibration: Calibration) -> dict[str, Any]:
 
 
 def light(image: NDArray[Any]) -> dict[str, Any]:
-    """How an image is exposed: shares of its pixels in `BINS` steps up to full scale, and of those that are saturated.
+    """Return how an image is exposed: the histogram of its pixels up to full scale, and the share of saturated pixels.
 
-    Of colours the brightest counts: where one of them is saturated, the edge is off its place.
+    In a colour image the brightest channel counts, because an edge is displaced where one channel is saturated.
     """
     some = image[::4, ::4] if image.size > 1 << 18 else image
     brightest = some if some.ndim == 2 else some.max(axis=2)
@@ -99,16 +99,19 @@ def light(image: NDArray[Any]) -> dict[str, Any]:
     }
 
 
-def found_in(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, place: BeamFrame) -> dict[str, Any]:
-    """The edges of an image in pixels, the direction of the tip, and the blur, which a flag of no limit tells."""
-    found = find_edges(image, calibration, specimen, limits={"blur_px": 0.0})
-    blur = next((flag for flag in found.flags if flag.name == _BLUR.name and flag.limit == 0.0), None)
-    flags = tuple(flag for flag in found.flags if flag is not blur)
-    shown = in_pixels(found, place)
+def edges_in(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, place: BeamFrame) -> dict[str, Any]:
+    """Return the edges of an image in pixels, the direction of the tip, and the blur.
+
+    With a limit of 0 the flag for blur is always set, so that it states the blur.
+    """
+    edge_set = find_edges(image, calibration, specimen, limits={"blur_px": 0.0})
+    blur = next((flag for flag in edge_set.flags if flag.name == _BLUR.name and flag.limit == 0.0), None)
+    flags = tuple(flag for flag in edge_set.flags if flag is not blur)
+    shown = in_pixels(edge_set, place)
     shown["flags"] = shown_flags(flags + ((_BLUR.flag(blur.value),) if blur and blur.value > _BLUR.limit else ()))
     return {
         **shown,
-        "tip_angle_deg": known(tip_angle_deg(found)),
+        "tip_angle_deg": finite(tip_angle_deg(edge_set)),
         "blur_px": blur.value if blur else None,
         "blur_limit_px": _BLUR.limit,
     }
@@ -122,7 +125,7 @@ def _send(about: dict[str, Any], picture: bytes = b"") -> None:
 
 if __name__ == "__main__":
     what, memory, until, *rest = sys.argv[1:]
-    with suppress(BrokenPipeError, KeyboardInterrupt):  # the page is gone
+    with suppress(BrokenPipeError, KeyboardInterrupt):  # the page has ended
         if what == FRAMES:
             os.nice(GIVES_WAY)
             show_frames(int(memory), int(until), *rest)

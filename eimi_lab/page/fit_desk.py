@@ -1,4 +1,4 @@
-"""The routes by which a dataset is fitted, and the process: `eimi fit`, then `eimi report`, as a person would."""
+"""The routes that fit a dataset, and the process of the fit: `eimi fit`, then `eimi report`."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Fitting:
 
 
 class FitDesk:
-    """One fit at a time."""
+    """Run one fit at a time."""
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs, reports: ReportLinks) -> None:
         self._reports = reports
@@ -66,7 +66,7 @@ class FitDesk:
         self.fitting: Fitting | None = None
 
     def routes(self) -> list[BaseRoute]:
-        """All that it answers."""
+        """Return the routes of the fits."""
         return [
             Route("/api/fit", self._stored),
             Route("/api/fit/start", self._steered(self._start), methods=["POST"]),
@@ -74,11 +74,11 @@ class FitDesk:
         ]
 
     def told(self) -> dict[str, Any]:
-        """What every tab is to know."""
+        """Return the state of the fit, which is sent to every tab."""
         return {"fit": asdict(self.fitting) if self.fitting else None}
 
     async def close(self) -> None:
-        """End a fit that goes on."""
+        """End the fit, if one is running, and wait for its end."""
         self._kill()
         if self._task is not None:
             await self._task
@@ -92,7 +92,7 @@ class FitDesk:
 
     async def _start(self, asked: dict[str, Any]) -> Any:
         if self._task is not None and not self._task.done():
-            raise InputError("a fit is going on; wait for it, or end it")
+            raise InputError("a fit is running; wait for its end, or end it")
         name, model = str(asked.get("dataset", "")), str(asked.get("model", ""))
         dataset = self._folder.inside(name)
         if not dataset.is_file():
@@ -101,7 +101,7 @@ class FitDesk:
             raise InputError(f"model = {model!r} should be one of {', '.join(LAWS)}")
         fits = dataset.with_suffix(FITS)
         if fits.exists() and asked.get("replace") is not True:
-            raise InputError(f"{self._folder.name_of(fits)}: exists already; it is replaced where that is asked for")
+            raise InputError(f"{self._folder.name_of(fits)}: exists already; ask to fit again to replace it")
         self._number += 1
         self.fitting = Fitting(self._number, self._folder.name_of(dataset), model)
         self._task = asyncio.create_task(self._fit(dataset, self.fitting))
@@ -117,7 +117,7 @@ class FitDesk:
                 self._process.terminate()
 
     async def _fit(self, dataset: Path, fitting: Fitting) -> None:
-        """Fit, then write the report. However this ends, the tabs are told that it ended."""
+        """Fit, then write the report; inform the tabs of the end in every case."""
         log = dataset.with_suffix(LOG)
         done = False
         try:
@@ -131,7 +131,7 @@ class FitDesk:
             self._changed()
 
     async def _fit_and_report(self, dataset: Path, log: Path, fitting: Fitting) -> bool:
-        """Run both commands. Return whether both ended well."""
+        """Run both commands; return whether both succeeded."""
         fits, report = dataset.with_suffix(FITS), dataset.with_suffix(REPORT)
         fit = (f"--model={fitting.model}", f"--output={fits}", f"--checkpoint={log}", "--force", "--", str(dataset))
         following = asyncio.create_task(self._follow(log, fitting))
@@ -145,7 +145,7 @@ class FitDesk:
         return await self._eimi(fitting, "report", f"--fit={fits}", f"--output={report}", "--force", "--", str(dataset))
 
     async def _eimi(self, fitting: Fitting, *arguments: str) -> bool:
-        """Run a command; whether it ended well."""
+        """Run a command; return whether it succeeded."""
         self._process = await asyncio.create_subprocess_exec(
             *(sys.executable, "-P", "-m", "eimi_lab", *arguments),
             stdin=asyncio.subprocess.DEVNULL,

@@ -1,6 +1,7 @@
-"""The newest frame of a run, in memory that the run and the page share: the run never waits, the page takes the newest.
+"""The newest frame of a run, in memory that the run and the page share.
 
-Two places are filled in turn. Whoever reads one sees by its counters whether it was written meanwhile, and tries again.
+The run never waits: it fills two slots in turn. The page reads the newest slot. Two counters of the slot show whether
+it was overwritten meanwhile; then the page reads again.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-PLACE_BYTES = 64 << 20  # as much as a frame may have; only what is written takes memory
+PLACE_BYTES = 64 << 20  # size of a slot; only the part that is written takes memory
 ABOUT_BYTES = 1 << 12
 _NEWEST = struct.Struct("<Q")
 _PLACE = struct.Struct(
@@ -28,7 +29,19 @@ _TRIES = 5
 
 @dataclass(frozen=True)
 class Seen:
-    """A frame with what the run says of it. number: counted by the memory. kept: every how-manieth pixel is in it."""
+    """A frame that was read.
+
+    Parameters
+    ----------
+    number : int
+        Number of the frame, counted by the memory from 1.
+    image : NDArray
+        (H, W) or (H, W, 3).
+    about : dict
+        What the run states about the frame.
+    kept : int
+        1 if the image has every pixel, 2 if it has every second one, and so on.
+    """
 
     number: int
     image: NDArray[Any]
@@ -37,7 +50,7 @@ class Seen:
 
 
 def new_memory() -> int:
-    """A descriptor of memory for `FrameMemory`, to be inherited; it has no name and goes with its last holder."""
+    """Return the descriptor of new memory for `FrameMemory`; it is freed when the last process closes it."""
     if hasattr(os, "memfd_create"):
         descriptor = os.memfd_create("frames")
     else:
@@ -48,17 +61,17 @@ def new_memory() -> int:
 
 
 class FrameMemory:
-    """One process writes, another one reads."""
+    """Shared memory with the newest frame: one process writes, others read."""
 
     def __init__(self, descriptor: int) -> None:
         self._memory = mmap.mmap(descriptor, _FIRST + 2 * PLACE_BYTES)
 
     def newest(self) -> int:
-        """The number of the newest frame; 0 before there is one."""
+        """Return the number of the newest frame; 0 before the first."""
         return int(_NEWEST.unpack_from(self._memory, 0)[0])
 
     def write(self, image: NDArray[Any], about: dict[str, Any]) -> None:
-        """Put a frame (H, W) or (H, W, 3) in the place of the older one; never waits."""
+        """Write a frame, (H, W) or (H, W, 3), over the older of the two; never wait."""
         kept = 1
         while image.nbytes > PLACE_BYTES - ABOUT_BYTES - _PLACE.size:
             image, kept = image[::2, ::2], 2 * kept
@@ -77,7 +90,7 @@ class FrameMemory:
         _NEWEST.pack_into(self._memory, 0, number)
 
     def read(self, after: int) -> Seen | None:
-        """The newest frame; None where there is none after that of a number."""
+        """Return the newest frame, or None if its number is not larger than `after`."""
         for _ in range(_TRIES):
             number = self.newest()
             if number <= after:

@@ -1,4 +1,4 @@
-"""The routes for pictures without instruments."""
+"""The routes for images taken without instruments."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from eimi_lab.process.errors import InputError
 
 
 class PictureDesk:
-    """Looking is for every tab; files are written by the one in control."""
+    """Show images to every tab; write files only for the tab in control."""
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
         self._folder, self._worker, self._steered = folder, worker, tabs.steered
 
     def routes(self) -> list[BaseRoute]:
-        """All that it answers."""
+        """Return the routes of the images."""
         return [
             Route("/api/pictures/folders", self._folders),
             Route("/api/pictures", self._opened),
@@ -64,7 +64,7 @@ class PictureDesk:
     def _picture_in(self, folder: Any, picture: Any) -> Path:
         path = self._inside(f"{self._folder.name_of(self._inside(folder))}/{picture}")
         if not path.is_file():
-            raise InputError(f"{picture}: no such picture")
+            raise InputError(f"{picture}: no such picture in this folder")
         return path
 
     def _inside(self, name: Any) -> Path:
@@ -74,5 +74,5 @@ class PictureDesk:
 def _table(asked: dict[str, Any], key: str) -> dict[str, Any]:
     table = asked.get(key)
     if not isinstance(table, dict):
-        raise InputError(f"{key} is missing")
+        raise InputError(f"{key} is missing; it should be an object")
     return table

@@ -1,4 +1,4 @@
-"""The routes by which a run is begun, paused, ended and stopped."""
+"""The routes that start, pause, end and stop a run."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from eimi_lab.process.errors import InputError
 
 
 class RunDesk:
-    """One bench, one run at a time. What steers it comes from the tab in control; stopping, from any."""
+    """Run one protocol at a time. The tab in control steers the run; every tab can stop it."""
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
         self._folder, self._worker, self.tabs = folder, worker, tabs
         self.run: BenchRun | None = None
 
     def routes(self) -> list[BaseRoute]:
-        """All that it answers."""
+        """Return the routes of the run."""
         steered = {"dry": self._dry, "start": self._start, "pause": self._pause, "go-on": self._go_on, "end": self._end}
         return [
             WebSocketRoute("/live", self.tabs.serve),
@@ -34,12 +34,12 @@ class RunDesk:
         ]
 
     async def close(self) -> None:
-        """End a run that goes on."""
+        """End the run, if one is under way, and wait for its end."""
         if self.run is not None:
             await self.run.closed()
 
     def told(self) -> dict[str, Any]:
-        """What every tab is to know."""
+        """Return the state of the run, which is sent to every tab."""
         return {"run": self.run.progress.told() if self.run else None}
 
     async def _choices(self, request: Request) -> Response:
@@ -50,14 +50,14 @@ class RunDesk:
 
     async def _start(self, asked: dict[str, Any]) -> Any:
         if self.run is not None and self.run.going_on:
-            raise InputError("a run is going on; one bench bears one")
+            raise InputError("a run is under way; wait for its end, or end it")
         protocol, specimen, rig = self._chosen(asked)
         name, resume = str(asked.get("dataset", "")), asked.get("resume") is True
         dataset = self._folder.inside(name)
         if not name or dataset.suffix.lower() != ".h5" or not dataset.parent.is_dir():
-            raise InputError(f"{name!r}: give the dataset a name that ends in .h5, in a folder that is there")
+            raise InputError(f"{name!r}: the name of the dataset should end in .h5, in a folder that exists")
         if dataset.exists() and not resume:
-            raise InputError(f"{name}: exists already; give another name, or go on with it")
+            raise InputError(f"{name}: exists already; give another name, or continue it")
         order = Order(
             protocol=protocol,
             specimen=specimen,
@@ -86,13 +86,15 @@ class RunDesk:
 
     async def _stop(self, request: Request) -> Response:
         if self.run is None:
-            return JSONResponse({"words": "no run was begun from this page, so nothing is on by it", "off": True})
+            return JSONResponse(
+                {"words": "no run was started from this page, so it has switched nothing on", "off": True}
+            )
         words = await self.run.stop()
         return JSONResponse({"words": words, "off": self.run.progress.coil == "off"})
 
     def _under_way(self) -> BenchRun:
         if self.run is None or not self.run.going_on:
-            raise InputError("no run is going on")
+            raise InputError("no run is under way")
         return self.run
 
     def _chosen(self, asked: dict[str, Any]) -> tuple[str, str, str]:

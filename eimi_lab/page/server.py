@@ -1,4 +1,4 @@
-"""The page's routes, and the socket that they listen on."""
+"""The routes of the page, and the socket on which it listens."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ CLOSE_WITHIN_S = 10
 
 
 class Page:
-    """What the routes share: the folder, and the process that does the work."""
+    """The routes, with the folder and the worker that they share."""
 
     def __init__(self, folder: Path) -> None:
-        """Raises InputError for what is no folder."""
+        """Open a data folder; raise InputError if it is not a folder."""
         if not folder.is_dir():
-            raise InputError(f"{folder}: is no folder; give the one in which datasets and pictures are")
+            raise InputError(f"{folder}: is not a folder; give the folder with datasets and pictures")
         self.folder = DataFolder(folder.resolve())
         self.worker = Worker()
         self.tabs = Tabs(lambda: {**self.desk.told(), **self.fits.told()})
@@ -55,7 +55,7 @@ class Page:
         self.pictures = PictureDesk(self.folder, self.worker, self.tabs)
 
     def application(self) -> Starlette:
-        """The routes, without whoever guards them."""
+        """Return the routes as an application, without the check of requests (`Admission`)."""
         routes = [
             Route("/", _index),
             Route("/api/folder", self._listing),
@@ -102,18 +102,18 @@ class Page:
         return JSONResponse(await self.worker.do(stored_runs.modulus, self._file(request), _number(request, "states")))
 
     async def _figures(self, request: Request) -> Response:
-        """How old the last pictures were when a tab had shown them, its answer included."""
+        """Answer with the ages of the last frames, in s, when the answer arrived that a tab had shown them."""
         return JSONResponse({"frame_to_screen_s": list(self.tabs.ages_s)})
 
     async def _report(self, request: Request) -> Response:
         """Answer with a report if the request has the key of the link to it."""
         if not self.reports.opens(request.query_params.get("file", ""), request.query_params.get("key", "")):
             return PlainTextResponse(
-                "open the report from the page; links end with the `eimi dashboard` that gave them", 403
+                "open the report from the page; a link is valid until its `eimi dashboard` ends", 403
             )
         file = self._file(request)
         if file.suffix.lower() != ".html" or not file.is_file():
-            raise InputError(f"{self.folder.name_of(file)}: is no report")
+            raise InputError(f"{self.folder.name_of(file)}: is not a report")
         return FileResponse(file, media_type="text/html", headers={"Content-Security-Policy": REPORT_POLICY})
 
     def _file(self, request: Request) -> Path:
@@ -132,18 +132,37 @@ async def _index(request: Request) -> Response:
 
 
 async def _told(request: Request, error: Exception) -> Response:
-    """What a person gave and cannot be used, in one line."""
+    """Answer with the message of an error, in one line."""
     return JSONResponse({"error": " ".join(str(error).split())}, 400)
 
 
 def guarded(page: Page, hosts: frozenset[str], token: str) -> Admission:
-    """The page's application behind its admission."""
+    """Return the application of the page behind the check of requests."""
     return Admission(page.application(), hosts, token)
 
 
 def serve(folder: Path, host: str, port: int, say: Callable[[str], None]) -> None:
-    """Serve the page until a signal comes; `say` gets the address to open. Raises InputError."""
-    one_thread_each()  # in the processes begun from here, which share the machine with a run
+    """Serve the page until a signal comes.
+
+    Parameters
+    ----------
+    folder : Path
+        The data folder.
+    host : str
+        Address of this machine to listen on.
+    port : int
+        Port to listen on; 0 takes any free port.
+    say : callable
+        Receives the address to open in a browser.
+
+    Raises
+    ------
+    InputError
+        If the folder does not exist or the address cannot be listened on.
+    Stopped
+        After a signal has ended the page.
+    """
+    one_thread_each()  # also in the processes started from here, which share the machine with a run
     page = Page(folder)
     listening = _listen(host, port)
     bound = listening.getsockname()[1]
@@ -171,9 +190,9 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None]) -> Non
 
 
 class _Server(uvicorn.Server):
-    """Closes in good order at every signal that asks the program to stop, which uvicorn does not at a hang-up.
+    """A server that closes in order at every signal that stops the program; uvicorn does not do so at SIGHUP.
 
-    asked: the signals that came. A second one waits for the end of what the first began, for `CLOSE_WITHIN_S` at most.
+    The attribute ``asked`` lists the signals that came. After the first, closing takes at most `CLOSE_WITHIN_S`.
     """
 
     def __init__(self, config: uvicorn.Config) -> None:
@@ -186,8 +205,8 @@ class _Server(uvicorn.Server):
             self.asked.append(number)
             self.should_exit = True
 
-        heeded = [n for n in (signal.SIGINT, *TERMINATION) if signal.getsignal(n) is not signal.SIG_IGN]
-        before = {number: signal.signal(number, close) for number in heeded}
+        handled = [n for n in (signal.SIGINT, *TERMINATION) if signal.getsignal(n) is not signal.SIG_IGN]
+        before = {number: signal.signal(number, close) for number in handled}
         try:
             yield
         finally:
@@ -202,9 +221,11 @@ def _listen(host: str, port: int) -> socket.socket:
         if os.name == "posix" and sys.platform != "cygwin":
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind((host, port))
-        listening.listen()  # now: the address is told before the server runs
+        listening.listen()  # now, because the address is printed before the server runs
     except OSError as error:
-        raise InputError(f"--host {host} --port {port}: cannot be listened on ({error.strerror})") from error
+        raise InputError(
+            f"--host {host} --port {port}: cannot be listened on ({error.strerror}); give another address or port"
+        ) from error
     return listening
 
 
@@ -216,14 +237,14 @@ def _is_loopback(host: str) -> bool:
 
 
 def check_host(host: str, open_to_network: bool) -> None:
-    """Raise InputError for an address that others can reach, unless that was asked for."""
+    """Raise InputError for an address that other machines can reach, unless --open-to-network was given."""
     if not _is_loopback(host) and not open_to_network:
         raise InputError(
-            f"--host {host}: others could reach this page, see the pictures and, with the token, drive the coil; "
-            "nothing on the way is encrypted. Better is a tunnel (ssh -L); --open-to-network says that it is meant"
+            f"--host {host}: other machines could reach this page and, with the token, see the pictures and drive the "
+            "coil over an unencrypted connection; use a tunnel (ssh -L), or allow it with --open-to-network"
         )
     if host in ("0.0.0.0", "::"):
-        raise InputError(f"--host {host}: give one address of this machine, under which the page will be opened")
+        raise InputError(f"--host {host}: give one address of this machine, the one in the address of the page")
 
 
 def _in_address(host: str) -> str:

@@ -1,4 +1,4 @@
-"""What a result file says of its fits, for the page. Called in the worker's process."""
+"""The fits of a result file, as the page shows them. The functions run in the process of the worker."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ MOST_BUDGET = 6
 
 
 def summaries(path: Path) -> list[dict[str, Any]]:
-    """Each bending fit: its modulus in words, error by state, budget, what is in doubt, and its convergence.
+    """Return each bending fit: modulus in words, error by state, uncertainty budget, doubts and convergence.
 
-    Raises InputError.
+    Raises
+    ------
+    InputError
+        If the file is not a result file.
     """
     return [_summary(fit) for fit in read_any_fits(path) if isinstance(fit, FitRecord)]
 

@@ -1,4 +1,7 @@
-"""A dataset as the page shows it: read-only, while it is written, too. Called in the worker's process."""
+"""A dataset as the page shows it. It is opened read-only, also while a run writes it.
+
+The functions run in the process of the worker.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,13 @@ Edges = dict[str, Any]
 
 
 def described(path: Path) -> dict[str, Any]:
-    """What a dataset is of, and its states without their edges. Raises InputError."""
+    """Return the specimen, the instruments and the states of a dataset, without edges.
+
+    Raises
+    ------
+    InputError
+        If the dataset cannot be read.
+    """
     with open_dataset(path) as dataset:
         beam = dataset.specimen.specimen
         protocol = dataset.text("protocol")
@@ -62,25 +71,37 @@ def described(path: Path) -> dict[str, Any]:
 
 
 def picture(path: Path, index: int) -> bytes:
-    """The mean frame of a state as JPEG. Raises InputError."""
+    """Return the mean frame of a state as JPEG.
+
+    Raises
+    ------
+    InputError
+        If the dataset cannot be read or does not have the state.
+    """
     with open_dataset(path) as dataset:
         _check_state(dataset, index)
         return jpeg(state_mean(dataset.images(index)))
 
 
 def edges(path: Path, index: int) -> Edges:
-    """The edges of a state in pixels, those that are stored or else found now. Raises InputError."""
+    """Return the edges of a state in pixels; edges that are not stored are found now.
+
+    Raises
+    ------
+    InputError
+        If the dataset cannot be read or does not have the state.
+    """
     with open_dataset(path) as dataset:
         _check_state(dataset, index)
-        found = _edges(path, _file_number(path), index)
+        edge_set = _edges(path, _file_number(path), index)
         assert dataset.calibration is not None
-        shown = in_pixels(found, BeamFrame(dataset.calibration))
-        shown["tip_angle_deg"] = known(tip_angle_deg(found))
+        shown = in_pixels(edge_set, BeamFrame(dataset.calibration))
+        shown["tip_angle_deg"] = finite(tip_angle_deg(edge_set))
         return shown
 
 
 def _file_number(path: Path) -> tuple[int, int]:
-    """Which file it is, whatever is appended to it: states that are stored do not change."""
+    """Return a key of the file that stays the same while states are appended; stored states do not change."""
     about = path.stat()
     return about.st_dev, about.st_ino
 
@@ -91,64 +112,81 @@ def _edges(path: Path, file: tuple[int, int], index: int) -> EdgeSet:
         return edges_of_state(dataset, index)
 
 
-_before: dict[tuple[int, int], ModulusSoFar] = {}
+_last_estimate: dict[tuple[int, int], ModulusSoFar] = {}
 _section_bias = lru_cache(maxsize=8)(section_bias_of)
 
 
 def modulus(path: Path, states: int) -> dict[str, Any] | None:
-    """The modulus from the first so many states, kPa; None for too few. Raises InputError where nothing explains them.
+    """Estimate the shear modulus from the first states of a dataset.
 
-    Begins where the last one of the same file ended.
+    The search starts from the last estimate for the same file.
+
+    Parameters
+    ----------
+    path : Path
+        The dataset.
+    states : int
+        Number of states to use.
+
+    Returns
+    -------
+    dict or None
+        Modulus and 95 % interval in kPa, error in mm; None if there are too few states.
+
+    Raises
+    ------
+    InputError
+        If no load acts on the beam or the search does not converge.
     """
     with open_dataset(path) as dataset:
         file = _file_number(path)
         edges = [_edges(path, file, index) for index in range(min(states, len(dataset.states)))]
         experiment = experiment_so_far(dataset, edges)
-        section_bias = _section_bias(dataset.specimen.mechanics())  # slow, once: with the first state
+        section_bias = _section_bias(dataset.specimen.mechanics())  # slow only for the first state
     if experiment is None:
         return None
     began = time.process_time()
     try:
-        found = modulus_so_far(experiment, section_bias, _before.get(file))
+        estimate = modulus_so_far(experiment, section_bias, _last_estimate.get(file))
     except (NothingActs, NothingConverged) as error:
         raise InputError(f"no modulus yet: {error}") from error
-    _before[file] = found
+    _last_estimate[file] = estimate
     return {
         "states": states,
-        "used": found.states,
-        "modulus_kPa": found.value_Pa / 1e3,
-        "interval_95_kPa": [end / 1e3 for end in found.interval_95_Pa],
-        "error_mm": found.error_mm,
+        "used": estimate.states,
+        "modulus_kPa": estimate.value_Pa / 1e3,
+        "interval_95_kPa": [end / 1e3 for end in estimate.interval_95_Pa],
+        "error_mm": estimate.error_mm,
         "seconds": time.process_time() - began,
     }
 
 
-def in_pixels(found: EdgeSet, frame: BeamFrame) -> Edges:
-    """Both edges (n, 2) and the flags of an edge set, for a browser."""
+def in_pixels(edge_set: EdgeSet, frame: BeamFrame) -> Edges:
+    """Return both edges (n, 2), in pixels, and the flags of an edge set, for a browser."""
     return {
-        "left": rounded(frame.to_px(found.left.points_mm)),
-        "right": rounded(frame.to_px(found.right.points_mm)),
-        "flags": shown_flags(found.flags),
+        "left": rounded(frame.to_px(edge_set.left.points_mm)),
+        "right": rounded(frame.to_px(edge_set.right.points_mm)),
+        "flags": shown_flags(edge_set.flags),
     }
 
 
 def shown_flags(flags: tuple[Flag, ...]) -> list[dict[str, Any]]:
-    """Flags by name, each with value, limit, severity and what to do."""
-    return [{**asdict(flag), "value": known(flag.value), "limit": known(flag.limit)} for flag in flags]
+    """Return flags, each with name, value, limit, severity and remedy."""
+    return [{**asdict(flag), "value": finite(flag.value), "limit": finite(flag.limit)} for flag in flags]
 
 
 def rounded(points: NDArray[Any]) -> list[list[float]]:
-    """(n, 2) as lists, to a hundredth of a pixel."""
+    """Return points (n, 2) as lists, rounded to a hundredth of a pixel."""
     return np.round(points, 2).tolist()
 
 
-def known(value: float) -> float | None:
-    """A number for JSON, which knows no NaN."""
+def finite(value: float) -> float | None:
+    """Return a number for JSON: None replaces NaN and infinity, which JSON lacks."""
     return float(value) if np.isfinite(value) else None
 
 
 def jpeg(image: NDArray[Any], widest_px: int | None = None) -> bytes:
-    """An image (H, W) or (H, W, 3) of any depth as JPEG, made smaller where it is wider."""
+    """Return an image, (H, W) or (H, W, 3) of any depth, as JPEG, at most `widest_px` wide."""
     shown = in_colour(image) if image.ndim == 3 else in_colour(image)[..., 0]
     if widest_px and shown.shape[1] > widest_px:
         share = widest_px / shown.shape[1]
@@ -160,4 +198,4 @@ def _check_state(dataset: Dataset, index: int) -> None:
     if dataset.kind != "frames":
         raise InputError(f"{dataset.path}: holds tracked points, which have no pictures")
     if not 0 <= index < len(dataset.states):
-        raise InputError(f"{dataset.path}: has {len(dataset.states)} states, and none of number {index}")
+        raise InputError(f"{dataset.path}: has no state {index}; it has {len(dataset.states)} states, counted from 0")

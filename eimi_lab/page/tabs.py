@@ -1,6 +1,6 @@
-"""The tabs that are open: one of them steers, the others look on, and each gets the newest and nothing older.
+"""The open tabs: one of them is in control, the others watch, and each gets the newest frame.
 
-A tab that reads slowly, or not at all, gets fewer frames; nobody waits for it and nothing is kept for it.
+A tab that reads slowly gets fewer frames. Nothing waits for it, and older frames are not kept for it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from eimi_lab.process.errors import InputError
 MOST_TABS = 16
 FRAME_ACKNOWLEDGED_WITHIN_S = 1.0
 KEPT_AGES = 2000
-TRY_LATER = 1013  # the close code that the registry of RFC 6455 has for it
+TRY_LATER = 1013  # close code of a WebSocket, "Try Again Later", in the registry of RFC 6455
 
 TAB_HEADER = "x-tab"
 
@@ -32,19 +32,24 @@ Act = Callable[[dict[str, Any]], Awaitable[Any]]
 
 
 async def body_of(request: Request) -> dict[str, Any]:
-    """The JSON object that was sent. Raises InputError."""
+    """Return the JSON object in the body of a request; raise InputError if it is something else."""
     try:
         asked = await request.json()
     except (ValueError, RecursionError) as error:
-        raise InputError("what was sent is not JSON") from error
+        raise InputError("the body of the request is not JSON; it should be an object") from error
     if not isinstance(asked, dict):
-        raise InputError("what was sent is not an object of JSON")
+        raise InputError("the body of the request should be a JSON object")
     return asked
 
 
 @dataclass(eq=False)
 class Tab:
-    """One socket. waiting: when the frame was sent that it has not shown yet; its capture on the clock of the run."""
+    """A tab with its WebSocket.
+
+    The attribute ``waiting`` belongs to the frame that was sent and is not shown yet: the times at which it was sent
+    and captured, on the monotonic clock, in s. The attribute ``stale`` is true until the tab has received the newest
+    state.
+    """
 
     socket: WebSocket
     name: str = field(default_factory=lambda: secrets.token_urlsafe(16))
@@ -56,7 +61,13 @@ class Tab:
 
 
 class Tabs:
-    """All of them. state: gives what every tab is to know."""
+    """The open tabs.
+
+    Parameters
+    ----------
+    state : callable
+        Returns the state of the page, which is sent to every tab when it changes.
+    """
 
     def __init__(self, state: Callable[[], dict[str, Any]]) -> None:
         self._state = state
@@ -66,27 +77,27 @@ class Tabs:
         self.ages_s: deque[float] = deque(maxlen=KEPT_AGES)
 
     def may_steer(self, name: str) -> bool:
-        """Whether a request that names its tab comes from the one in control."""
+        """Return whether the tab of this name is in control."""
         return self._steers is not None and secrets.compare_digest(self._steers.name.encode(), name.encode())
 
     def steered(self, act: Act) -> Callable[[Request], Awaitable[Response]]:
-        """The answer to a POST of the tab in control: what `act` gives for the JSON object that was sent."""
+        """Return a route that calls `act` with the JSON object of a request, if the tab in control sent it."""
 
         async def answer(request: Request) -> Response:
             if not self.may_steer(request.headers.get(TAB_HEADER, "")):
-                raise InputError("this tab looks on; take control first")
+                raise InputError("this tab is not in control; take control first")
             return JSONResponse(await act(await body_of(request)))
 
         return answer
 
     def changed(self) -> None:
-        """There is something new to know."""
+        """Send the new state to every tab."""
         for tab in self._open:
             tab.stale = True
             tab.wake.set()
 
     def show(self, about: dict[str, Any], picture: bytes) -> None:
-        """A frame, or the edges found in one."""
+        """Send a frame with its description, or the edges found in a frame, to every tab."""
         text = json.dumps(about)
         if picture:
             self._at_s = about["at_s"]
@@ -100,7 +111,7 @@ class Tabs:
             tab.wake.set()
 
     async def serve(self, socket: WebSocket) -> None:
-        """A socket, until it closes."""
+        """Serve one WebSocket until it closes."""
         await socket.accept()
         if len(self._open) >= MOST_TABS:
             await socket.close(TRY_LATER, f"{MOST_TABS} tabs are open already")
@@ -115,7 +126,7 @@ class Tabs:
                 self._heard(tab, await socket.receive_json())
         except WebSocketDisconnect:
             pass
-        except (ValueError, KeyError, TypeError, RecursionError):  # no client of ours
+        except (ValueError, KeyError, TypeError, RecursionError):  # not a client of this page
             with suppress(WebSocketDisconnect, RuntimeError):
                 await socket.close()
         finally:
@@ -126,7 +137,7 @@ class Tabs:
             self.changed()
 
     def _heard(self, tab: Tab, message: Any) -> None:
-        """Raises TypeError for what is not an object of JSON."""
+        """Handle a message of a tab; raise TypeError if it is not a JSON object."""
         if not isinstance(message, dict):
             raise TypeError(message)
         if message.get("take"):

@@ -1,8 +1,8 @@
-"""The run's side of the page: an ordinary `eimi acquire` that shows what it does and hears what is asked.
+"""The side of the run: `eimi acquire`, started by the page, shows its frames and takes requests.
 
-Nothing here may keep the run waiting. Frames go into memory that is shared, events through a pipe (`event_lines`). What
-the page asks comes in lines on standard input, as if it were typed; when that closes the page is gone, and the run ends
-with its coil off.
+Nothing here keeps the run waiting. Frames go into shared memory, and events through a pipe (`event_lines`). The
+requests of the page arrive as lines on standard input, as if they were typed. When standard input closes, the page has
+ended, and the run ends with its coil off.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ RATE_OVER_S = 1.0
 
 @dataclass(frozen=True)
 class Descriptors:
-    """What a run inherits from a page: the memory of its frames, a bell for each, and where its events go."""
+    """File descriptors that a run inherits from the page: memory of frames, bell for new frames, and pipe of events."""
 
     memory: int
     bell: int
@@ -44,13 +44,13 @@ class Descriptors:
 
     @classmethod
     def of(cls, numbers: str) -> Descriptors:
-        """Read three numbers with commas between them."""
+        """Read three numbers that are separated by commas."""
         return cls(*map(int, numbers.split(",")))
 
 
 @dataclass(frozen=True)
 class Watched:
-    """What `acquire` is given so that somebody sees the run, and may pause it."""
+    """What `acquire` takes so that a person can watch the run and pause it."""
 
     bench: Bench
     show: Show = show_nobody
@@ -59,7 +59,7 @@ class Watched:
 
 @contextmanager
 def watched(page: Descriptors | None, bench: Bench, rig: Rig, on_event: OnEvent) -> Iterator[Watched]:
-    """Yield what a run that a page began shows and hears. None is a run at a terminal."""
+    """Yield the bench and the functions by which a run is watched; without a page, those of a run at a terminal."""
     if page is None:
         yield Watched(bench)
         return
@@ -84,7 +84,7 @@ def _listen(typed: queue.SimpleQueue[str], on_event: OnEvent) -> None:
 
 
 class WatchedSupply:
-    """A supply that remembers what was asked of it and what it measured; see `PowerSupply` for each method."""
+    """A supply that remembers its set-point and its last measurement; see `PowerSupply` for each method."""
 
     def __init__(self, supply: PowerSupply, clock: Clock, rig: Rig) -> None:
         self._supply, self._clock = supply, clock
@@ -95,7 +95,7 @@ class WatchedSupply:
 
     @property
     def without_contact(self) -> str:
-        """As the driver has it."""
+        """Return what the supply does if it loses contact, as its driver states it."""
         return without_contact(self._supply)
 
     @property
@@ -109,7 +109,7 @@ class WatchedSupply:
         return float(getattr(self._supply, "reads_zero_within_A", 0.0))
 
     def values(self) -> dict[str, Any]:
-        """What is known of the coil now; heat is a share of what it bears for ever."""
+        """Return set-point, measured current, output, and heat as a share of the largest continuous heat."""
         heat = self._warming.share(self._clock.now()) if self._warming else None
         return {"set_A": self.set_A, "measured_A": self.measured_A, "on": self.on, "heat_share": heat}
 
@@ -160,7 +160,7 @@ class WatchedSupply:
 
 
 class _Shown:
-    """Puts frames where the page sees them, and rings."""
+    """Writes frames into the shared memory and rings the bell."""
 
     def __init__(self, memory: FrameMemory, bell: int, supply: WatchedSupply) -> None:
         self._memory, self._bell, self._supply = memory, bell, supply
@@ -183,5 +183,5 @@ class _Shown:
             "number": live.frame.number,
         }
         self._memory.write(live.frame.image, about | self._supply.values())
-        with suppress(OSError):  # nobody listens, or the bell rings already
+        with suppress(OSError):  # the page has ended, or the bell has been rung already
             os.write(self._bell, b"\0")

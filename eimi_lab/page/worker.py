@@ -1,6 +1,6 @@
-"""One process beside the server for whatever takes long, or may never come back: HDF5, edges, fits.
+"""One process beside the server for work that takes long or may crash: HDF5 files, edges, fits.
 
-A library that crashes on a damaged file takes that process along and not the page, nor a run.
+A library that crashes on a damaged file ends this process, and neither the page nor a run.
 """
 
 from __future__ import annotations
@@ -21,13 +21,19 @@ LONGEST_S = 120.0
 
 
 class Worker:
-    """Does one thing after the other; begun when it is first needed, and anew after it broke."""
+    """A process that does one task after another. It is started when it is first needed, and again after a crash."""
 
     def __init__(self) -> None:
         self._pool: ProcessPoolExecutor | None = None
 
     async def do(self, function: Callable[..., T], *arguments: Any) -> T:
-        """What a function of a module gives. Raises what it raises, InputError where the process did not survive."""
+        """Call a function of a module in the process and return its result.
+
+        Raises
+        ------
+        InputError
+            If the process crashed, or if the call took longer than `LONGEST_S`.
+        """
         if self._pool is None:
             start_resource_tracker()
             self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), leave_with_parent)
@@ -36,13 +42,15 @@ class Worker:
             return await asyncio.wait_for(asyncio.wrap_future(pool.submit(function, *arguments)), LONGEST_S)
         except BrokenProcessPool as error:
             self._drop(pool)
-            raise InputError("the process that read this died of it: is the file damaged?") from error
+            raise InputError(
+                "the process that read this file crashed; the file may be damaged, and `eimi recover` may help"
+            ) from error
         except TimeoutError as error:
             self._drop(pool)
-            raise InputError(f"took more than {LONGEST_S:g} s, and was given up") from error
+            raise InputError(f"the request took more than {LONGEST_S:g} s and was cancelled") from error
 
     def close(self) -> None:
-        """End it, whatever it does."""
+        """End the process, also during a task."""
         if self._pool is not None:
             self._drop(self._pool)
 

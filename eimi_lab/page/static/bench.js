@@ -1,4 +1,4 @@
-// The bench: choose, dry run, start, look, pause, go on, end. STOP is in the header, always.
+// The view of the bench: choose a run, run it dry, start, watch, pause, resume and end it. STOP is in the header.
 import { ask, byId, el, facts, flagList, number, svg, tell } from "./dom.js";
 import { on, state, steer } from "./live.js";
 import { Picture } from "./picture.js";
@@ -6,11 +6,11 @@ import { plot } from "./plot.js";
 
 const picture = new Picture(byId("live"));
 let choicesShown = false;
-let taken = { dataset: "", states: [], moduli: [] }; // of the run under way: what each stored state says, with its edges
+let taken = { dataset: "", states: [], moduli: [] }; // stored states of the current run with their edges, and the moduli estimated from them
 let asking = false;
-let found = null;
+let lastEdges = null;
 
-const BEGINS = "the run begins …";
+const BEGINS = "starting the run …";
 const tried = (act) => async (event) => {
   event?.preventDefault();
   try { await act(); } catch (error) { tell(error.message, true); }
@@ -24,8 +24,8 @@ export async function showBench() {
     byId(kind).replaceChildren(...choices[kind].map((name) => el("option", { value: name }, name)));
   }
   for (const [kind, name] of [["protocol", "dragon_skin_10_quick"], ["specimen", "type1"], ["rig", "virtual"]]) {
-    const own = choices[kind].find((choice) => choice.includes("."));
-    byId(kind).value = own ?? name;
+    const file = choices[kind].find((choice) => choice.includes(".")); // a shipped name has no dot
+    byId(kind).value = file ?? name;
   }
 }
 
@@ -35,7 +35,7 @@ function order() {
 }
 
 byId("dry").addEventListener("click", tried(async () => {
-  tell("dry run …");
+  tell("running dry …");
   const { lines } = await steer("/api/run/dry", order());
   byId("dry-lines").textContent = lines.join("\n");
   byId("dry-lines").hidden = false;
@@ -50,7 +50,7 @@ for (const act of ["pause", "go-on", "end"]) byId(act).addEventListener("click",
 
 const minutes = (seconds) => seconds === null ? "—" : seconds < 90 ? `${Math.round(seconds)} s` : `${Math.round(seconds / 60)} min`;
 const percent = (share) => share === null || share === undefined ? "not rated in the rig" : `${number(100 * share)} %`;
-const PHASES = { beginning: "beginning", running: "▶ running", pausing: "pauses after this state", paused: "❚❚ paused, coil off",
+const PHASES = { beginning: "starting", running: "▶ running", pausing: "will pause after this state", paused: "❚❚ paused, coil off",
   stopping: "■ stopping", ended: "ended" };
 
 let lastAbout = null;
@@ -75,11 +75,11 @@ function showState({ run, control }) {
   facts(byId("progress-facts"), [
     ["run", PHASES[run.phase] + (run.phase === "ended" && run.status && run.last_words ? `: ${run.last_words}` : "")],
     ["dataset", run.dataset],
-    ["of", `${run.protocol}, ${run.specimen}, ${run.rig}`],
+    ["protocol, specimen, rig", `${run.protocol}, ${run.specimen}, ${run.rig}`],
     ["states", `${run.stored} of ${run.states}`],
     ["time left", goingOn ? minutes(run.left_s) : "—"],
-    ["coil at most", run.hottest_share === null ? "not rated in the rig" : `${percent(run.hottest_share)} of its heat`],
-    ["if all fails", (run.guardian ? "a guardian process switches off; cable or computer: " : "") + run.without_contact],
+    ["largest heat of the coil", run.hottest_share === null ? "not rated in the rig" : `${percent(run.hottest_share)} of the continuous rating`],
+    ["if the run fails", (run.guardian ? "a guardian process switches the coil off; if cable or computer fail: " : "") + run.without_contact],
   ]);
   byId("said").replaceChildren(...run.said.slice().reverse().map((words) => el("li", {}, words)));
   followStates(run);
@@ -118,7 +118,7 @@ function showModulus() {
   if (!last) { byId("modulus-words").textContent = ""; return; }
   const [low, high] = last.interval_95_kPa;
   byId("modulus-words").textContent = `shear modulus so far: ${number(last.modulus_kPa)} kPa, 95 % between ${number(low)} and ${number(high)} `
-    + `(${last.used} states; a quick planar model: the fit counts)`;
+    + `(${last.used} states; an estimate with a planar model, the result is that of the fit)`;
   plot(byId("modulus-plot"), taken.moduli.map((one) => ({
     x: one.states, y: one.modulus_kPa, low: one.interval_95_kPa[0], high: one.interval_95_kPa[1], now: one === last,
     title: `${one.states} states: ${number(one.modulus_kPa)} kPa`,
@@ -134,7 +134,7 @@ on("frame", async (about, blob) => {
   showLight(about);
 });
 on("edges", (edges) => {
-  found = edges;
+  lastEdges = edges;
   picture.draw(edges);
   flagList(byId("live-flags"), edges.flags);
 });
@@ -144,10 +144,10 @@ function showValues(about) {
     ["set current", `${number(about.set_A)} A`],
     ["measured current", about.on ? `${number(about.measured_A)} A` : "coil off"],
     ["field", `${number(about.field_mT)} mT`],
-    ["coil's heat", percent(about.heat_share)],
+    ["heat of the coil", percent(about.heat_share)],
     ["frame rate", `${number(about.rate_Hz, 2)} Hz`],
-    ["focus, blur σ", found?.blur_px ? `${number(found.blur_px)} px (limit ${number(found.blur_limit_px)})` : "—"],
-    ["tip angle", found?.tip_angle_deg !== undefined ? `${number(found.tip_angle_deg)}°` : "—"],
+    ["blur σ (focus)", lastEdges?.blur_px ? `${number(lastEdges.blur_px)} px (limit ${number(lastEdges.blur_limit_px)})` : "—"],
+    ["tip angle", lastEdges?.tip_angle_deg !== undefined ? `${number(lastEdges.tip_angle_deg)}°` : "—"],
   ]);
 }
 

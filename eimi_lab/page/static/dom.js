@@ -1,4 +1,4 @@
-// Elements and requests. Text is always set as text: what a file says of itself is never markup.
+// Elements and requests. Text is always set as text, so that text from a file is never read as HTML.
 
 import { token } from "./token.js";
 
@@ -51,7 +51,7 @@ async function answer(path, request = {}) {
   if (response.ok) return response;
   const text = await response.text();
   let words = text;
-  try { words = JSON.parse(text).error; } catch { /* it was said in plain words */ }
+  try { words = JSON.parse(text).error; } catch { /* the answer is plain text */ }
   throw new Error(words || `the page answered ${response.status}`);
 }
 

@@ -1,9 +1,9 @@
-// Fits of the dataset that is open: begun, followed, and what came of them.
+// The fit of the open dataset: start it, follow it, show its result.
 import { ask, byId, el, number, tell } from "./dom.js";
 import { on, state, steer } from "./live.js";
 import { plot } from "./plot.js";
 
-let file = "", stored = null, asked = 0, shown = ""; // stored: null until the server has answered; shown: fit and phase
+let file = "", stored = null, asked = 0, shown = ""; // stored: null until the server has answered; shown: number and phase of the fit on the screen
 
 export async function showFits(dataset) {
   const request = ++asked;
@@ -16,7 +16,7 @@ export async function showFits(dataset) {
   const { fits, report } = await ask("/api/fit", { file });
   if (request !== asked) return;
   stored = fits;
-  byId("fit-start").textContent = fits.length ? "Fit again, in place of this" : "Fit";
+  byId("fit-start").textContent = fits.length ? "Fit again and replace this fit" : "Fit";
   byId("fit-report").hidden = !report;
   if (report) byId("fit-report").href = report;
   byId("fit-result").replaceChildren(...fits.flatMap(result));
@@ -32,7 +32,7 @@ function result(fit) {
     ...fit.notes.map((words) => el("p", { class: "small" }, words)),
     ...fit.doubts.map((words) => el("p", { class: "warn" }, `▲ doubt: ${words}`)),
     el("h3", {}, "What makes the modulus uncertain"),
-    budget.length ? el("ul", {}, ...budget) : el("p", { class: "small" }, "noise alone, as nothing else was stated"),
+    budget.length ? el("ul", {}, ...budget) : el("p", { class: "small" }, "only noise, because no other uncertainty was stated"),
   ];
 }
 
@@ -51,10 +51,10 @@ function showProgress() {
   byId("fit-end").hidden = !going || !mine;
   byId("fit-end").disabled = control !== "you";
   byId("fit-words").className = mine && fit.phase === "failed" ? "bad" : "";
-  if (!mine) { byId("fit-words").textContent = going ? `${fit.dataset} is being fitted` : ""; return; }
+  if (!mine) { byId("fit-words").textContent = going ? `another dataset is being fitted: ${fit.dataset}` : ""; return; }
   const last = fit.generations[fit.generations.length - 1];
-  const words = { fitting: last ? `${fit.model}: generation ${last[0]}, error ${number(1e3 * last[1])} µm` : `${fit.model}: ${fit.last_words || "begins …"}`,
-    reporting: "the report is written …", done: `${fit.model}: done`, failed: `no fit: ${fit.last_words}` };
+  const words = { fitting: last ? `${fit.model}: generation ${last[0]}, error ${number(1e3 * last[1])} µm` : `${fit.model}: ${fit.last_words || "starting …"}`,
+    reporting: "writing the report …", done: `${fit.model}: done`, failed: `the fit failed: ${fit.last_words}` };
   byId("fit-words").textContent = words[fit.phase];
   if (going && fit.generations.length) converge(fit.generations);
 }

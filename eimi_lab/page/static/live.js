@@ -1,4 +1,4 @@
-// The socket: what the server tells, the newest frame, and whether this tab steers.
+// The WebSocket: the state of the page, the newest frame, and whether this tab is in control.
 import { byId, post, tell } from "./dom.js";
 import { token } from "./token.js";
 
@@ -17,7 +17,7 @@ function connect() {
   socket.binaryType = "arraybuffer";
   socket.onopen = () => say({ token });
   socket.onmessage = ({ data }) => {
-    if (lost) tell("connected again; nothing was lost");
+    if (lost) tell("connected again; no state of a run was lost");
     lost = 0;
     if (typeof data === "string") heard(JSON.parse(data));
     else showFrame(data);
@@ -26,7 +26,7 @@ function connect() {
     state = { ...state, control: "nobody" };
     showHeader(true);
     if (code === REFUSED) { tell("open the address that `eimi dashboard` printed when it began", true); return; }
-    if (!lost) tell("the connection is gone; a run goes on without it", true);
+    if (!lost) tell("no connection to eimi dashboard; connecting again …", true);
     setTimeout(connect, AGAIN_MS[Math.min(lost++, AGAIN_MS.length - 1)]);
   };
 }
@@ -49,7 +49,7 @@ function showFrame(data) {
   Promise.all(listeners.frame.map((act) => act(about, blob)))
     .catch((error) => tell(error.message, true))
     .finally(() => requestAnimationFrame(() => say({ shown: about.seen })));
-  setTimeout(() => say({ shown: about.seen }), 200); // a tab in the background draws nothing
+  setTimeout(() => say({ shown: about.seen }), 200); // a tab in the background does not draw
 }
 
 const say = (message) => { if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message)); };
@@ -62,18 +62,18 @@ function showHeader(gone) {
   byId("coil").textContent = gone ? "? not connected" : COIL[coil];
   byId("coil").className = gone ? "" : coil;
   byId("take").hidden = gone || state.control === "you";
-  byId("control-words").textContent = gone ? "" : { you: "in control", other: "looking on", nobody: "nobody in control" }[state.control];
+  byId("control-words").textContent = gone ? "" : { you: "in control", other: "watching", nobody: "nobody in control" }[state.control];
 }
 
 async function stop() {
   if (stopping) return;
   stopping = true;
-  tell("stopping: coil to zero and off …");
+  tell("stopping: switching the coil off …");
   try {
     const { words, off } = await post("/api/stop");
     tell(words, !off);
   } catch (error) {
-    tell(`STOP was not answered (${error.message}): switch the coil off by hand`, true);
+    tell(`STOP got no answer (${error.message}): switch the coil off at the supply`, true);
   }
   stopping = false;
 }

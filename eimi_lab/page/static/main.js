@@ -1,4 +1,4 @@
-// Which view is shown.
+// Shows the view that the address names.
 import { showBench } from "./bench.js";
 import { byId, tell } from "./dom.js";
 import { showPictures } from "./pictures.js";

@@ -1,4 +1,4 @@
-// A picture with what was found in it drawn over it, in the picture's own pixels.
+// A picture with edges drawn over it, in the pixels of the picture.
 import { el, svg } from "./dom.js";
 
 export class Picture {
@@ -11,7 +11,7 @@ export class Picture {
     figure.replaceChildren(this.canvas, this.over);
   }
 
-  // size: of the picture itself, where the one shown was made smaller.
+  // size: width and height of the original picture, if the one that is shown was made smaller.
   async show(blob, size = null, words = "") {
     const image = await createImageBitmap(blob);
     const { width, height } = image;
@@ -23,9 +23,9 @@ export class Picture {
     if (words) this.canvas.setAttribute("aria-label", words);
   }
 
-  draw(found) {
-    const lines = found ? ["left", "right"].filter((side) => found[side].length).map((side) =>
-      svg("polyline", { class: `edge ${side}`, points: found[side].map((point) => point.join(",")).join(" ") })) : [];
+  draw(edges) {
+    const lines = edges ? ["left", "right"].filter((side) => edges[side].length).map((side) =>
+      svg("polyline", { class: `edge ${side}`, points: edges[side].map((point) => point.join(",")).join(" ") })) : [];
     this.edges.replaceChildren(...lines);
   }
 }

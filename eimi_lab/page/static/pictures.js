@@ -1,4 +1,4 @@
-// Pictures without instruments: clamp, axis and scale are dragged into place, and the edges follow at once.
+// Pictures taken without instruments: drag clamp, axis and scale into place; the edges are found again at once.
 import { ask, askPicture, byId, el, flagList, number, post, svg, tell } from "./dom.js";
 import { steer } from "./live.js";
 import { Picture } from "./picture.js";
@@ -30,9 +30,9 @@ export async function showPictures() {
 
 async function openFolder() {
   const name = byId("picture-folder").value;
-  byId("picture-list").replaceChildren(); // what is typed beside another folder's pictures would be lost
+  byId("picture-list").replaceChildren(); // these inputs belong to the folder before
   byId("by-hand-words").textContent = "";
-  asked += 1; // edges that are still sought there are not shown here
+  asked += 1; // an answer for the folder before is not shown
   const opened = await ask("/api/pictures", { folder: name });
   if (byId("picture-folder").value !== name) return;
   folder = { name, ...opened };
@@ -78,18 +78,18 @@ function calibration() {
   return made;
 }
 
-// What each handle stands for: where it is, and what moving it there means.
+// The handles: at() returns the position of a handle, to() applies a new one.
 const HANDLES = [
-  { sign: "✚", name: "clamp's middle", at: clamp, to: ([x, y]) => { set("clamp-x", x); set("clamp-y", y); } },
+  { sign: "✚", name: "middle of the clamp", at: clamp, to: ([x, y]) => { set("clamp-x", x); set("clamp-y", y); } },
   { sign: "➤", name: "direction of the straight beam", at: () => along(clamp(), value("axis"), reach), to: ([x, y]) => {
     const [cx, cy] = clamp(), turned = Math.atan2(y - cy, x - cx) * 180 / Math.PI;
     const side = Math.sin((value("field") - value("axis")) * Math.PI / 180) < 0 ? -90 : 90;
     reach = Math.max(20, Math.hypot(x - cx, y - cy));
     set("axis", turned);
-    set("field", turned + side); // the field stays across the beam, on its side
+    set("field", turned + side); // the field stays perpendicular to the beam, on the same side
   } },
-  { sign: "◆", name: "ruler's first end", at: () => ruler[0], to: (place) => { ruler[0] = place; measure(); } },
-  { sign: "◆", name: "ruler's second end", at: () => ruler[1], to: (place) => { ruler[1] = place; measure(); } },
+  { sign: "◆", name: "first end of the ruler", at: () => ruler[0], to: (place) => { ruler[0] = place; measure(); } },
+  { sign: "◆", name: "second end of the ruler", at: () => ruler[1], to: (place) => { ruler[1] = place; measure(); } },
 ];
 
 function measure() {
@@ -146,12 +146,12 @@ async function findEdges() {
   const mine = ++asked;
   const body = { folder: folder.name, picture: shown, specimen: byId("picture-specimen").value, calibration: calibration() };
   try {
-    const found = await post("/api/pictures/edges", body);
+    const edges = await post("/api/pictures/edges", body);
     if (mine !== asked) return;
-    picture.draw(found);
-    flagList(byId("by-hand-flags"), found.flags);
-    const points = found.left.length + found.right.length;
-    byId("by-hand-words").textContent = points ? `edges found: ${points} points, blur σ ${number(found.blur_px)} px, tip at ${number(found.tip_angle_deg)}°` : "no edges found here: see below";
+    picture.draw(edges);
+    flagList(byId("by-hand-flags"), edges.flags);
+    const points = edges.left.length + edges.right.length;
+    byId("by-hand-words").textContent = points ? `edges found: ${points} points, blur σ ${number(edges.blur_px)} px, tip at ${number(edges.tip_angle_deg)}°` : "no edges found; the flags below state why";
     byId("by-hand").dataset.points = points;
   } catch (error) {
     if (mine === asked) { picture.draw(null); byId("by-hand-words").textContent = error.message; }
@@ -171,10 +171,10 @@ for (const id of [...Object.keys(FIELDS), "clamp-x", "clamp-y", "channel", "pola
 byId("calibration").addEventListener("submit", tried(async () => {
   const body = { folder: folder.name, calibration: calibration(), currents: currents(), replace: byId("replace").checked };
   const { written, states } = await steer("/api/pictures/save", body);
-  tell(`${written.join(" and ")} are saved in ${folder.name || "this folder"}: ${states} pictures have a current`);
+  tell(`saved ${written.join(" and ")} in ${folder.name || "this folder"}: ${states} pictures have a current`);
 }));
 byId("make-dataset").addEventListener("click", tried(async () => {
-  tell("the dataset is made …");
+  tell("making the dataset …");
   const { dataset, states } = await steer("/api/pictures/dataset",
     { folder: folder.name, specimen: byId("picture-specimen").value, replace: byId("replace").checked });
   location.hash = "#runs";

@@ -1,4 +1,4 @@
-// One plot in SVG: points with a line through them, error bars, and the one that is looked at.
+// A plot in SVG: points, a line through them, error bars, and a circle around the selected point.
 import { number, svg } from "./dom.js";
 
 const WIDE = 480, LEFT = 58, RIGHT = 12, TOP = 12, BELOW = 44;
@@ -7,9 +7,9 @@ function ticks(low, high) {
   const rough = (high - low) / 5;
   const power = 10 ** Math.floor(Math.log10(rough));
   const step = power * [1, 2, 5, 10].find((factor) => factor * power >= rough);
-  const found = [];
-  for (let tick = Math.ceil(low / step) * step; tick <= high + 1e-9 * step; tick += step) found.push(Number(tick.toPrecision(12)));
-  return found;
+  const places = [];
+  for (let tick = Math.ceil(low / step) * step; tick <= high + 1e-9 * step; tick += step) places.push(Number(tick.toPrecision(12)));
+  return places;
 }
 
 function range(values, whole) {
@@ -22,12 +22,12 @@ function range(values, whole) {
 // points: [{x, y, low?, high?, flagged?, now?, title?}]; options: {x, y: names with units, line, choose(index), zero}
 export function plot(figure, points, options) {
   const HIGH = options.high ?? 300;
-  const seen = points.map((point, index) => ({ ...point, index })).filter((p) => p.x !== null && p.y !== null && p.y !== undefined);
+  const shown = points.map((point, index) => ({ ...point, index })).filter((p) => p.x !== null && p.y !== null && p.y !== undefined);
   const frame = svg("svg", { class: "plot", viewBox: `0 0 ${WIDE} ${HIGH}`, role: "img" });
-  frame.setAttribute("aria-label", `${options.y} against ${options.x}, ${seen.length} points`);
-  if (seen.length) {
-    const [x0, x1] = range(seen.map((p) => p.x), options.zero);
-    const [y0, y1] = range(seen.flatMap((p) => [p.y, p.low ?? p.y, p.high ?? p.y]), options.zero);
+  frame.setAttribute("aria-label", `${options.y} against ${options.x}, ${shown.length} points`);
+  if (shown.length) {
+    const [x0, x1] = range(shown.map((p) => p.x), options.zero);
+    const [y0, y1] = range(shown.flatMap((p) => [p.y, p.low ?? p.y, p.high ?? p.y]), options.zero);
     const toX = (x) => LEFT + (x - x0) / (x1 - x0) * (WIDE - LEFT - RIGHT);
     const toY = (y) => HIGH - BELOW - (y - y0) / (y1 - y0) * (HIGH - TOP - BELOW);
     for (const tick of ticks(x0, x1)) frame.append(
@@ -36,8 +36,8 @@ export function plot(figure, points, options) {
     for (const tick of ticks(y0, y1)) frame.append(
       svg("line", { class: "grid", x1: LEFT, x2: WIDE - RIGHT, y1: toY(tick), y2: toY(tick) }),
       svg("text", { x: LEFT - 6, y: toY(tick) + 4, "text-anchor": "end" }, number(tick, 4)));
-    if (options.line !== false) frame.append(svg("polyline", { class: "line", points: seen.map((p) => `${toX(p.x)},${toY(p.y)}`).join(" ") }));
-    for (const p of seen) {
+    if (options.line !== false) frame.append(svg("polyline", { class: "line", points: shown.map((p) => `${toX(p.x)},${toY(p.y)}`).join(" ") }));
+    for (const p of shown) {
       if (p.low !== undefined && p.low !== null) frame.append(svg("line", { class: "bar", x1: toX(p.x), x2: toX(p.x), y1: toY(p.low), y2: toY(p.high) }));
       const dot = svg("circle", { class: p.flagged ? "dot flagged" : "dot", cx: toX(p.x), cy: toY(p.y), r: options.small ? 2 : 4 });
       dot.append(svg("title", {}, p.title ?? `${number(p.x)}, ${number(p.y)}`));

@@ -1,4 +1,4 @@
-// Datasets in the folder, opened read-only, while they are written, too.
+// The datasets of the folder. They are opened read-only, also while a run writes them.
 import { ask, askPicture, byId, el, facts, flagList, number, tell } from "./dom.js";
 import { showFits } from "./fits.js";
 import { Picture } from "./picture.js";
@@ -8,7 +8,7 @@ const AGAIN_MS = 2000;
 const picture = new Picture(byId("run-picture"));
 const slider = byId("state");
 let folder = "";
-let open = null; // { file, about, edges: by state, state, number: of the opening }
+let open = null; // { file, about, edges (by state), state (selected), number (of this opening) }
 let openings = 0;
 
 export async function showFolder(name = folder) {
@@ -21,9 +21,9 @@ export async function showFolder(name = folder) {
     const short = file.split("/").pop();
     if (kind === "folder") rows.push(entry(`${short}/`, () => showFolder(file), false));
     if (kind === "dataset") rows.push(entry(short, () => openRun(file), open?.file === file));
-    if (kind === "report") rows.push(el("li", {}, el("a", { href: link, target: "_blank" }, `${short} (report, opens beside)`)));
+    if (kind === "report") rows.push(el("li", {}, el("a", { href: link, target: "_blank" }, `${short} (report, opens in a new tab)`)));
   }
-  byId("files").replaceChildren(...(rows.length ? rows : [el("li", {}, "No dataset in this folder.")]));
+  byId("files").replaceChildren(...(rows.length ? rows : [el("li", {}, "There is no dataset in this folder.")]));
 }
 
 function entry(words, choose, current) {
@@ -37,7 +37,7 @@ export async function openRun(file) {
   if (mine !== openings) return;
   open = { file, about, edges: [], state: 0, number: mine };
   tell("");
-  const fits = showFits(file); // before the form is seen: from here on it speaks of this dataset
+  const fits = showFits(file); // before the form is visible, because it shows the fits of this dataset
   byId("nothing-open").hidden = true;
   byId("open-run").hidden = false;
   showFacts();

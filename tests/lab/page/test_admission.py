@@ -222,7 +222,7 @@ def test_static_files_are_the_pages_own(served: Any) -> None:
         (["--host", "192.0.2.1"], "--open-to-network"),
         (["--host", "0.0.0.0", "--open-to-network"], "one address of this machine"),
         (["--host", "192.0.2.1", "--open-to-network"], "cannot be listened on"),
-        (["nowhere"], "is no folder"),
+        (["nowhere"], "is not a folder"),
     ],
 )
 def test_other_addresses_want_to_be_asked_for(

@@ -56,17 +56,17 @@ def test_a_run_is_begun_watched_by_two_tabs_reloaded_and_stopped(emulated_bench:
     assert not emulated_bench.is_off()
 
     other = tab(address)
-    other.get_by_text("looking on").wait_for()
+    other.get_by_text("watching").wait_for()
     frames_arrive(other)
     assert other.get_by_role("button", name="End").is_disabled()
     other.get_by_role("button", name="Take control").click()
-    page.get_by_text("looking on").wait_for()
+    page.get_by_text("watching").wait_for()
     assert page.get_by_role("button", name="End").is_disabled()
 
     other.get_by_role("button", name="Pause").click()
     other.get_by_text("paused, coil off").wait_for()
     assert emulated_bench.is_off()
-    other.get_by_role("button", name="Go on").click()
+    other.get_by_role("button", name="Resume").click()
     other.get_by_text("COIL ON").wait_for()
     other.close()
     frames_arrive(page)  # a tab that closes stops nothing
@@ -89,10 +89,10 @@ def test_a_killed_server_takes_the_coil_off_and_loses_no_state(emulated_bench: A
     page.get_by_text("not connected").wait_for()
     again = tab(dashboard(emulated_bench.folder)[1])
     again.get_by_text("coil off").first.wait_for()
-    again.get_by_label("go on with that dataset").check()
+    again.get_by_label("continue this dataset").check()
     stored = len(stored_currents(emulated_bench.folder / "run.h5"))
     start(again)
-    again.get_by_role("button", name="End, with a ramp").click()
+    again.get_by_role("button", name="End with a ramp down").click()
     again.get_by_role("button", name="Start").wait_for()
     assert emulated_bench.is_off()
     assert len(stored_currents(emulated_bench.folder / "run.h5")) >= stored >= 2

@@ -91,5 +91,5 @@ def test_one_run_at_a_time(served: Any, monkeypatch: pytest.MonkeyPatch) -> None
             "/api/run/start", "POST", json.dumps(asked).encode(), Origin=f"http://{served.host}", X_Tab=name
         )
     assert answer.status == 400
-    assert "a run is going on" in json.loads(answer.body)["error"]
+    assert "a run is under way" in json.loads(answer.body)["error"]
     assert not (served.folder / "new.h5").exists()

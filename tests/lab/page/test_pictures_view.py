@@ -33,12 +33,12 @@ def test_a_calibration_is_dragged_into_place_saved_and_used(served: Any, tab: An
     page.locator("#by-hand-words:not(:empty)").wait_for()  # the handles are where they will stay
     page.get_by_label("current of frame_1.png").fill("0")
     page.get_by_label("current of frame_2.png").fill("0,2")
-    drag(page, "ruler's first end", 30, 90)
-    drag(page, "ruler's second end", 110, 90)  # 80 px are its 10 mm
-    drag(page, "clamp's middle", 66, 8)
+    drag(page, "first end of the ruler", 30, 90)
+    drag(page, "second end of the ruler", 110, 90)  # 80 px are its 10 mm
+    drag(page, "middle of the clamp", 66, 8)
     drag(page, "direction of the straight beam", 66, 70)
-    page.get_by_role("button", name="clamp's middle").press("ArrowRight")
-    page.get_by_role("button", name="clamp's middle").press("ArrowLeft")
+    page.get_by_role("button", name="middle of the clamp").press("ArrowRight")
+    page.get_by_role("button", name="middle of the clamp").press("ArrowLeft")
     page.locator("#by-hand polyline.edge >> nth=1").wait_for(state="attached")
     page.get_by_role("button", name="Save").click()
     page.get_by_text("2 pictures have a current").wait_for()

@@ -90,7 +90,7 @@ def test_a_run_is_fitted_and_its_report_opened(served: Any, tab: Any, rod: Path)
     page.locator("#law").select_option("neo-hookean")
     page.get_by_role("button", name="Fit", exact=True).click()
     page.get_by_text("neo-hookean: done").wait_for()
-    page.get_by_text("Fit again, in place of this").wait_for()
+    page.get_by_text("Fit again and replace this fit").wait_for()
     assert "noise alone" in page.locator("#fit-result").inner_text()
     assert page.locator("#fit-plot circle.dot").count() > 3  # how it converged
     (fit,) = json.loads(rod.with_suffix(".fits.json").read_text())["fits"]
@@ -99,6 +99,6 @@ def test_a_run_is_fitted_and_its_report_opened(served: Any, tab: Any, rod: Path)
     assert report.status == 200
     assert b"rod" in report.body
     late = tab(f"{served.address}#runs")  # it hears of the fit before it has a dataset
-    late.get_by_text("looking on").first.wait_for()
+    late.get_by_text("watching").first.wait_for()
     open_rod(late)
     late.get_by_text("neo-hookean: done").wait_for()
