@@ -3,8 +3,8 @@
 The run is `eimi acquire` in a separate process, which ends with its coil off when the page ends. STOP uses signals,
 which do not wait for frames or messages. It sends two signals, because the second one skips the ramp. If no event
 confirms within `CONFIRMED_WITHIN_S` that the coil is off, the run is killed and its guardian switches the coil off. The
-state of the run is derived only from its events and from those of its guardian. Its last line on standard error is shown
-to the person and not interpreted.
+state of the run is derived only from its events and from those of its guardian. Its last line on standard error is
+shown to the person and not interpreted.
 """
 
 from __future__ import annotations

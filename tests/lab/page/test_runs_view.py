@@ -91,7 +91,7 @@ def test_a_run_is_fitted_and_its_report_opened(served: Any, tab: Any, rod: Path)
     page.get_by_role("button", name="Fit", exact=True).click()
     page.get_by_text("neo-hookean: done").wait_for()
     page.get_by_text("Fit again and replace this fit").wait_for()
-    assert "noise alone" in page.locator("#fit-result").inner_text()
+    assert "only noise" in page.locator("#fit-result").inner_text()
     assert page.locator("#fit-plot circle.dot").count() > 3  # how it converged
     (fit,) = json.loads(rod.with_suffix(".fits.json").read_text())["fits"]
     assert fit["initial_shear_modulus"]["value"] == pytest.approx(YOUNG_PA / 3, rel=0.02)
