@@ -104,11 +104,11 @@ def acquire(
     chosen, beam, bench_rig = load_protocol(protocol), load_specimen(specimen), load_rig(rig)
     if dry_run:
         if events:
-            raise InputError("--dry-run begins no run and has no events: leave out --events")
+            raise InputError("--events: --dry-run starts no run and has no events; leave out one of the two")
         steps = dry_steps(chosen, beam, bench_rig)
         return Result(steps, {"dry_run": steps})
     if output is None:
-        raise InputError("-o FILE.h5 is missing: the dataset to write; only --dry-run does without")
+        raise InputError("-o FILE.h5 is missing; give the dataset to write (only --dry-run needs none)")
     stored = run_protocol(
         chosen,
         beam,

@@ -70,7 +70,7 @@ def locate(name: str | Path, folder: str = "") -> Path:
 def read_text(path: Path) -> str:
     """Return the text of a UTF-8 file; raise InputError if it cannot be read."""
     if path.exists() and not (path.is_file() or path.is_dir()):  # reading it might never end
-        raise InputError(f"{path}: is no file but a device or a pipe")
+        raise InputError(f"{path}: is a device or a pipe, not a file")
     try:
         return path.read_text(encoding="utf-8")
     except OSError as error:
@@ -222,7 +222,7 @@ def _missing(model: type[BaseModel], location: tuple[int | str, ...]) -> str:
 
 def _near(key: str, keys: list[str]) -> str:
     near = difflib.get_close_matches(key, keys, n=1)
-    return f"did you mean {near[0]}?" if near else f"known are {', '.join(keys)}"
+    return f"did you mean {near[0]}?" if near else f"the known keys are {', '.join(keys)}"
 
 
 def _shown(value: object) -> str:

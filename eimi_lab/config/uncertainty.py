@@ -37,7 +37,7 @@ def _validator(file: File, *further_keys: str) -> Callable[[Table], Table]:
                 near = difflib.get_close_matches(key, keys, n=1)
                 raise ValueError(
                     f"{key} is not a known key; "
-                    + (f"did you mean {near[0]}?" if near else f"known are {', '.join(keys)}")
+                    + (f"did you mean {near[0]}?" if near else f"the known keys are {', '.join(keys)}")
                 )
             if not 0 <= value < math.inf:
                 raise ValueError(f"{key} = {value:g} should be a standard uncertainty: 0 (exact) or above")

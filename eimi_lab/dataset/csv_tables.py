@@ -137,7 +137,7 @@ def _check_header(path: Path, header: list[str], required: Iterable[str], option
             raise InputError(f"{path}: row 1: the column {column} appears twice")
         if column not in columns:
             near = difflib.get_close_matches(column, columns, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(columns)}"
+            hint = f"did you mean {near[0]}?" if near else f"the known columns are {', '.join(columns)}"
             raise InputError(f"{path}: row 1: {column!r} is not a known column; {hint}")
     if missing := [column for column in required if column not in header]:
         words = f"column {missing[0]} is" if len(missing) == 1 else f"columns {', '.join(missing)} are"

@@ -68,7 +68,7 @@ def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Cal
     """
     crashed, path = Path(crashed), Path(path)
     if not crashed.is_file():
-        raise InputError(f"{crashed}: is {'a folder' if crashed.is_dir() else 'no file'}; give a dataset to recover")
+        raise InputError(f"{crashed}: is {'a folder' if crashed.is_dir() else 'not a file'}; give a dataset to recover")
     with whole_file(path, force) as temporary:
         within_s = READ_WITHIN_S + crashed.stat().st_size / BYTES_PER_S
         command = [sys.executable, "-P", "-m", __name__, str(crashed), str(temporary)]

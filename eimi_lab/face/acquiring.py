@@ -131,7 +131,7 @@ def acquire(
     if dry_run:
         return DryRun(tuple(dry_steps(chosen, beam, bench_rig)))
     if output is None:
-        raise InputError("acquire: output is missing: the dataset to write; only dry_run does without")
+        raise InputError("acquire: output is missing; give the dataset to write (only dry_run needs none)")
     stored = run_protocol(
         chosen,
         beam,
@@ -201,12 +201,12 @@ def run_protocol(
     if not resume:
         refuse_taken(output, force)
     elif force or note:
-        raise InputError("--resume goes on with what the dataset holds: give neither --force nor --note with it")
+        raise InputError("--resume: continues the run in the dataset; leave out --force and --note")
     if transcript is not None:
         check_distinct([output], [transcript])
         refuse_existing(transcript, force=False)
         if rig.simulated:
-            raise InputError("--transcript: the virtual supply has no wire; leave it out")
+            raise InputError("--transcript: a virtual supply exchanges no messages; leave it out")
     if kind := network_file_system(output.parent):
         tell(f"warning: {output} is on a network ({kind}): a crash may cost stored states; a local disk is safer")
     if sys.stdin is not None and sys.stdin.isatty():

@@ -269,7 +269,7 @@ def find_edges(
         total = len(opened.states)
     correction = read_correction_images(dark, flat)
     if uncorrected and correction:
-        raise InputError("--uncorrected: goes neither with --dark nor with --flat")
+        raise InputError("--uncorrected: removes the dark frame and the flat field; leave out --dark and --flat")
     with ExitStack() as stack:
         unfinished = {
             folder: stack.enter_context(whole_folder(folder, force)) for folder in (csv, overlay, explain) if folder
@@ -279,7 +279,7 @@ def find_edges(
             replaced = None if calibration is None else Path(calibration)
             restated = restate(dataset, specimen=specimen, calibration=replaced, changes=dict(changes or {}))
             if not restated:
-                tell(f"{dataset}: states the same already")
+                tell(f"{dataset}: states the same values already")
         if correction:
             store_correction(dataset, correction)
         if uncorrected:
@@ -297,5 +297,5 @@ def find_edges(
         words, picture = explain_missing_beam(dataset, without[0])
         shown = dataset.with_name(f"{dataset.stem}_where.png")
         write_file(shown, picture, force=True)
-        tell(f"state {without[0]}: no beam was found; {words} {shown} shows where it was looked for")
+        tell(f"state {without[0]}: no beam was found; {words} {shown} shows where the program looked")
     return edge_sets, restated

@@ -103,7 +103,7 @@ def simulate(
         (name,) = check_models([model])
         (law, values), drawn = parse_parameters(name, _parameter_texts(name, parameter)), None
     elif parameter:
-        raise InputError("simulate: a fit has its parameters; give fit or parameter, not both")
+        raise InputError("simulate: a fit contains the parameters; leave out fit or parameter")
     else:
         found = fits_of(fit)
         every = [one.fit for one in found]

@@ -1,4 +1,4 @@
-"""A run on an emulated supply in simulated seconds: what is stored, and that every way out leaves the coil off."""
+"""A run on an emulated supply in simulated time: what is stored, and that the coil is off however the run ends."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def test_a_run_stores_every_state_and_ends_with_the_coil_off(setup: Any) -> None
             assert state.measured_A == pytest.approx(state.current_A, abs=0.003)
 
 
-def test_a_colour_camera_comes_to_rest_and_its_colours_are_kept(setup: Any) -> None:
-    """Two colours as bright as each other, of which now the one and now the other is a little brighter."""
+def test_a_colour_camera_settles_and_its_colours_are_stored(setup: Any) -> None:
+    """The two colours are equally bright on average, and each in turn is slightly brighter."""
     grey = setup.camera.draw
 
     def coloured(seed: int, shift_px: float = 0.0) -> np.ndarray:
@@ -99,7 +99,7 @@ def test_the_current_moves_no_faster_than_the_ramp(setup: Any, files: Path) -> N
 
 
 @pytest.mark.parametrize("rate_A_per_s", [0.05, 10.0])
-def test_the_way_down_is_over_within_its_budget_on_a_slow_supply(setup: Any, rate_A_per_s: float) -> None:
+def test_the_ramp_down_ends_within_its_time_on_a_slow_supply(setup: Any, rate_A_per_s: float) -> None:
     text = setup.protocol.text.replace("rate_A_per_s = 10.0", f"rate_A_per_s = {rate_A_per_s}").replace(
         "step_A = 0.1\ntol", "step_A = 0.001\ndown_within_s = 1.5\ntol"
     )
@@ -118,7 +118,7 @@ def test_the_way_down_is_over_within_its_budget_on_a_slow_supply(setup: Any, rat
     assert down[-1] - down[0] <= 1.5 + 2 * 0.5  # and the two set-points that are under way then
 
 
-def test_a_beam_that_never_rests_is_flagged_and_kept(setup: Any) -> None:
+def test_a_beam_that_never_comes_to_rest_is_flagged_and_stored(setup: Any) -> None:
     setup.camera.sway_px = 0.5
     said = setup.run()
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
@@ -128,7 +128,7 @@ def test_a_beam_that_never_rests_is_flagged_and_kept(setup: Any) -> None:
     assert said[1].endswith("NOT_SETTLED")
 
 
-def test_a_camera_that_repeats_itself_never_looks_settled(setup: Any) -> None:
+def test_a_camera_that_repeats_one_frame_is_never_settled(setup: Any) -> None:
     def freeze(number: int) -> None:
         setup.camera.repeats = number > 10
 
@@ -179,7 +179,9 @@ def test_a_current_that_is_not_reached_stops_the_run(setup: Any) -> None:
     assert setup.stored() == [0.0, 0.1, 0.2]
 
 
-def test_a_set_point_that_was_only_said_to_be_taken_stops_the_run_before_a_frame_is_kept(setup: Any) -> None:
+def test_a_set_point_that_the_supply_confirmed_but_did_not_apply_stops_the_run_before_a_frame_is_stored(
+    setup: Any,
+) -> None:
     class Lying(KoradDialect):
         def receive(self, data: bytes) -> bytes:
             if data.startswith(b"ISET1:"):
@@ -218,7 +220,7 @@ def test_a_camera_that_fails_at_any_frame_leaves_the_coil_off(setup: Any, number
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("frame_number", [9, 30, 55])
-def test_a_signal_leaves_the_coil_off_and_the_handlers_as_they_were(
+def test_a_signal_leaves_the_coil_off_and_restores_the_signal_handlers(
     setup: Any, number: signal.Signals, frame_number: int, request: pytest.FixtureRequest
 ) -> None:
     # Under nohup SIGHUP is ignored, and a run leaves it so.
@@ -253,7 +255,7 @@ def test_a_signal_while_switching_off_does_not_cut_it_short(setup: Any) -> None:
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
 
 
-def test_a_ramp_that_fails_does_not_keep_the_output_on(setup: Any) -> None:
+def test_a_ramp_that_fails_is_followed_by_switching_off(setup: Any) -> None:
     def deaf_to_set_points(at: int) -> None:
         if setup.coil.state.set_current_A == 0.2:
             setup.line.inject(Fault.SILENCE, lambda message: message.startswith(b"ISET1"))
@@ -273,7 +275,7 @@ def test_every_frame_is_shown_with_its_state(setup: Any) -> None:
     assert {(live.state, live.current_A) for live in shown} == {(None, None), (0, 0.0), (1, 0.1), (2, 0.2), (3, 0.3)}
 
 
-def test_the_dataset_tells_where_it_comes_from(setup: Any) -> None:
+def test_the_dataset_states_its_files_and_instruments(setup: Any) -> None:
     setup.run(note="first cast, 3 days old; ± 1 °C")
     with h5py.File(setup.path) as file:
         assert file["entry/user_note/data"][()].decode() == "first cast, 3 days old; ± 1 °C"
@@ -282,7 +284,7 @@ def test_the_dataset_tells_where_it_comes_from(setup: Any) -> None:
     assert host["h5py"] == h5py.__version__
 
 
-def test_a_coil_that_would_overheat_refuses_the_protocol(setup: Any) -> None:
+def test_a_protocol_that_would_overheat_the_coil_is_refused(setup: Any) -> None:
     told: list[str] = []
     dry_run(setup.protocol, setup.specimen, setup.rig, told.append)
     assert any(line.startswith("coil: at most ") for line in told)
@@ -294,7 +296,7 @@ def test_a_coil_that_would_overheat_refuses_the_protocol(setup: Any) -> None:
     assert setup.camera.number == 0
 
 
-def test_what_does_not_go_together_is_refused_before_anything_is_touched(setup: Any) -> None:
+def test_inputs_that_contradict_each_other_are_refused_before_an_instrument_is_touched(setup: Any) -> None:
     other = setup.specimen.text.replace("Dragon Skin 10", "Ecoflex 00-50")
     setup.specimen = parse(SpecimenFile, other, "s")
     with pytest.raises(InputError, match="'Dragon Skin 10', but the specimen small is of 'Ecoflex 00-50'"):
@@ -310,7 +312,7 @@ def test_what_does_not_go_together_is_refused_before_anything_is_touched(setup: 
         ("start_A = 0.0\nstop_A = -0.2\nstep_A = 0.1", r"current\.stop_A goes to -0\.2 A at state 2"),
     ],
 )
-def test_negative_currents_need_a_supply_that_reverses_them(setup: Any, currents: str, told: str) -> None:
+def test_negative_currents_need_a_supply_that_reverses_its_current(setup: Any, currents: str, told: str) -> None:
     text = setup.protocol.text.replace("start_A = 0.0\nstop_A = 0.3\nstep_A = 0.1", currents)
     setup.protocol = parse(Protocol, text, "p")
     with pytest.raises(InputError, match=rf"protocol short: {told}, but supply\.driver = 'korad' of rig bench"):

@@ -1,4 +1,4 @@
-"""Cameras that hand out something else than frames like the first: one line, and the coil off."""
+"""Cameras that return anything but frames like the first one: the run ends in one line, with the coil off."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ SPOILT: dict[str, Callable[[Frame], Any]] = {
     ("said", "after"),
     [*((said, 30) for said in SPOILT), *((said, 0) for said in SPOILT if said.startswith("returned"))],
 )
-def test_what_is_no_frame_ends_the_run_in_one_line_with_the_coil_off(setup: Any, said: str, after: int) -> None:
+def test_a_camera_that_returns_no_frame_ends_the_run_in_one_line_with_the_coil_off(
+    setup: Any, said: str, after: int
+) -> None:
     grab = setup.camera.grab
 
     def spoilt(timeout_s: float) -> Any:

@@ -1,4 +1,4 @@
-"""The command line: one line for every mistake, exit status by its kind, and the commands that need no run."""
+"""The command line: one line for every mistake, an exit status for its kind, and commands that need no run."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ ACQUIRE = ("acquire", "protocol.toml", "--specimen", "specimen.toml", "--rig")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (("acqire",), "No such command 'acqire'"),
         (("acquire",), "Missing argument"),
@@ -60,7 +60,7 @@ ACQUIRE = ("acquire", "protocol.toml", "--specimen", "specimen.toml", "--rig")
         ),
         ((*ACQUIRE, "virtual", "-o", "precious.h5"), "precious.h5: exists already"),
         ((*ACQUIRE, "virtual", "-o", "nowhere/x.h5"), "nowhere/x.h5: there is no folder nowhere"),
-        ((*ACQUIRE, "virtual", "-o", "x.h5", "--resume", "--force"), "give neither --force nor --note with it"),
+        ((*ACQUIRE, "virtual", "-o", "x.h5", "--resume", "--force"), "leave out --force and --note"),
         ((*ACQUIRE, "virtual", "-o", "x.h5", "--resume"), "x.h5: no such file to resume"),
         (("segment", "missing.h5"), "missing.h5: no such file"),
         (("segment", "."), ".: is a folder; a dataset is a file"),
@@ -70,13 +70,13 @@ ACQUIRE = ("acquire", "protocol.toml", "--specimen", "specimen.toml", "--rig")
         (("recover", "precious.h5", "-o", "x.h5"), "precious.h5: is not an HDF5 file"),
         (("recover", "points.h5", "-o", "precious.h5"), "precious.h5: exists already"),
         (("report", "points.h5", "-o", "pipe", "--force"), "pipe: is a device or a pipe"),
-        (("validate", "points.h5", "--fit", "pipe", "-o", "x"), "pipe: is no file but a device or a pipe"),
+        (("validate", "points.h5", "--fit", "pipe", "-o", "x"), "pipe: is a device or a pipe, not a file"),
         (("validate", "points.h5", "--fit", "precious.h5", "-o", "x"), "precious.h5: line 1: is not JSON (Expecting"),
         (("validate", "points.h5", "--fit", "precious.h5", "-o", "x"), "expected a file that `eimi fit` or `eimi tens"),
     ],
 )
 def test_a_mistake_gives_one_line_and_status_2(
-    run: Run, files: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], told: str
+    run: Run, files: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], message: str
 ) -> None:
     monkeypatch.chdir(files)
     Path("precious.h5").write_text("precious")
@@ -88,13 +88,13 @@ def test_a_mistake_gives_one_line_and_status_2(
     before = sorted(Path().iterdir())
     status, said = run(*arguments)
     assert (status, said.count("\n")) == (2, 1)
-    assert told in said
+    assert message in said
     assert sorted(Path().iterdir()) == before
     assert Path("precious.h5").read_text() == "precious"
     assert Path("pipe").is_fifo()
 
 
-def test_mistakes_as_a_person_meets_them(files: Path) -> None:
+def test_a_misspelt_key_gives_one_line_that_names_the_right_one(files: Path) -> None:
     (files / "specimen.toml").write_text((files / "specimen.toml").read_text().replace("length_mm", "lenght_mm"))
     done = eimi(*ACQUIRE, "virtual", "-o", "x.h5", cwd=files)
     assert (done.returncode, done.stdout) == (2, "")
@@ -124,7 +124,7 @@ def test_a_dry_run_prints_steps_duration_limits_and_messages(files: Path) -> Non
     assert lines[1] == "limits: 1 A, 10 V; ramps of 10 A/s"
     assert "state 3: 0.3 A, 1.41 mT, 2 frames" in lines
     assert re.fullmatch(r" +[0-9.]+ s  > ISET1:0\.300", next(line for line in lines if "ISET1:0.300" in line))
-    assert lines[-2].endswith("> STATUS?")  # that the output is off is the last thing asked
+    assert lines[-2].endswith("> STATUS?")  # at the end the run asks whether the output is off
     assert lines[-1].startswith("duration: ")
     assert sorted(path.suffix for path in files.iterdir()) == [".toml"] * 3
 
@@ -162,14 +162,14 @@ def test_the_help_shows_every_command_once_in_its_group_with_a_whole_summary() -
 
 def test_ctrl_c_while_the_package_is_imported_ends_in_one_line(tmp_path: Path) -> None:
     pressed = "import signal\nsignal.signal(2, signal.default_int_handler)\nsignal.raise_signal(2)\n"
-    (tmp_path / "typer.py").write_text(pressed)  # is imported in place of the library's
+    (tmp_path / "typer.py").write_text(pressed)  # is imported instead of the library
     done = eimi("--help", cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "eimi: stopped by SIGINT\n")
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
     assert project["scripts"] == {"eimi": "eimi_lab.__main__:main"}
 
 
-def test_the_versions_are_those_of_the_project_and_of_what_results_depend_on(tmp_path: Path) -> None:
+def test_the_versions_of_the_project_and_of_the_packages_behind_results_are_printed(tmp_path: Path) -> None:
     first, second = eimi("--version", cwd=tmp_path).stdout.splitlines()
     assert first == f"eimi-lab {eimi_lab.__version__}" == f"eimi-lab {version('eimi-lab')}"
     release = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["tool"]["setuptools_scm"]
@@ -188,7 +188,7 @@ def test_the_versions_are_those_of_the_project_and_of_what_results_depend_on(tmp
         (("fit", "x.h5", "--model", "m", "-o", "x.json", "--restarts", "many"), "--restarts", "many", "integer"),
     ],
 )
-def test_a_number_out_of_its_range_is_told_with_option_value_and_range(
+def test_a_number_out_of_range_is_reported_with_its_option_value_and_range(
     run: Run, arguments: tuple[str, ...], option: str, value: str, right: str
 ) -> None:
     status, said = run(*arguments)
@@ -198,17 +198,17 @@ def test_a_number_out_of_its_range_is_told_with_option_value_and_range(
     assert re.search(rf"\b{right}\b", said)
 
 
-def test_instruments_always_has_an_answer(tmp_path: Path) -> None:
+def test_instruments_prints_a_line_also_if_nothing_is_attached(tmp_path: Path) -> None:
     done = eimi("instruments", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert re.match(r"(supply|camera): driver = |no supply and no camera found", done.stdout)
 
 
-def test_segment_stores_edges_and_writes_them_out(run: Run, dataset: Path) -> None:
+def test_segment_stores_the_edges_and_writes_them_as_files(run: Run, dataset: Path) -> None:
     folder = dataset.parent
     arguments = ("segment", dataset, "--csv", folder / "csv", "--overlay", folder / "overlay")
     status, said = run(*arguments)
-    assert (status, said.count("\n")) == (0, 2)  # a line a state
+    assert (status, said.count("\n")) == (0, 2)  # one line per state
     table = np.loadtxt(folder / "csv" / "step_00_left.csv", delimiter=",", skiprows=1)
     assert (folder / "csv" / "step_01_right.csv").read_text().startswith("x_mm,y_mm,sigma_mm\n")
     assert np.all(np.diff(table[:, 0]) > 0)
@@ -216,7 +216,7 @@ def test_segment_stores_edges_and_writes_them_out(run: Run, dataset: Path) -> No
     quality = (folder / "csv" / "quality.json").read_text()
     assert '"NOT_SETTLED"' in quality
     picture = cv2.imread(str(folder / "overlay" / "step_01.png"))
-    assert picture.shape[0] > 96  # the frame, and its words below it
+    assert picture.shape[0] > 96  # the frame, with text below it
     assert picture.shape[1] >= 128
     with open_dataset(dataset) as stored:
         edges = stored.edges()

@@ -1,4 +1,4 @@
-"""Cycles before a run: what the coil does, what is stored, and what is told of it."""
+"""Conditioning cycles before a run: currents of the coil, stored frames, and messages."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def asked(setup: Any, line: str) -> None:
 
 
 def reached(setup: Any) -> list[float]:
-    """The set-points as they are taken, repetitions left out."""
+    """Return a list that collects the set-points of the supply, without repetitions."""
     history: list[float] = []
     take = setup.coil.set_current
 
@@ -41,7 +41,7 @@ def reached(setup: Any) -> list[float]:
 
 
 def softening(draw: Callable[..., np.ndarray], history: list[float]) -> Callable[..., np.ndarray]:
-    """Draws a beam with a tip that swings out further, by 2 px at 0.3 A, once it was loaded and came back."""
+    """Return a function that draws a beam; after the first cycle its tip moves 2 px further at 0.3 A."""
 
     def drawn(seed: int, shift_px: float = 0.0) -> np.ndarray:
         softened = 0.0 in history[history.index(0.3) :] if 0.3 in history else False
@@ -52,7 +52,7 @@ def softening(draw: Callable[..., np.ndarray], history: list[float]) -> Callable
     return drawn
 
 
-def test_the_cycles_come_before_the_states_and_their_ends_are_stored(setup: Any) -> None:
+def test_cycles_come_before_the_states_and_their_last_frames_are_stored(setup: Any) -> None:
     asked(setup, THREE_CYCLES)
     history, remarks = reached(setup), []
     setup.run(remark=remarks.append)
@@ -68,7 +68,7 @@ def test_the_cycles_come_before_the_states_and_their_ends_are_stored(setup: Any)
     assert remarks[0].startswith("conditioning, 3 cycles: at 0.3 A ")
 
 
-def test_a_beam_that_softens_is_told_by_its_tip(setup: Any) -> None:
+def test_a_beam_that_softens_is_detected_by_its_tip(setup: Any) -> None:
     asked(setup, THREE_CYCLES)
     setup.camera.draw = softening(setup.camera.draw, reached(setup))
     remarks: list[str] = []
@@ -128,7 +128,7 @@ def test_a_resumed_run_is_not_conditioned_again(setup: Any) -> None:
         ("conditioning = { cycles = 0, current_A = 0.3 }", "conditioning.cycles = 0 should be"),
     ],
 )
-def test_what_cannot_be_is_refused_by_the_protocol(setup: Any, line: str, told: str) -> None:
+def test_a_conditioning_that_is_impossible_is_refused(setup: Any, line: str, told: str) -> None:
     with pytest.raises(InputError, match=told):
         asked(setup, line)
 

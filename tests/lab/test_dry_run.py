@@ -1,4 +1,4 @@
-"""What a run would do, told before anything is touched."""
+"""The dry run: the steps and messages of a run, printed without touching an instrument."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def messages(told: list[str]) -> list[str]:
     return [line.split("> ")[1] for line in told if " > " in line]
 
 
-def test_a_dry_run_tells_the_very_messages_of_a_run(setup: Any) -> None:
+def test_a_dry_run_prints_exactly_the_messages_of_a_run(setup: Any) -> None:
     told = tell(setup, "korad", "/dev/ttyACM0")
     setup.camera.swing_s = 1e-9
     setup.run()
@@ -67,7 +67,7 @@ def test_every_driver_can_be_run_dry(setup: Any, driver: str) -> None:
     assert messages(told)
 
 
-def test_a_channel_that_the_supply_does_not_have_is_told(setup: Any) -> None:
+def test_a_channel_that_the_supply_does_not_have_is_reported(setup: Any) -> None:
     with pytest.raises(InstrumentError, match="somewhere#4: there is no channel 4; rigol-dp800 has 1 to 3"):
         tell(setup, "rigol-dp800", "somewhere#4")
 
@@ -118,7 +118,7 @@ class Ours(KoradSupply):
         ("stop_A = 0.3\nstep_A = 0.1", "stop_A = 0.3\nstep_A = 1e-9", "gives more than 1000 states"),
     ],
 )
-def test_what_no_run_could_ever_do_is_refused_in_one_short_line(
+def test_a_protocol_that_no_run_could_finish_is_refused_in_one_short_line(
     files: Path, run: Any, old: str, new: str, said: str
 ) -> None:
     path = files / "protocol.toml"

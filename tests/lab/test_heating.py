@@ -1,4 +1,4 @@
-"""The coil's thermal budget, against the solution of its differential equation."""
+"""The thermal budget of the coil, compared with the solution of its differential equation."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_smoothed_heat_never_exceeds_the_largest_current_squared(currents_A: lis
     assert 0.0 <= share <= max(current**2 for current in currents_A) * (1 + 1e-12)
 
 
-def test_what_the_coil_bears_for_ever_is_never_refused() -> None:
+def test_a_current_within_the_continuous_rating_is_never_refused() -> None:
     refuse_overheating(protocol([1.0] * 500), CoilRating(continuous_current_A=1.0000001, thermal_time_constant_s=60.0))
     with pytest.raises(InputError, match=r"overheat the coil at state \d+ \(1 A\).*continuous_current_A = 0\.9"):
         refuse_overheating(protocol([1.0] * 500), CoilRating(continuous_current_A=0.9, thermal_time_constant_s=60.0))

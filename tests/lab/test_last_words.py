@@ -1,4 +1,4 @@
-"""A Ctrl-C that comes at a bad moment: while the program tells of the first, or where Python drops what is raised."""
+"""A Ctrl-C at a bad moment: while the first is being reported, or in a destructor, whose exceptions Python drops."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def app(*arguments, **options):
     except Stopped as stopped:
         raise Stopped(stopped.number, "the coil is off") from stopped
 
-def with_another_before(act):
+def interrupted_before(act):
     again = [ctrl_c]
     def acting(said):
         while again:
@@ -32,13 +32,13 @@ def with_another_before(act):
     return acting
 
 cli.app = app
-cli.{place} = with_another_before(cli.{place})
+cli.{place} = interrupted_before(cli.{place})
 cli.main()
 """
 
 
 @pytest.mark.parametrize("place", ["tell", "_report_stop"])
-def test_what_the_first_left_behind_is_told_all_the_same(place: str) -> None:
+def test_a_second_ctrl_c_does_not_suppress_the_report_of_the_first(place: str) -> None:
     command = [sys.executable, "-c", STOPPED.format(place=place)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert (done.returncode, done.stderr) == (130, "eimi: stopped by SIGINT: the coil is off\n")
@@ -51,7 +51,7 @@ from eimi_lab import cli
 class Departing:
     def __del__(self):
         os.kill(os.getpid(), signal.SIGINT)
-        len("here Python hears of it")
+        len("Python handles the signal here")
 
 def app(*arguments, **options):
     Departing()
@@ -62,7 +62,7 @@ cli.main()
 """
 
 
-def test_one_that_python_drops_comes_again() -> None:
+def test_a_ctrl_c_that_arrives_in_a_destructor_still_ends_the_program() -> None:
     done = subprocess.run(
         [sys.executable, "-c", DROPPED], capture_output=True, text=True, check=False, timeout=PATIENCE_S
     )

@@ -1,4 +1,4 @@
-"""What a person asks for on the command line reaches what does the work, and no input is ever an output."""
+"""Every option of the command line reaches the function that does the work, and no input is ever overwritten."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from eimi_lab.process.errors import InputError
 
 Run = Callable[..., tuple[int, str]]
 
-# Another value than the default, for every option of `eimi fit` on which its numbers depend.
+# A value that differs from the default, for every option of `eimi fit` on which its numbers depend.
 OTHERS: dict[str, Any] = {
     "section": "plane-stress",
     "include_flagged": True,
@@ -46,7 +46,7 @@ def curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def options(**changes: Any) -> FitOptions:
-    """With a curve where an option is one of a curve."""
+    """Return options of a fit, with a tensile curve if one of them concerns curves."""
     if changes.keys() & {"tensile", "tensile_window", "tensile_weight"}:
         changes["tensile"] = [Path("curve.csv")]
     return FitOptions(**changes)
@@ -57,8 +57,8 @@ def test_every_option_of_a_fit_has_another_value_here() -> None:
 
 
 @pytest.mark.parametrize("name", OTHERS)
-def test_a_checkpoint_is_not_gone_on_with_under_another_option(curve: Path, tmp_path: Path, name: str) -> None:
-    """Every option stands in the head by its value: a search under another one would lead elsewhere."""
+def test_a_checkpoint_is_not_continued_with_another_option(curve: Path, tmp_path: Path, name: str) -> None:
+    """The head of a checkpoint holds the value of every option, because another value changes the search."""
     before = FitOptions(tensile=[Path("curve.csv")]) if name in ("tensile_window", "tensile_weight") else FitOptions()
     after = options(**{name: OTHERS[name]})
     assert before.head() != after.head()
@@ -75,7 +75,7 @@ def test_a_checkpoint_is_not_gone_on_with_under_another_option(curve: Path, tmp_
 
 
 @pytest.mark.parametrize("change", [{"datasets": ("1" * 64,)}, {"fits": ("two",)}, {"versions": {"numpy": "2"}}])
-def test_a_checkpoint_is_not_gone_on_with_on_other_data(tmp_path: Path, change: dict[str, Any]) -> None:
+def test_a_checkpoint_is_not_continued_with_other_data(tmp_path: Path, change: dict[str, Any]) -> None:
     one = {"fits": ("one",), "datasets": ("0" * 64,), "options": {"seed": 1}, "versions": {"numpy": "1"}}
     log = tmp_path / "log.jsonl"
     Checkpoint(log, Head(**one), resume=False)
@@ -102,7 +102,7 @@ def test_every_option_of_a_fit_reaches_the_mathematics(curve: Path) -> None:
 
 @dataclasses.dataclass
 class Reached(Exception):
-    """What was asked of the one who does the work, told by leaving."""
+    """Carries the arguments of a call; it is raised instead of doing the work."""
 
     given: tuple[Any, ...]
     named: dict[str, Any]
@@ -110,26 +110,26 @@ class Reached(Exception):
 
 @pytest.fixture
 def reached(monkeypatch: pytest.MonkeyPatch, run: Run) -> Callable[..., tuple[tuple[Any, ...], dict[str, Any]]]:
-    """Runs a command until it calls a function of the suite, named as `module.function`; with what it calls it."""
+    """Return a function that runs a command until it calls `module.function`, and returns the arguments of the call."""
 
     def reached(function: str, *arguments: object) -> tuple[tuple[Any, ...], dict[str, Any]]:
-        found: list[Reached] = []
+        calls: list[Reached] = []
 
-        def told(*given: Any, **named: Any) -> None:
-            found.append(Reached(given, named))
-            raise InputError("as far as this test wants to go")
+        def stop(*given: Any, **named: Any) -> None:
+            calls.append(Reached(given, named))
+            raise InputError("the test stops the command here")
 
         with monkeypatch.context() as patch:
-            patch.setattr(f"eimi_lab.{function}", told)
+            patch.setattr(f"eimi_lab.{function}", stop)
             status, said = run(*arguments)
         assert status == 2
-        assert found, said
-        return found[0].given, found[0].named
+        assert calls, said
+        return calls[0].given, calls[0].named
 
     return reached
 
 
-def test_flagged_states_and_a_section_are_asked_for_in_fit_and_in_validate(
+def test_fit_and_validate_obey_include_flagged_and_section(
     reached: Any, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("eimi_lab.fits.fits_file.read_any_fits", lambda path: ())
@@ -143,7 +143,7 @@ def test_flagged_states_and_a_section_are_asked_for_in_fit_and_in_validate(
         assert (asked["section"], asked["flagged"]) == ("plane-strain", True)
 
 
-def test_simulate_obeys_its_angles_and_has_the_coil_constant_of_its_help(reached: Any, tmp_path: Path) -> None:
+def test_simulate_obeys_its_angles_and_uses_the_default_coil_constant_of_its_help(reached: Any, tmp_path: Path) -> None:
     command = ("simulate", "dragon_skin_10", "--specimen", "type1", "--model", "neo-hookean")
     command += ("--parameter", "mu_Pa=46e3", "-o", tmp_path / "out")
     given, _ = reached("virtual.simulation.simulate", *command)
@@ -155,7 +155,7 @@ def test_simulate_obeys_its_angles_and_has_the_coil_constant_of_its_help(reached
     assert given[4:7] == (30.0, 60.0, 900.0)
 
 
-def test_tensile_demo_plan_and_bench_obey_their_options(
+def test_tensile_demo_plan_and_acquire_obey_their_options(
     reached: Any, curve: Path, files: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tensile = ("tensile", curve, "--model", "yeoh", "--window", "20", "-o", "new.json")
@@ -175,7 +175,7 @@ def test_tensile_demo_plan_and_bench_obey_their_options(
         assert (named["note"], named["take_over"], named["resume"]) == (words, take_over, False)
 
 
-def test_calibrate_obeys_what_is_known_of_board_beam_and_gravity(reached: Any, files: Path) -> None:
+def test_calibrate_obeys_its_options_for_board_beam_and_gravity(reached: Any, files: Path) -> None:
     picture = files / "board.png"
     picture.write_bytes(b"")
     common = ("--coil-constant", "4.7", "--clamp-midpoint-px", "64", "8", "-o", files / "new.toml")
@@ -221,7 +221,7 @@ def test_calibrate_obeys_what_is_known_of_board_beam_and_gravity(reached: Any, f
     ],
 )
 @pytest.mark.parametrize("through", ["by name", "by a link"])
-def test_no_file_that_is_read_is_written_over_however_forced(
+def test_a_file_that_a_command_reads_is_never_overwritten_even_with_force(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, command: str, through: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -242,7 +242,7 @@ def test_no_file_that_is_read_is_written_over_however_forced(
 
 
 def test_states_flagged_by_their_run_are_left_out_unless_asked_for(dataset: Path) -> None:
-    """The drawn dataset's second state has such a flag, and here it has edges as good as the first's."""
+    """The second state of the drawn dataset has a flag of its run; here it gets the good edges of the first."""
     load_evidence(dataset, flagged=True)  # finds the edges
     with open_dataset(dataset) as found:
         first = (found.edges() or ())[0]
@@ -253,7 +253,7 @@ def test_states_flagged_by_their_run_are_left_out_unless_asked_for(dataset: Path
     assert [(state.state, state.flags) for state in left_out] == [(1, ("NOT_SETTLED",))]
 
 
-def test_what_a_rig_states_of_its_current_reaches_the_fit(dataset: Path) -> None:
+def test_the_uncertainty_of_the_current_that_a_rig_states_reaches_the_fit(dataset: Path) -> None:
     load_evidence(dataset, flagged=True)  # finds the edges
     rig = load_rig("bench_example")
     with h5py.File(dataset, "r+", libver="latest") as file:
@@ -263,6 +263,6 @@ def test_what_a_rig_states_of_its_current_reaches_the_fit(dataset: Path) -> None
     assert stated["offset"].standard_uncertainty == pytest.approx(4.7 * rig.uncertainty["current_A"])  # mT
 
 
-def test_a_name_that_no_result_can_hold_is_refused_before_the_work() -> None:
+def test_a_file_name_that_no_result_can_store_is_refused_before_the_work() -> None:
     with pytest.raises(InputError, match=r"udcff\.h5': is not UTF-8"):
         load_evidence("\udcff.h5")

@@ -1,4 +1,4 @@
-"""A run that is paused, ended early, and run again: what the coil does and what a person is told."""
+"""A run that is paused, ended early, and repeated: the state of the coil and the messages."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PICTURES, NAMES = 24, 3000
 
 
 def typist(setup: Any, paused_for: int) -> Callable[[], str | None]:
-    """Types `p` in the first state that is loaded, and Enter after so many looks at the terminal in the pause."""
+    """Types `p` in the first state with a current, and Enter after some reads of the terminal during the pause."""
     looks: list[bool] = []
 
     def typed() -> str | None:
@@ -86,7 +86,7 @@ def test_a_pause_can_be_ended_by_ctrl_c(setup: Any) -> None:
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
 
 
-def test_ctrl_c_before_the_first_state_leaves_nothing_and_says_so(setup: Any) -> None:
+def test_ctrl_c_before_the_first_state_leaves_no_file_and_says_so(setup: Any) -> None:
     setup.camera.event = lambda number: signal.raise_signal(signal.SIGINT) if number == 9 else None
     with pytest.raises(Stopped, match="the coil is off; no state was stored yet, so that there is no file"):
         setup.run()

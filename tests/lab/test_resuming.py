@@ -1,4 +1,4 @@
-"""Going on with a run that ended early, in simulated seconds."""
+"""Resume a run that ended early, in simulated time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from eimi_lab.process.errors import InputError
 
 
 def interrupt(setup: Any, after_A: float) -> list[str]:
-    """Run until the set-point `after_A` comes up, then fail; what was remarked."""
+    """Run until the set-point `after_A` is reached, then fail; return the remarks."""
 
     def fail(number: int) -> None:
         if setup.coil.state.set_current_A == after_A:
@@ -53,7 +53,7 @@ def test_a_run_that_ended_early_is_resumed_at_the_next_state(setup: Any) -> None
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
 
 
-def test_a_resumed_run_goes_the_way_of_the_first(setup: Any) -> None:
+def test_a_resumed_run_sets_the_same_currents_as_the_first(setup: Any) -> None:
     up_and_down = setup.protocol.text.replace("step_A = 0.1\n\n", "step_A = 0.1\nup_and_down = true\n\n")
     setup.protocol = parse(Protocol, up_and_down, "p")
     been_up: list[int] = []
@@ -109,7 +109,7 @@ def test_a_run_is_not_resumed_under_other_conditions(setup: Any, change: Callabl
     assert not setup.coil.state.output
 
 
-def test_comments_are_no_difference(setup: Any) -> None:
+def test_a_changed_comment_does_not_prevent_a_resumed_run(setup: Any) -> None:
     interrupt(setup, after_A=0.2)
     setup.protocol = parse(Protocol, "# by day\n" + setup.protocol.text, "p")
     setup.run(resume=True)

@@ -1,4 +1,4 @@
-"""Settling: the measure is 1 at rest, whatever the camera's noise, and grows with motion as motion's blur predicts."""
+"""Settling: the ratio is 1 at rest for any noise of the camera, and it grows with motion as motion blur predicts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from eimi_lab.vision.settling_statistic import edge_band, measure_noise
 
 
 def camera(rng: np.random.Generator, shift_px: float, electrons: float = 10_000.0) -> np.ndarray:
-    """(200, 300) uint8 with shot noise: a bright field that falls off, a dark beam with blurred edges."""
+    """Return a frame (200, 300), uint8, with shot noise: an uneven background and a dark beam with blurred edges."""
     x = np.arange(300) - shift_px
     light = 0.8 * (1 - 0.2 * (x / 300) ** 2)
     beam = 0.06 + 0.94 / (1 + np.exp(-(np.abs(x - 150) - 37) / 0.6))
@@ -34,7 +34,7 @@ def test_noise_follows_shot_noise() -> None:
     assert noise.variances == pytest.approx(expected, rel=0.1)
 
 
-def test_motion_shows() -> None:
+def test_motion_raises_the_ratio_above_one() -> None:
     rng = np.random.default_rng(3)
     noise = measure_noise([camera(rng, 0.0) for _ in range(8)])
     ratios = [noise.difference_ratio(camera(rng, 0.0), camera(rng, shift)) for shift in (0.05, 0.1, 0.2, 0.5)]

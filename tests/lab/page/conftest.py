@@ -1,4 +1,4 @@
-"""A page that is served, on a real socket, over a folder with a dataset; and a browser."""
+"""Fixtures: a page that is served on a real socket, with a dataset in its folder, and a browser."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class Served:
 
 @pytest.fixture(scope="session")
 def data_folder(tmp_path_factory: pytest.TempPathFactory, texts: dict[str, str], frame: Callable[..., Any]) -> Path:
-    """Holds `frames/` with two pictures, `states.csv`, TOML files, and the dataset `run.h5` of them."""
+    """Return a folder with two images in `frames/`, `states.csv`, TOML files, and their dataset `run.h5`."""
     folder = tmp_path_factory.mktemp("data")
     for name, text in texts.items():
         (folder / f"{name}.toml").write_text(text)
@@ -100,7 +100,7 @@ def data_folder(tmp_path_factory: pytest.TempPathFactory, texts: dict[str, str],
 
 @pytest.fixture(scope="session")
 def served(data_folder: Path) -> Iterator[Served]:
-    """The page of `data_folder`."""
+    """Serve the page of `data_folder`."""
     page = Page(data_folder)
     listening = socket.create_server(("127.0.0.1", 0))
     port = listening.getsockname()[1]
@@ -116,7 +116,7 @@ def served(data_folder: Path) -> Iterator[Served]:
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Any]:
-    """Debian's Chromium, or whatever Playwright has installed."""
+    """Start Chromium of the system, or the one that Playwright installed."""
     playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
     with playwright.sync_playwright() as driver:
         own = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -130,7 +130,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def tab(chromium: Any) -> Iterator[Callable[[str], Any]]:
-    """Opens an address in a new tab of one browser; a script that fails, or breaks the policy, fails the test."""
+    """Return a function that opens an address in a new tab; a script that fails or breaks the policy fails the test."""
     context = chromium.new_context(viewport={"width": 1280, "height": 720})
     context.set_default_timeout(1000 * PATIENCE_S)
     faults: list[str] = []
@@ -149,7 +149,7 @@ def tab(chromium: Any) -> Iterator[Callable[[str], Any]]:
 
 @dataclass
 class EmulatedBench:
-    """A folder with a rig of an emulated supply and a camera that plays pictures; and the coil of that supply."""
+    """A folder with a rig: an emulated supply with its coil, and a camera that plays images."""
 
     folder: Path
     coil: CoilSupply
@@ -160,7 +160,7 @@ class EmulatedBench:
 
 @pytest.fixture
 def emulated_bench(files: Path, frame: Callable[..., Any]) -> Iterator[EmulatedBench]:
-    """A run on it takes 451 states, minutes on any machine: no test waits for its end, or meets it."""
+    """Serve a supply for a protocol of 451 states, which takes minutes, so that no run ends during a test."""
     (files / "shots").mkdir()
     for number in range(4):
         cv2.imwrite(str(files / "shots" / f"f_{number}.png"), frame(number, 3.0 * number))
@@ -185,7 +185,7 @@ playback = {{ picture_a_state = true, loop = true }}
 
 @pytest.fixture
 def dashboard() -> Iterator[Callable[[Path], tuple[subprocess.Popen[str], str]]]:
-    """Starts `eimi dashboard` on a folder; gives its process and the address that it printed."""
+    """Return a function that starts `eimi dashboard` on a folder and returns its process and the printed address."""
     begun: list[subprocess.Popen[str]] = []
 
     def begin(folder: Path) -> tuple[subprocess.Popen[str], str]:

@@ -1,4 +1,4 @@
-"""Who is let in, and what the page lets be seen of the machine."""
+"""Which requests the page answers, and which files of the machine it shows."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_no_cookie_is_set_and_the_page_itself_holds_no_token(served: Any) -> Non
         ("/static/main.js", {"Sec_Fetch_Site": "cross-site"}),
     ],
 )
-def test_who_has_no_token_or_comes_from_another_site_gets_nothing(served: Any, path: str, headers: dict) -> None:
+def test_a_request_without_the_token_or_from_another_site_is_refused(served: Any, path: str, headers: dict) -> None:
     answer = served.ask(path, **headers)
     assert answer.status == 403
     assert b"run.h5" not in answer.body
@@ -144,7 +144,7 @@ def test_a_server_on_another_port_learns_nothing_from_the_browser(served: Any, t
         assert page.evaluate("sessionStorage.getItem('token')") is None
 
 
-def test_a_tab_without_the_token_is_told_what_to_open(served: Any, tab: Any) -> None:
+def test_a_tab_without_the_token_shows_which_address_to_open(served: Any, tab: Any) -> None:
     page = tab(f"http://{served.host}/")
     page.get_by_text("open the address that `eimi dashboard` printed").wait_for()
 
@@ -163,20 +163,20 @@ def test_a_post_of_another_origin_is_refused(served: Any, origin: str) -> None:
 
 
 @pytest.mark.parametrize(("length", "status"), [(1 << 15, 400), ((1 << 16) + 1, 413), (1 << 30, 413)])
-def test_what_is_too_long_is_not_read(served: Any, length: int, status: int) -> None:
-    """As its header says; 400 is of a body that is read, and is no request."""
+def test_a_request_that_is_too_long_is_not_read(served: Any, length: int, status: int) -> None:
+    """The stated length decides. Status 400 belongs to a body that was read and is not a valid request."""
     origin = f"http://{served.host}"
     body = b"x" * min(length, 1 << 15)
     answer = served.ask("/api/pictures/edges", "POST", body, Origin=origin, Content_Length=str(length))
     assert answer.status == status
 
 
-def test_a_body_of_a_length_that_is_not_told_is_not_read(served: Any) -> None:
+def test_a_request_without_a_stated_length_is_not_read(served: Any) -> None:
     assert served.ask("/api/folder").status == 200
     assert served.ask("/api/folder", Transfer_Encoding="chunked").status == 413
 
 
-def test_a_browser_is_told_to_run_nothing_but_the_page(served: Any) -> None:
+def test_the_headers_forbid_the_browser_to_run_anything_but_the_page(served: Any) -> None:
     headers = served.ask("/").headers
     policy = headers["content-security-policy"]
     assert "default-src 'none'" in policy
@@ -225,7 +225,7 @@ def test_static_files_are_the_pages_own(served: Any) -> None:
         (["nowhere"], "is not a folder"),
     ],
 )
-def test_other_addresses_want_to_be_asked_for(
+def test_an_address_that_other_machines_reach_needs_an_option(
     run: Callable[..., tuple[int, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list, words: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -235,7 +235,7 @@ def test_other_addresses_want_to_be_asked_for(
 
 
 @pytest.mark.parametrize("asked", [[signal.SIGTERM], [signal.SIGHUP], [signal.SIGINT, signal.SIGINT, signal.SIGINT]])
-def test_the_command_prints_the_address_and_ends_by_a_signal(data_folder: Path, asked: list[signal.Signals]) -> None:
+def test_the_command_prints_the_address_and_ends_at_a_signal(data_folder: Path, asked: list[signal.Signals]) -> None:
     command = [sys.executable, "-m", "eimi_lab", "dashboard", str(data_folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

@@ -1,4 +1,4 @@
-"""Runs that are begun, watched, paused, stopped and lost in a browser, on an emulated supply."""
+"""Runs that are started, watched, paused, stopped and lost in a browser, on an emulated supply."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_a_run_is_begun_watched_by_two_tabs_reloaded_and_stopped(emulated_bench:
     other.get_by_text("COIL ON").wait_for()
     other.close()
     frames_arrive(page)  # a tab that closes stops nothing
-    page.keyboard.press("Escape")  # and whoever looks on may stop
+    page.keyboard.press("Escape")  # a tab that is not in control may stop the run
     page.get_by_text("the coil is off, confirmed after").wait_for()
     assert emulated_bench.is_off()
     page.get_by_role("button", name="Start").wait_for()
@@ -129,7 +129,7 @@ def stored_currents(path: Any) -> list[float]:
         ({}, 101),
     ],
 )
-def test_the_socket_is_for_the_page_alone(served: Any, headers: dict[str, str], status: int) -> None:
+def test_the_websocket_accepts_only_the_page(served: Any, headers: dict[str, str], status: int) -> None:
     sent = {
         "Host": served.host,
         "Origin": f"http://{served.host}",

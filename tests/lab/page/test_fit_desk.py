@@ -1,4 +1,4 @@
-"""Fits that are asked for: which are refused, and what is read of the log of one under way."""
+"""Requests to fit: which are refused, and what the page reads from the log of a running fit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.patience import PATIENCE_S
 
 @contextmanager
 def in_control(served: Any) -> Iterator[tuple[Any, str]]:
-    """A socket whose tab steers, and the tab's name."""
+    """Yield a WebSocket whose tab is in control, and the name of the tab."""
     with served.socket() as tab:
         told = json.loads(tab.recv(timeout=PATIENCE_S))
         if told["control"] != "you":
@@ -35,7 +35,7 @@ def in_control(served: Any) -> Iterator[tuple[Any, str]]:
         ({"dataset": "../none.h5", "model": "yeoh"}, "leads out of the folder"),
     ],
 )
-def test_a_fit_of_nothing_is_refused(served: Any, asked: dict[str, str], words: str) -> None:
+def test_a_fit_of_a_missing_file_or_law_is_refused(served: Any, asked: dict[str, str], words: str) -> None:
     with in_control(served) as (_, name):
         answer = served.ask(
             "/api/fit/start", "POST", json.dumps(asked).encode(), Origin=f"http://{served.host}", X_Tab=name
@@ -44,8 +44,8 @@ def test_a_fit_of_nothing_is_refused(served: Any, asked: dict[str, str], words: 
     assert words in json.loads(answer.body)["error"]
 
 
-def test_what_a_fit_cannot_explain_is_told_in_the_tab(served: Any) -> None:
-    """The drawn beam has no magnet and no load that moves it. A fit writes edges: into a copy, as others look at it."""
+def test_the_tab_shows_why_a_fit_failed(served: Any) -> None:
+    """No load moves the drawn beam. The fit writes edges, so it uses a copy of the shared dataset."""
     own = served.folder / "unfit"
     own.mkdir()
     shutil.copy(served.folder / "run.h5", own)
@@ -61,7 +61,7 @@ def test_what_a_fit_cannot_explain_is_told_in_the_tab(served: Any) -> None:
     assert not (own / "run.fits.json").exists()
 
 
-def test_a_fit_of_before_is_replaced_where_that_is_asked_for_alone(served: Any) -> None:
+def test_an_earlier_fit_is_replaced_only_on_request(served: Any) -> None:
     fits = served.folder / "run.fits.json"
     fits.write_text("of before")
     try:
@@ -76,7 +76,7 @@ def test_a_fit_of_before_is_replaced_where_that_is_asked_for_alone(served: Any) 
 
 
 def test_one_run_at_a_time(served: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run that goes on, in place of which another one is asked for."""
+    """A second run is requested while the first one is under way."""
 
     class GoingOn:
         going_on = True

@@ -1,4 +1,4 @@
-"""The page can be read and used: contrast, small windows, and STOP always in reach."""
+"""The page can be read and used: contrast, small windows, and a STOP button that is always visible."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PAIRS = [
 
 
 def colours() -> dict[str, dict[str, str]]:
-    """The custom properties of the style sheet by scheme."""
+    """Return the custom properties of the style sheet, by scheme."""
     sheet = (STATIC / "page.css").read_text()
     blocks = re.findall(r":root \{(.*?)\}", sheet, re.DOTALL)
     return {
@@ -28,7 +28,7 @@ def colours() -> dict[str, dict[str, str]]:
 
 
 def luminance(colour: str) -> float:
-    """Relative luminance as WCAG 2.2 defines it."""
+    """Return the relative luminance of a colour as WCAG 2.2 defines it."""
     digits = colour[1:] if len(colour) == 7 else "".join(2 * digit for digit in colour[1:])
     parts = [int(digits[at : at + 2], 16) / 255 for at in (0, 2, 4)]
     linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
@@ -36,7 +36,7 @@ def luminance(colour: str) -> float:
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_every_text_stands_out_from_its_ground(scheme: str) -> None:
+def test_every_text_has_enough_contrast_with_its_background(scheme: str) -> None:
 
     named = colours()[scheme]
     for ink, ground in PAIRS:
@@ -45,7 +45,7 @@ def test_every_text_stands_out_from_its_ground(scheme: str) -> None:
 
 
 @pytest.mark.parametrize(("wide", "high"), [(1280, 720), (768, 1024)])
-def test_stop_is_in_reach_wherever_the_page_is_scrolled(served: Any, tab: Any, wide: int, high: int) -> None:
+def test_stop_is_visible_wherever_the_page_is_scrolled(served: Any, tab: Any, wide: int, high: int) -> None:
     page = tab(served.address)
     page.set_viewport_size({"width": wide, "height": high})
     for view in ("Bench", "Runs", "Pictures"):

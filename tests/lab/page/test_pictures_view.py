@@ -1,4 +1,4 @@
-"""Own pictures: clamp, axis and scale are dragged into place in a browser, and the files that come of it are used."""
+"""Pictures of a user: clamp, axis and scale are dragged into place in a browser, and the saved files are used."""
 
 from __future__ import annotations
 
@@ -65,12 +65,12 @@ def test_a_calibration_is_dragged_into_place_saved_and_used(served: Any, tab: An
         ({"folder": "frames", "picture": "frame_1.png", "specimen": "../type1"}, "leads out of the folder"),
     ],
 )
-def test_what_is_wrong_with_a_request_is_told(served: Any, asked: dict[str, Any], words: str) -> None:
+def test_the_answer_to_a_wrong_request_names_the_mistake(served: Any, asked: dict[str, Any], words: str) -> None:
     answer = served.ask("/api/pictures/edges", "POST", json.dumps(asked).encode(), Origin=f"http://{served.host}")
     assert answer.status == 400
     assert words in json.loads(answer.body)["error"]
 
 
-def test_files_are_written_by_the_tab_in_control_alone(served: Any, tmp_path: Path) -> None:
+def test_only_the_tab_in_control_writes_files(served: Any, tmp_path: Path) -> None:
     answer = served.ask("/api/pictures/save", "POST", b"{}", Origin=f"http://{served.host}", X_Tab="")
     assert (answer.status, "take control first" in answer.body.decode()) == (400, True)

@@ -1,4 +1,4 @@
-"""What the page knows of the coil comes from events: the words that a run and its guardian say may be any."""
+"""The page derives the state of the coil from events, and never from messages of the run or of its guardian."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ async def killed(run: BenchRun) -> str:
 
 
 @pytest.mark.parametrize("end", [stopped, killed])
-def test_the_page_knows_that_the_coil_is_off_whatever_the_words(
+def test_the_page_derives_the_coil_from_events_whatever_the_messages_say(
     emulated_bench: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: Callable[..., Any]
 ) -> None:
     (tmp_path / "sitecustomize.py").write_text(OTHER_WORDS)
@@ -74,7 +74,7 @@ def heard(*events: Event) -> BenchRun:
     return run
 
 
-def test_the_page_s_coil_follows_the_events() -> None:
+def test_the_coil_on_the_page_follows_the_events() -> None:
     on, off = OutputSwitched(on=True), OffConfirmed(by="guardian", determined_by="commanded", takeover="run_died")
     assert heard().progress.coil == "off"
     assert heard(on).progress.coil == "on"
@@ -84,7 +84,7 @@ def test_the_page_s_coil_follows_the_events() -> None:
     assert heard(on, OffNotConfirmed(by="run", reason=""), off).progress.coil == "off"
 
 
-def test_the_page_counts_states_and_tolerates_what_it_does_not_know() -> None:
+def test_the_page_counts_states_and_ignores_events_of_a_later_release() -> None:
     begun = RunBegun(
         dataset="run.h5",
         protocol="p",

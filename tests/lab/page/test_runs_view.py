@@ -1,4 +1,4 @@
-"""Past runs in a browser, and fits of them."""
+"""Stored runs in a browser, and fits of them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ YOUNG_PA, FORCES_N = 150e3, (1e-4, 2e-4, 3e-4)
 
 @pytest.fixture
 def rod(served: Any, run: Callable[..., tuple[int, str]]) -> Path:
-    """The dataset rods/rod.h5: a cantilever's tip under three small forces, by the formula of slender beams."""
+    """Return the dataset rods/rod.h5: the tip of a cantilever under three small forces, by slender-beam theory."""
     folder: Path = served.folder / "rods"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
@@ -41,7 +41,7 @@ def rod(served: Any, run: Callable[..., tuple[int, str]]) -> Path:
     return folder / "rod.h5"
 
 
-def test_a_run_is_opened_and_gone_through_by_keyboard(served: Any, tab: Any) -> None:
+def test_a_run_is_opened_and_browsed_with_the_keyboard(served: Any, tab: Any) -> None:
     page = tab(served.address)
     assert "token" not in page.url
     page.get_by_role("link", name="Runs").press("Enter")
@@ -60,10 +60,8 @@ def open_rod(page: Any) -> None:
     page.get_by_role("button", name="rod.h5").click()
 
 
-def test_a_fit_is_of_the_dataset_that_is_seen_while_the_rest_of_it_still_loads(
-    served: Any, tab: Any, rod: Path
-) -> None:
-    """The list of files is held back; the dataset that was open before must not be fitted, nor none."""
+def test_the_fit_button_fits_the_dataset_on_the_screen_while_it_still_loads(served: Any, tab: Any, rod: Path) -> None:
+    """The list of files is delayed. The fit must not use the dataset that was open before."""
     page = tab(f"{served.address}#runs")
     page.get_by_text("in control").first.wait_for()
     page.get_by_role("button", name="run.h5").click()

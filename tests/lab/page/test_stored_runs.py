@@ -1,4 +1,4 @@
-"""Datasets that are looked at: what they say, their pictures and edges, and that nothing is written."""
+"""Datasets on the page: their facts, images and edges; and that they are not changed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 
-def test_a_dataset_is_shown_with_its_edges_and_stays_as_it_is(served: Any) -> None:
+def test_a_dataset_is_shown_with_its_edges_and_is_not_changed(served: Any) -> None:
     before = hashlib.sha256((served.folder / "run.h5").read_bytes()).digest()
     about = json.loads(served.ask("/api/dataset?file=run.h5").body)
     assert about["specimen"] == "small"
@@ -36,13 +36,13 @@ def test_a_dataset_is_shown_with_its_edges_and_stays_as_it_is(served: Any) -> No
         ("dataset/picture?file=run.h5&state=-1", "should be a whole number"),
     ],
 )
-def test_what_cannot_be_shown_is_told_in_one_line(served: Any, query: str, words: str) -> None:
+def test_a_request_for_something_that_does_not_exist_gives_one_line(served: Any, query: str, words: str) -> None:
     answer = served.ask(f"/api/{query}")
     assert answer.status == 400
     assert words in json.loads(answer.body)["error"]
 
 
-def test_a_report_may_run_nothing(served: Any) -> None:
+def test_a_report_opens_only_by_its_link_and_runs_no_script(served: Any) -> None:
     (served.folder / "report.html").write_text("<script>alert(1)</script>")
     entries = json.loads(served.ask("/api/folder").body)["entries"]
     link = next(entry["link"] for entry in entries if entry["name"] == "report.html")

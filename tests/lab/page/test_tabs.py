@@ -1,4 +1,4 @@
-"""Sockets that are not a tab's: closed, and no word of them on the terminal."""
+"""WebSockets that do not behave like a tab are closed, without a message on the terminal."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Said(logging.Handler):
 
 @pytest.fixture
 def said() -> Iterator[list[str]]:
-    """What the server tells the terminal."""
+    """Collect the messages of the server."""
     handler = Said()
     logger = logging.getLogger("uvicorn.error")
     logger.addHandler(handler)
@@ -31,14 +31,16 @@ def said() -> Iterator[list[str]]:
 
 
 def without_tabs(served: Any) -> None:
-    """Waits until the last one's end has reached the server."""
+    """Wait until the server has noticed that the last tab has closed."""
     with served.socket() as socket:
         while '"tabs": 1' not in socket.recv(timeout=PATIENCE_S):
             pass
 
 
 @pytest.mark.parametrize("message", ["{", "null", "[1]", '"take"', b"\x00\xff", "[" * 30_000])
-def test_who_speaks_another_language_is_hung_up_on(served: Any, said: list[str], message: str | bytes) -> None:
+def test_a_socket_with_an_unknown_message_is_closed_silently(
+    served: Any, said: list[str], message: str | bytes
+) -> None:
     with served.socket() as socket:
         socket.send(message)
         for _ in socket:  # until the page closes it
@@ -47,7 +49,7 @@ def test_who_speaks_another_language_is_hung_up_on(served: Any, said: list[str],
     assert said == []
 
 
-def test_a_tab_that_closes_is_not_worth_a_word(served: Any, said: list[str]) -> None:
+def test_a_tab_that_closes_leaves_no_message_on_the_terminal(served: Any, said: list[str]) -> None:
     for _ in range(3):
         with served.socket():
             pass
