@@ -89,7 +89,7 @@ def _before_any_command(
 
 
 def main() -> None:
-    """Run the command line and exit: 0 done, 2 bad input, 1 another failure, 128 + n stopped by signal n."""
+    """Run the command line and exit with 0 (success), 2 (wrong input), 1 (another failure) or 128 + n (signal n)."""
     unwind_on_termination()
     one_thread_each()
     open_closed_streams()

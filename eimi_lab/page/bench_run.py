@@ -258,7 +258,7 @@ class BenchRun:
             self._answered.set()
 
     async def _hear(self, events: int) -> None:
-        """Read events and messages until the run has ended, and its guardian if the run left the coil to it."""
+        """Read events and messages until the run has ended; if its guardian took over, until that has ended, too."""
         await asyncio.gather(self._hear_events(events), self._hear_words())
         self.progress.status = await self._run.wait()
         if self.progress.coil == "on":  # no event confirmed the coil; a run without a guardian is simulated

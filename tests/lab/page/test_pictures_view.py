@@ -28,7 +28,7 @@ def test_a_calibration_is_dragged_into_place_saved_and_used(served: Any, tab: An
     shutil.copytree(served.folder / "frames", own)
     page = tab(f"{served.address}#pictures")
     page.get_by_label("Folder of pictures").select_option("own")
-    page.get_by_label("Specimen (its length").select_option("specimen.toml")
+    page.get_by_label("Specimen (for length").select_option("specimen.toml")
     page.get_by_role("button", name="frame_2.png").wait_for()
     page.locator("#by-hand-words:not(:empty)").wait_for()  # the handles are where they will stay
     page.get_by_label("current of frame_1.png").fill("0")
