@@ -14,6 +14,7 @@ from eimi_drivers.emulators.coil_line import ADDRESS
 from eimi_drivers.installed import did_you_mean
 from eimi_drivers.interfaces import Limits
 from eimi_drivers.supplies.supply_names import SUPPLIES
+from eimi_drivers.supplies.transport import check_address
 from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.config.materials import TrueMaterials, load_materials
 from eimi_lab.config.protocol import SupplyLimits
@@ -55,6 +56,12 @@ class Supply(Table):
     def opened_with(self) -> Limits:
         """The limits that the driver is opened with."""
         return Limits(self.limits.current_A, self.limits.voltage_V, self.off_below_A)
+
+    @field_validator("address")
+    @classmethod
+    def _opens_no_file(cls, address: str) -> str:
+        check_address(address)
+        return address
 
 
 class CoilRating(Table):

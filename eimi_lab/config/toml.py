@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 import tomllib
 from dataclasses import fields, is_dataclass
 from datetime import date
@@ -32,6 +33,9 @@ class Document(Table):
         """The text from which the document was read; empty if it was created in Python."""
         return self._text
 
+
+MOST_PARTS_OF_A_KEY = 1000
+"""Largest number of dots in a key: the time that tomllib takes grows with the square of it."""
 
 SPREADSHEETS = frozenset({".xlsx", ".xls", ".ods", ".numbers"})
 
@@ -124,10 +128,22 @@ def _toml(value: Any) -> str:
 
 def parse_table(text: str, origin: str | Path) -> dict[str, Any]:
     """Parse TOML text into a dictionary; raise InputError if it is not valid TOML."""
+    if any(_longest_key(line) > MOST_PARTS_OF_A_KEY for line in text.splitlines()):
+        raise InputError(f"{origin}: is not usable TOML: a key has more than {MOST_PARTS_OF_A_KEY} parts")
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except RecursionError as error:
+        raise InputError(f"{origin}: is not usable TOML: its arrays or tables are nested too deeply") from error
+    except ValueError as error:  # TOMLDecodeError, or int() of too many digits
         raise InputError(f"{origin}: is not valid TOML: {error}") from error
+
+
+def _longest_key(line: str) -> int:
+    """Return the largest number of dots in what may be a dotted key of a line."""
+    *keys, _ = line.split("=")
+    if line.lstrip().startswith("["):
+        keys.append(line)
+    return max((re.split("[{,]", key)[-1].count(".") for key in keys), default=0)
 
 
 def differences(before: str, after: str) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from eimi_lab.dataset.recordings import BELONGS_TO
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.limits import refuse_unpacked
 
 MOST_BYTES = 1 << 30
 """Largest size of a table, or of a single frame."""
@@ -71,3 +72,4 @@ def _refuse_storage(path: Path, item: Any) -> None:
     row = item.nbytes if item.ndim < 3 else int(np.prod(item.shape[1:], dtype=object)) * item.dtype.itemsize
     if row > MOST_BYTES or item.ndim > 4:
         raise InputError(f"{path}: {item.name} claims a size of {item.shape}, more than could be read")
+    refuse_unpacked(row, f"{path}: {item.name} of {item.shape}")

@@ -31,14 +31,13 @@ from eimi_lab.dataset.stored_edges import read_edges, read_projection
 from eimi_lab.dataset.tip_force_angles import tip_force_angles
 from eimi_lab.dataset.upright import turn
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.limits import refuse_unpacked
 from eimi_lab.process.writer_lock import is_being_written
 from eimi_lab.showing.tables import html_table
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.edge_set import EdgeSet
 from eimi_lab.vision.intensity import FieldCorrection
 from eimi_lab.vision.projection import Projection
-
-MOST_OF_A_STATE_BYTES = 8 << 30
 
 _IF_DAMAGED = "`eimi recover` makes a copy of what is readable"
 _NOT_HDF5 = "is not an HDF5 file; `eimi import` makes a dataset from images or points"
@@ -197,8 +196,9 @@ class Dataset:
         with self._naming_damage():
             rows = np.flatnonzero(self._entry["data/state"][()] == state_index)[:most]
             frames = self._entry["data/frames"]
-            if len(rows) * int(np.prod(frames.shape[1:], dtype=object)) * frames.dtype.itemsize > MOST_OF_A_STATE_BYTES:
-                raise InputError(f"{self.path}: state {state_index} claims {len(rows)} frames, more than could be read")
+            count = int(rows[-1] + 1 - rows[0]) if len(rows) else 0
+            claimed = count * int(np.prod(frames.shape[1:], dtype=object)) * frames.dtype.itemsize
+            refuse_unpacked(claimed, f"{self.path}: state {state_index} claims {len(rows)} frames, which")
             try:
                 images = frames[rows[0] : rows[-1] + 1]
             except OSError as error:

@@ -24,13 +24,11 @@ from numpy.typing import NDArray
 from eimi_drivers.interfaces import Frame
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.dataset.layout import append, columns, frame_stack, group
+from eimi_lab.process.limits import refuse_unpacked
 
 TRANSIENTS, RELEASE, CONDITIONING = "transients", "release", "conditioning"
 BELONGS_TO = {TRANSIENTS: "state", RELEASE: "state", CONDITIONING: "cycle"}
 """For each recording, the column with the number of the state or the cycle to which a frame belongs."""
-
-MOST_BYTES = 8 << 30
-"""Largest size of frames that are read at once, since a few bytes in a damaged file can claim any size."""
 
 COLUMNS: dict[str, tuple[str, str | None]] = {
     "number": ("i8", None),
@@ -168,7 +166,7 @@ def read_recording(entry: h5py.Group, name: str, states: int, only: int | None =
 
     Raises
     ------
-    ValueError
+    InputError
         If the file claims more frames than the memory could hold. On a damaged file HDF5 may raise other errors.
     """
     if name not in entry:
@@ -182,8 +180,7 @@ def read_recording(entry: h5py.Group, name: str, states: int, only: int | None =
         return None
     frames, first = store["frames"], rows[0]
     claimed = (rows[-1] + 1 - first) * int(np.prod(frames.shape[1:], dtype=object)) * frames.dtype.itemsize
-    if claimed > MOST_BYTES:
-        raise ValueError(f"{store.name} claims {len(rows)} frames, more than could be read")
+    refuse_unpacked(claimed, f"{store.file.filename}: {store.name} claims {len(rows)} frames, which")
     images = frames[first : rows[-1] + 1][rows - first]
     return Recording(
         images if images.ndim == 3 else images[..., ::-1],

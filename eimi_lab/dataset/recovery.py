@@ -1,13 +1,13 @@
 """Recovery of a crashed or damaged file: everything readable is copied to a new file that is closed properly.
 
 HDF5 may never return from reading a damaged file (for example, from a global heap whose object has the size 0).
-Therefore another process reads the file, with limits of time and memory.
+Therefore another process reads the file, with limits of processor time and memory. The wall clock is not the limit: a
+slow machine would make a sound file look damaged.
 """
 
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -26,6 +26,7 @@ from eimi_lab.dataset.repair.mended_file import MendedFile
 from eimi_lab.dataset.repair.metadata import mend_metadata
 from eimi_lab.dataset.repair.superblock import close_superblock, is_hdf5
 from eimi_lab.process.errors import InputError, OwnFault, tell
+from eimi_lab.process.limits import limit_memory, obey_processor_limit, run_limited
 from eimi_lab.process.outputs import whole_file
 from eimi_lab.process.writer_lock import is_being_written
 from eimi_lab.vision.flags import judge
@@ -71,18 +72,12 @@ def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Cal
         raise InputError(f"{crashed}: is {'a folder' if crashed.is_dir() else 'not a file'}; give a dataset to recover")
     with whole_file(path, force) as temporary:
         within_s = READ_WITHIN_S + crashed.stat().st_size / BYTES_PER_S
-        command = [sys.executable, "-P", "-m", __name__, str(crashed), str(temporary)]
-        try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=within_s, check=False)
-        except subprocess.TimeoutExpired as error:
-            raise InputError(f"{crashed}: is damaged: it could not be read within {within_s:.0f} s") from error
+        done = run_limited(crashed, [sys.executable, "-P", "-m", __name__, str(crashed), str(temporary)], within_s)
         if done.returncode:
-            message = done.stderr.strip().rpartition("\n")[2]
+            message = done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
             if done.returncode == 2:
                 raise InputError(message)
-            if done.returncode == 1:
-                raise OwnFault(f"{crashed}: the recovery of it failed", message)
-            raise InputError(f"{crashed}: is damaged: the process that read it crashed ({done.returncode})")
+            raise OwnFault(f"{crashed}: the recovery of it failed", message)
         outcome = json.loads(done.stdout)
         for line in outcome["said"]:
             say(f"{crashed}: {line}")
@@ -130,7 +125,7 @@ def _attempt(file: MendedFile, crashed: Path, path: Path) -> tuple[int, list[str
         with h5py.File(file, "r") as source:
             return _copy(source, crashed, path)
     except MemoryError as error:
-        raise InputError(f"{crashed}: is damaged: it claims more than a memory holds") from error
+        raise InputError(f"{crashed}: reading it takes more memory than this process may use") from error
     except HDF5_RAISES as error:
         if not _comes_from_hdf5(error):
             raise
@@ -313,17 +308,9 @@ def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
     return of_states
 
 
-def limit_memory(most_bytes: int) -> None:
-    """Limit the memory of this process, if the operating system supports it."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return
-    resource.setrlimit(resource.RLIMIT_AS, (most_bytes, most_bytes))
-
-
-def _main(crashed: Path, path: Path) -> None:
-    """Copy in this process with a limit of memory, and print the outcome as JSON on standard output."""
+def _main(crashed: Path, path: Path, within_s: str) -> None:
+    """Copy in this process with limits of memory and time, and print the outcome as JSON on standard output."""
+    obey_processor_limit(within_s)
     limit_memory(MEMORY_BYTES + crashed.stat().st_size)  # the file itself is mapped into memory
     try:
         states, lines = copy_readable(crashed, path)
@@ -334,4 +321,4 @@ def _main(crashed: Path, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    _main(Path(sys.argv[1]), Path(sys.argv[2]))
+    _main(Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3])

@@ -9,7 +9,6 @@ is skipped, and its generation is computed again.
 
 from __future__ import annotations
 
-import json
 import os
 import weakref
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationError
 
 from eimi_fitting.inference.searching.search import Generation, Objectives, OtherSearch
+from eimi_lab.config.json_text import parse_json
 from eimi_lab.fits.bootstrap_record import ReplicateRecord
 from eimi_lab.fits.fits_file import first_fault
 from eimi_lab.fits.law_record import Record
@@ -110,8 +110,8 @@ class Checkpoint:
             raise InputError(f"{self.path}: cannot be read as a checkpoint ({error.strerror})") from error
         for line in text.split("\n"):
             try:
-                complete.append(json.loads(line))
-            except json.JSONDecodeError:
+                complete.append(parse_json(line))
+            except ValueError:
                 continue
         return complete
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from pydantic import Discriminator, Field, Tag, ValidationError
 
 from eimi_fitting.inference.planning.choice_of_law import Candidate, Choice, choose
 from eimi_fitting.suggestion import suggestion
+from eimi_lab.config.json_text import parse_json
 from eimi_lab.config.toml import read_text
 from eimi_lab.fits.law_record import Record
 from eimi_lab.fits.records import FitRecord, TensileRecord
@@ -139,9 +139,11 @@ def read_fits_file(path: str | Path) -> Fits:
     path = Path(path)
     text = read_text(path)
     try:
-        return Fits.model_validate(json.loads(text))
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}: line {error.lineno}: is not JSON ({error.msg}); {_EXPECTED}") from error
+        content = parse_json(text)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}; {_EXPECTED}") from error
+    try:
+        return Fits.model_validate(content)
     except ValidationError as error:
         raise InputError(f"{path}: {first_fault(error)}; {_EXPECTED}; fit again if it is older") from error
 

@@ -35,6 +35,8 @@ COLUMNS = {
     "stress_kPa": Column("Instead of stress_Pa.", "24"),
     "stress_MPa": Column("Instead of stress_Pa.", "0.024"),
 }
+MOST_STRAIN = 100.0  # 10 000 %; the softest gels tear below 30
+MOST_STRESS_PA = 1e12  # the modulus of diamond
 WINDOWS = ("20", "50", "100", "full")
 _ROWS = 5  # fewest rows of a curve in its window, from which its noise can be estimated
 _DATABASE_STRAIN, _DATABASE_STRESS = "Engineering Strain", "Engineering Stress (MPa)"
@@ -87,11 +89,14 @@ def read_tensile(path: Path) -> TensileTest:
         strain_unit, stress_unit = STRAINS[strain_name], STRESSES[stress_name]
         rows, material = read_table(path, [strain_name, stress_name]), None
     strain = np.array([row.number(strain_name) for row in rows]) * strain_unit
-    stress = np.array([row.number(stress_name) for row in rows]) * stress_unit
-    for row, e in zip(rows, strain, strict=True):
-        if e <= -1:
-            raise row.fault(strain_name, "an engineering strain above -1 (-100 %)")
-    return TensileTest(path, hashlib.sha256(path.read_bytes()).hexdigest(), material, strain, stress)
+    with np.errstate(over="ignore"):  # refused below
+        stress_Pa = np.array([row.number(stress_name) for row in rows]) * stress_unit
+    for row, e, sigma in zip(rows, strain, stress_Pa, strict=True):
+        if not -1 < e <= MOST_STRAIN:
+            raise row.fault(strain_name, f"an engineering strain above -1 (-100 %) and at most {MOST_STRAIN:g}")
+        if abs(sigma) > MOST_STRESS_PA:
+            raise row.fault(stress_name, f"a stress of at most {MOST_STRESS_PA:g} Pa")
+    return TensileTest(path, hashlib.sha256(path.read_bytes()).hexdigest(), material, strain, stress_Pa)
 
 
 def _only(path: Path, header: list[str], names: dict[str, float]) -> str:

@@ -183,5 +183,5 @@ def _generation(line: bytes) -> tuple[int, float, float] | None:
     try:
         told = json.loads(line)
         return told["generation"], told["search"]["best_mm"], told["search"]["mean_mm"]
-    except (ValueError, KeyError, TypeError):  # another line of the log, or half of one
+    except (ValueError, KeyError, TypeError, RecursionError):  # another line of the log, or half of one
         return None

@@ -10,5 +10,6 @@ workers      distribution of tasks to processes or a cluster
 awake        no sleep of the computer while a run goes on
 writer_lock  one writer at a time for each file
 log          the log for a maintainer, off by default
+limits       limits of memory and processor time
 outputs      result files that are written completely or not at all
 """

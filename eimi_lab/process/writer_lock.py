@@ -1,8 +1,10 @@
 """A lock that allows one writer at a time for each file; the system releases it when its holder ends.
 
-The lock is flock(2) on a separate file, `.run.h5.lock` beside `run.h5`. A lock on the data file itself would not do:
-HDF5 locks and unlocks it at times of its own choice, and the lock would be lost when the file is replaced. Symbolic
-links are followed, so that all names of a file share one lock. A run that was killed leaves its lock file behind; the
+The lock is the system's lock (flock(2), or LockFileEx on Windows, by the library filelock) on a separate file,
+`.run.h5.lock` beside `run.h5`. A lock on the data file itself would not do: HDF5 locks and unlocks it at times of its
+own choice, and the lock would be lost when the file is replaced. Symbolic links to the data file are followed, so that
+all its names share one lock. A lock file that is itself a link is never followed or written to, because another user
+may have put it there. A run that was killed leaves its lock file behind; the
 file does not lock anything and is used again.
 """
 
@@ -17,12 +19,12 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from filelock import lock_descriptor, unlock_descriptor
+
 from eimi_lab.process.errors import InputError, tell
 
-try:
-    import fcntl
-except ImportError:  # on Windows only HDF5's own lock is available
-    fcntl = None  # type: ignore[assignment]
+_NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+"""Flags of open(2): fail for a symbolic link, and do not wait for the other end of a pipe."""
 
 
 def followed(path: Path) -> Path:
@@ -90,8 +92,9 @@ class WriterLock:
             del _held[self._file]
             if held.descriptor < 0:
                 return
-            self._file.unlink(missing_ok=True)  # before unlocking, when nobody else can hold it
-            fcntl.flock(held.descriptor, fcntl.LOCK_UN)  # closing is not enough if a forked process has the descriptor
+            with suppress(PermissionError):  # Windows removes no file that is open
+                self._file.unlink(missing_ok=True)  # before unlocking, when nobody else can hold it
+            unlock_descriptor(held.descriptor)  # closing is not enough if a forked process has the descriptor
             os.close(held.descriptor)
 
 
@@ -108,18 +111,15 @@ def is_being_written(path: Path) -> bool:
         if file in _held:
             return True
     try:
-        descriptor = os.open(file, os.O_RDONLY)
+        descriptor = os.open(file, os.O_RDONLY | _NO_LINK)
     except OSError:
         return False
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
+        return not lock_descriptor(descriptor, blocking=False)
     except OSError:
         return False
     finally:
-        os.close(descriptor)
-    return False
+        os.close(descriptor)  # which also unlocks it
 
 
 @contextmanager
@@ -133,43 +133,48 @@ def only_writer(path: Path) -> Iterator[None]:
 
 
 _NO_LOCK = -1
+_LOCKED_BYTE = " "
+"""First character of a lock file; Windows locks it, and lets no other program read it."""
 
 
 def _take(file: Path, path: Path) -> int | None:
     """Take the lock and return its descriptor; None if another process has it, -1 if locks are not supported."""
-    if fcntl is None:
-        return _NO_LOCK
     while True:
         try:
-            descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
+            descriptor = os.open(file, os.O_RDWR | os.O_CREAT | _NO_LINK, 0o666)
         except OSError as error:
+            if file.is_symlink():
+                raise InputError(f"{file}: is a link and should be a lock file of this program; remove it") from error
             if not file.parent.is_dir():
                 raise InputError(f"{path}: there is no folder {file.parent}") from error
             raise InputError(f"{path}: the folder {file.parent} takes no new file ({error.strerror})") from error
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(descriptor)
-            return None
+            locked = lock_descriptor(descriptor, blocking=False)
         except OSError as error:
             os.close(descriptor)
             file.unlink(missing_ok=True)
             tell(f"warning: {path}: cannot be locked here ({error.strerror}); no other program should write to it")
             return _NO_LOCK
+        if not locked:
+            os.close(descriptor)
+            return None
         with suppress(FileNotFoundError):  # its last holder may have removed the lock file after it was opened here
-            if os.path.samestat(os.fstat(descriptor), os.stat(file)):
+            if os.path.samestat(os.fstat(descriptor), os.lstat(file)):
                 break
         os.close(descriptor)
     command = " ".join([Path(sys.argv[0]).name, *sys.argv[1:2]])
     with suppress(OSError):  # on a full disk, the name of the holder is not stored
-        os.truncate(descriptor, 0)
-        os.pwrite(descriptor, f"process {os.getpid()} on {platform.node()} ({command})".encode(), 0)
+        if os.fstat(descriptor).st_nlink == 1:  # otherwise it has another name, and may be another file's content
+            os.ftruncate(descriptor, 0)
+            os.lseek(descriptor, 0, os.SEEK_SET)
+            os.write(descriptor, f"{_LOCKED_BYTE}process {os.getpid()} on {platform.node()} ({command})".encode())
     return descriptor
 
 
 def _holder(file: Path) -> str:
     """Return the text that the holder of a lock wrote into its file."""
-    with suppress(OSError):
-        if text := file.read_bytes()[:200].decode("utf-8", "replace"):
+    with suppress(OSError), open(os.open(file, os.O_RDONLY | _NO_LINK), "rb", buffering=0) as stored:
+        stored.seek(len(_LOCKED_BYTE))
+        if text := (stored.read(200) or b"").decode("utf-8", "replace"):
             return " ".join(text.split())
     return "another program"

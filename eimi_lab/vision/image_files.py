@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from eimi_drivers.cameras.image_series import natural_key
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.limits import refuse_unpacked
 from eimi_lab.vision.image_sizes import MOST_PIXELS, claimed_size, is_stack, may_be_transparent
 from eimi_lab.vision.image_wholeness import is_whole
 from eimi_lab.vision.intensity import camera_grey
 
 ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm"})
+_BYTES_PER_PIXEL = 8  # of 4 channels of 16 bits
 _HEIC, _HEIF, _AVIF = "a HEIC picture", "a HEIF picture", "an AVIF picture"
 _BRANDS = {b"heic": _HEIC, b"heix": _HEIC, b"mif1": _HEIF, b"msf1": _HEIF, b"avif": _AVIF}  # ISO/IEC 23008-12, annex B
 _OTHER_ENDINGS = frozenset(  # files of phones and browsers, and raw files of cameras
@@ -71,6 +73,8 @@ def read_image(path: Path) -> NDArray[Any]:
     size = claimed_size(raw)
     if size is not None and size[0] * size[1] > MOST_PIXELS:
         raise InputError(f"{path}: states a size of {size[0]} x {size[1]} px; at most {MOST_PIXELS:_} pixels are read")
+    if size is not None:
+        refuse_unpacked(size[0] * size[1] * _BYTES_PER_PIXEL, f"{path}: a size of {size[0]} x {size[1]} px")
     if is_stack(raw):
         raise InputError(
             f"{path}: is a stack of pictures; save each as a separate file, and list the files in states.csv"

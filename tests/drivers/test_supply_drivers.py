@@ -280,6 +280,15 @@ def test_a_port_that_dies_while_it_is_opened_is_disconnected(bench_of, monkeypat
         open_supply("korad", port.address, LIMITS)
 
 
+@pytest.mark.parametrize("scheme", ["spy://", "ASRLspy://", "SPY://", "alt://", "hwgrep://"])
+def test_a_url_that_may_write_a_file_is_refused(tmp_path, scheme):
+    diary = tmp_path / "diary.txt"
+    diary.write_text("Dear diary")
+    with pytest.raises(InstrumentError, match="is not opened; give a port"):
+        open_supply("korad", f"{scheme}/dev/null?file={diary}", LIMITS)
+    assert diary.read_text() == "Dear diary"
+
+
 def test_unknown_names_are_answered_with_those_that_exist():
     with pytest.raises(InstrumentError, match=r"'keithley'.*genesys, kepco-bop, .*korad, .*scpi, siglent-spd"):
         open_supply("keithley", "/dev/null", LIMITS)

@@ -210,6 +210,11 @@ def test_a_bad_calibration_is_refused_in_one_line(files: Path, line: str, expect
     [
         ('driver = "virtual"', 'driver = "kord"', "supply.driver = 'kord' is not a driver; there are korad, scpi"),
         ('driver = "virtual"', 'driver = "korad"', "camera.source = 'virtual' must be the address of an emulated"),
+        (
+            'address = "virtual"',
+            'address = "spy:///dev/ttyUSB0?file=/home/me/.bashrc"',
+            "supply.address = 'spy:///dev/ttyUSB0?file=/home/me/.bashrc' spy:// is not opened; give a port such as",
+        ),
         ("blur_px", "blur_pixels", "virtual.optics.blur_pixels is not a known key; did you mean blur_px?"),
         ("virtual_materials", "butter", "materials = 'butter.toml': no such file beside the rig"),
     ],

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import h5py
@@ -25,7 +25,7 @@ from eimi_lab.dataset.writing import DatasetWriter, StorageFailed
 from eimi_lab.fits.checkpoint import Checkpoint, Head
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import whole_file, whole_folder
-from eimi_lab.process.writer_lock import WriterLock, lock_file, only_writer
+from eimi_lab.process.writer_lock import WriterLock, is_being_written, lock_file, only_writer
 from tests.patience import PATIENCE_S
 
 # A run that stores a state for each line that it reads and prints its number; the test kills or ends it.
@@ -284,3 +284,24 @@ def test_links_that_lead_nowhere_are_refused_in_one_line(tmp_path: Path) -> None
         WriterLock(loop)
     with pytest.raises(InputError, match=r"lost\.h5: there is no folder .*gone"), whole_file(lost, force=True):
         pass
+
+
+@pytest.mark.parametrize("plant", [Path.symlink_to, Path.hardlink_to])
+def test_a_planted_lock_file_harms_no_other_file(tmp_path: Path, plant: Callable[[Path, Path], None]) -> None:
+    path, diary = tmp_path / "run.h5", tmp_path / "diary.txt"
+    diary.write_text("Dear diary")
+    plant(lock_file(path), diary)
+    with suppress(InputError):
+        WriterLock(path).release()
+    assert diary.read_text() == "Dear diary"
+
+
+def test_a_lock_file_that_is_a_link_or_a_pipe_is_refused_without_waiting(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    lock_file(path).symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match=r"\.run\.h5\.lock: is a link .*; remove it"):
+        WriterLock(path)
+    assert not (tmp_path / "elsewhere").exists()
+    lock_file(path).unlink()
+    os.mkfifo(lock_file(path))
+    assert not is_being_written(path)

@@ -24,9 +24,10 @@ from eimi_lab.config.toml import locate
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recordings import Moment
-from eimi_lab.dataset.recovery import MEMORY_BYTES, copy_readable, limit_memory
+from eimi_lab.dataset.recovery import MEMORY_BYTES, copy_readable
 from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.limits import limit_memory
 
 WITHIN_S = 10.0
 """Of processor time."""

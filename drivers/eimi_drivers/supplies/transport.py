@@ -37,6 +37,9 @@ WRITE_TIMEOUT_S = 2.0
 OPEN_TIMEOUT_S = 3.0
 
 _VISA_SERIAL = re.compile(r"ASRL(.+?)(?:::INSTR)?", re.IGNORECASE)
+_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
+SERIAL_URLS = ("socket://", "rfc2217://")
+"""The pyserial URLs that are opened. Others can do other things: `spy://` overwrites the file that it is given."""
 _CHANNEL = re.compile(r"(.*)#(\d{1,3})")
 
 
@@ -86,6 +89,16 @@ def usb_serial_number(address: str) -> str:
     return next((str(found.serial_number or "") for found in list_ports.comports() if found.device == name), "")
 
 
+def check_address(address: str) -> None:
+    """Raise ValueError if an address is a URL of another kind than `SERIAL_URLS`."""
+    place = split_address(address)[0]
+    visa = _VISA_SERIAL.fullmatch(place)
+    url = _URL.match(visa[1] if visa else place)
+    if url and not url[0].lower().startswith(SERIAL_URLS):
+        kinds = " or ".join(SERIAL_URLS)
+        raise ValueError(f"{url[0]} is not opened; give a port such as /dev/ttyUSB0, or a URL with {kinds}")
+
+
 def _no_answer(address: str, timeout_s: float, received: bytes = b"") -> InstrumentTimeout:
     found = f"only {received!r} came" if received else "nothing came"
     return InstrumentTimeout(f"{address}: no complete answer within {timeout_s:g} s ({found})")
@@ -109,6 +122,7 @@ class SerialTransport:
         visa = _VISA_SERIAL.fullmatch(place)
         port = visa[1] if visa else place
         with self._errors_named():
+            check_address(self.address)
             self._port = serial.serial_for_url(
                 f"COM{port}" if port.isdecimal() else port,
                 baudrate=self._baud_rate,

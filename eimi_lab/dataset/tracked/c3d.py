@@ -6,6 +6,9 @@ was not seen.
 
 from __future__ import annotations
 
+import pickle
+import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +17,49 @@ import numpy as np
 from eimi_lab.dataset.tracked.numbers_table import refused
 from eimi_lab.dataset.tracked.tracks import Tracks
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.limits import SHARE_OF_FREE, free_memory_bytes, limit_memory, obey_processor_limit, run_limited
 
+OWN_BYTES = 2 << 30
+"""Address space that the libraries take before a file is read."""
 _UNITS = {"mm": "mm", "cm": "cm", "m": "m", "in": "in", "millimeters": "mm", "meters": "m"}
 
 
+READ_WITHIN_S, BYTES_PER_S = 60.0, 1e6
+
+
 def read_c3d(path: Path) -> Tracks:
-    """Read the markers of a C3D file; frames keep the numbers of the capture. Raises InputError."""
+    """Read the markers of a C3D file; frames keep the numbers of the capture. Raises InputError.
+
+    Another process reads the file, because damage in it can end the process in which ezc3d runs.
+    """
+    if find_spec("ezc3d") is None:
+        raise InputError(f"{path}: C3D needs another package: pip install 'eimi-lab[c3d]'")
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    within_s = READ_WITHIN_S + path.stat().st_size / BYTES_PER_S
+    done = run_limited(path, [sys.executable, "-P", "-m", __name__, str(path)], within_s)
+    if done.returncode:
+        raise InputError(done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2])
+    tracks: Tracks = pickle.loads(done.stdout)  # written by `_main`
+    return tracks
+
+
+def _main(path: Path, within_s: str) -> None:
+    """Read a file in this process with limits of memory and time, and write its tracks to standard output."""
+    obey_processor_limit(within_s)
+    limit_memory(OWN_BYTES + free_memory_bytes() // SHARE_OF_FREE)
     try:
-        import ezc3d
-    except ImportError as error:
-        raise InputError(f"{path}: C3D needs another package: pip install 'eimi-lab[c3d]'") from error
+        tracks = _read(path)
+    except MemoryError:
+        sys.exit(f"{path}: reading it takes more than a quarter of the free memory")
+    except InputError as error:
+        sys.exit(str(error))
+    sys.stdout.buffer.write(pickle.dumps(tracks))
+
+
+def _read(path: Path) -> Tracks:
+    import ezc3d
+
     try:
         file: Any = ezc3d.c3d(str(path))
         points = np.asarray(file["data"]["points"], dtype=np.float64)[:3]  # (3, n, k)
@@ -31,6 +67,8 @@ def read_c3d(path: Path) -> Tracks:
         labels = [str(label) for label in parameters["LABELS"]["value"]]
         units = [str(unit).strip().lower() for unit in parameters["UNITS"]["value"]] if "UNITS" in parameters else []
         residuals = np.asarray(file["data"]["meta_points"]["residuals"], dtype=np.float64).reshape(-1, points.shape[2])
+    except MemoryError:
+        raise
     except Exception as error:  # ezc3d may raise nearly any error on a damaged file
         raise refused(path, "motion capture (C3D)", " ".join(str(error).split())[:120]) from error
     count = points.shape[1]
@@ -50,3 +88,7 @@ def read_c3d(path: Path) -> Tracks:
         unit=_UNITS.get(units[0]) if units else None,
         times_s=(frames - frames[0]) / rate if rate > 0 else None,
     )
+
+
+if __name__ == "__main__":
+    _main(Path(sys.argv[1]), sys.argv[2])

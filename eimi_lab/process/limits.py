@@ -1,0 +1,152 @@
+"""Limits of memory and processor time, for files whose few bytes may claim any amount of either.
+
+The limits of a process are soft limits (setrlimit(2)): the hard limits that the user or a batch system has set are
+kept. On Windows, processes have no such limits, and only the wall clock ends a child that never returns.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from eimi_lab.process.errors import InputError
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
+
+ASSUMED_FREE_BYTES = 4 << 30
+"""Assumed free memory if the system does not state it."""
+SHARE_OF_FREE = 4
+"""At most one part in this number of the free memory is unpacked from a file at once."""
+WALL_WITHIN_S = 3600.0
+"""Limit of a child by the wall clock: a disk or a network may be slow, and a process may wait for it forever."""
+
+
+def free_memory_bytes() -> int:
+    """Return the memory that this process can still use without displacing others.
+
+    The sources are MemAvailable in /proc/meminfo (Linux), GlobalMemoryStatusEx (Windows), half of hw.memsize (macOS,
+    which states no such value; assumed), and otherwise SC_AVPHYS_PAGES of sysconf(3). A limit of the address space
+    (RLIMIT_AS) is respected. Without any source the value is `ASSUMED_FREE_BYTES`.
+    """
+    free = _linux() if sys.platform == "linux" else _windows() if sys.platform == "win32" else _macos()
+    if not free:
+        with suppress(AttributeError, ValueError, OSError):
+            free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    free = free if free > 0 else ASSUMED_FREE_BYTES
+    if resource is not None:
+        soft = resource.getrlimit(resource.RLIMIT_AS)[0]
+        free = free if soft == resource.RLIM_INFINITY else min(free, soft)
+    return free
+
+
+def refuse_unpacked(claimed_bytes: int, what: str) -> None:
+    """Raise InputError if data would take more than a quarter of the free memory once they are unpacked.
+
+    Parameters
+    ----------
+    claimed_bytes
+        Size of the unpacked data that the file states.
+    what
+        The file and the part of it: the subject of the message.
+    """
+    most = free_memory_bytes() // SHARE_OF_FREE
+    if claimed_bytes > most:
+        raise InputError(
+            f"{what} would take {claimed_bytes / 1e9:.3g} GB of memory; more than could be read here, "
+            f"where a quarter of the free memory is {most / 1e9:.2g} GB"
+        )
+
+
+def limit_memory(most_bytes: int) -> None:
+    """Limit the address space of this process, if the operating system supports it; a lower limit is kept."""
+    if resource is not None:
+        _lower(resource.RLIMIT_AS, most_bytes)
+
+
+def run_limited(path: Path, command: Sequence[str], within_s: float) -> subprocess.CompletedProcess[bytes]:
+    """Run a command that reads a file, with a limit of its processor time.
+
+    Parameters
+    ----------
+    path
+        The file, for messages.
+    command
+        A Python command of this program, which calls `obey_processor_limit` with its last argument.
+    within_s
+        Limit of the processor time in seconds; where the system has no such limit, of the wall clock.
+
+    Returns
+    -------
+    subprocess.CompletedProcess
+        The ended command; its status is not negative.
+
+    Raises
+    ------
+    InputError
+        If the command took too long, was killed, or crashed.
+    """
+    wall_s = within_s if resource is None else within_s + WALL_WITHIN_S
+    clock = "s" if resource is None else "s of processor time"
+    try:
+        done = subprocess.run([*command, str(round(within_s))], capture_output=True, timeout=wall_s, check=False)
+    except subprocess.TimeoutExpired as error:
+        raise InputError(f"{path}: reading it took longer than {wall_s:.0f} s") from error
+    if done.returncode >= 0:
+        return done
+    name = signal.Signals(-done.returncode).name
+    if name == "SIGXCPU":
+        raise InputError(f"{path}: reading it took longer than {within_s:.0f} {clock}")
+    if name in ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP"):
+        raise InputError(f"{path}: the process that read it was ended by {name}; the memory may not suffice")
+    raise InputError(f"{path}: is damaged: the process that read it crashed ({name})")
+
+
+def obey_processor_limit(within_s: str) -> None:
+    """Let the system end this process after so many seconds of processor time, if it supports it."""
+    if resource is not None:
+        _lower(resource.RLIMIT_CPU, int(within_s))
+
+
+def _lower(which: int, most: int) -> None:
+    soft, hard = resource.getrlimit(which)
+    limits = [limit for limit in (most, soft, hard) if limit != resource.RLIM_INFINITY]
+    resource.setrlimit(which, (min(limits), hard))
+
+
+def _linux() -> int:
+    with suppress(OSError, ValueError, IndexError):
+        for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines():
+            if line.startswith("MemAvailable:"):
+                return int(line.split()[1]) << 10
+    return 0
+
+
+def _windows() -> int:
+    class MemoryStatus(ctypes.Structure):  # MEMORYSTATUSEX of sysinfoapi.h (Microsoft)
+        _fields_ = [
+            ("length", ctypes.c_uint32),
+            ("load", ctypes.c_uint32),
+            *((name, ctypes.c_uint64) for name in ("total", "free", "f3", "f4", "f5", "f6", "f7")),
+        ]
+
+    status = MemoryStatus()
+    status.length = ctypes.sizeof(status)
+    library = getattr(ctypes, "windll", None)
+    return int(status.free) if library and library.kernel32.GlobalMemoryStatusEx(ctypes.byref(status)) else 0
+
+
+def _macos() -> int:
+    with suppress(OSError, AttributeError):
+        total, length = ctypes.c_uint64(0), ctypes.c_size_t(8)
+        if not ctypes.CDLL(None).sysctlbyname(b"hw.memsize", ctypes.byref(total), ctypes.byref(length), None, 0):
+            return total.value // 2
+    return 0
