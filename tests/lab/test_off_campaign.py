@@ -11,8 +11,9 @@ import pytest
 from tests.patience import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
-QUICK = ("SIGSTOP pty korad", "guardian stopped")
+QUICK = ("SIGSTOP pty korad", "guardian stopped", "shorted regulator, SIGTERM pty")
 LONG = (
+    *("shorted regulator, SIGKILL tcp", "shorted regulator, SIGTERM tcp", "drift pty", "fallen tcp"),
     "grab never returns",
     *("second acquire", "line cut, stopped, HiSLIP", "line cut, killed, HiSLIP", "clock steps back, silent for 3 s"),
     *(
