@@ -88,7 +88,7 @@ def test_a_prior_fixes_what_the_data_leave_open():
     with_prior = identify("mooney-rivlin", [seen], priors=[Prior("C10", 16e3, 200.0)])
     assert without.identifiability.not_fixed == ("C01/(C10+C01)",)
     assert with_prior.identifiability.not_fixed == ()
-    assert with_prior.identifiability.statement.startswith("These data and what is known beside them fix")
+    assert with_prior.identifiability.statement.startswith("These data and the stated priors fix")
     low, high = with_prior.parameters["C10"].interval_95
     assert low < 16e3 < high
     assert high - low == pytest.approx(2 * 1.96 * 200.0, rel=0.1)

@@ -90,7 +90,7 @@ def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Mis
     """
     (refinement,) = refinements([experiment])
     plain, better = (_misfit(own, law, about)[0] for own in (polished(experiment), refinement.better(experiment)))
-    return better, refinement.left * (better.residuals[0] - plain.residuals[0])
+    return better, refinement.remaining_share * (better.residuals[0] - plain.residuals[0])
 
 
 def _misfit(

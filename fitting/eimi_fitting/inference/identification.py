@@ -449,7 +449,7 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
         return problem, optimum, []
     whole = optimum.unit - first
     percent = abs(problem.unknowns.modulus_percent(whole[0]))
-    share = min(max(SOLID.left, abs(moved) / max(percent, 1e-9)), 1.0)
+    share = min(max(SOLID.remaining_share, abs(moved) / max(percent, 1e-9)), 1.0)
     return corrected, optimum, [Effect(found, whole, share, _UNSURE_PERCENT)]
 
 

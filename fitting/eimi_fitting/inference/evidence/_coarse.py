@@ -1,7 +1,7 @@
-"""Experiments on a mesh that a population can afford, and as the search sees them: with few points of each edge.
+"""Coarse experiments for the search: a coarse mesh and few points of each edge.
 
-The search only leads the polish near: what the coarse mesh is off by (a few thousandths of a millimetre) is more than
-what the points left out would add.
+The search has to come only near the optimum, because the polish follows. The error of the coarse mesh is a few
+thousandths of a millimetre. It is larger than the error that the omitted points cause.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, Observation
 
-POINTS_OF_EDGE = 25  # about two an element
+POINTS_OF_EDGE = 25  # about two for each element
 
 
 def on_coarse_mesh(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """The same on the mesh of `BeamModel`'s defaults."""
+    """Return the experiments with the default mesh of `BeamModel`."""
     return tuple(dataclasses.replace(e, model=BeamModel(e.model.specimen, plane=e.model.plane)) for e in experiments)
 
 
 def coarsened(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """The same states on that mesh, with every so-many-th point of each edge."""
+    """Return the experiments with the default mesh of `BeamModel` and about `POINTS_OF_EDGE` points of each edge."""
     return tuple(dataclasses.replace(e, observed=_thinned(e.observed)) for e in on_coarse_mesh(experiments))
 
 

@@ -1,4 +1,4 @@
-"""The least value of a quadratic within the unit cube."""
+"""The minimum of a quadratic within the unit cube."""
 
 from __future__ import annotations
 
@@ -9,10 +9,24 @@ Array = NDArray[np.float64]
 
 
 def step_to_minimum(unit: Array, gradient: Array, hessian: Array) -> Array:
-    """The step (n,) from ``unit`` (n,) to where gradient . step + step . hessian . step / 2 is least within 0..1.
+    """Return the step to the minimum of a quadratic within the unit cube.
 
-    hessian: (n, n), positive definite. Bounded-variable least squares (Stark and Parker 1995, Comput. Statist.
-    10:129).
+    The quadratic is g' d + d' H d / 2 with the gradient g and the Hessian H. The step d is computed by bounded-variable
+    least squares (Stark and Parker 1995, Comput. Statist. 10:129).
+
+    Parameters
+    ----------
+    unit : ndarray, shape (n,)
+        The start, in unit coordinates.
+    gradient : ndarray, shape (n,)
+        g at the start.
+    hessian : ndarray, shape (n, n)
+        H, positive definite.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The step d; the end of the step lies within 0..1.
     """
     free = np.asarray(-np.linalg.solve(hessian, gradient), dtype=np.float64)
     if (unit + free >= 0.0).all() and (unit + free <= 1.0).all():
@@ -20,5 +34,5 @@ def step_to_minimum(unit: Array, gradient: Array, hessian: Array) -> Array:
     from scipy import optimize  # slow to load, and most steps stay inside
 
     factor = np.linalg.cholesky(hessian)
-    found = optimize.lsq_linear(factor.T, -np.linalg.solve(factor, gradient), (-unit, 1.0 - unit), method="bvls")
-    return np.asarray(found.x)
+    bounded = optimize.lsq_linear(factor.T, -np.linalg.solve(factor, gradient), (-unit, 1.0 - unit), method="bvls")
+    return np.asarray(bounded.x)

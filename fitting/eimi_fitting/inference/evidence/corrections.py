@@ -1,22 +1,28 @@
-"""What a better model of the same specimen changes in the residuals, found at the optimum alone.
+"""Correct the residuals of a fit by a better model that is evaluated at the optimum only (deferred correction).
 
-The change of the residuals at the optimum is added to those of all candidates near it, and the optimum is sought once
-more (deferred correction; Stetter 1978, Numer. Math. 29:425): the parameters are then those of the better model, for
-little more than one candidate's cost on it. Changes by several models add up. What is left is stated in the interval,
-as the bound of 95 % of a normal error.
+Let r(x) be the residuals of the model of the search, R(x) those of a better model, and x_0 the optimum of r. The fit is
+repeated with the residuals
 
-The finer mesh: the corner where a free side meets the clamp is singular. In an incompressible material in plane strain
-the displacement goes there as r^0.595 (Williams 1952, J. Appl. Mech. 19:526: sin^2(pi lambda / 2) = 1 - lambda^2), so
-that whole-beam quantities converge as h^1.19, whatever the element's order. From a mesh to one twice as fine goes
-1 - 2^-1.19 of the error; what is then left is 0.78 of that change (Richardson extrapolation; Roache 1998, Verification
-and Validation, section 5.5).
+    r(x) + R(x_0) - r(x_0)
 
-The solid: the search model of a beam is in plane stress. In the solid clamp and magnet hold the section, it bows, and
-silicone before and behind a shallower magnet is soft: some per cent of the modulus, and tens of micrometres of the
-edges that no planar model follows. What it changes is far more than noise; so it is found once more at the optimum that
-it led to, until that stays. The residuals are then the solid's own, on its own mesh: what a finer mesh changes in plane
-stress is not added, because the section that is free there is held in the solid, whose corner is another one. On 20 x 2
-elements the solid is at most 0.1 % of the modulus from a mesh of 36 x 4, with the plane's change or without.
+(deferred correction; Stetter 1978, Numer. Math. 29:425). Its optimum is close to that of R, and costs little more than
+one candidate on the better model. The changes R - r of several better models add up. A share of the move of the optimum
+remains uncertain; it widens the interval as the 95 % bound of a normal error.
+
+The finer mesh. The corner where a free side meets the clamp is singular. In an incompressible material in plane strain,
+the displacement at the distance r from the corner grows as r^0.595 (Williams 1952, J. Appl. Mech. 19:526: the exponent
+lambda solves sin^2(pi lambda / 2) = 1 - lambda^2). Quantities of the whole beam therefore converge as h^1.19 in the
+element size h, whatever the order of the elements. Halving h removes the share 1 - 2^-1.19 of the error. The remaining
+error is 1 / (2^1.19 - 1) = 0.78 times the change (Richardson extrapolation; Roache 1998, Verification and Validation in
+Computational Science and Engineering, section 5.5).
+
+The solid. The model of the search is in plane stress. In the solid, clamp and magnet restrain the cross-section, the
+cross-section bows, and the silicone in front of and behind a shallower magnet is soft. This changes the modulus by some
+per cent and the edges by tens of micrometres, which no planar model reproduces. The change is much larger than the
+noise. It is therefore computed again at each new optimum until the optimum stays. The residuals are those of the solid
+on its own mesh. The change by a finer planar mesh is not added: the cross-section at the clamp is free in plane stress
+and restrained in the solid, so that the corner singularities differ. A solid of 20 x 2 elements gives a modulus within
+0.1 % of that of 36 x 4 elements, with and without the planar change.
 """
 
 from __future__ import annotations
@@ -41,15 +47,23 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Refinement:
-    """A better model: its name in a result, how it is made, which share of its effect is left, and what its lack means.
+    """A better model of the same specimen.
 
-    better: an experiment simulated by it; left: of what it moves the optimum by, the share that remains uncertain;
-    doubt: said of a fit for which it finds no equilibrium.
+    Parameters
+    ----------
+    name : str
+        Its name in a result.
+    better : callable
+        Takes an experiment and returns it with the better model.
+    remaining_share : float
+        Share of the move of the optimum that remains uncertain.
+    doubt : str
+        The doubt about a fit if the better model finds no equilibrium.
     """
 
     name: str
     better: Callable[[Experiment], Experiment]
-    left: float
+    remaining_share: float
     doubt: str
 
 
@@ -58,19 +72,19 @@ def _halved(experiment: Experiment) -> Experiment:
     return experiment if is_solid else replace(experiment, model=experiment.model.halved())
 
 
-MESH_ORDER = 1.19  # of convergence in the size of the elements
+MESH_ORDER = 1.19  # order of convergence in the element size
 FINER_MESH = Refinement(
     name="mesh",
     better=_halved,
-    left=1 / (2**MESH_ORDER - 1),
-    doubt="with these parameters a finer mesh finds no equilibrium: what the mesh does to the edges (often "
-    "some tenths of a per cent of the modulus) is neither in the parameters nor in the intervals",
+    remaining_share=1 / (2**MESH_ORDER - 1),
+    doubt="with these parameters a finer mesh finds no equilibrium: the error of the mesh (often some tenths of a "
+    "per cent of the modulus) is neither in the parameters nor in the intervals",
 )
 
 
 @lru_cache(maxsize=8)
 def solid_beside(specimen: Specimen) -> SolidBeside:
-    """The solid of a specimen and its planar model, on lines that are enough."""
+    """Return the solid of a specimen and its planar model, on a mesh that is fine enough."""
     across = round(ALONG * specimen.width_mm / specimen.flexible_length_mm)
     return SolidBeside(specimen, ALONG, min(max(across, _LEAST_ACROSS), _MOST_ACROSS))
 
@@ -81,7 +95,7 @@ def _solid(experiment: Experiment) -> Experiment:
 
 
 def polished(experiment: Experiment) -> Experiment:
-    """On the model that follows small steps of the parameters: of a solid, the planar one on its lines."""
+    """Return the experiment with the model of the polish: for a solid, the planar model on the mesh of the solid."""
     specimen = experiment.model.specimen
     return replace(experiment, model=_on_lines_of_solid(specimen)) if specimen.section == "solid" else experiment
 
@@ -97,23 +111,34 @@ _FIRST = np.zeros(1, np.intp)
 SOLID = Refinement(
     name="section",
     better=_solid,
-    left=0.05,
-    doubt="with these parameters the solid finds no equilibrium: the beam is taken in plane stress, which makes the "
-    "modulus some per cent wrong, and neither the parameters nor the intervals hold that",
+    remaining_share=0.05,
+    doubt="with these parameters the solid finds no equilibrium: the beam is assumed in plane stress, which makes the "
+    "modulus some per cent wrong, and this error is neither in the parameters nor in the intervals",
 )
 
 
 def refinements(experiments: Sequence[Experiment]) -> tuple[Refinement, ...]:
-    """Those that are due to these experiments."""
+    """Return the refinements that apply to these experiments."""
     sections = {e.model.specimen.section for e in experiments}
     return (*([SOLID] if "solid" in sections else []), *([FINER_MESH] if sections - {"solid"} else []))
 
 
 @dataclass(frozen=True)
 class Correction:
-    """What a refinement changes for one candidate: changes, (K, G, m) mm of each experiment.
+    """The change of the residuals of one candidate by a refinement.
 
-    better: its comparison; models: that it was made with; effects: of depth, in each experiment.
+    Parameters
+    ----------
+    refinement : Refinement
+        The refinement.
+    changes : tuple of ndarray, shape (K, G, m)
+        The change of the residuals of each experiment, in mm.
+    better : Comparison
+        Comparison of the better model with the measurements.
+    models : tuple of Model
+        The better model of each experiment.
+    effects : tuple of DepthEffect or None
+        The effect of depth in each experiment; None unless its model is a solid.
     """
 
     refinement: Refinement
@@ -123,11 +148,11 @@ class Correction:
     effects: tuple[DepthEffect | None, ...]
 
     def without_shapes(self) -> Correction:
-        """The same without where each node stands in each state, which is large and known from the effects."""
+        """Return the correction without the shapes, which are large and follow from the effects."""
         return replace(self, better=replace(self.better, shapes=()))
 
     def added(self, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-        """The experiments with the changes added to what is added to their residuals already."""
+        """Return the experiments with these changes added to their earlier ones."""
         return tuple(
             replace(e, change=change if e.change is None else e.change + change)
             for e, change in zip(experiments, self.changes, strict=True)
@@ -137,10 +162,25 @@ class Correction:
 def with_residuals_of(
     better: Comparison, experiments: Sequence[Experiment], here: Comparison
 ) -> tuple[Experiment, ...]:
-    """The experiments with changes that make their residuals for a candidate, those of ``here``, a better model's."""
+    """Return the experiments with changes that turn the residuals of a candidate into those of a better model.
+
+    Parameters
+    ----------
+    better : Comparison
+        The candidate on the better model.
+    experiments : sequence of Experiment
+        The experiments.
+    here : Comparison
+        The candidate on the models of the experiments, earlier changes included.
+
+    Returns
+    -------
+    tuple of Experiment
+        The experiments with their new changes.
+    """
     return tuple(
-        replace(e, change=(0.0 if e.change is None else e.change) + there.residuals[0] - own.residuals[0])
-        for e, there, own in zip(experiments, better.misfits, here.misfits, strict=True)
+        replace(e, change=(0.0 if e.change is None else e.change) + finer.residuals[0] - plain.residuals[0])
+        for e, finer, plain in zip(experiments, better.misfits, here.misfits, strict=True)
     )
 
 
@@ -152,28 +192,46 @@ def correction(
     near: Sequence[Correction] = (),
     options: SolidOptions | None = None,
 ) -> Correction | None:
-    """What the refinement changes for a candidate; None where the better model finds no equilibrium.
+    """Compute the change of the residuals of a candidate by a refinement.
 
-    here: of the experiments, with the candidate first; compare: says how far the candidate is from experiments; near:
-    of candidates near this one; options: how a solid is solved.
+    Parameters
+    ----------
+    refinement : Refinement
+        The refinement.
+    experiments : sequence of Experiment
+        The experiments.
+    here : Comparison
+        Comparison with the experiments; its first candidate is this one.
+    compare : callable
+        Takes experiments and returns the comparison of the candidate with them.
+    near : sequence of Correction
+        Corrections of candidates near this one, from which a solid starts.
+    options : SolidOptions, optional
+        Options of the solver of a solid.
+
+    Returns
+    -------
+    Correction or None
+        The correction; None if one of the models finds no equilibrium.
     """
     options = options or SolidOptions()
-    every = [refinement.better(e) for e in experiments]
-    for i, e in enumerate(every):
+    refined = [refinement.better(e) for e in experiments]
+    for i, e in enumerate(refined):
         if e.solid:
             similar = tuple(effect for earlier in near if (effect := earlier.effects[i]))
             has_planar_shapes = here.shapes and e.solid.has_mesh_of(e.model)
             planar_shapes = here.shapes[i].take(_FIRST) if has_planar_shapes else None
-            every[i] = replace(e, solid_options=replace(options, similar=similar, planar_shapes=planar_shapes))
-    better = compare(every)
-    # Nearer to a singular corner the stretch is larger, and may be beyond the law's stability; the edges still tell.
+            refined[i] = replace(e, solid_options=replace(options, similar=similar, planar_shapes=planar_shapes))
+    better = compare(refined)
+    # A finer mesh reaches larger stretches near a singular corner, where the law may be unstable. The edges are valid
+    # all the same, so that an unstable candidate is accepted here.
     if here.unconverged[0] or better.unconverged[0]:
         return None
     changes = tuple(
-        there.residuals[0] - own.residuals[0] for there, own in zip(better.misfits, here.misfits, strict=True)
+        finer.residuals[0] - plain.residuals[0] for finer, plain in zip(better.misfits, here.misfits, strict=True)
     )
     effects = tuple(s.effect if isinstance(s, SolidShapes) else None for s in better.shapes)
-    return Correction(refinement, changes, better, tuple(e.solved for e in every), effects)
+    return Correction(refinement, changes, better, tuple(e.solved for e in refined), effects)
 
 
 def by_better_model(
@@ -183,20 +241,20 @@ def by_better_model(
     near: Sequence[Correction] = (),
     options: SolidOptions | None = None,
 ) -> tuple[Misfit, Array, Correction | None] | None:
-    """Simulate a candidate by the better model that is due to an experiment; for the arguments see `correction`.
+    """Simulate a candidate by the better model that applies to an experiment; for the parameters see `correction`.
 
     Returns
     -------
     tuple or None
-        The misfit with what the better model changes, the outline (K, 2, n, 2) in mm, and the correction. Where the
-        finer mesh finds no equilibrium, misfit and outline are those of the coarse mesh and there is no correction.
-        None where the planar model or the solid finds no equilibrium.
+        The misfit of the better model, the outline (K, 2, n, 2) in mm, and the correction. If the finer mesh finds no
+        equilibrium, misfit and outline are those of the coarse mesh and the correction is None. None if the planar
+        model or the solid finds no equilibrium.
     """
     if here.unconverged[0]:
         return None
-    (due,) = refinements([experiment])
-    better = correction(due, [experiment], here, compare, near, options)
-    if better is None and due is SOLID:
+    (refinement,) = refinements([experiment])
+    better = correction(refinement, [experiment], here, compare, near, options)
+    if better is None and refinement is SOLID:
         return None
     observed, residuals = experiment.observed, here.misfits[0].residuals
     view = observed.view if isinstance(observed, EdgeObservation) else None

@@ -1,4 +1,4 @@
-"""What was done and seen with a specimen, and how far candidates are from it."""
+"""An experiment, its loads and measurements, and the comparison of candidates with it."""
 
 from __future__ import annotations
 
@@ -21,17 +21,34 @@ from eimi_fitting.laws.law import Law
 
 Array = NDArray[np.float64]
 
-# Worse than any simulation can be, and finite: the optimiser would replace a NaN by the generation's median.
+# Objective of a candidate that is not valid: worse than that of any simulation, and finite, because CMA-ES would replace
+# a NaN by the median of the generation.
 DISCARDED_MM = 1e6
-TOLERANCE_MM = 1e-2  # of the last Newton step: what is left is below 1e-4, and edges are good to 1e-3
+TOLERANCE_MM = (
+    1e-2  # the last Newton step is shorter; the error is then below 1e-4 mm, and that of the edges is 1e-3 mm
+)
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """One specimen in K states: its model, its loads and what was seen of it.
+    """One specimen in K states.
 
-    change: (K, G, m) mm, what is added to the residuals, see `inference.evidence.corrections`; solid: solved in the
-    model's place, with solid_options; stated: how well known the numbers are that it rests on.
+    Parameters
+    ----------
+    model : BeamModel
+        The planar model of the specimen.
+    loads : Loads
+        The loads of the K states.
+    observed : EdgeObservation or PointObservation
+        The measurement of the K states.
+    change : ndarray, shape (K, G, m), optional
+        Added to the residuals, in mm (`inference.evidence.corrections`).
+    solid : SolidBeside, optional
+        The solid to solve instead of ``model``.
+    solid_options : SolidOptions, optional
+        Options of the solver of the solid.
+    stated : tuple of StatedSource
+        The stated standard uncertainties of the inputs.
 
     Examples
     --------
@@ -57,11 +74,11 @@ class Experiment:
 
     @property
     def solved(self) -> BeamModel | SolidBeside:
-        """The model that is solved."""
+        """The model that is solved: the solid if there is one, else the planar model."""
         return self.solid or self.model
 
     def of_states(self, states: NDArray[np.intp]) -> Experiment:
-        """The same specimen in some of its states, or in some of them more than once."""
+        """Return the experiment with the states of these indices; an index may occur more than once."""
         return replace(
             self,
             loads=self.loads.take(states),
@@ -70,27 +87,40 @@ class Experiment:
         )
 
     def with_own_change(self, misfit: Misfit, before: Experiment) -> Misfit:
-        """A misfit of an experiment that differs from this one in its change alone, as this one's."""
+        """Return a misfit of ``before`` with the change of this experiment.
+
+        Both experiments may differ only in their change.
+        """
         difference = sum(
             (sign * e.change for sign, e in ((1, self), (-1, before)) if e.change is not None), start=np.zeros(1)
         )
         return self.observed.of_residuals(misfit.residuals + difference)
 
     def under(self, deviations: Mapping[str, Array]) -> Experiment:
-        """The experiment with what sources of SOURCES (parts,) deviate by: another specimen, other loads, another lens.
+        """Return the experiment with deviations of its inputs.
 
-        Tracked points keep their share of length and width, and their displacement.
+        Tracked points keep their positions relative to length and width, and their displacements.
+
+        Parameters
+        ----------
+        deviations : mapping of str to ndarray, shape (parts,)
+            Deviation of each source, by its key in `SOURCES`, in the unit of the source.
+
+        Returns
+        -------
+        Experiment
+            The experiment with another specimen, other loads or another lens.
         """
         if not deviations:
             return self
         before = self.model.specimen
         specimen = specimen_under(before, deviations)
-        same = specimen == before
+        is_same = specimen == before
         return replace(
             self,
-            model=self.model if same else self.model.of(specimen),
-            solid=self.solid if same or not self.solid else self.solid.of(specimen),
-            solid_options=self.solid_options if same else None,
+            model=self.model if is_same else self.model.of(specimen),
+            solid=self.solid if is_same or not self.solid else self.solid.of(specimen),
+            solid_options=self.solid_options if is_same else None,
             loads=loads_under(self.loads, deviations),
             observed=_observed_of(self.observed, before, specimen, deviations),
         )
@@ -104,17 +134,27 @@ def _observed_of(
         if view is None:
             return observed
         return replace(observed, view=replace(view, stand_off_mm=stand_off_under(view.stand_off_mm, deviations)))
-    larger = np.array([specimen.length_mm / before.length_mm, specimen.width_mm / before.width_mm])
-    step = observed.rest_mm * (larger - 1)
+    scale = np.array([specimen.length_mm / before.length_mm, specimen.width_mm / before.width_mm])
+    step = observed.rest_mm * (scale - 1)
     return replace(observed, rest_mm=observed.rest_mm + step, moved_mm=observed.moved_mm + step)
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """P candidates against every experiment.
+    """Comparison of P candidates with all experiments.
 
-    unconverged: (P,) in any state; unstable: (P,) in any state, of those that converged; max_stretch: (P,); shapes,
-    misfits: one an experiment, no shapes where candidates differ in more than the law.
+    Parameters
+    ----------
+    unconverged : ndarray of bool, shape (P,)
+        Candidates without convergence in some state.
+    unstable : ndarray of bool, shape (P,)
+        Converged candidates that are unstable in some state.
+    max_stretch : ndarray, shape (P,)
+        Largest stretch in all states.
+    shapes : tuple of Shapes
+        Shapes in each experiment; empty if the candidates differ in more than the law.
+    misfits : tuple of Misfit
+        Residuals in each experiment.
     """
 
     unconverged: NDArray[np.bool_]
@@ -125,21 +165,21 @@ class Comparison:
 
     @property
     def error_mm(self) -> Array:
-        """(P, K of all experiments)."""
+        """Error of each state in mm, (P, K) with the K states of all experiments."""
         return np.concatenate([misfit.error_mm for misfit in self.misfits], axis=1)
 
     @property
     def deviation_mm(self) -> Array:
-        """(P, K of all experiments)."""
+        """Deviation of each state in mm, (P, K) with the K states of all experiments."""
         return np.concatenate([misfit.deviation_mm for misfit in self.misfits], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """(P,): mean over the states of the error; DISCARDED_MM where a candidate is not valid."""
+        """Mean error over the states in mm, (P,); `DISCARDED_MM` for a candidate that is not valid."""
         return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Comparison:
-        """Some of the candidates."""
+        """Return the comparison of the candidates of these rows."""
         return Comparison(
             unconverged=self.unconverged[rows],
             unstable=self.unstable[rows],
@@ -150,28 +190,39 @@ class Comparison:
 
 
 def joined(parts: Sequence[tuple[NDArray[np.intp], Comparison]]) -> Comparison:
-    """Groups of candidates, which and how they compare, as one batch; without shapes, whose meshes may differ."""
+    """Return groups of candidates as one comparison.
+
+    Parameters
+    ----------
+    parts : sequence of (ndarray, Comparison)
+        Rows of the candidates of each group, and their comparison.
+
+    Returns
+    -------
+    Comparison
+        All candidates in the order of their rows, without shapes if there are several groups, whose meshes may differ.
+    """
     if len(parts) == 1:
         return parts[0][1]
     order = np.argsort(np.concatenate([rows for rows, _ in parts]))
 
-    def together(arrays: Iterable[NDArray[Any]]) -> NDArray[Any]:
+    def in_order(arrays: Iterable[NDArray[Any]]) -> NDArray[Any]:
         return np.concatenate(list(arrays))[order]
 
-    every = [comparison for _, comparison in parts]
+    comparisons = [comparison for _, comparison in parts]
     return Comparison(
-        unconverged=together(c.unconverged for c in every),
-        unstable=together(c.unstable for c in every),
-        max_stretch=together(c.max_stretch for c in every),
+        unconverged=in_order(c.unconverged for c in comparisons),
+        unstable=in_order(c.unstable for c in comparisons),
+        max_stretch=in_order(c.max_stretch for c in comparisons),
         shapes=(),
         misfits=tuple(
             Misfit(
-                residuals=together(m.residuals for m in own),
-                weights=own[0].weights,
-                error_mm=together(m.error_mm for m in own),
-                deviation_mm=together(m.deviation_mm for m in own),
+                residuals=in_order(m.residuals for m in misfits),
+                weights=misfits[0].weights,
+                error_mm=in_order(m.error_mm for m in misfits),
+                deviation_mm=in_order(m.deviation_mm for m in misfits),
             )
-            for own in zip(*(c.misfits for c in every), strict=True)
+            for misfits in zip(*(c.misfits for c in comparisons), strict=True)
         ),
     )
 
@@ -186,12 +237,31 @@ def compare(
     near: Sequence[Shapes] = (),
     keep: bool = False,
 ) -> Comparison:
-    """Simulate P candidates (P, n) in every experiment and measure their distance to what was seen.
+    """Simulate candidates in all experiments and compute their distance from the measurements.
 
-    bulk_modulus_Pa: (P,), incompressible without it; setups: one an experiment, what is stated without them; near: of
-    candidates near these, one an experiment, whose first is where these are sought from; keep: shapes that can be that.
+    Parameters
+    ----------
+    law : Law
+        The hyperelastic law.
+    parameters : ndarray, shape (P, n)
+        Parameters of P candidates.
+    experiments : sequence of Experiment
+        The experiments.
+    bulk_modulus_Pa : ndarray, shape (P,), optional
+        Bulk moduli; the material is incompressible by default.
+    setups : sequence of Setup, optional
+        Field factors and image maps of each experiment; the stated values by default.
+    near : sequence of Shapes
+        Shapes of other candidates in each experiment, made with ``keep``. The solver starts from the first of them.
+    keep : bool
+        Keep the shapes of the first candidate for later calls.
+
+    Returns
+    -------
+    Comparison
+        The comparison.
     """
-    every_shapes, misfits = [], []
+    all_shapes, misfits = [], []
     unconverged, unstable = np.zeros((2, len(parameters)), bool)
     stretch = np.ones(len(parameters))
     for index, experiment in enumerate(experiments):
@@ -202,13 +272,13 @@ def compare(
         unconverged |= ~np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all(axis=1)
         unstable |= (shapes.status == Status.UNSTABLE).any(axis=1)
         stretch = np.maximum(stretch, shapes.max_stretch.max(axis=1))
-        every_shapes.append(shapes)
+        all_shapes.append(shapes)
         misfits.append(misfit)
     return Comparison(
         unconverged=unconverged,
         unstable=unstable & ~unconverged,
         max_stretch=stretch,
-        shapes=tuple(every_shapes),
+        shapes=tuple(all_shapes),
         misfits=tuple(misfits),
     )
 
@@ -222,22 +292,22 @@ def _solved(
     near: Configuration | None,
     keep: bool,
 ) -> Shapes:
-    """Shapes of all candidates. Those that differ in roll or clamp alone bend alike, and are solved once."""
-    first = own = np.arange(len(parameters))
+    """Return the shapes of all candidates; candidates that differ only in the image are solved once."""
+    solved = row = np.arange(len(parameters))
     if setup is not None:
         bulk = np.zeros(len(parameters)) if bulk_modulus_Pa is None else bulk_modulus_Pa
-        every = np.column_stack([parameters, bulk, setup.field_factor])
-        _, found, place = np.unique(every, axis=0, return_index=True, return_inverse=True)
-        first = np.sort(found)  # the first candidate stays the first
-        own = np.searchsorted(first, found[place.reshape(-1)])
+        inputs = np.column_stack([parameters, bulk, setup.field_factor])
+        _, first_rows, group = np.unique(inputs, axis=0, return_index=True, return_inverse=True)
+        solved = np.sort(first_rows)  # the first candidate stays the first
+        row = np.searchsorted(solved, first_rows[group.reshape(-1)])
     more: dict[str, Any] = {"options": experiment.solid_options} if experiment.solid else {"near": near, "keep": keep}
     shapes = experiment.solved.solve(
         law,
-        parameters[first],
+        parameters[solved],
         experiment.loads,
         tolerance_mm=TOLERANCE_MM,
-        bulk_modulus_Pa=None if bulk_modulus_Pa is None else bulk_modulus_Pa[first],
-        field_factor=None if setup is None else setup.field_factor[first],
+        bulk_modulus_Pa=None if bulk_modulus_Pa is None else bulk_modulus_Pa[solved],
+        field_factor=None if setup is None else setup.field_factor[solved],
         **more,
     )
-    return shapes if setup is None else shapes.take(own)
+    return shapes if setup is None else shapes.take(row)

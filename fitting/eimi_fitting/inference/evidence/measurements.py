@@ -1,8 +1,12 @@
-"""Simulated edges and points, and how far the measured ones lie from them.
+"""The distance of measured edges and tracked points from simulated ones.
 
-The metric (design of the study, after Eqs 9-11 of Di Lecce et al. 2022, in this project's own form): for state k the
-distance d_ki from each observed edge point to the simulated edge of the same side; error_k its root mean square,
-deviation_k its standard deviation; the objective is the mean of error_k over the states.
+Let d_ki be the distance of observed point i of state k from the simulated edge of the same side, and N_k the number of
+points. The metric is adapted from Eqs 9-11 of Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
+
+    error_k     = sqrt(sum_i d_ki^2 / N_k)
+    deviation_k = sqrt(error_k^2 - (sum_i |d_ki| / N_k)^2)
+
+The error of a fit is the mean of error_k over the states.
 """
 
 from __future__ import annotations
@@ -20,7 +24,7 @@ from eimi_fitting.inference.evidence.unknowns import Setup
 
 Array = NDArray[np.float64]
 _STATES_AT_ONCE = 16
-"""Whose points are compared with every station of their edges: the largest arrays of a fit, past the cache for more."""
+"""States whose points are compared with their edges in one block. The arrays of more states exceed the cache."""
 
 __all__ = [
     "EdgeObservation",
@@ -34,13 +38,26 @@ __all__ = [
 
 
 def signed_distance(curves: Array, points: Array) -> Array:
-    """Distance (..., n) of points (..., n, 2) to curves (..., S, 3, 2); positive to the left of clamp-to-tip.
+    """Return the signed distances of points from curves.
 
-    The nearest of four stations a segment, then Newton for the foot of the perpendicular on that segment's parabola.
+    The nearest of four stations on each segment selects the segment. Newton's method then finds the foot of the
+    perpendicular on the parabola of that segment.
+
+    Parameters
+    ----------
+    curves : ndarray, shape (..., S, 3, 2)
+        S parabolic segments from clamp to tip, each with three points, in mm.
+    points : ndarray, shape (..., n, 2)
+        The points in mm.
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+        Distances in mm, positive to the left of the direction from clamp to tip.
     """
     stations = points_on(curves, 4)
     segments = curves.shape[-3]
-    # |p - v|² without |p|² is enough to find the nearest station: one product of (x, y, 1) and (-2 x, -2 y, |v|²).
+    # |p - v|² - |p|² has its minimum at the nearest station. It is one product of (x, y, 1) and (-2 x, -2 y, |v|²).
     ahead = np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1)
     behind = np.concatenate([-2 * stations, (stations**2).sum(axis=-1, keepdims=True)], axis=-1)
     nearest = np.argmin(np.matmul(ahead, behind.swapaxes(-1, -2)), axis=-1)
@@ -50,18 +67,18 @@ def signed_distance(curves: Array, points: Array) -> Array:
     highest = np.where(segment == segments - 1, 1.0, 1.5)
     first, middle, last = np.moveaxis(curves, -2, 0)
 
-    def own(of_segment: Array) -> tuple[Array, Array]:
-        """Of each point's segment, x and y (..., n) apart: sums over two numbers a row are slow."""
+    def of_nearest(of_segment: Array) -> tuple[Array, Array]:
+        """Return x and y (..., n) of the segment of each point; two arrays are faster than sums over an axis of two."""
         x, y = (np.take_along_axis(of_segment[..., i], segment, axis=-1) for i in range(2))
         return x, y
 
-    bend_x, bend_y = own(first - 2 * middle + last)
-    slope_x, slope_y = own(0.5 * (last - first))
-    from_x, from_y = own(middle)
+    bend_x, bend_y = of_nearest(first - 2 * middle + last)
+    slope_x, slope_y = of_nearest(0.5 * (last - first))
+    from_x, from_y = of_nearest(middle)
     from_x, from_y = from_x - points[..., 0], from_y - points[..., 1]
 
     def at(xi: Array) -> tuple[Array, Array, Array, Array]:
-        """From the point to the curve, and the curve's tangent."""
+        """Return the vector from the point to the curve at xi, and the tangent of the curve."""
         tangent_x, tangent_y = slope_x + xi * bend_x, slope_y + xi * bend_y
         gap_x = from_x + xi * (slope_x + 0.5 * xi * bend_x)
         gap_y = from_y + xi * (slope_y + 0.5 * xi * bend_y)
@@ -79,11 +96,17 @@ def signed_distance(curves: Array, points: Array) -> Array:
 
 @dataclass(frozen=True)
 class Misfit:
-    """P candidates against K states.
+    """Residuals of P candidates in K states.
 
-    residuals: (P, K, G, n) mm, in G groups within which neighbours may be correlated (left and right edge, or x and y);
-    weights: (K, G, n) zero where nothing was observed; their sum over a state is its number of observed points, so
-    that sum(residuals^2) / sum(weights) is error_mm^2; error_mm, deviation_mm: (P, K).
+    Parameters
+    ----------
+    residuals : ndarray, shape (P, K, G, n)
+        Residuals in mm, in G groups: left and right edge, or x and y. Neighbours in a group may be correlated.
+    weights : ndarray, shape (K, G, n)
+        Zero for points that were not observed. Their sum over a state is its number of observed points, so that
+        sum(residuals^2) / sum(weights) is error_mm^2.
+    error_mm, deviation_mm : ndarray, shape (P, K)
+        Error and deviation of each state.
     """
 
     residuals: Array
@@ -98,9 +121,16 @@ class Misfit:
 
 @dataclass(frozen=True)
 class EdgeObservation:
-    """Measured edges of K states: points_mm (K, 2, n, 2) left and right; sigma_mm (K, 2, n), infinite where unused.
+    """Measured edges of K states.
 
-    view: of the lens; None where it is telecentric or its stand-off unknown.
+    Parameters
+    ----------
+    points_mm : ndarray, shape (K, 2, n, 2)
+        Points of the left and the right edge in mm.
+    sigma_mm : ndarray, shape (K, 2, n)
+        Standard uncertainties in mm, infinite for points that are not used.
+    view : View, optional
+        Perspective of the lens; None if the lens is telecentric or its stand-off is not stated.
 
     Examples
     --------
@@ -108,8 +138,8 @@ class EdgeObservation:
 
     >>> import numpy as np
     >>> left, right = np.array([[5.0, -1.5], [9.0, -1.5]]), np.array([[5.0, 1.5], [7.0, 1.5], [9.0, 1.5]])
-    >>> seen = EdgeObservation.from_edges([(left, np.full(2, 0.005), right, np.full(3, 0.005))])
-    >>> seen.points_mm.shape
+    >>> observed = EdgeObservation.from_edges([(left, np.full(2, 0.005), right, np.full(3, 0.005))])
+    >>> observed.points_mm.shape
     (1, 2, 3, 2)
     """
 
@@ -119,7 +149,21 @@ class EdgeObservation:
 
     @staticmethod
     def from_edges(edges: Sequence[tuple[Array, Array, Array, Array]], view: View | None = None) -> EdgeObservation:
-        """Pad (left (n, 2), left sigma (n,), right (m, 2), right sigma (m,)) of each state to one array."""
+        """Return the observation of edges with different numbers of points.
+
+        Parameters
+        ----------
+        edges : sequence of tuple of ndarray
+            For each state the left edge (n, 2), its uncertainties (n,), the right edge (m, 2) and its uncertainties
+            (m,), all in mm.
+        view : View, optional
+            Perspective of the lens.
+
+        Returns
+        -------
+        EdgeObservation
+            The edges, padded to one length.
+        """
         most = max(len(points) for left, _, right, _ in edges for points in (left, right))
         points = np.zeros((len(edges), 2, most, 2))
         sigma = np.full((len(edges), 2, most), np.inf)
@@ -130,24 +174,45 @@ class EdgeObservation:
         return EdgeObservation(points, sigma, view)
 
     def of_states(self, states: NDArray[np.intp]) -> EdgeObservation:
-        """What was seen in some of the states."""
+        """Return the observation of the states with these indices."""
         return replace(self, points_mm=self.points_mm[states], sigma_mm=self.sigma_mm[states])
 
     def misfit(self, model: Model, shapes: Shapes, setup: Setup | None = None, change: Array | None = None) -> Misfit:
-        """Signed distances to the simulated edges, their RMS and standard deviation by state; change: is added."""
+        """Return the signed distances from the simulated edges, with their error and deviation by state.
+
+        Parameters
+        ----------
+        model : Model
+            The model that was solved.
+        shapes : Shapes
+            Its shapes for P candidates.
+        setup : Setup, optional
+            The image maps of the candidates; the stated image by default.
+        change : ndarray, shape (K, 2, n), optional
+            Added to the residuals, in mm.
+
+        Returns
+        -------
+        Misfit
+            The residuals.
+        """
         weights = np.isfinite(self.sigma_mm).astype(float)
         distances = []
         for first in range(0, len(weights), _STATES_AT_ONCE):
             block = slice(first, first + _STATES_AT_ONCE)
             curves = outline(model, replace(shapes, displacement=shapes.displacement[:, block]), self.view)
-            seen = self.points_mm[block]
-            points = np.broadcast_to(seen, (len(curves), *seen.shape)) if setup is None else setup.corrected(seen)
+            measured = self.points_mm[block]
+            points = (
+                np.broadcast_to(measured, (len(curves), *measured.shape))
+                if setup is None
+                else setup.corrected(measured)
+            )
             distances.append(signed_distance(curves, points))
         residuals = np.concatenate(distances, axis=1) * weights
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """What residuals (P, K, 2, n) amount to."""
+        """Return the misfit of residuals (P, K, 2, n) in mm."""
         weights = np.isfinite(self.sigma_mm).astype(float)
         total = np.maximum(weights.sum(axis=(1, 2)), 1.0)
         distance = np.abs(residuals)
@@ -158,9 +223,16 @@ class EdgeObservation:
 
 @dataclass(frozen=True)
 class PointObservation:
-    """Tracked material points of K states: rest_mm, moved_mm (K, n, 2), sigma_mm (K, n), infinite where unused.
+    """Tracked material points of K states.
 
-    depth_mm: (K, n) from mid-depth, which a planar model takes no notice of; None for points in mid-depth.
+    Parameters
+    ----------
+    rest_mm, moved_mm : ndarray, shape (K, n, 2)
+        Positions at rest and under load, in mm.
+    sigma_mm : ndarray, shape (K, n)
+        Standard uncertainties in mm, infinite for points that are not used.
+    depth_mm : ndarray, shape (K, n), optional
+        Distance from mid-depth in mm, which a planar model ignores; zero by default.
 
     Examples
     --------
@@ -169,8 +241,8 @@ class PointObservation:
     >>> import numpy as np
     >>> rest = np.array([[[30.0, 0.0]], [[30.0, 0.0]]])
     >>> moved = np.array([[[29.9, 1.2]], [[29.6, 2.4]]])
-    >>> seen = PointObservation(rest, moved, np.full((2, 1), 0.01))
-    >>> seen.of_states(np.array([1])).moved_mm.tolist()
+    >>> observed = PointObservation(rest, moved, np.full((2, 1), 0.01))
+    >>> observed.of_states(np.array([1])).moved_mm.tolist()
     [[[29.6, 2.4]]]
     """
 
@@ -180,36 +252,50 @@ class PointObservation:
     depth_mm: Array | None = None
 
     def of_states(self, states: NDArray[np.intp]) -> PointObservation:
-        """What was seen in some of the states."""
+        """Return the observation of the states with these indices."""
         depth = None if self.depth_mm is None else self.depth_mm[states]
         return PointObservation(self.rest_mm[states], self.moved_mm[states], self.sigma_mm[states], depth)
 
     def misfit(self, model: Model, shapes: Shapes, setup: Setup | None = None, change: Array | None = None) -> Misfit:
-        """Component differences to the simulated places; the distance of the metric is that of the point.
+        """Return measured minus simulated positions; the distance d_ki is the length of this difference.
 
-        change: is added to the differences.
+        Parameters
+        ----------
+        model : Model
+            The model that was solved.
+        shapes : Shapes
+            Its shapes for P candidates.
+        setup : Setup, optional
+            The image maps of the candidates; the stated image by default.
+        change : ndarray, shape (K, 2, n), optional
+            Added to the residuals, in mm.
+
+        Returns
+        -------
+        Misfit
+            The residuals, with the groups x and y.
         """
         k_states, n, _ = self.rest_mm.shape
         rest = self.rest_mm.reshape(-1, 2)
         if not isinstance(model, BeamModel):
             depth = np.zeros(len(rest)) if self.depth_mm is None else self.depth_mm.ravel()
             rest = np.column_stack([rest, depth])
-        points, which = np.unique(rest, axis=0, return_inverse=True)  # most are tracked through every state
-        everywhere = model.positions(shapes, points)[..., :2]
-        simulated = everywhere[:, np.arange(k_states)[:, None], which.reshape(k_states, n)]
-        seen = np.isfinite(self.sigma_mm).astype(float)
+        points, index = np.unique(rest, axis=0, return_inverse=True)  # most points are tracked in all states
+        positions = model.positions(shapes, points)[..., :2]
+        simulated = positions[:, np.arange(k_states)[:, None], index.reshape(k_states, n)]
+        is_used = np.isfinite(self.sigma_mm).astype(float)
         moved = self.moved_mm if setup is None else setup.corrected(self.moved_mm)
-        residuals = (moved - simulated).transpose(0, 1, 3, 2) * seen[:, None]
+        residuals = (moved - simulated).transpose(0, 1, 3, 2) * is_used[:, None]
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """What residuals (P, K, 2, n), of x and y, amount to."""
-        seen = np.isfinite(self.sigma_mm).astype(float)
+        """Return the misfit of residuals (P, K, 2, n) in mm, with the groups x and y."""
+        is_used = np.isfinite(self.sigma_mm).astype(float)
         distance = np.sqrt((residuals**2).sum(axis=2))
-        total = np.maximum(seen.sum(axis=1), 1.0)
+        total = np.maximum(is_used.sum(axis=1), 1.0)
         mean = distance.sum(axis=2) / total
         square = (distance**2).sum(axis=2) / total
-        weights = np.repeat(0.5 * seen[:, None], 2, axis=1)  # a point has two components
+        weights = np.repeat(0.5 * is_used[:, None], 2, axis=1)  # a point has two components
         return Misfit(residuals, weights, np.sqrt(square), np.sqrt(np.maximum(square - mean**2, 0.0)))
 
 

@@ -1,15 +1,14 @@
-"""Everything that a fit has to go by, as one number for each candidate.
+"""The objective of a fit: all the evidence as one number for each candidate.
 
-The metric of the design is the mean over all states of error_k. For normal noise of unknown level the likelihood of N
-independent points, with the level at its best value, is proportional to that error to the power -N (Seber and Wild
-1989, Nonlinear Regression, section 2.2.1). What is known beside the edges (tensile curves, priors on the law's
-parameters and on freed nuisances) comes in standardised residuals z, whose likelihood is exp(-sum z^2 / 2). Their
-product is largest where
+State k has the error e_k (`inference.evidence.measurements`), and e is the mean error of all states. If the noise is
+normal and its level has its best value, the likelihood of N independent points is proportional to e^-N (Seber and Wild
+1989, Nonlinear Regression, section 2.2.1). Tensile curves and the priors on nuisances and on the law's parameters have
+standardised residuals z, with the likelihood exp(-sum z^2 / 2). The product of both is largest where
 
-    objective = mean error * exp(sum z^2 / (2 N))
+    objective = e * exp(sum z^2 / (2 N))
 
-is smallest: still a length, and the plain metric where there is nothing beside the edges. N counts points that are
-independent: neighbours on an edge are not (see `eimi_fitting.inference.interval.covariance`).
+is smallest. The objective is a length, and without further evidence it is the mean error. N is smaller than the number
+of points, because neighbours on an edge are correlated (`inference.interval.covariance`).
 """
 
 from __future__ import annotations
@@ -30,64 +29,74 @@ from eimi_fitting.laws.law import Law
 
 Array = NDArray[np.float64]
 
-_MOST_MM = 0.99 * DISCARDED_MM  # of a candidate that is valid
+_MOST_MM = 0.99 * DISCARDED_MM  # largest objective of a valid candidate
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """P candidates before all the evidence.
+    """P candidates compared with all the evidence.
 
-    curves: (P, m), priors: (P, f) and known: (P, q) standardised residuals of tensile curves, of freed nuisances and of
-    the priors on the law's parameters; independent_points: N.
+    Parameters
+    ----------
+    comparison : Comparison
+        Comparison with the measured edges and points.
+    curves : ndarray, shape (P, m)
+        Standardised residuals of the tensile curves.
+    priors : ndarray, shape (P, f)
+        Standardised residuals of the freed nuisances.
+    law_priors : ndarray, shape (P, q)
+        Standardised residuals of the priors on the law's parameters.
+    independent_points : float
+        The number N of independent points.
     """
 
     comparison: Comparison
     curves: Array
     priors: Array
-    known: Array
+    law_priors: Array
     independent_points: float
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """(P,)."""
+        """Candidates without convergence in some state, (P,)."""
         return self.comparison.unconverged
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """(P,)."""
+        """Converged candidates that are unstable in some state, (P,)."""
         return self.comparison.unstable
 
     @property
     def standardised(self) -> Array:
-        """(P, m + f + q): all that is known beside the edges."""
-        return np.concatenate([self.curves, self.priors, self.known], axis=1)
+        """The standardised residuals z of all evidence beside the edges, (P, m + f + q)."""
+        return np.concatenate([self.curves, self.priors, self.law_priors], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """(P,): DISCARDED_MM where a candidate is not valid."""
+        """The objective in mm, (P,); `DISCARDED_MM` for a candidate that is not valid."""
         mean = self.comparison.objective_mm
         x = 0.5 * (self.standardised**2).sum(axis=1) / self.independent_points
-        # Far away a straight line continues the exponential, which would overflow.
+        # Beyond x = 5 a straight line continues the exponential, which would overflow.
         far = np.maximum(x - 5, 0.0)
         factor = np.exp(np.minimum(x, 5.0)) * (1 + far)
         return np.where(mean < DISCARDED_MM, np.minimum(mean * factor, _MOST_MM), DISCARDED_MM)
 
     @property
-    def without_known(self) -> Evaluation:
-        """The same without the priors on the law's parameters."""
-        return replace(self, known=self.known[:, :0])
+    def without_law_priors(self) -> Evaluation:
+        """The evaluation without the priors on the law's parameters."""
+        return replace(self, law_priors=self.law_priors[:, :0])
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
-        """(P,): so far from what is known beside the edges that a search could not tell such candidates apart."""
+        """Candidates whose objective is cut off because priors or tensile curves exclude them, (P,)."""
         return self.objective_mm == _MOST_MM
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """What least squares sees: the states, and everything else as one more state.
+        """The residuals for least squares: those of each experiment, and z as one more state.
 
-        That state's residuals are z times the standard error of a state's mean, its error that of the mean state. Its
-        weight among the others is then the one that it has in the objective.
+        With K states and their mean error e, the residuals of the additional state are e sqrt(K / N) z, and its error
+        is e. Its weight in least squares is then its weight in the objective.
         """
         standardised = self.standardised
         p, m = standardised.shape
@@ -105,7 +114,21 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Problem:
-    """A law, what is unknown, and the evidence; priors: on the law's own parameters."""
+    """The problem of a fit: a law, its unknowns and the evidence.
+
+    Parameters
+    ----------
+    law : Law
+        The hyperelastic law.
+    unknowns : Unknowns
+        The unknowns of the fit.
+    experiments : tuple of Experiment
+        The experiments.
+    curves : tuple of TensileEvidence
+        Tensile curves.
+    priors : tuple of Prior
+        Priors on the law's parameters.
+    """
 
     law: Law
     unknowns: Unknowns
@@ -119,16 +142,21 @@ class Problem:
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def with_own_changes(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """What was evaluated of a problem whose experiments differ from these in their changes alone, as this one's."""
+        """Return an evaluation of ``before`` with the changes of this problem.
+
+        Both problems may differ only in the changes of their experiments.
+        """
         comparison = evaluation.comparison
         misfits = tuple(
-            own.with_own_change(misfit, other)
-            for own, misfit, other in zip(self.experiments, comparison.misfits, before.experiments, strict=True)
+            experiment.with_own_change(misfit, earlier)
+            for experiment, misfit, earlier in zip(
+                self.experiments, comparison.misfits, before.experiments, strict=True
+            )
         )
         return replace(evaluation, comparison=replace(comparison, misfits=misfits))
 
     def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
-        """Evaluates candidates that are near those evaluated before, as a polish does."""
+        """Return a function for `polish` that evaluates candidates near those of an earlier evaluation."""
         return lambda units, near: self.evaluate(
             units, independent_points, near=near.comparison.shapes if near else (), keep=True
         )
@@ -141,10 +169,26 @@ class Problem:
         near: Sequence[Shapes] = (),
         keep: bool = False,
     ) -> Evaluation:
-        """Candidates (P, searched) or (P, n) in unit coordinates; ``experiments`` in place of the problem's own.
+        """Evaluate candidates against all the evidence.
 
-        near: of an earlier evaluation on the same meshes, made to ``keep`` where its first candidate stands, which is
-        near these.
+        Parameters
+        ----------
+        unit : ndarray, shape (P, searched) or (P, n)
+            Candidates in unit coordinates. Missing nuisances have their stated values.
+        independent_points : float
+            The number N of independent points.
+        experiments : sequence of Experiment, optional
+            Experiments in place of those of the problem.
+        near : sequence of Shapes
+            Shapes of an earlier evaluation on the same meshes that was made with ``keep``. The solver starts from the
+            shapes of its first candidate.
+        keep : bool
+            Keep the shapes of the first candidate for later evaluations.
+
+        Returns
+        -------
+        Evaluation
+            The evaluation.
         """
         unit = self.unknowns.whole(unit)
         parameters = self.unknowns.parameters(unit)
@@ -169,11 +213,11 @@ class Problem:
         )
         none = np.zeros((len(unit), 0))
         curves = [none, *(curve.standardised(self.law, parameters) for curve in self.curves)]
-        known = [none, *(prior.standardised(self.law, parameters)[:, None] for prior in self.priors)]
+        law_priors = [none, *(prior.standardised(self.law, parameters)[:, None] for prior in self.priors)]
         return Evaluation(
             comparison,
             np.concatenate(curves, axis=1),
             self.unknowns.standardised(unit),
-            np.concatenate(known, axis=1),
+            np.concatenate(law_priors, axis=1),
             independent_points,
         )

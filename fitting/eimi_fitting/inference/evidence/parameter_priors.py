@@ -1,9 +1,9 @@
-"""What is known of a law's parameter before the fit: a normal distribution about a stated value.
+"""Normal priors on the parameters of a law.
 
-The prior enters the fit as one more observation (Theil and Goldberger 1961, Int. Econ. Rev. 2:65): its residual is the
-distance of the parameter from the stated value in standard deviations, and it counts like one independent point whose
-noise is known. The optimum weighs it against the noise of the edges alone: where a stated source, such as the beam's
-width, is more uncertain than the prior, free that source to have the prior decide about it as well.
+A prior with mean m and standard deviation s enters the fit as one more observation (Theil and Goldberger 1961, Int.
+Econ. Rev. 2:65). Its standardised residual is z = (p - m) / s for the parameter p. The fit weighs the prior against the
+noise of the edges. It does not weigh it against the uncertainty of a source that keeps its stated value, such as the
+width of the beam. If such a source is more uncertain than the prior, free the source: the prior then determines it too.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from eimi_fitting.suggestion import suggestion
 Array = NDArray[np.float64]
 
 INITIAL_SHEAR_MODULUS = "initial_shear_modulus"
-"""Of any law, beside its own parameters."""
+"""The name of the initial shear modulus, which every law has beside its parameters."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Prior:
             )
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """(P,): by how many standard deviations each of P candidates (P, n) lies above the mean."""
+        """Return the standardised residuals z, shape (P,), of P candidates with parameters (P, n)."""
         if self.parameter == INITIAL_SHEAR_MODULUS:
             values = law.initial_shear_modulus(parameters)
         else:

@@ -7,9 +7,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Quantity:
-    """A value and the two ends of its 95 % interval, all in one unit; the unit is "1" for a plain number.
+    """A value with its 95 % intervals.
 
-    interval_95 holds all that is stated as uncertain; interval_95_fit noise and mesh alone, where that is known.
+    Parameters
+    ----------
+    value : float
+        The value.
+    unit : str
+        Its unit, ``"1"`` for a plain number.
+    interval_95 : tuple of float
+        Lower and upper end of the interval from all stated uncertainties, in the same unit.
+    interval_95_fit : tuple of float, optional
+        The interval from noise and mesh alone; None if it was not computed.
 
     Examples
     --------

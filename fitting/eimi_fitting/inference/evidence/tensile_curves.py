@@ -1,9 +1,13 @@
-"""A tensile curve beside the edges: what it says of a law, in units of its own noise.
+"""A tensile curve as evidence beside the edges.
 
-Alone, the law fits the curve with a root mean square RMSE, whose residuals hang together over tau rows
-(`eimi_fitting.laws.tensile`). In a joint fit each row's residual counts in units of RMSE sqrt(tau): m rows are m / tau
-independent ones, and a curve that the law cannot follow counts for little. A stated weight multiplies the sum of
-squares; it is 1 unless a person knows better.
+The law is first fitted to the curve alone. This gives the root mean square s of the residuals and the number tau of
+neighbouring rows whose residuals are correlated (`eimi_fitting.laws.tensile`). In a joint fit, row i with the residual
+r_i in Pa has the standardised residual
+
+    z_i = sqrt(w / tau) r_i / s
+
+with the weight w of the curve, 1 by default. The m rows then count as m / tau independent rows. A curve that the law
+cannot follow has a large s and counts little.
 """
 
 from __future__ import annotations
@@ -19,16 +23,25 @@ from eimi_fitting.laws.tensile import CannotFit, engineering_stress, fit_tensile
 
 Array = NDArray[np.float64]
 
-_FLOOR = 1e-4  # of the largest stress: no tensile test is better than this
+_FLOOR = 1e-4  # smallest noise over the largest stress: no tensile test is assumed to be better
 
 
 @dataclass(frozen=True)
 class TensileCurve:
-    """Engineering strain (m,) and engineering stress (m,) of a tensile test, and its weight in a joint fit.
+    """The curve of a tensile test.
+
+    Parameters
+    ----------
+    strain : ndarray, shape (m,)
+        Engineering strain.
+    stress_Pa : ndarray, shape (m,)
+        Engineering stress in Pa.
+    weight : float
+        Weight of the curve in a joint fit, relative to the weight that its noise gives it.
 
     Examples
     --------
-    A curve that counts half of what its own noise makes it count:
+    A curve with half of the weight that its noise gives it:
 
     >>> import numpy as np
     >>> curve = TensileCurve(np.array([0.1, 0.2, 0.3]), np.array([12.6e3, 23.5e3, 32.9e3]), weight=0.5)
@@ -43,7 +56,17 @@ class TensileCurve:
 
 @dataclass(frozen=True)
 class TensileEvidence:
-    """A curve, and how well a law fits it alone: noise_Pa and correlation_rows."""
+    """A tensile curve and its noise.
+
+    Parameters
+    ----------
+    curve : TensileCurve
+        The curve.
+    noise_Pa : float
+        Root mean square s of the residuals of the fit to the curve alone.
+    correlation_rows : float
+        Number tau of correlated neighbouring rows.
+    """
 
     curve: TensileCurve
     noise_Pa: float
@@ -51,7 +74,25 @@ class TensileEvidence:
 
     @staticmethod
     def of(curve: TensileCurve, model: str) -> TensileEvidence:
-        """Fit the law to the curve alone. Raises CannotFit for too few rows, or stresses that are all zero."""
+        """Fit a law to the curve alone.
+
+        Parameters
+        ----------
+        curve : TensileCurve
+            The curve.
+        model : str
+            A key of `LAWS`.
+
+        Returns
+        -------
+        TensileEvidence
+            The curve with its noise.
+
+        Raises
+        ------
+        CannotFit
+            For too few rows, and if all stresses are zero.
+        """
         largest = float(np.abs(curve.stress_Pa).max(initial=0.0))
         if largest == 0.0:
             raise CannotFit("every stress is zero")
@@ -61,10 +102,10 @@ class TensileEvidence:
         return TensileEvidence(curve, float(noise), alone.correlation_rows)
 
     def residuals_Pa(self, law: Law, parameters: Array) -> Array:
-        """(P, m) of P candidates (P, n)."""
+        """Return the residuals (P, m) in Pa of P candidates with parameters (P, n)."""
         return engineering_stress(law, parameters, self.curve.strain) - self.curve.stress_Pa
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """(P, m): residuals whose sum of squares counts in the fit, the weight included."""
+        """Return the standardised residuals z, (P, m), of P candidates with parameters (P, n)."""
         scale = np.sqrt(self.curve.weight / self.correlation_rows) / self.noise_Pa
         return scale * self.residuals_Pa(law, parameters)

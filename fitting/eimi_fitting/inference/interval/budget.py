@@ -1,4 +1,11 @@
-"""The budget of an interval: what each stated source does to the initial shear modulus, and what to measure better."""
+"""The budget of an interval: the effect of each stated source on the initial shear modulus, and what to measure next.
+
+Source s with step d_s of the optimum x (`inference.interval.considered`) changes the modulus mu by
+
+    effect_s = 100 * |mu(x + d_s) - mu(x - d_s)| / (2 mu(x)) per cent
+
+for one standard uncertainty. The effects of the parts of one source, such as x and y of the clamp, add as squares.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +24,23 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class BudgetEntry:
-    """One source: how uncertain it was stated, of which datasets, and the standard deviation that gives the modulus."""
+    """One source of the budget.
+
+    Parameters
+    ----------
+    source : str
+        A key of `SOURCES`.
+    words : str
+        Its name for people.
+    standard_uncertainty : float
+        As stated, in ``unit``.
+    unit : str
+        Unit of the source.
+    datasets : tuple of int
+        The datasets that share this error, counted from 0.
+    effect_percent : float
+        Standard deviation that the source gives the initial shear modulus, in per cent of it.
+    """
 
     source: str
     words: str
@@ -29,9 +52,16 @@ class BudgetEntry:
 
 @dataclass(frozen=True)
 class MeasureNext:
-    """What to measure better next: a source, or None for the edges themselves.
+    """The quantity whose better measurement narrows the interval of the modulus most.
 
-    initial_shear_modulus_interval_95_Pa: what its interval would be with half of that uncertainty.
+    Parameters
+    ----------
+    source : str or None
+        A key of `SOURCES`; None for the edges themselves.
+    words : str
+        Its name for people.
+    initial_shear_modulus_interval_95_Pa : tuple of float
+        The interval that half of this uncertainty would give, in Pa.
     """
 
     source: str | None
@@ -41,9 +71,18 @@ class MeasureNext:
 
 @dataclass(frozen=True)
 class Moves:
-    """What moves the optimum ``unit`` (n,) in each of D draws.
+    """The random moves of an optimum in D draws.
 
-    noise: (D, n); deviations: (D, S) of the sources, in standard uncertainties; steps: what these do.
+    Parameters
+    ----------
+    unit : ndarray, shape (n,)
+        The optimum in unit coordinates.
+    noise : ndarray, shape (D, n)
+        Moves by noise, priors and model errors.
+    deviations : ndarray, shape (D, S)
+        Errors of the S sources, in standard uncertainties.
+    steps : Steps
+        The moves for one standard uncertainty of each source.
     """
 
     unit: Array
@@ -52,7 +91,20 @@ class Moves:
     steps: Steps
 
     def units(self, of_noise: float = 1.0, of_sources: Array | float = 1.0) -> Array:
-        """(D, n) unknowns, with some share of the noise and of each source (S,)."""
+        """Return the unknowns of all draws, with noise and sources scaled.
+
+        Parameters
+        ----------
+        of_noise : float
+            Factor on the noise.
+        of_sources : float or ndarray, shape (S,)
+            Factor on each source.
+
+        Returns
+        -------
+        ndarray, shape (D, n)
+            Unit coordinates, clipped to 0..1.
+        """
         moved = of_noise * self.noise + (of_sources * self.deviations) @ self.steps.sizes
         return np.clip(self.unit + moved + np.any(of_sources) * self.steps.held, 0.0, 1.0)
 
@@ -60,17 +112,34 @@ class Moves:
 def budget(
     sources: Sequence[ConsideredSources], moves: Moves, modulus: Callable[[Array], Array]
 ) -> tuple[tuple[BudgetEntry, ...], MeasureNext]:
-    """The entries, largest first, and what to measure next; modulus: of unknowns (P, n)."""
-    here = float(modulus(moves.unit[None])[0])
+    """Return the entries of the budget and what to measure next.
+
+    Parameters
+    ----------
+    sources : sequence of ConsideredSources
+        The S uncertain numbers, in the order of ``moves``.
+    moves : Moves
+        The random moves of the optimum.
+    modulus : callable
+        Takes unit coordinates (P, n) and returns the initial shear moduli (P,) in Pa.
+
+    Returns
+    -------
+    entries : tuple of BudgetEntry
+        One for each source, the largest effect first.
+    measure_next : MeasureNext
+        The source with the largest effect, or the edges if their noise has a larger one.
+    """
+    optimum_modulus = float(modulus(moves.unit[None])[0])
     sizes = moves.steps.sizes
     ends = modulus(np.clip(moves.unit + np.concatenate([sizes, -sizes]), 0.0, 1.0))
-    effect = 50 * np.abs(np.subtract(*np.split(ends, 2))) / here
+    effect = 50 * np.abs(np.subtract(*np.split(ends, 2))) / optimum_modulus
     groups = list(dict.fromkeys(source.shared for source in sources))
-    own = np.array([[source.shared == group for source in sources] for group in groups]).reshape(
+    in_group = np.array([[source.shared == group for source in sources] for group in groups]).reshape(
         len(groups), len(sources)
     )
-    together = np.sqrt((own * effect**2).sum(axis=1))
-    order = np.argsort(-together, kind="stable")
+    group_effect = np.sqrt((in_group * effect**2).sum(axis=1))
+    order = np.argsort(-group_effect, kind="stable")
     entries = tuple(
         BudgetEntry(
             source=groups[g].source,
@@ -78,14 +147,14 @@ def budget(
             standard_uncertainty=groups[g].standard_uncertainty or 0.0,
             unit=SOURCES[groups[g].source].unit,
             datasets=groups[g].datasets,
-            effect_percent=float(together[g]),
+            effect_percent=float(group_effect[g]),
         )
         for g in order
     )
-    noise = 100 * float(np.std(modulus(moves.units(of_sources=0.0)))) / here
+    noise = 100 * float(np.std(modulus(moves.units(of_sources=0.0)))) / optimum_modulus
     if not entries or noise > entries[0].effect_percent:
         return entries, MeasureNext(None, "edges", _interval(modulus(moves.units(of_noise=0.5))))
-    halved = np.where(own[order[0]], 0.5, 1.0)
+    halved = np.where(in_group[order[0]], 0.5, 1.0)
     return entries, MeasureNext(entries[0].source, entries[0].words, _interval(modulus(moves.units(of_sources=halved))))
 
 

@@ -1,11 +1,16 @@
-"""What stated uncertainties do to the residuals, and through them to the estimate (consider covariance).
+"""The effect of stated uncertainties on the residuals and on the estimate (consider covariance).
 
-A source that is not freed keeps its stated value in the fit, and its error moves the optimum: by the step that a change
-of the residuals of one standard uncertainty asks for. With the sensitivities S of the estimate and the uncertainties u,
-the covariance of noise and priors grows by S diag(u^2) S' (Schmidt 1966, Adv. Control Syst. 3:293; Tapley, Schutz and
-Born 2004, Statistical Orbit Determination, section 6.3). The residuals' derivatives are differences of the planar model
-on the coarse mesh at the optimum. A source bends the beam a little only: all states are sought at once from where the
-beam stands as stated.
+A source is a quantity with a stated standard uncertainty. A source that is not freed keeps its stated value in the fit,
+and its error moves the optimum. Let c_s be the change of the residuals for one standard uncertainty of source s, J the
+slopes of the residuals, W their weights and H the Hessian (`inference.interval.covariance`). The optimum moves by
+
+    d_s = -inv(H) J' W c_s
+
+and the covariance of the estimate grows by the sum of d_s d_s' over all sources (Schmidt 1966, Adv. Control Syst.
+3:293; Tapley, Schutz and Born 2004, Statistical Orbit Determination, section 6.3).
+
+The changes c_s are finite differences of the planar model on the coarse mesh at the optimum. One standard uncertainty
+changes the shapes only a little. All states are therefore solved at once, starting from the shapes with stated values.
 """
 
 from __future__ import annotations
@@ -29,18 +34,26 @@ from eimi_fitting.laws.law import Law
 
 Array = NDArray[np.float64]
 
-# Of the standard uncertainty: within one the beam answers in proportion, to a per cent. The others are for what has no
-# equilibrium one way.
+# Steps of the finite differences, in standard uncertainties. Within one standard uncertainty the response is linear to
+# a per cent. The second and third steps are tried if the model finds no equilibrium for the first.
 _STEPS = (0.5, -0.5, 0.05)
-_TOLERANCE_MM = 1e-3  # of the last Newton step: what it leaves is far below the smallest change that counts
+_TOLERANCE_MM = 1e-3  # the last Newton step is shorter; the remaining error is far below the smallest relevant change
 
 
 @dataclass(frozen=True)
 class ConsideredSources:
-    """One number that is uncertain: a part of a source, and what one standard uncertainty of it does.
+    """One uncertain number, and the change of the residuals for one standard uncertainty of it.
 
-    name: in a result; part: of its source; changes: of the residuals of each experiment, (K, G, m) mm, None where it is
-    not concerned.
+    Parameters
+    ----------
+    name : str
+        Its name in a result.
+    shared : SharedUnknowns
+        The source and the datasets that share its error.
+    part : int
+        Index of the number among the parts of its source.
+    changes : tuple of ndarray or None
+        Change of the residuals of each experiment, (K, G, m) in mm; None if the source does not concern it.
     """
 
     name: str
@@ -50,51 +63,77 @@ class ConsideredSources:
 
     @property
     def standard_uncertainty(self) -> float:
-        """In its source's unit; above zero."""
+        """The standard uncertainty, in the unit of the source; above zero."""
         return self.shared.standard_uncertainty or 0.0
 
     @property
     def freed(self) -> Nuisance:
-        """The same number as an unknown of a fit."""
+        """The same number as an unknown of a fit, with its standard uncertainty as prior."""
         return Nuisance(self.name, self.shared.source, self.part, self.shared.datasets, self.standard_uncertainty)
 
 
 def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """What the experiments state as uncertain, is not freed, and is not counted by what is freed."""
+    """Return the sources that the experiments state as uncertain and that no freed source already accounts for."""
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
-    counted = freed.union(*(SOURCES[source].covers for source in freed))
+    accounted_for = freed.union(*(SOURCES[source].covers for source in freed))
     stated = [experiment.stated for experiment in problem.experiments]
     return tuple(
         group
         for source in SOURCES
-        if source not in counted
+        if source not in accounted_for
         for group in shared(source, stated)
         if group.standard_uncertainty
     )
 
 
 def considered(problem: Problem, unit: Array) -> tuple[ConsideredSources, ...]:
-    """What each stated source does to the residuals at an optimum ``unit`` (n,).
+    """Return the effect of each stated source on the residuals at an optimum.
 
-    A source whose deviations leave no equilibrium is left out; `sources_of` has it all the same.
+    Parameters
+    ----------
+    problem : Problem
+        The problem of the fit.
+    unit : ndarray, shape (n,)
+        The optimum in unit coordinates.
+
+    Returns
+    -------
+    tuple of ConsideredSources
+        One for each uncertain number. A source is left out if the model finds no equilibrium for its deviations;
+        `sources_of` still lists it.
     """
     numbers = [(group, part) for group in sources_of(problem) for part in range(len(SOURCES[group.source].parts))]
     if not numbers:
         return ()
     changes = changes_of(problem, unit, numbers)
-    every = (
-        ConsideredSources(group.part_name(part, len(changes)), group, part, tuple(own[i] for own in changes))
+    uncertain_numbers = (
+        ConsideredSources(
+            group.part_name(part, len(changes)), group, part, tuple(of_experiment[i] for of_experiment in changes)
+        )
         for i, (group, part) in enumerate(numbers)
     )
-    return tuple(c for c in every if any(change is not None for change in c.changes))
+    return tuple(number for number in uncertain_numbers if any(change is not None for change in number.changes))
 
 
 def changes_of(
     problem: Problem, unit: Array, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[list[Array | None]]:
-    """Of each experiment for each (source, part) the change of the residuals (K, G, m) mm at ``unit`` (n,).
+    """Return the change of the residuals for one standard uncertainty of each number.
 
-    For one standard uncertainty more, from where the source is there if it is freed; None where it is not concerned.
+    Parameters
+    ----------
+    problem : Problem
+        The problem of the fit.
+    unit : ndarray, shape (n,)
+        Unit coordinates at which the changes are computed. A freed source starts from its value there.
+    numbers : sequence of (SharedUnknowns, int)
+        Source and part of each number.
+
+    Returns
+    -------
+    list of list
+        For each experiment and number, (K, G, m) in mm; None if the number does not concern the experiment or the
+        model finds no equilibrium.
     """
     return [_changes(problem, unit, index, numbers) for index in range(len(problem.experiments))]
 
@@ -102,7 +141,7 @@ def changes_of(
 def _changes(
     problem: Problem, unit: Array, index: int, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[Array | None]:
-    """Of one experiment."""
+    """Return the changes of the residuals of one experiment."""
     freed = [
         (n.source, n.part, float(n.value(unit[column])))
         for column, n in enumerate(problem.unknowns.freed, problem.unknowns.searched)
@@ -112,18 +151,30 @@ def _changes(
     candidate = Candidate(
         problem.law, problem.unknowns.parameters(unit[None]), problem.unknowns.bulk_modulus_Pa(unit[None]), tuple(freed)
     )
-    own = [(i, number) for i, number in enumerate(numbers) if index in number[0].datasets]
-    sizes = [(group.source, part, group.standard_uncertainty or 0.0) for _, (group, part) in own]
-    found: list[Array | None] = [None] * len(numbers)
-    changes = changes_by(candidate, problem.experiments[index].under(deviations[index]), sizes)
-    for (i, _), change in zip(own, changes, strict=True):
-        found[i] = change
-    return found
+    concerned = [(i, number) for i, number in enumerate(numbers) if index in number[0].datasets]
+    sizes = [(group.source, part, group.standard_uncertainty or 0.0) for _, (group, part) in concerned]
+    changes: list[Array | None] = [None] * len(numbers)
+    concerned_changes = changes_by(candidate, problem.experiments[index].under(deviations[index]), sizes)
+    for (i, _), change in zip(concerned, concerned_changes, strict=True):
+        changes[i] = change
+    return changes
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One candidate: a law with parameters (1, n), perhaps a bulk modulus (1,), and (source, part, deviation) freed."""
+    """One candidate of a fit.
+
+    Parameters
+    ----------
+    law : Law
+        The hyperelastic law.
+    parameters : ndarray, shape (1, n)
+        Its parameters.
+    bulk_modulus_Pa : ndarray, shape (1,), or None
+        The bulk modulus; None for an incompressible material.
+    freed : tuple of (str, int, float)
+        Source, part and deviation of each freed number.
+    """
 
     law: Law
     parameters: Array
@@ -133,7 +184,7 @@ class Candidate:
 
 @lru_cache(maxsize=8)
 def coarse_model(specimen: Specimen) -> BeamModel:
-    """On which differences between candidates are computed."""
+    """Return the planar model on the coarse mesh, on which differences between candidates are computed."""
     return BeamModel(specimen, plane=specimen.planar_section)
 
 
@@ -143,27 +194,42 @@ def changes_by(
     numbers: Sequence[tuple[str, int, float]],
     near: Configuration | None = None,
 ) -> list[Array | None]:
-    """(K, G, m) mm: what deviations of (source, part, size) change in a candidate's residuals.
+    """Return the change of a candidate's residuals for each deviation, by finite differences.
 
-    By differences of the planar model on the coarse mesh; None where that finds no equilibrium. near: where the beam
-    stands there, or nearly so, a row a state.
+    Parameters
+    ----------
+    candidate : Candidate
+        The candidate.
+    experiment : Experiment
+        The experiment; its model is replaced by the planar one on the coarse mesh.
+    numbers : sequence of (str, int, float)
+        Source, part and size of each deviation, the size in the unit of the source.
+    near : Configuration, optional
+        Shapes near the solution, one row for each state, from which the solver starts.
+
+    Returns
+    -------
+    list of ndarray or None
+        Change for the full size of each deviation, (K, G, m) in mm; None if the model finds no equilibrium.
     """
     experiment = replace(experiment, model=coarse_model(experiment.model.specimen), solid=None, change=None)
     as_stated = Setup.of(candidate.freed, 1)
-    here = _bent(candidate, experiment, as_stated, near)
-    if not _in_equilibrium(here):
+    stated_shapes = _bent(candidate, experiment, as_stated, near)
+    if not _in_equilibrium(stated_shapes):
         return [None] * len(numbers)
-    residuals = experiment.observed.misfit(experiment.model, here, as_stated).residuals[0]
+    residuals = experiment.observed.misfit(experiment.model, stated_shapes, as_stated).residuals[0]
 
     def change(key: str, part: int, size: float) -> Array | None:
         source = SOURCES[key]
         for step in _STEPS:
             deviation = step * size * np.eye(len(source.parts))[part]
-            other = experiment.under({key: deviation}) if source.bends else experiment
+            deviated = experiment.under({key: deviation}) if source.bends else experiment
             setup = Setup.of([*candidate.freed, (key, part, step * size)], 1)
-            there = _bent(candidate, other, setup, here.every) if source.bends or source.field else here
-            if _in_equilibrium(there):
-                return np.asarray(other.observed.misfit(other.model, there, setup).residuals[0] - residuals) / step
+            is_bent = source.bends or source.field
+            shapes = _bent(candidate, deviated, setup, stated_shapes.every) if is_bent else stated_shapes
+            if _in_equilibrium(shapes):
+                misfit = deviated.observed.misfit(deviated.model, shapes, setup)
+                return np.asarray(misfit.residuals[0] - residuals) / step
         return None
 
     return [change(*number) for number in numbers]
@@ -188,34 +254,58 @@ def _in_equilibrium(shapes: Shapes) -> bool:
 
 @dataclass(frozen=True)
 class Steps:
-    """How sources move an optimum: sizes (S, n) for one standard uncertainty more; held (n,): from a bound to where the
-    optimum would be without it.
+    """The moves of an optimum by its sources.
+
+    Parameters
+    ----------
+    sizes : ndarray, shape (S, n)
+        Move for one standard uncertainty of each source, in unit coordinates.
+    held : ndarray, shape (n,)
+        Vector from an optimum on a bound to the optimum without that bound; zero if no bound is active.
     """
 
     sizes: Array
     held: Array
 
 
-# Standard deviations of noise and sources: an optimum that would be farther beyond a bound is so for the law's sake.
+# Largest distance of the unbounded optimum beyond a bound, in standard deviations of noise and sources. A longer
+# distance is due to the law and not to noise or sources; it is shortened to this.
 _FARTHEST = 2.0
 
 
 def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
-    """What each source does to an optimum with the covariance (n, n) of its noise.
+    """Return the moves of the optimum by each source, as if the parameters had no bounds.
 
-    As if the law had no bounds: where one holds the optimum, the sources may have brought it there from inside, and the
-    steps that it lets them take from there are not those that they took. Least squares without bounds is free of bias
-    and normal; so the optimum without them is what intervals are about, as far as noise and sources can have moved it.
+    Parameters
+    ----------
+    about : Linearisation
+        The evidence about the optimum.
+    sources : sequence of ConsideredSources
+        The S uncertain numbers.
+    covariance : ndarray, shape (n, n)
+        Covariance of the optimum due to noise and priors.
+
+    Returns
+    -------
+    Steps
+        The moves of the optimum.
+
+    Notes
+    -----
+    If the optimum lies on a bound, the sources may have moved it there from inside, and the bound cuts off part of
+    these moves. The least-squares optimum without bounds is unbiased and normally distributed. The intervals are
+    therefore centred on the unbounded optimum, at most `_FARTHEST` standard deviations beyond the bound.
     """
     sizes, n = np.zeros((len(sources), len(about.unit))), len(about.unit)
     for i, source in enumerate(sources):
         score = np.zeros(n)
-        for own, change in zip(about.states, source.changes, strict=True):
+        for states, change in zip(about.states, source.changes, strict=True):
             if change is not None:
-                score += own.score(change)
+                score += states.score(change)
         sizes[i] = -np.linalg.solve(about.hessian, score)
     outward = ((about.unit <= 0.0) & (about.score > 0)) | ((about.unit >= 1.0) & (about.score < 0))
     held = -np.linalg.solve(about.hessian, np.where(outward, about.score, 0.0))
-    far = (np.abs(held) / np.sqrt(np.diag(covariance) + (sizes**2).sum(axis=0)))[outward].max(initial=_FARTHEST)
-    share = _FARTHEST / far if sources else 0.0
+    spread = np.sqrt(np.diag(covariance) + (sizes**2).sum(axis=0))
+    farthest = (np.abs(held) / spread)[outward].max(initial=_FARTHEST)
+    share = _FARTHEST / farthest if sources else 0.0
     return Steps(sizes, np.asarray(share * held))

@@ -1,14 +1,19 @@
-"""The evidence linearised about an optimum: what it fixes, and how far its noise moves the optimum.
+"""The evidence linearised about an optimum, and the covariance of the optimum.
 
-With w_k the weight of state k's residuals in the objective (`inference.evidence.objective`), J their slopes and r the
-noise:
+State k has N_k points, residuals r_k with the root mean square e_k, and slopes J_k = dr_k/dx in the unknowns x. With K
+states, their mean error e, and N independent points (`inference.evidence.objective`), the weight of the state is
 
-information          A = sum w_k J'J, the Hessian of the objective
-variance of score    B = the variance of sum w_k J'r, points that are alike counting as tau of one
-covariance           inv(A + P) (B + P) inv(A + P), P the inverse variance of the priors
+    w_k = N / (K e N_k e_k)
 
-the sandwich of an estimator whose weights are not quite the inverse of its noise (Huber 1967, Proc. 5th Berkeley
-Symp. 1:221; White 1982, Econometrica 50:1). Where all states are equally noisy A is B.
+and with P, the inverse variance of the priors,
+
+    information              A = sum_k w_k J_k' J_k
+    variance of the score    B = sum_k tau w_k^2 e_k^2 J_k' J_k
+    covariance               C = inv(A + P) (B + P) inv(A + P)
+
+Neighbouring points have similar errors: tau points count as one independent point (`point_correlation`). C is the
+sandwich covariance of an estimator whose weights differ from the inverse variance of the noise (Huber 1967, Proc. 5th
+Berkeley Symp. 1:221; White 1982, Econometrica 50:1). If all states are equally noisy, A equals B.
 """
 
 from __future__ import annotations
@@ -28,10 +33,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LinearStates:
-    """The K states of one experiment about an optimum.
+    """The K states of one experiment, linearised about an optimum.
 
-    residuals: (K, G, m) mm; slopes: (n, K, G, m) mm; used: (K, G, m) above zero where a point counts; weights: (K,) of
-    w_k; counts: (K,) of points; error_mm: (K,).
+    Parameters
+    ----------
+    residuals : ndarray, shape (K, G, m)
+        Residuals in mm.
+    slopes : ndarray, shape (n, K, G, m)
+        Derivatives of the residuals in the unit coordinates, in mm.
+    used : ndarray, shape (K, G, m)
+        Above zero for points that count.
+    weights : ndarray, shape (K,)
+        The weights w_k.
+    counts : ndarray, shape (K,)
+        Number of points N_k.
+    error_mm : ndarray, shape (K,)
+        Root mean square e_k of the residuals.
     """
 
     residuals: Array
@@ -43,25 +60,30 @@ class LinearStates:
 
     @property
     def information(self) -> Array:
-        """(n, n)."""
+        """The part of this experiment in A, (n, n)."""
         return np.asarray(np.einsum("k,kij->ij", self.weights, self._by_state()))
 
     def score(self, residuals: Array) -> Array:
-        """(n,) of residuals (K, G, m)."""
+        """Return sum_k w_k J_k' r_k, shape (n,), for residuals (K, G, m)."""
         return np.asarray(np.einsum("k,ikgn,kgn->i", self.weights, self.slopes, residuals))
 
     def score_variance(self, observed: Observation) -> Array:
-        """(n, n): what is observed tells which points are alike."""
+        """Return the part of this experiment in B, (n, n).
+
+        The correlation of edge points is computed from their residuals. Tracked points share the stated uncertainty of
+        their state.
+        """
         if isinstance(observed, EdgeObservation):
             tau = point_correlation(self.residuals, self.used, observed)
             return np.asarray(np.einsum("k,kij->ij", tau * (self.weights * self.error_mm) ** 2, self._by_state()))
-        # Two components share a point's error; what its residuals show beyond the stated uncertainty counts too.
-        seen = self.used > 0
+        # Half of a point's squared error belongs to each of its two components. The residuals count if they are larger
+        # than the stated uncertainty.
+        is_used = self.used > 0
         sigma = np.where(np.isfinite(observed.sigma_mm), observed.sigma_mm, 0.0)[:, None]
-        stated = (seen * sigma**2).sum(axis=(1, 2)) / np.maximum(seen.sum(axis=(1, 2)), 1)
-        together = self.slopes.sum(axis=-1)  # of a shift that is common to the points of a state
+        stated = (is_used * sigma**2).sum(axis=(1, 2)) / np.maximum(is_used.sum(axis=(1, 2)), 1)
+        shift_slopes = self.slopes.sum(axis=-1)  # for one shift of all points of a state
         variance = np.maximum(stated, 0.5 * self.error_mm**2)
-        return np.asarray(np.einsum("k,ikg,jkg->ij", self.weights**2 * variance, together, together))
+        return np.asarray(np.einsum("k,ikg,jkg->ij", self.weights**2 * variance, shift_slopes, shift_slopes))
 
     def _by_state(self) -> Array:
         return np.asarray(np.einsum("ikgn,jkgn->kij", self.slopes, self.slopes))
@@ -69,14 +91,34 @@ class LinearStates:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """The evidence about ``unit`` (n,), with the objective there, the priors on the law's parameters left out.
+    """The evidence linearised about an optimum.
 
-    states: one an experiment; points: number of points; independent_points: N;
-    likelihood_points, noise_points, noise_mm: as many as the likelihood takes, and N and standard deviation of the
-    noise alone, see `inference.interval.noise`; residual_mm: residual standard deviation;
-    curves (m,) and curve_slopes (n, m): standardised residuals of the tensile curves; priors: (f,) those of the freed
-    nuisances; known (q,) and known_slopes (n, q): those of the priors on the law's parameters; information,
-    score_variance and prior: A, B and P (n, n), P without the priors on the law's parameters.
+    Parameters
+    ----------
+    unit : ndarray, shape (n,)
+        The optimum in unit coordinates.
+    objective_mm : float
+        The objective there, without the priors on the law's parameters.
+    states : tuple of LinearStates
+        One for each experiment.
+    points : int
+        Number of points.
+    independent_points : float
+        Number N of independent points.
+    likelihood_points : float
+        The N that the likelihood uses.
+    noise_points, noise_mm : float
+        N and mean error of the noise alone, in mm (`inference.interval.noise`).
+    residual_mm : float
+        Standard deviation of the residuals, in mm.
+    curves, curve_slopes : ndarray, shape (m,) and (n, m)
+        Standardised residuals of the tensile curves, and their slopes.
+    priors : ndarray, shape (f,)
+        Standardised residuals of the freed nuisances.
+    law_priors, law_prior_slopes : ndarray, shape (q,) and (n, q)
+        Standardised residuals of the priors on the law's parameters, and their slopes.
+    information, score_variance, prior : ndarray, shape (n, n)
+        A, B and P; P without the priors on the law's parameters.
     """
 
     unit: Array
@@ -91,40 +133,40 @@ class Linearisation:
     curves: Array
     curve_slopes: Array
     priors: Array
-    known: Array
-    known_slopes: Array
+    law_priors: Array
+    law_prior_slopes: Array
     information: Array
     score_variance: Array
     prior: Array
 
     @property
-    def known_information(self) -> Array:
-        """(n, n): what the priors on the law's parameters add to P."""
-        return np.asarray(self.known_slopes @ self.known_slopes.T)
+    def law_prior_information(self) -> Array:
+        """The part of the priors on the law's parameters in P, (n, n)."""
+        return np.asarray(self.law_prior_slopes @ self.law_prior_slopes.T)
 
     @property
     def hessian(self) -> Array:
-        """A + P (n, n)."""
-        return self.information + self.prior + self.known_information
+        """The Hessian A + P, (n, n)."""
+        return self.information + self.prior + self.law_prior_information
 
     @property
     def score(self) -> Array:
-        """(n,): the gradient of minus the log-likelihood; zero at an optimum that no bound holds."""
-        total = self.curve_slopes @ self.curves + self.known_slopes @ self.known
-        for own in self.states:
-            total = total + own.score(own.residuals)
+        """The gradient of minus the log-likelihood, (n,); zero at an optimum inside the bounds."""
+        total = self.curve_slopes @ self.curves + self.law_prior_slopes @ self.law_priors
+        for states in self.states:
+            total = total + states.score(states.residuals)
         return self._with_priors(np.asarray(total)[None], self.priors[None])[0]
 
     def score_of(self, candidates: Evaluation) -> Array:
-        """(P, n): of other candidates, without the priors on the law's parameters.
+        """Return the scores of other candidates, (P, n), without the priors on the law's parameters.
 
-        Slopes are those of the optimum, weights those of the candidates' own errors.
+        The slopes are those at the optimum. The weights follow from the errors of the candidates.
         """
         total = candidates.curves @ self.curve_slopes.T
-        for own, misfit in zip(self.states, candidates.comparison.misfits, strict=True):
-            here = np.sqrt((own.residuals**2).sum(axis=(1, 2)) / np.maximum(own.counts, 1e-12))
-            weight = own.weights * here / np.maximum(misfit.error_mm, 1e-12)
-            total = total + np.einsum("pk,ikgn,pkgn->pi", weight, own.slopes, misfit.residuals)
+        for states, misfit in zip(self.states, candidates.comparison.misfits, strict=True):
+            optimum_error = np.sqrt((states.residuals**2).sum(axis=(1, 2)) / np.maximum(states.counts, 1e-12))
+            weight = states.weights * optimum_error / np.maximum(misfit.error_mm, 1e-12)
+            total = total + np.einsum("pk,ikgn,pkgn->pi", weight, states.slopes, misfit.residuals)
         return self._with_priors(total, candidates.priors)
 
     def _with_priors(self, score: Array, priors: Array) -> Array:
@@ -133,30 +175,54 @@ class Linearisation:
         return score
 
     def prior_distances(self) -> tuple[float, ...]:
-        """Return how far the optimum without each prior lies from its mean, in deviations of both together.
+        """Return the distance of each prior on the law's parameters from the optimum without that prior.
 
-        The optimum without a prior is that of the quadratic about this one: a prior whose standardised residual is z
-        there has z (1 + s' inv(H) s), H the Hessian without it and s its slope, and that number's own variance is
-        1 + s' inv(H) s where prior and data agree.
+        Returns
+        -------
+        tuple of float
+            The distances, in standard deviations of the difference between prior and data.
+
+        Notes
+        -----
+        Let z be the standardised residual of a prior at the optimum, s its slope, and H the Hessian without this prior.
+        At the optimum without it, the residual is z (1 + s' inv(H) s). The variance of that residual is
+        1 + s' inv(H) s if prior and data agree. The distance is the residual over the root of its variance,
+        z sqrt(1 + s' inv(H) s).
         """
-        found = []
-        for z, slope in zip(self.known, self.known_slopes.T, strict=True):
+        distances = []
+        for z, slope in zip(self.law_priors, self.law_prior_slopes.T, strict=True):
             others = self.hessian - np.outer(slope, slope)
-            found.append(float(z * np.sqrt(1 + slope @ np.linalg.solve(others, slope))))
-        return tuple(found)
+            distances.append(float(z * np.sqrt(1 + slope @ np.linalg.solve(others, slope))))
+        return tuple(distances)
 
     def covariance(self, widened: float = 1.0) -> Array:
-        """(n, n) of the optimum, with the noise's standard deviation taken for ``widened`` times what it seems."""
+        """Return the covariance C of the optimum, (n, n); ``widened`` scales the standard deviation of the noise."""
         inverse = np.linalg.inv(self.hessian)
-        return np.asarray(inverse @ (widened**2 * self.score_variance + self.prior + self.known_information) @ inverse)
+        return np.asarray(
+            inverse @ (widened**2 * self.score_variance + self.prior + self.law_prior_information) @ inverse
+        )
 
 
 def point_correlation(residuals: Array, weights: Array, observed: Observation) -> float:
-    """How many points of an experiment count as one.
+    """Return the number tau of points that count as one independent point.
 
-    Along an edge and from state to state by their own correlation: what the lens, the light or the law get wrong is
-    much alike in neighbouring states. Tracked points carry an uncertainty that is taken as common to the points of one
-    state, of which two components are left.
+    Errors of lens, light and law are similar along an edge and in neighbouring states. For edges, tau is therefore the
+    product of the correlation lengths along the edge and over the states. The uncertainty of tracked points is assumed
+    common to all points of a state, so that each state has two independent numbers, x and y.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (K, G, m)
+        Residuals in mm.
+    weights : ndarray, shape (K, G, m)
+        Zero for points that do not count.
+    observed : EdgeObservation or PointObservation
+        The measurement.
+
+    Returns
+    -------
+    float
+        tau, at least 1.
     """
     if isinstance(observed, EdgeObservation):
         by_state = correlation_length(residuals.transpose(1, 2, 0), weights.transpose(1, 2, 0))
@@ -165,7 +231,7 @@ def point_correlation(residuals: Array, weights: Array, observed: Observation) -
 
 
 def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
-    """N of the first candidate of a comparison."""
+    """Return the number N of independent points, from the residuals of the first candidate."""
     return sum(
         float(m.weights.sum()) / point_correlation(m.residuals[0], m.weights, e.observed)
         for m, e in zip(misfits, problem.experiments, strict=True)
@@ -173,23 +239,40 @@ def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
 
 
 def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points: float | None = None) -> Linearisation:
-    """What the evaluation about an optimum of this problem says; the likelihood takes N points, or so many."""
-    here, distance = optimum.evaluation, optimum.distance
-    n, misfits = len(optimum.unit), here.comparison.misfits
+    """Linearise the evidence about an optimum.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem of the fit.
+    optimum : Optimum
+        Its optimum, with the evaluation of the differences about it.
+    likelihood_points : float, optional
+        Number of independent points in the likelihood; computed from the residuals by default.
+
+    Returns
+    -------
+    Linearisation
+        The linearised evidence.
+    """
+    evaluation, distance = optimum.evaluation, optimum.distance
+    n, misfits = len(optimum.unit), evaluation.comparison.misfits
     counted = independent_points(problem, misfits)
-    mean, count = float(here.comparison.error_mm[0].mean()), here.comparison.error_mm.shape[1]
+    mean, count = float(evaluation.comparison.error_mm[0].mean()), evaluation.comparison.error_mm.shape[1]
     taken = counted if likelihood_points is None else likelihood_points
     scale = taken / (count * max(mean, 1e-12))
     states = tuple(_linear_states(misfit, distance, scale) for misfit in misfits)
-    curve_slopes, known_slopes = ((z[1 : n + 1] - z[n + 1 :]) / distance[:, None] for z in (here.curves, here.known))
+    curve_slopes, law_prior_slopes = (
+        (z[1 : n + 1] - z[n + 1 :]) / distance[:, None] for z in (evaluation.curves, evaluation.law_priors)
+    )
     variance = np.zeros((n, n))
-    for own, experiment in zip(states, problem.experiments, strict=True):
-        variance += own.score_variance(experiment.observed)
-    points = sum(float(own.counts.sum()) for own in states)
-    square = sum(float((own.residuals**2).sum()) for own in states)
+    for linear, experiment in zip(states, problem.experiments, strict=True):
+        variance += linear.score_variance(experiment.observed)
+    points = sum(float(linear.counts.sum()) for linear in states)
+    square = sum(float((linear.residuals**2).sum()) for linear in states)
     return Linearisation(
         unit=optimum.unit,
-        objective_mm=float(replace(here.without_known, independent_points=taken).objective_mm[0]),
+        objective_mm=float(replace(evaluation.without_law_priors, independent_points=taken).objective_mm[0]),
         states=states,
         points=round(points),
         independent_points=counted,
@@ -197,13 +280,13 @@ def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points:
         noise_points=counted,
         noise_mm=mean,
         residual_mm=float(np.sqrt(square / max(points, 1.0))),
-        curves=here.curves[0],
+        curves=evaluation.curves[0],
         curve_slopes=curve_slopes,
-        priors=here.priors[0],
-        known=here.known[0],
-        known_slopes=known_slopes,
-        information=sum((own.information for own in states), np.zeros((n, n))) + curve_slopes @ curve_slopes.T,
-        score_variance=variance + _curves_score_variance(problem, here.curves[0], curve_slopes),
+        priors=evaluation.priors[0],
+        law_priors=evaluation.law_priors[0],
+        law_prior_slopes=law_prior_slopes,
+        information=sum((linear.information for linear in states), np.zeros((n, n))) + curve_slopes @ curve_slopes.T,
+        score_variance=variance + _curves_score_variance(problem, evaluation.curves[0], curve_slopes),
         prior=np.diag(problem.unknowns.prior),
     )
 
@@ -223,13 +306,16 @@ def _linear_states(misfit: Misfit, distance: Array, scale: float) -> LinearState
 
 
 def _curves_score_variance(problem: Problem, z: Array, slopes: Array) -> Array:
-    """(n, n) of tensile curves, with the noise as it is here, where the edges pull at the law, not as it is alone."""
+    """Return the part of the tensile curves in B, (n, n), with their noise at the optimum of the joint fit.
+
+    That noise is at least the noise of a fit of the law to the curve alone.
+    """
     variance = np.zeros((len(slopes), len(slopes)))
     first = 0
     for curve in problem.curves:
-        own = slice(first, first + len(curve.curve.strain))
-        first = own.stop
-        # sum z^2 of m rows is m / tau
-        square = float((z[own] ** 2).sum()) * curve.correlation_rows / len(curve.curve.strain)
-        variance += max(curve.curve.weight, square) * slopes[:, own] @ slopes[:, own].T
+        rows = slice(first, first + len(curve.curve.strain))
+        first = rows.stop
+        # The expected sum of z^2 over m rows is m / tau.
+        square = float((z[rows] ** 2).sum()) * curve.correlation_rows / len(curve.curve.strain)
+        variance += max(curve.curve.weight, square) * slopes[:, rows] @ slopes[:, rows].T
     return variance

@@ -1,4 +1,4 @@
-"""The error of states that a fit has not seen."""
+"""The error of states that were left out of a fit."""
 
 from __future__ import annotations
 
@@ -12,14 +12,28 @@ from eimi_fitting.inference.interval.covariance import LinearStates
 Array = NDArray[np.float64]
 
 
-def held_out_error_mm(every: Sequence[LinearStates], hessian: Array, folds: int = 5) -> float | None:
-    """Mean error of states left out of the fit; None where there is one state alone.
+def held_out_error_mm(experiments: Sequence[LinearStates], hessian: Array, folds: int = 5) -> float | None:
+    """Return the mean error of states that were left out of the fit, by cross-validation.
 
-    Every so-many-th state is left out in turn (Hastie, Tibshirani, Friedman 2009, The Elements of Statistical Learning,
-    section 7.10), the rest fitted by one Gauss-Newton step, the errors taken from the same linearisation; hessian: (n,
-    n) of all states and priors.
+    Fold f holds the states f, f + folds, f + 2 folds and so on. Each fold is left out in turn (Hastie, Tibshirani and
+    Friedman 2009, The Elements of Statistical Learning, section 7.10). One Gauss-Newton step fits the other states, and
+    the errors of the fold follow from the same linearisation.
+
+    Parameters
+    ----------
+    experiments : sequence of LinearStates
+        The states of each experiment about the optimum.
+    hessian : ndarray, shape (n, n)
+        Hessian of all states and priors.
+    folds : int
+        Number of folds, at most the number of states.
+
+    Returns
+    -------
+    float or None
+        The mean error in mm; None if there is only one state.
     """
-    states = [(own, k) for own in every for k in range(len(own.weights))]
+    states = [(experiment, k) for experiment in experiments for k in range(len(experiment.weights))]
     if len(states) < 2:
         return None
     folds = min(folds, len(states))
@@ -27,12 +41,12 @@ def held_out_error_mm(every: Sequence[LinearStates], hessian: Array, folds: int 
     for fold in range(folds):
         left_out = states[fold::folds]
         normal, score = hessian.copy(), np.zeros(len(hessian))
-        for own, k in left_out:
-            slope = own.slopes[:, k]
-            normal -= own.weights[k] * np.einsum("ign,jgn->ij", slope, slope)
-            score += own.weights[k] * np.einsum("ign,gn->i", slope, own.residuals[k])
+        for experiment, k in left_out:
+            slope = experiment.slopes[:, k]
+            normal -= experiment.weights[k] * np.einsum("ign,jgn->ij", slope, slope)
+            score += experiment.weights[k] * np.einsum("ign,gn->i", slope, experiment.residuals[k])
         step = np.linalg.solve(normal, score)
-        for own, k in left_out:
-            residual = own.residuals[k] + np.einsum("i,ign->gn", step, own.slopes[:, k])
-            errors.append(float(np.sqrt((residual**2).sum() / max(own.counts[k], 1.0))))
+        for experiment, k in left_out:
+            residual = experiment.residuals[k] + np.einsum("i,ign->gn", step, experiment.slopes[:, k])
+            errors.append(float(np.sqrt((residual**2).sum() / max(experiment.counts[k], 1.0))))
     return float(np.mean(errors))

@@ -1,4 +1,4 @@
-"""The joint distribution of all that a fit is unsure of, as a cloud of draws; intervals are its quantiles."""
+"""Draws from the joint distribution of all uncertain quantities of a fit; intervals are quantiles of the draws."""
 
 from __future__ import annotations
 
@@ -22,9 +22,16 @@ _NORMAL = float(special.ndtri(0.975))
 
 @dataclass(frozen=True)
 class Draws:
-    """seed: of the random numbers; names: of the law's parameters, then of what else is uncertain, as deviations.
+    """Draws of the parameters of a fit and of the errors of its sources.
 
-    values: a row a draw, in the units of the parameters and of the sources.
+    Parameters
+    ----------
+    seed : int
+        Seed of the random numbers.
+    names : tuple of str
+        Names of the law's parameters, then of the other uncertain numbers.
+    values : tuple of tuple of float
+        One row for each draw: parameters in their units, the other numbers as deviations in the units of their sources.
     """
 
     seed: int
@@ -32,42 +39,66 @@ class Draws:
     values: tuple[tuple[float, ...], ...]
 
     def column(self, name: str) -> Array:
-        """(D,). Raises ValueError for a name that is not there."""
+        """Return all draws of one name, shape (D,); raise ValueError for an unknown name."""
         return np.array(self.values)[:, self.names.index(name)]
 
 
 def normal_draws(rng: np.random.Generator, n: int) -> Array:
-    """(D, n) standard normal numbers, each column stratified (Latin hypercube; McKay, Beckman, Conover 1979)."""
+    """Return standard normal numbers (D, n), stratified by column.
+
+    The sample is a Latin hypercube (McKay, Beckman and Conover 1979, Technometrics 21:239).
+    """
     ranks = rng.permuted(np.tile(np.arange(_DRAWN), (n, 1)), axis=1).T
     return np.asarray(special.ndtri((ranks + 0.5) / _DRAWN))
 
 
 def draw_noise(
-    rng: np.random.Generator, unit: Array, covariance: Array, ends: Ends, left: Array, alone: Array
+    rng: np.random.Generator, unit: Array, covariance: Array, ends: Ends, model_errors: Array, modulus_errors: Array
 ) -> Array:
-    """(D, n): how far noise, priors and what the corrections leave may move the optimum ``unit`` (n,).
+    """Draw moves of the optimum by noise, priors and remaining model errors.
 
-    covariance: (n, n) of the noise, profiled coordinates as wide as their ends; left: (C, n) standard deviations of
-    errors that move all unknowns along one direction each; alone: (C,) of errors in the first unknown alone.
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of the random numbers.
+    unit : ndarray, shape (n,)
+        The optimum in unit coordinates.
+    covariance : ndarray, shape (n, n)
+        Its covariance due to noise and priors.
+    ends : Ends
+        Ends of the intervals; the draws of a profiled coordinate are scaled to its ends.
+    model_errors : ndarray, shape (C, n)
+        Standard deviations of C model errors; each moves all unknowns along one direction.
+    modulus_errors : ndarray, shape (C,)
+        Standard deviations of C model errors that move the first unknown only.
+
+    Returns
+    -------
+    ndarray, shape (D, n)
+        The moves in unit coordinates.
     """
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     drawn = normal_draws(rng, len(unit)) @ root.T
     half_width = _NORMAL * np.sqrt(np.diag(covariance))
-    for i in ends.profiled:  # a normal distribution of two halves, each as wide as its end asks
+    for i in ends.profiled:  # two half-normal distributions, each scaled to its end
         below, above = (unit[i] - ends.low[i]) / half_width[i], (ends.high[i] - unit[i]) / half_width[i]
         drawn[:, i] *= np.where(drawn[:, i] < 0, below, above)
-    for direction, own in zip(left, alone, strict=True):
-        together, first = normal_draws(rng, 2).T
-        drawn += np.outer(together, direction)
-        drawn[:, 0] += first * own
+    for direction, deviation in zip(model_errors, modulus_errors, strict=True):
+        common, first = normal_draws(rng, 2).T
+        drawn += np.outer(common, direction)
+        drawn[:, 0] += first * deviation
     return drawn
 
 
 def thinned(modulus: Array) -> Rows:
-    """Which of the draws to keep: every so-many-th in the order of the modulus (D,), whose quantiles then stay."""
-    every = _DRAWN // _KEPT
-    return np.asarray(np.argsort(modulus)[every // 2 :: every])
+    """Return the rows of the draws to keep.
+
+    The draws are sorted by the modulus (D,), and one in `_DRAWN` / `_KEPT` is kept. The quantiles of the modulus
+    therefore stay the same.
+    """
+    stride = _DRAWN // _KEPT
+    return np.asarray(np.argsort(modulus)[stride // 2 :: stride])
 
 
 def draw_parameters(
@@ -78,9 +109,27 @@ def draw_parameters(
     modulus: Callable[[Array], Array],
     seed: int = 1,
 ) -> Draws:
-    """Draws of parameters (n,) that are known by 95 % intervals (n, 2) and the correlation (n, n) of their errors.
+    """Draw parameters from their 95 % intervals and the correlation of their errors.
 
-    Normal with two halves where an interval is not symmetric; modulus: initial shear modulus of parameters (D, n).
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the parameters.
+    values : ndarray, shape (n,)
+        Best values.
+    intervals : ndarray, shape (n, 2)
+        Ends of the intervals. An asymmetric interval gives two half-normal distributions.
+    correlation : ndarray, shape (n, n)
+        Correlation matrix of the errors.
+    modulus : callable
+        Takes parameters (D, n) and returns their initial shear moduli (D,).
+    seed : int
+        Seed of the random numbers.
+
+    Returns
+    -------
+    Draws
+        The draws.
     """
     eigenvalues, vectors = np.linalg.eigh(correlation)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
@@ -91,18 +140,18 @@ def draw_parameters(
 
 
 def rounded(values: Array) -> Array:
-    """Numbers as a file holds them: to seven digits."""
+    """Return numbers rounded to the seven significant digits that a file holds."""
     with np.errstate(divide="ignore"):
         size = np.where(values == 0, 1.0, 10.0 ** (_DIGITS - 1 - np.floor(np.log10(np.abs(values)))))
     return np.asarray(np.round(values * size) / size)
 
 
 def interval_95(values: Array) -> tuple[float, float]:
-    """The 2.5 % and 97.5 % quantiles of draws (D,)."""
+    """Return the 2.5 % and 97.5 % quantiles of draws (D,)."""
     low, high = np.quantile(values, [0.025, 0.975]).tolist()
     return low, high
 
 
 def quantity(value: float, unit: str, drawn: Array, fit_alone: Array) -> Quantity:
-    """A value with the intervals of its draws (D,), those of all that is uncertain and those of the fit alone."""
+    """Return a value with two intervals: from draws (D,) of all uncertainties, and from draws of the fit alone."""
     return Quantity(float(value), unit, interval_95(drawn), interval_95(fit_alone))

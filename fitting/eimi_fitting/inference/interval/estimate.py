@@ -1,14 +1,14 @@
-"""What the data say of the unknowns: values with intervals, and which combinations they fix.
+"""Estimate the unknowns with their intervals, and name the combinations that the data determine.
 
-Linearised about the optimum (`inference.interval.covariance`): the noise level from the residuals themselves, tau alike
-points of edges counting as one; tracked points carry their own stated uncertainty, taken as common to the points of
-one state. Where the objective is not the quadratic that this takes it for, the profile likelihood gives the ends
-(`inference.interval.profile_likelihood`). What a better model would still change is in the intervals
-(`inference.evidence.corrections`).
+- The covariance of the optimum comes from the linearised evidence (`inference.interval.covariance`). The residuals
+  themselves give the noise level.
+- If the objective is not quadratic, the profile likelihood gives the ends (`inference.interval.profile_likelihood`).
+- The remaining error of the model widens the intervals (`inference.evidence.corrections`).
+- Uncertainties that specimen and calibration state widen the intervals too (`inference.interval.considered`). Inputs
+  without a stated uncertainty are assumed exact.
 
-A direction that the data do not fix is held by the bounds of the search, entered as a normal prior with the bounds'
-variance; it is named as not fixed. What specimen and calibration state as uncertain is in the intervals, freed or not
-(`inference.interval.considered`); what nobody states is taken as exact.
+The bounds of the search enter as a normal prior with the variance of a uniform distribution between them. A direction
+that the data do not determine keeps this variance and is reported as not fixed.
 """
 
 from __future__ import annotations
@@ -48,21 +48,30 @@ from eimi_fitting.laws.law import Law
 
 Array = NDArray[np.float64]
 
-# A material is called compressible only where the objective has risen this many times as far as an interval's end asks,
-# when it is taken as incompressible: an error of the mesh as large as the noise looks like some compressibility.
-# Measured on four virtual specimens, whose material is incompressible: 5.3, 3.1, 0.8 and 0.7 times as far.
-_PRETENDED = 10.0
+# A mesh error as large as the noise looks like some compressibility. The upper end of the bulk modulus is therefore
+# closed only if the deviance of the incompressible material exceeds this many times the deviance at an interval's end.
+# Measured on four virtual specimens of an incompressible material: 5.3, 3.1, 0.8 and 0.7 times.
+_APPARENT_COMPRESSIBILITY = 10.0
 _NORMAL = float(special.ndtri(0.975))
 _BULK = "bulk_modulus"
-_AT_BOUND = 1e-3  # of a coordinate's range
-_SLOPE_STEP = 1e-4  # of it too
+_AT_BOUND = 1e-3  # distance from a bound, as a share of the coordinate's range
+_SLOPE_STEP = 1e-4  # step of a finite difference, as a share of the coordinate's range
 
 
 @dataclass(frozen=True)
 class FreedNuisance:
-    """A nuisance that was freed: by how much it is off what was stated, beside the prior's standard deviation.
+    """A freed nuisance and its estimated deviation from the stated value.
 
-    datasets: those that it is of, counted from 0 in the order given.
+    Parameters
+    ----------
+    name : str
+        Its name in a result.
+    datasets : tuple of int
+        The datasets that share it, counted from 0 in the order of the experiments.
+    deviation : Quantity
+        Estimated minus stated value.
+    prior_standard_deviation : float
+        Standard deviation of the prior, in the unit of the deviation.
     """
 
     name: str
@@ -73,9 +82,18 @@ class FreedNuisance:
 
 @dataclass(frozen=True)
 class Effect:
-    """How far a correction moved the optimum: (n,) in unit coordinates; left: which share of that is uncertain still.
+    """The move of the optimum by a correction.
 
-    Of its refinement, unless given. least_percent: of the modulus, what is uncertain at least.
+    Parameters
+    ----------
+    correction : Correction
+        The correction.
+    moved : ndarray, shape (n,)
+        The move in unit coordinates.
+    share : float, optional
+        Share of the move that remains uncertain; that of the refinement by default.
+    least_percent : float
+        Smallest remaining uncertainty, in per cent of the modulus.
     """
 
     correction: Correction
@@ -84,16 +102,21 @@ class Effect:
     least_percent: float = 0.0
 
     @property
-    def left(self) -> float:
-        """See above."""
-        return self.correction.refinement.left if self.share is None else self.share
+    def remaining_share(self) -> float:
+        """Share of the move that remains uncertain."""
+        return self.correction.refinement.remaining_share if self.share is None else self.share
 
 
 @dataclass(frozen=True)
 class CorrectionEffect:
-    """What a correction changed in the initial shear modulus, and the half-width left in its interval for the rest.
+    """The effect of a correction on the initial shear modulus.
 
-    Both in per cent of it; None where the better model found no solution.
+    Parameters
+    ----------
+    change_percent : float or None
+        Change by the correction, in per cent; None if the better model found no solution.
+    left_percent : float or None
+        Half-width in the interval for the remaining error, in per cent; None as above.
     """
 
     change_percent: float | None
@@ -102,13 +125,35 @@ class CorrectionEffect:
 
 @dataclass(frozen=True)
 class Estimate:
-    """The unknowns with their 95 % intervals, and what they are worth.
+    """The unknowns with their 95 % intervals.
 
-    parameters: the law's own, by name and in its order; bulk_modulus: where it was freed; corrections: by the name of
-    the refinement; held_out_error_mm: mean error of states left out of the fit, with the sources where they explain
-    most, None where there is one alone; budget: of the interval of the modulus, largest first; not_considered: what is
-    said of sources that are not in the intervals; prior_distances: of the priors on the law's parameters, see
-    `Linearisation.prior_distances`; draws: of the joint distribution, whose quantiles the intervals are.
+    Parameters
+    ----------
+    parameters : dict of str to Quantity
+        The parameters of the law, in its order.
+    initial_shear_modulus : Quantity
+        The initial shear modulus in Pa.
+    bulk_modulus : Quantity or None
+        The bulk modulus in Pa; None unless it was freed.
+    freed : tuple of FreedNuisance
+        The freed nuisances.
+    identifiability : Identifiability
+        The combinations of unknowns that the data determine.
+    corrections : dict of str to CorrectionEffect
+        The effects of the corrections, by the name of the refinement.
+    held_out_error_mm : float or None
+        Mean error of states that were left out of the fit; None if there is only one state. The sources have the
+        deviations that explain the residuals best.
+    budget : tuple of BudgetEntry
+        The share of each source in the interval of the modulus, the largest first.
+    measure_next : MeasureNext
+        The quantity to measure better next.
+    not_considered : tuple of str
+        One sentence for each source that is not in the intervals.
+    prior_distances : tuple of float
+        Distances of the priors on the law's parameters, see `Linearisation.prior_distances`.
+    draws : Draws
+        Draws from the joint distribution; the intervals are their quantiles.
     """
 
     parameters: dict[str, Quantity]
@@ -128,43 +173,59 @@ class Estimate:
 def estimate(
     problem: Problem, optimum: Optimum[Evaluation], effects: Sequence[Effect], refinements: Sequence[str], seed: int
 ) -> Estimate:
-    """What the problem says at its optimum; the draws behind the intervals need a seed.
+    """Estimate the unknowns of a problem and their intervals at its optimum.
 
-    effects: of the corrections that are in the problem; refinements: all that were tried. Costs the candidates of the
-    intervals' ends.
+    Parameters
+    ----------
+    problem : Problem
+        The problem, corrections included.
+    optimum : Optimum
+        Its optimum.
+    effects : sequence of Effect
+        The moves of the optimum by the corrections in the problem.
+    refinements : sequence of str
+        Names of all refinements that were tried.
+    seed : int
+        Seed of the draws.
+
+    Returns
+    -------
+    Estimate
+        The estimate. Candidates are evaluated only for the ends of the intervals.
     """
     unknowns, unit = problem.unknowns, optimum.unit
     sources = considered(problem, unit)
     model_mm = _model_mm(optimum, effects) if sources else None
-    noise_told = linearise_noise(problem, optimum, sources, model_mm)
-    about, explained = noise_told.about, noise_told.explained
+    noise_evidence = linearise_noise(problem, optimum, sources, model_mm)
+    about, explained = noise_evidence.about, noise_evidence.explained
     covariance = about.covariance(_widened(problem, about))
     spread = np.sqrt(np.diag(covariance))
-    left, alone = _left(unknowns, about, effects)
-    looked_at = (spread * np.sqrt(unknowns.prior))[: unknowns.searched] <= NOT_FIXED
-    if unknowns.space.has_bulk:  # without an end above, and far from linear toward its lower one
-        looked_at[-1] = True
-    ends = _ends(problem, about, optimum, _NORMAL * spread, tuple(int(i) for i in np.flatnonzero(looked_at)))
+    model_errors, modulus_errors = _model_error_bounds(unknowns, about, effects)
+    checked = (spread * np.sqrt(unknowns.prior))[: unknowns.searched] <= NOT_FIXED
+    if unknowns.space.has_bulk:  # its upper end may be infinite, and toward the lower end the response is not linear
+        checked[-1] = True
+    ends = _ends(problem, about, optimum, _NORMAL * spread, tuple(int(i) for i in np.flatnonzero(checked)))
     steps = steps_of(about, sources, covariance)
     everything = covariance + steps.sizes.T @ steps.sizes
     remaining = np.minimum(np.sqrt(np.diag(everything) * unknowns.prior), 1.0)
     if unknowns.space.has_bulk and ends.high[unknowns.searched - 1] >= 1.0:
         remaining[unknowns.searched - 1] = 1.0
     rng = np.random.default_rng(seed)
-    noise = draw_noise(rng, unit, covariance, ends, left / _NORMAL, alone / _NORMAL)
+    noise = draw_noise(rng, unit, covariance, ends, model_errors / _NORMAL, modulus_errors / _NORMAL)
     moves = Moves(unit, noise, normal_draws(rng, len(sources)), steps)
     entries, measure_next = budget(sources, moves, lambda units: _modulus(problem.law, unknowns, units))
     quantities = _quantities(problem.law, unknowns, moves, sources, seed)
-    told = _identifiability(problem, about, explained, everything, remaining, ends, quantities["initial_shear_modulus"])
+    modulus = quantities["initial_shear_modulus"]
+    identifiability = _identifiability(problem, about, explained, everything, remaining, ends, modulus)
     return Estimate(
         **quantities,
-        identifiability=replace(told, model_mm=float(np.concatenate(model_mm).mean()) if model_mm else 0.0),
-        corrections=_effects_percent(unknowns, effects, refinements, left, alone),
+        identifiability=replace(identifiability, model_mm=float(np.concatenate(model_mm).mean()) if model_mm else 0.0),
+        corrections=_effects_percent(unknowns, effects, refinements, model_errors, modulus_errors),
         held_out_error_mm=held_out_error_mm(explained.states, explained.hessian),
         budget=entries,
         measure_next=measure_next,
         not_considered=tuple(
-            f"with another {SOURCES[group.source].words}, of its stated uncertainty, the model finds no equilibrium: "
+            f"the model finds no equilibrium if the {SOURCES[group.source].words} deviates by its stated uncertainty: "
             "that uncertainty is not in the intervals"
             for group in sources_of(problem)
             if group not in {source.shared for source in sources}
@@ -174,61 +235,70 @@ def estimate(
 
 
 def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[Array]:
-    """(K,) of each experiment: standard deviation of what the corrections leave in the residuals."""
-    found = []
+    """Return the standard deviation of the remaining model error in the residuals, (K,) in mm for each experiment."""
+    model_mm = []
     for index, misfit in enumerate(optimum.evaluation.comparison.misfits):
         counts = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
         squares = [
-            (effect.left / _NORMAL) ** 2 * (effect.correction.changes[index] ** 2).sum(axis=(1, 2)) / counts
+            (effect.remaining_share / _NORMAL) ** 2 * (effect.correction.changes[index] ** 2).sum(axis=(1, 2)) / counts
             for effect in effects
         ]
-        found.append(np.sqrt(sum(squares, np.zeros(len(counts)))))
-    return found
+        model_mm.append(np.sqrt(sum(squares, np.zeros(len(counts)))))
+    return model_mm
 
 
-def _left(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
-    """What the corrections leave uncertain, as bounds of 95 %: of the unknowns (C, n), and of the modulus alone (C,).
+def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
+    """Return the 95 % bounds of the remaining model errors: of the unknowns (C, n) and of the modulus alone (C,).
 
-    An error of the model moves the optimum along one direction, by no more than this. Higher coefficients can take it
-    upon themselves; the modulus is trusted no more than with them held.
+    The error of a model moves the optimum along one direction, by at most the first bound. Part of the error may move
+    the higher coefficients instead of the modulus. The second bound adds what the modulus would move by if the other
+    unknowns were held.
     """
-    left, alone = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
+    model_errors, modulus_errors = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
     log_range = _log_range(unknowns)
     for c, effect in enumerate(effects):
-        share = effect.left
-        score = sum(own.score(change)[0] for own, change in zip(about.states, effect.correction.changes, strict=True))
-        left[c] = share * effect.moved
+        share = effect.remaining_share
+        score = sum(
+            states.score(change)[0] for states, change in zip(about.states, effect.correction.changes, strict=True)
+        )
+        model_errors[c] = share * effect.moved
         whole = max(abs(share * score / about.hessian[0, 0]), np.log1p(1e-2 * effect.least_percent) / log_range)
-        alone[c] = np.sqrt(max(whole**2 - left[c, 0] ** 2, 0.0))
-    return left, alone
+        modulus_errors[c] = np.sqrt(max(whole**2 - model_errors[c, 0] ** 2, 0.0))
+    return model_errors, modulus_errors
 
 
 def _log_range(unknowns: Unknowns) -> float:
-    """Of the modulus, whose logarithm the first coordinate is."""
+    """Return the logarithm of the upper over the lower bound of the modulus; the first coordinate is logarithmic."""
     return float(np.log(unknowns.space.upper[0] / unknowns.space.lower[0]))
 
 
 def _effects_percent(
-    unknowns: Unknowns, effects: Sequence[Effect], refinements: Sequence[str], left: Array, alone: Array
+    unknowns: Unknowns,
+    effects: Sequence[Effect],
+    refinements: Sequence[str],
+    model_errors: Array,
+    modulus_errors: Array,
 ) -> dict[str, CorrectionEffect]:
     log_range = _log_range(unknowns)
-    found = dict.fromkeys(refinements, CorrectionEffect(None, None))
-    for effect, own, own_alone in zip(effects, left, alone, strict=True):
-        found[effect.correction.refinement.name] = CorrectionEffect(
-            100 * float(np.expm1(effect.moved[0] * log_range)), 100 * float(np.hypot(own[0], own_alone) * log_range)
+    percent = dict.fromkeys(refinements, CorrectionEffect(None, None))
+    for effect, bounds, modulus_bound in zip(effects, model_errors, modulus_errors, strict=True):
+        percent[effect.correction.refinement.name] = CorrectionEffect(
+            change_percent=100 * float(np.expm1(effect.moved[0] * log_range)),
+            left_percent=100 * float(np.hypot(bounds[0], modulus_bound) * log_range),
         )
-    return found
+    return percent
 
 
 def _widened(problem: Problem, about: Linearisation) -> float:
-    """Student's t over the normal quantile, where level and correlation of the noise are the residuals' own.
+    """Return the 97.5 % quantile of Student's t over that of the normal distribution.
 
-    As many residuals tell them as there are edges: one degree of freedom less than these (Bester, Conley and Hansen
-    2011, J. Econometrics 165:137). Tracked points state theirs.
+    The level and the correlation of the noise of edges are estimated from the residuals. Each edge is one cluster of
+    correlated residuals, so that E edges give at most E - 1 degrees of freedom (Bester, Conley and Hansen 2011, J.
+    Econometrics 165:137). The factor is 1 for tracked points, whose uncertainty is stated.
     """
     if not all(isinstance(e.observed, EdgeObservation) for e in problem.experiments):
         return 1.0
-    edges = sum(own.residuals.shape[0] * own.residuals.shape[1] for own in about.states)
+    edges = sum(states.residuals.shape[0] * states.residuals.shape[1] for states in about.states)
     freedom = max(min(about.noise_points - len(about.unit), edges - 1), 1.0)
     return float(special.stdtrit(freedom, 0.975)) / _NORMAL
 
@@ -238,28 +308,28 @@ def _ends(
     about: Linearisation,
     optimum: Optimum[Evaluation],
     half_width: Array,
-    looked_at: tuple[int, ...],
+    checked: tuple[int, ...],
 ) -> Ends:
-    """Interval ends by the objective itself, where it is not the quadratic that the covariance takes it for."""
-    searched, known_squares = problem.unknowns.searched, float((about.known**2).sum())
+    """Return the ends of the intervals, by the profile likelihood for coordinates whose objective is not quadratic."""
+    searched, law_prior_squares = problem.unknowns.searched, float((about.law_priors**2).sum())
     bounds_prior = np.where(np.arange(len(about.unit)) < searched, np.diag(about.prior), 0.0)
 
     def deviance(unit: Array) -> tuple[Array, Array]:
         candidates = problem.evaluate(unit, about.likelihood_points, near=optimum.evaluation.comparison.shapes)
-        objective = candidates.without_known.objective_mm
+        objective = candidates.without_law_priors.objective_mm
         valid = objective < DISCARDED_MM
         moved = unit - about.unit
-        # The sum of squares above its least in units of its variance: with a noise level that is unknown too, this is
-        # what Student's t looks at (Seber and Wild 1989, section 5.3).
+        # The rise of the sum of squares in units of the noise variance: the statistic that Student's t is for if the
+        # noise level is estimated (Seber and Wild 1989, Nonlinear Regression, section 5.3).
         ratio = np.where(valid, objective, np.inf) / about.objective_mm
-        # The deviation of a prior is known: its part is the sum of squares itself.
-        beside = (bounds_prior * moved**2).sum(axis=1) + (candidates.known**2).sum(axis=1) - known_squares
+        # The standard deviation of a prior is stated, so that its part of the deviance is its sum of squares.
+        beside = (bounds_prior * moved**2).sum(axis=1) + (candidates.law_priors**2).sum(axis=1) - law_prior_squares
         value = about.likelihood_points * (ratio**2 - 1) + beside
         score = about.score_of(candidates) * np.where(valid, ratio, 1.0)[:, None]
-        score += bounds_prior * moved + candidates.known @ about.known_slopes.T
+        score += bounds_prior * moved + candidates.law_priors @ about.law_prior_slopes.T
         return np.where(valid, value, np.inf), score
 
-    ends = interval_ends(deviance, about.unit, about.score, about.hessian, half_width, looked_at)
+    ends = interval_ends(deviance, about.unit, about.score, about.hessian, half_width, checked)
     bulk = searched - 1
     if problem.unknowns.space.has_bulk and ends.high[bulk] < 1.0:
         point, score = about.unit, about.score
@@ -269,7 +339,7 @@ def _ends(
             values, scores = deviance(point[None])
             score, least = scores[0], min(least, float(values[0]))
         target = half_width[bulk] ** 2 / np.linalg.inv(about.hessian)[bulk, bulk]
-        if least < _PRETENDED * target:
+        if least < _APPARENT_COMPRESSIBILITY * target:
             high = ends.high.copy()
             high[bulk] = 1.0
             return Ends(ends.low, high, tuple(sorted({*ends.profiled, bulk})))
@@ -283,40 +353,40 @@ def _modulus(law: Law, unknowns: Unknowns, units: Array) -> Array:
 def _quantities(
     law: Law, unknowns: Unknowns, moves: Moves, sources: Sequence[ConsideredSources], seed: int
 ) -> dict[str, Any]:
-    """Parameters, initial shear modulus, bulk modulus and what was freed, and the draws that give their intervals."""
-    own = moves.units(), moves.units(of_sources=0.0)
-    kept = [thinned(_modulus(law, unknowns, units)) for units in own]
-    all_of_it, fit_alone = (units[rows] for units, rows in zip(own, kept, strict=True))
+    """Return the fields of `Estimate` that are quantities, and the draws that give their intervals."""
+    drawn_units = moves.units(), moves.units(of_sources=0.0)
+    kept = [thinned(_modulus(law, unknowns, units)) for units in drawn_units]
+    all_sources, fit_alone = (units[rows] for units, rows in zip(drawn_units, kept, strict=True))
     deviations = moves.deviations[kept[0]] * [source.standard_uncertainty for source in sources]
-    columns = _columns(unknowns, all_of_it)
-    every = rounded(np.column_stack([*columns.values(), deviations]))
-    columns = dict(zip(columns, every.T, strict=False))
+    columns = _columns(unknowns, all_sources)
+    draws = rounded(np.column_stack([*columns.values(), deviations]))
+    columns = dict(zip(columns, draws.T, strict=False))
     values, alone = _columns(unknowns, moves.unit[None]), _columns(unknowns, fit_alone)
 
-    def found(name: str, unit: str) -> Quantity:
+    def estimated(name: str, unit: str) -> Quantity:
         return quantity(values[name][0], unit, columns[name], rounded(alone[name]))
 
-    moduli = [rounded(_modulus(law, unknowns, units)) for units in (moves.unit[None], all_of_it, fit_alone)]
+    moduli = [rounded(_modulus(law, unknowns, units)) for units in (moves.unit[None], all_sources, fit_alone)]
     return {
-        "parameters": {name: found(name, unit) for name, unit in zip(law.parameter_names, law.units, strict=True)},
+        "parameters": {name: estimated(name, unit) for name, unit in zip(law.parameter_names, law.units, strict=True)},
         "initial_shear_modulus": quantity(_modulus(law, unknowns, moves.unit[None])[0], "Pa", *moduli[1:]),
-        "bulk_modulus": found(_BULK, "Pa") if unknowns.space.has_bulk else None,
-        "freed": tuple(FreedNuisance(n.name, n.datasets, found(n.name, n.unit), n.spread) for n in unknowns.freed),
+        "bulk_modulus": estimated(_BULK, "Pa") if unknowns.space.has_bulk else None,
+        "freed": tuple(FreedNuisance(n.name, n.datasets, estimated(n.name, n.unit), n.spread) for n in unknowns.freed),
         "draws": Draws(
             seed,
             (*columns, *(source.name for source in sources)),
-            tuple(map(tuple, every.tolist())),
+            tuple(map(tuple, draws.tolist())),
         ),
     }
 
 
 def _columns(unknowns: Unknowns, units: Array) -> dict[str, Array]:
-    """All that is unknown, (P,) each, of units (P, n)."""
+    """Return each unknown by its name, shape (P,), for unit coordinates (P, n)."""
     parameters, bulk = unknowns.parameters(units), unknowns.bulk_modulus_Pa(units)
-    found = dict(zip(unknowns.space.law.parameter_names, parameters.T, strict=True))
+    columns = dict(zip(unknowns.space.law.parameter_names, parameters.T, strict=True))
     if bulk is not None:
-        found[_BULK] = bulk
-    return found | {n.name: n.value(units[:, i]) for i, n in enumerate(unknowns.freed, unknowns.searched)}
+        columns[_BULK] = bulk
+    return columns | {n.name: n.value(units[:, i]) for i, n in enumerate(unknowns.freed, unknowns.searched)}
 
 
 def _identifiability(
@@ -331,7 +401,7 @@ def _identifiability(
     unknowns = problem.unknowns
     names, space = unknowns.names, unknowns.space
     correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
-    eigen = directions(names, about.information + about.known_information, about.prior)
+    eigen = directions(names, about.information + about.law_prior_information, about.prior)
     open_coordinates = np.arange(len(names)) < unknowns.searched
     open_coordinates &= remaining > NOT_FIXED
     open_coordinates[0] |= is_open(modulus)
@@ -369,7 +439,7 @@ def _identifiability(
 
 
 def _slopes(unknowns: Unknowns, unit: Array) -> Array:
-    """(m, n): of the law's parameters in the unit coordinates."""
+    """Return the derivatives of the law's parameters in the unit coordinates, (m, n)."""
     step = _SLOPE_STEP * np.eye(len(unit))
     ahead, behind = np.minimum(unit + step, 1.0), np.maximum(unit - step, 0.0)
     difference = unknowns.parameters(ahead) - unknowns.parameters(behind)

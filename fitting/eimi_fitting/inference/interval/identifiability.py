@@ -1,4 +1,9 @@
-"""Which combinations of the unknowns the data fix, in numbers and in words."""
+"""The combinations of the unknowns that the data determine, in numbers and in words.
+
+With the information A of the data and the diagonal inverse variance P of the priors (`inference.interval.covariance`),
+the eigenvectors of P^(-1/2) A P^(-1/2) are combinations of unknowns with independent errors. An eigenvalue v leaves the
+share 1 / sqrt(1 + v) of the prior standard deviation of its combination.
+"""
 
 from __future__ import annotations
 
@@ -12,19 +17,24 @@ from eimi_fitting.inference.evidence.quantity import Quantity
 
 Array = NDArray[np.float64]
 
-NOT_FIXED = 0.5  # share of the prior range above which the data say little
-_ROUGH = 0.25  # and above which they say no more than where in the range it may lie
-_OF_RANGE = 2 * 1.96 / 12**0.5  # width of a 95 % interval over the range, where the prior's spread remains
-_UNKNOWN_FACTOR = 4.0  # between the ends of a modulus's interval: beyond it not even its size is known
-_NAMED = 0.1  # share of a direction's square that a coordinate must have to be named
-_TOGETHER = 0.9  # correlation above which two unknowns are told as one combination
+NOT_FIXED = 0.5  # an unknown is not fixed if more than this share of its prior standard deviation remains
+_ROUGH = 0.25  # it is fixed only roughly if more than this share remains
+_OF_RANGE = 2 * 1.96 / 12**0.5  # width of the 95 % interval over the range, for the prior standard deviation
+_OPEN_FACTOR = 4.0  # a modulus is open if the upper end of its interval exceeds this many times the lower end
+_NAMED = 0.1  # a direction is named after the coordinates with at least this share of its squared length
+_CORRELATED = 0.9  # two unknowns are described as one combination above this correlation
 
 
 @dataclass(frozen=True)
 class Direction:
-    """An eigen-direction of the Fisher information, in units of what was known before.
+    """An eigenvector of the Fisher information, in units of the prior standard deviations.
 
-    words: the coordinates that make it up; remaining: how much of the earlier standard deviation the data leave.
+    Parameters
+    ----------
+    words : str
+        The coordinates that it consists of.
+    remaining : float
+        Share of the prior standard deviation that remains, between 0 and 1.
     """
 
     words: str
@@ -33,17 +43,41 @@ class Direction:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What the data fix.
+    """What the data determine.
 
-    statement: in words; not_fixed: coordinates of the law that the data leave open; held_by_bounds: parameters whose
-    value and interval are set by the bounds of the search; at_bound: coordinates that ended on a bound; residual_mm:
-    residual standard deviation; points: how many there are, which count as independent_points, in the mean
-    correlation_points as one; names and correlation: all unknowns and how their errors hang together, a row each;
-    directions: best known first; profiled: coordinates whose interval is that of the profile likelihood; noise_mm,
-    noise_points: standard deviation, and independent points, of what stated sources do not explain of the residuals,
-    None in files of earlier releases; stated_squares: of what sources and priors are off by where they explain most, in
-    standard uncertainties, the sum of squares; model_mm: where sources are stated, standard deviation of what
-    the model's corrections leave, less than which they are not asked to explain.
+    Parameters
+    ----------
+    statement : str
+        A summary in a few sentences.
+    not_fixed : tuple of str
+        Coordinates of the law that the data do not determine.
+    held_by_bounds : tuple of str
+        Parameters whose interval is mainly set by the bounds of the search.
+    at_bound : tuple of str
+        Coordinates whose optimum lies on a bound.
+    residual_mm : float
+        Standard deviation of the residuals.
+    correlation_points : float
+        Number of points that count as one independent point, on average.
+    points : int
+        Number of points.
+    independent_points : float
+        Number of independent points.
+    names : tuple of str
+        All unknowns.
+    correlation : tuple of tuple of float
+        Correlation matrix of their errors, one row for each unknown.
+    directions : tuple of Direction
+        Eigenvectors of the information, the best determined first.
+    profiled : tuple of str
+        Coordinates whose interval is that of the profile likelihood.
+    noise_mm, noise_points : float or None
+        Mean error and number of independent points of the residuals that the stated sources do not explain; None in
+        files of earlier releases.
+    stated_squares : float
+        Sum of the squared deviations of sources and priors that explain the residuals best, in standard uncertainties.
+    model_mm : float
+        Mean standard deviation of the remaining model error; 0 if no source is stated.
     """
 
     statement: str
@@ -65,29 +99,56 @@ class Identifiability:
 
 
 def is_open(modulus: Quantity) -> bool:
-    """Whether an interval leaves the size of a modulus open."""
+    """Return whether the interval of a modulus is so wide that its order of magnitude is open."""
     low, high = modulus.interval_95
-    return not 0 < high <= _UNKNOWN_FACTOR * low
+    return not 0 < high <= _OPEN_FACTOR * low
 
 
 def held_by_bounds(slopes: Array, covariance: Array, open_coordinates: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(m,): parameters whose variance is for the most part that of coordinates which only the bounds limit.
+    """Return which parameters owe more than half of their variance to coordinates that only the bounds limit.
 
-    slopes: (m, n) of the parameters in the coordinates, whose covariance is (n, n); open_coordinates: (n,).
+    Parameters
+    ----------
+    slopes : ndarray, shape (m, n)
+        Derivatives of the parameters in the coordinates.
+    covariance : ndarray, shape (n, n)
+        Covariance of the coordinates.
+    open_coordinates : ndarray of bool, shape (n,)
+        Coordinates that the data do not determine.
+
+    Returns
+    -------
+    ndarray of bool, shape (m,)
+        True for parameters that are held by the bounds.
     """
-    own = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
+    variance = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
     from_bounds = slopes[:, open_coordinates] ** 2 @ np.diag(covariance)[open_coordinates]
-    return np.asarray(from_bounds > 0.5 * own)
+    return np.asarray(from_bounds > 0.5 * variance)
 
 
 def directions(names: Sequence[str], information: Array, prior: Array) -> tuple[Direction, ...]:
-    """Eigen-directions of the information (n, n) of the data relative to the prior's (n, n), best known first."""
+    """Return the eigenvectors of the information relative to the prior, the best determined first.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the n coordinates.
+    information : ndarray, shape (n, n)
+        Information of the data.
+    prior : ndarray, shape (n, n)
+        Diagonal inverse variance of the priors.
+
+    Returns
+    -------
+    tuple of Direction
+        n directions.
+    """
     scale = 1 / np.sqrt(np.diag(prior))
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
-    found = []
-    for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
-        found.append(Direction(_words(names, vector), float(1 / np.sqrt(1 + max(value, 0.0)))))
-    return tuple(found)
+    return tuple(
+        Direction(_words(names, vector), float(1 / np.sqrt(1 + max(value, 0.0))))
+        for value, vector in zip(values[::-1], vectors.T[::-1], strict=True)
+    )
 
 
 def _words(names: Sequence[str], vector: Array) -> str:
@@ -110,14 +171,40 @@ def statement(
     modulus: Quantity,
     priors: bool = False,
 ) -> str:
-    """A few sentences. ratios: nuisances that multiply what the modulus divides; remaining: of each prior spread.
+    """Return a summary of what the data determine, in a few sentences.
 
-    priors: whether there are any on the law's parameters.
+    Parameters
+    ----------
+    names : sequence of str
+        All unknowns, the coordinates of the law first.
+    law_coordinates : int
+        Number of coordinates of the law.
+    not_fixed : sequence of str
+        Coordinates of the law that the data do not determine.
+    correlation : ndarray, shape (n, n)
+        Correlation matrix of all unknowns.
+    eigen : sequence of Direction
+        Eigenvectors of the information.
+    ratios : sequence of str
+        Nuisances that scale the load as the modulus scales the stiffness, so that the data determine their ratio.
+    remaining : sequence of float
+        Share of the prior standard deviation that remains of each unknown.
+    modulus : Quantity
+        The initial shear modulus in Pa.
+    priors : bool
+        Whether there are priors on the law's parameters.
+
+    Returns
+    -------
+    str
+        The summary.
     """
-    own = names[:law_coordinates]
-    data = "These data" if len(own) == len(names) and not priors else "These data and what is known beside them"
-    fixed = [name for name in own if name not in not_fixed]
-    rough = {name: share for name, share in zip(own[1:], remaining[1:], strict=False) if _ROUGH < share <= NOT_FIXED}
+    law_names = names[:law_coordinates]
+    data = "These data" if len(law_names) == len(names) and not priors else "These data and the stated priors"
+    fixed = [name for name in law_names if name not in not_fixed]
+    rough = {
+        name: share for name, share in zip(law_names[1:], remaining[1:], strict=False) if _ROUGH < share <= NOT_FIXED
+    }
     if names[0] in not_fixed:
         low, high = modulus.interval_95
         words = (
@@ -136,19 +223,19 @@ def statement(
             words += f"; they do not fix {', '.join(not_fixed)}, whose intervals are set by the bounds of the search"
         words += "."
     for name, rho in zip(names[law_coordinates:], correlation[0, law_coordinates:], strict=True):
-        if abs(rho) > _TOGETHER:
+        if abs(rho) > _CORRELATED:
             combination = "ratio" if rho > 0 and name in ratios else "combination"
             words += (
                 f" {names[0]} and {name} are correlated by {rho:+.3f}: the data fix their {combination}, "
-                f"and what is known of {name} the rest."
+                f"and the prior on {name} fixes the rest."
             )
     if len(fixed) > 1 and eigen and eigen[0].words not in names:
-        words += f" Best known is the combination {eigen[0].words}."
+        words += f" The best determined combination is {eigen[0].words}."
     return words
 
 
 def _percent(modulus: Quantity) -> str:
-    """How far the ends of the interval are from the value: `±0.4 %`, or `-20 % to +35 %` where they differ."""
+    """Return the ends of an interval relative to its value: ``±0.4 %``, or ``-20 % to +35 %`` if they differ."""
     below, above = (100 * (end / modulus.value - 1) for end in modulus.interval_95)
     half = 0.5 * (above - below)
     return f"±{half:.2g} %" if abs(above + below) < 0.2 * half else f"{below:+.2g} % to {above:+.2g} %"

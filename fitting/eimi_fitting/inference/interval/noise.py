@@ -1,10 +1,17 @@
-"""Noise told from stated sources: the evidence where unknowns and sources together explain it best.
+"""Separate the noise from the stated sources: level and correlation of the residuals that the sources do not explain.
 
-What a wrong width leaves along both edges is no noise: it is in the intervals as what it does to the estimate, and
-would else be there twice. How much of each source the residuals show is found together with the unknowns by least
-squares, with its stated uncertainty as what was known before; level and correlation of the noise are those of the
-rest, and laws are compared by it. Residuals and slopes are evaluated anew where they lead, by Gauss-Newton: a source
-acts in proportion to some per cent only, and noise may be less than that.
+An error of a source, such as a wrong width, leaves residuals along both edges. The intervals already contain its effect
+on the estimate (`inference.interval.considered`). If its residuals counted as noise as well, it would count twice.
+
+The unknowns x and the deviations s of the sources, in standard uncertainties, are therefore fitted together:
+
+    minimise  sum_k w_k |r_k + J_k dx + C_k s|^2 + |s|^2 + the priors on x
+
+with the residuals r_k, slopes J_k, changes C_k for one standard uncertainty, and the weights w_k of
+`inference.interval.covariance`. Level and correlation of the remaining residuals are those of the noise; they determine
+w_k, and the fit is repeated until they stay the same. A source changes the residuals linearly only to a few per cent,
+and the noise may be smaller than that. Residuals and slopes are therefore evaluated again at the minimum
+(Gauss-Newton). Laws are compared by the noise that remains.
 """
 
 from __future__ import annotations
@@ -25,18 +32,24 @@ from eimi_fitting.inference.searching.polish import Optimum, difference_batch
 
 Array = NDArray[np.float64]
 
-_ROUNDS = 12  # at most, in which noise and sources share the residuals
-_SAME = 0.01  # of the noise from round to round
-_PASSES = 3  # at most, from where the last one led
+_ROUNDS = 12  # largest number of fits with renewed weights
+_SAME = 0.01  # relative change of the noise at which the fits have converged
+_PASSES = 3  # largest number of Gauss-Newton steps, each with renewed slopes
 
 
 @dataclass(frozen=True)
 class Explained:
-    """What the evidence says where unknowns and sources explain it best.
+    """The evidence linearised where unknowns and sources explain it best.
 
-    states: one an experiment, with slopes (n + S, K, G, m) in the unknowns and in the sources as if these were freed,
-    and the weights that the noise gives them; hessian: (n + S, n + S); squares: sum of squares of what priors and
-    sources are off by, in standard uncertainties.
+    Parameters
+    ----------
+    states : tuple of LinearStates
+        One for each experiment, with slopes (n + S, K, G, m) in the n unknowns and the S sources, and with weights from
+        the noise.
+    hessian : ndarray, shape (n + S, n + S)
+        Hessian of unknowns and sources.
+    squares : float
+        Sum of the squared deviations of priors and sources, in standard uncertainties.
     """
 
     states: tuple[LinearStates, ...]
@@ -46,7 +59,15 @@ class Explained:
 
 @dataclass(frozen=True)
 class Noise:
-    """`linearise`, with the noise told from the sources, and how they explain the residuals."""
+    """The evidence linearised at the optimum with the noise alone, and where the sources explain it best.
+
+    Parameters
+    ----------
+    about : Linearisation
+        The evidence at the optimum; its score variance is that of the noise alone.
+    explained : Explained
+        The evidence where unknowns and sources explain it best.
+    """
 
     about: Linearisation
     explained: Explained
@@ -58,11 +79,29 @@ def linearise_noise(
     sources: Sequence[ConsideredSources],
     model_mm: Sequence[Array] | None = None,
 ) -> Noise:
-    """`linearise`, with the noise's level and correlation from what the sources do not explain of the residuals.
+    """Linearise the evidence, with level and correlation of the noise from residuals that no source explains.
 
-    The likelihood takes as many points as make the same noise of what is left: N of the rest, times the square of all
-    residuals over those. model_mm: (K,) of each experiment, by how much the model itself may be wrong: sources are not
-    asked to explain less than that.
+    Parameters
+    ----------
+    problem : Problem
+        The problem of the fit.
+    optimum : Optimum
+        Its optimum.
+    sources : sequence of ConsideredSources
+        The S uncertain numbers.
+    model_mm : sequence of ndarray, shape (K,), optional
+        Standard deviation of the error of the model in each state of each experiment, in mm. It adds to the noise, so
+        that the sources do not explain residuals smaller than it. None by default.
+
+    Returns
+    -------
+    Noise
+        The linearised evidence.
+
+    Notes
+    -----
+    With the N independent points and the mean error e of the noise, and the mean error E of all residuals, the
+    likelihood takes N (E / e)^2 points. The weights are then those of the noise.
     """
     about = linearise(problem, optimum)
     if not sources:
@@ -72,89 +111,98 @@ def linearise_noise(
     noise_mm = _mean_mm(explained.states)
     about = linearise(problem, optimum, points * (_mean_mm(about.states) / noise_mm) ** 2)
     variance = about.score_variance
-    for own, clean, experiment in zip(about.states, explained.states, problem.experiments, strict=True):
-        noise = replace(own, residuals=clean.residuals, error_mm=clean.error_mm)
-        variance = variance - own.score_variance(experiment.observed) + noise.score_variance(experiment.observed)
+    for states, clean, experiment in zip(about.states, explained.states, problem.experiments, strict=True):
+        noise = replace(states, residuals=clean.residuals, error_mm=clean.error_mm)
+        variance = variance - states.score_variance(experiment.observed) + noise.score_variance(experiment.observed)
     return Noise(replace(about, score_variance=variance, noise_points=points, noise_mm=noise_mm), explained)
 
 
 def _mean_mm(states: Sequence[LinearStates]) -> float:
-    return float(np.mean(np.concatenate([own.error_mm for own in states])))
+    """Return the mean error over all states, in mm."""
+    return float(np.mean(np.concatenate([linear.error_mm for linear in states])))
 
 
 def _independent(problem: Problem, states: Sequence[LinearStates]) -> float:
+    """Return the number N of independent points."""
     return sum(
-        float(own.used.sum()) / point_correlation(own.residuals, own.used, experiment.observed)
-        for own, experiment in zip(states, problem.experiments, strict=True)
+        float(linear.used.sum()) / point_correlation(linear.residuals, linear.used, experiment.observed)
+        for linear, experiment in zip(states, problem.experiments, strict=True)
     )
 
 
 def _explained(
     problem: Problem, about: Linearisation, sources: Sequence[ConsideredSources], model_mm: Sequence[Array]
 ) -> Explained:
+    """Fit unknowns and sources together by Gauss-Newton; return the evidence at the best of the points reached."""
     unknowns = Unknowns(problem.unknowns.space, (*problem.unknowns.freed, *(source.freed for source in sources)))
     freed = replace(problem, unknowns=unknowns)
     unit, n = np.concatenate([about.unit, np.full(len(sources), 0.5)]), len(about.unit)
     prior = np.diag(unknowns.prior)
-    changes = [list(own) for own in zip(*(source.changes for source in sources), strict=True)]
-    # At first as if every point were independent: from there the sources give back what the noise can explain.
-    weigh = about.points / about.independent_points
+    changes = [list(of_experiment) for of_experiment in zip(*(source.changes for source in sources), strict=True)]
+    # The first weights take every point as independent, so that the sources explain as much as they can. Later weights
+    # give part of it back to the noise.
+    points_per_independent = about.points / about.independent_points
     states = [
-        replace(own, slopes=_with_sources(own.slopes, of_sources), weights=weigh * own.weights)
-        for own, of_sources in zip(about.states, changes, strict=True)
+        replace(
+            linear, slopes=_with_sources(linear.slopes, of_sources), weights=points_per_independent * linear.weights
+        )
+        for linear, of_sources in zip(about.states, changes, strict=True)
     ]
-    trial, left = _least(problem, states, unit, unit, prior, model_mm)
-    points = _independent(problem, left)
-    best, found = unit, _with_weights(problem, states, model_mm)  # as the optimum has it, where nothing explains more
-    least = before = _value(unknowns, unit, found, model_mm, points)
-    for again in range(_PASSES):
+    trial, remaining = _least(problem, states, unit, unit, prior, model_mm)
+    points = _independent(problem, remaining)
+    best, best_states = unit, _with_weights(problem, states, model_mm)  # the optimum itself, unless a pass is better
+    least = before = _value(unknowns, unit, best_states, model_mm, points)
+    for pass_index in range(_PASSES):
         steps, distance = difference_batch(trial[:n])
-        there = freed.evaluate(np.column_stack([steps, np.tile(trial[n:], (len(steps), 1))]), points).comparison
-        if there.unconverged.any():
+        comparison = freed.evaluate(np.column_stack([steps, np.tile(trial[n:], (len(steps), 1))]), points).comparison
+        if comparison.unconverged.any():
             break
         states = [
-            _leaving(replace(own, slopes=_with_sources(_slopes(misfit, distance), of_sources)), misfit.residuals[0])
-            for own, misfit, of_sources in zip(left, there.misfits, changes, strict=True)
+            _with_residuals(
+                replace(linear, slopes=_with_sources(_slopes(misfit, distance), of_sources)), misfit.residuals[0]
+            )
+            for linear, misfit, of_sources in zip(remaining, comparison.misfits, changes, strict=True)
         ]
         states = _with_weights(problem, states, model_mm)
         value = _value(unknowns, trial, states, model_mm, points)
         if value < least:
-            best, found, least = trial, states, value
-        if abs(value - before) < _SAME * before or again == _PASSES - 1:
+            best, best_states, least = trial, states, value
+        if abs(value - before) < _SAME * before or pass_index == _PASSES - 1:
             break
         before = value
         changes = changes_of(freed, trial, [(source.shared, source.part) for source in sources])
         states = [
-            replace(own, slopes=_with_sources(own.slopes[:n], of_sources))
-            for own, of_sources in zip(states, changes, strict=True)
+            replace(linear, slopes=_with_sources(linear.slopes[:n], of_sources))
+            for linear, of_sources in zip(states, changes, strict=True)
         ]
-        trial, left = _least(problem, states, trial, unit, prior, model_mm)
-    hessian = prior + sum((own.information for own in found), np.zeros_like(prior))
-    return Explained(tuple(found), hessian, _squares(unknowns, best))
+        trial, remaining = _least(problem, states, trial, unit, prior, model_mm)
+    hessian = prior + sum((linear.information for linear in best_states), np.zeros_like(prior))
+    return Explained(tuple(best_states), hessian, _squares(unknowns, best))
 
 
 def _value(
     unknowns: Unknowns, unit: Array, states: Sequence[LinearStates], model_mm: Sequence[Array], points: float
 ) -> float:
-    """Minus the logarithm of the likelihood, over N, as a length: see `inference.evidence.objective`."""
+    """Return the objective in mm, see `inference.evidence.objective`: its logarithm is minus log L over N."""
     return float(np.concatenate(_with_model(states, model_mm)).mean()) * float(
         np.exp(_squares(unknowns, unit) / (2 * points))
     )
 
 
 def _slopes(misfit: Misfit, distance: Array) -> Array:
-    """(n, K, G, m) by the differences of `difference_batch`."""
+    """Return the slopes of the residuals, (n, K, G, m), from the candidates of `difference_batch`."""
     n = len(distance)
     ahead, behind = misfit.residuals[1 : n + 1], misfit.residuals[n + 1 :]
     return np.asarray((ahead - behind) / distance[:, None, None, None])
 
 
 def _with_sources(slopes: Array, changes: Sequence[Array | None]) -> Array:
-    """(n + S, K, G, m), the sources as coordinates from 0 to 1, as if they were freed."""
+    """Return the slopes in the unit coordinates of unknowns and sources, (n + S, K, G, m)."""
     return np.concatenate([slopes, [np.zeros(slopes.shape[1:]) if c is None else 2 * RANGE * c for c in changes]])
 
 
 def _squares(unknowns: Unknowns, unit: Array) -> float:
+    """Return the sum of the squared deviations of nuisances and sources, in standard uncertainties."""
     return float((unknowns.standardised(unit[None]) ** 2).sum())
 
 
@@ -166,42 +214,63 @@ def _least(
     prior: Array,
     model_mm: Sequence[Array],
 ) -> tuple[Array, list[LinearStates]]:
-    """Where the residuals, which are those ``at`` (n + S,), are least with the priors about ``unit``; the states there.
+    """Minimise the linearised residuals and the priors, with weights that are renewed from the noise.
 
-    Level and correlation of the noise, and with them the weights, are found on the way.
+    Parameters
+    ----------
+    problem : Problem
+        The problem of the fit.
+    states : sequence of LinearStates
+        The states, linearised at ``at``.
+    at : ndarray, shape (n + S,)
+        Unit coordinates of unknowns and sources.
+    unit : ndarray, shape (n + S,)
+        Centre of the priors.
+    prior : ndarray, shape (n + S, n + S)
+        Inverse variance of the priors.
+    model_mm : sequence of ndarray, shape (K,)
+        Standard deviation of the model error of each experiment.
+
+    Returns
+    -------
+    ndarray, shape (n + S,)
+        The minimum.
+    list of LinearStates
+        The states with their residuals and weights at the minimum.
     """
-    left, level, best = list(states), np.inf, at
+    remaining, level, best = list(states), np.inf, at
     for _ in range(_ROUNDS):
         normal, score = prior.copy(), prior @ (at - unit)
-        for own, now in zip(states, left, strict=True):
-            normal += replace(own, weights=now.weights).information
-            score += replace(own, weights=now.weights).score(own.residuals)
+        for linear, weighted in zip(states, remaining, strict=True):
+            normal += replace(linear, weights=weighted.weights).information
+            score += replace(linear, weights=weighted.weights).score(linear.residuals)
         best = at + step_to_minimum(at, score, normal)
-        residuals = [own.residuals + np.tensordot(best - at, own.slopes, axes=1) for own in states]
-        left = [_leaving(now, own) for now, own in zip(left, residuals, strict=True)]
-        left = _with_weights(problem, left, model_mm)
-        mean = _mean_mm(left)
+        residuals = [linear.residuals + np.tensordot(best - at, linear.slopes, axes=1) for linear in states]
+        remaining = [_with_residuals(weighted, r) for weighted, r in zip(remaining, residuals, strict=True)]
+        remaining = _with_weights(problem, remaining, model_mm)
+        mean = _mean_mm(remaining)
         if abs(mean - level) < _SAME * level:
             break
         level = mean
-    return best, left
+    return best, remaining
 
 
 def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[LinearStates]:
-    """With the weights that level and correlation of the residuals ask for."""
+    """Return the states with the weights w_k that follow from level and correlation of their residuals."""
     errors = _with_model(states, model_mm)
     scale = _independent(problem, states) / float(np.concatenate(errors).sum())
     return [
-        replace(own, weights=scale / (np.maximum(own.counts, 1e-12) * error))
-        for own, error in zip(states, errors, strict=True)
+        replace(linear, weights=scale / (np.maximum(linear.counts, 1e-12) * error))
+        for linear, error in zip(states, errors, strict=True)
     ]
 
 
 def _with_model(states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[Array]:
-    """(K,) of each experiment."""
-    return [np.hypot(own.error_mm, model) for own, model in zip(states, model_mm, strict=True)]
+    """Return the error of each state with the model error added in squares, (K,) in mm for each experiment."""
+    return [np.hypot(linear.error_mm, model) for linear, model in zip(states, model_mm, strict=True)]
 
 
-def _leaving(own: LinearStates, residuals: Array) -> LinearStates:
-    error = np.sqrt((residuals**2).sum(axis=(1, 2)) / np.maximum(own.counts, 1e-12))
-    return replace(own, residuals=residuals, error_mm=np.maximum(error, 1e-12))
+def _with_residuals(states: LinearStates, residuals: Array) -> LinearStates:
+    """Return the states with other residuals and the errors that follow from them."""
+    error = np.sqrt((residuals**2).sum(axis=(1, 2)) / np.maximum(states.counts, 1e-12))
+    return replace(states, residuals=residuals, error_mm=np.maximum(error, 1e-12))

@@ -1,8 +1,13 @@
-"""Where the quadratic picture of the objective fails: the ends of an interval by the profile likelihood.
+"""The ends of an interval by the profile likelihood, for objectives that are not quadratic.
 
-For one coordinate at a time the deviance is minimised over all others (Raue et al. 2009, Bioinformatics 25:1923); an
-interval ends where this minimum has risen as far as a quadratic would have at the ends that the covariance gives. The
-others are found by Gauss-Newton steps with the Hessian of the optimum, both ends of all coordinates in one batch.
+With the deviance D(x), the rise of -2 log L above its value at the optimum x*, the profile of coordinate i is
+
+    D_i(t) = min of D(x) over all x with x_i = t
+
+(Raue et al. 2009, Bioinformatics 25:1923). If the covariance gives the half-width h, and H is the Hessian of D / 2, a
+quadratic has the profile D_i(x*_i +- h) = h^2 / inv(H)_ii at its ends. The interval ends where the actual profile
+reaches this target. The minimum over the other coordinates is found by Gauss-Newton steps with the Hessian of the
+optimum. Both ends of all coordinates are evaluated in one batch.
 """
 
 from __future__ import annotations
@@ -17,20 +22,29 @@ from eimi_fitting.inference.evidence._quadratic import step_to_minimum
 
 Array = NDArray[np.float64]
 
-# Shares of the deviance, which goes with the square of the half-width: a tenth of that is not worth a profile; an end
-# is found where it is good to 1.5 % of it, and taken as found where it is good to 5 % when the rounds are over.
-_AGREES, _THERE, _NEAR = 0.2, 0.03, 0.1
-_MOST_ROUNDS = 8  # each a batch of candidates; an end that is not found by then is left too far out, not too near
-_SHORTEST, _LONGEST = 0.4, 2.0  # of the offset so far, that the next one may be: within these a quadratic is trusted
+# Relative differences of the deviance from its target. The deviance grows with the square of the half-width, so that
+# the half-width differs by half as much. Up to _AGREES the quadratic end stands. The iteration stops within _CONVERGED.
+# An end within _NEAR is accepted after the last round.
+_AGREES, _CONVERGED, _NEAR = 0.2, 0.03, 0.1
+_MOST_ROUNDS = 8  # batches of candidates; an end that has not converged by then is placed too far out, not too near
+_SHORTEST, _LONGEST = 0.4, 2.0  # limits of the next offset over the present one
 
-# (P, n) -> deviance (P,): how far -2 log L lies above the optimum's, infinite where a candidate is not valid; and the
-# score (P, n), the gradient of half of it.
+# Takes candidates (P, n). Returns their deviances (P,), infinite for a candidate that is not valid, and their scores
+# (P, n), the gradient of half the deviance.
 Deviance = Callable[[Array], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
 class Ends:
-    """low, high: (n,) ends of the intervals; profiled: which coordinates needed the profile."""
+    """The ends of the intervals of all coordinates.
+
+    Parameters
+    ----------
+    low, high : ndarray, shape (n,)
+        The ends in unit coordinates.
+    profiled : tuple of int
+        The coordinates whose ends are those of the profile likelihood.
+    """
 
     low: Array
     high: Array
@@ -39,10 +53,22 @@ class Ends:
 
 @dataclass
 class _End:
-    """One end of one coordinate's interval while it is sought.
+    """One end of the interval of one coordinate during the iteration.
 
-    side: -1 below, 1 above; target: the deviance there; point (n,) with its deviance and score (n,); inside, outside:
-    offsets from the optimum known to lie within the interval and beyond it.
+    Parameters
+    ----------
+    coordinate : int
+        Index of the coordinate.
+    side : int
+        -1 for the lower end, 1 for the upper end.
+    target : float
+        The deviance that the end must have.
+    point : ndarray, shape (n,)
+        The present candidate.
+    deviance, score : float and ndarray, shape (n,)
+        Deviance and score of the candidate.
+    inside, outside : float
+        The largest offset from the optimum that lies inside the interval, and the smallest that lies outside.
     """
 
     coordinate: int
@@ -56,68 +82,85 @@ class _End:
 
     @property
     def off(self) -> float:
-        """Share of the target by which the deviance misses it."""
+        """The relative difference of the deviance from its target."""
         return abs(self.deviance / self.target - 1)
 
     @property
-    def is_found(self) -> bool:
-        """Whether it is there, or held by a bound."""
+    def has_converged(self) -> bool:
+        """Whether the deviance has reached its target, or a bound of the coordinate is the end."""
         on_bound = not 0 < self.point[self.coordinate] < 1
-        return self.off < _THERE or (on_bound and self.deviance <= self.target)
+        return self.off < _CONVERGED or (on_bound and self.deviance <= self.target)
 
     def advance(self, unit: Array, hessian: Array) -> None:
-        """Move the point to where the deviance should be the target, the others at their best."""
+        """Move the point to where a quadratic reaches the target, with the other coordinates at their minimum."""
         i = self.coordinate
         size = abs(self.point[i] - unit[i])
         expected = np.inf
         if np.isfinite(self.deviance) and self.score is not None:
-            still = moved_to(self.point, self.score, hessian, i, self.point[i]) - self.point
-            expected = self.deviance + 2 * float(self.score @ still) + float(still @ hessian @ still)
+            step = moved_to(self.point, self.score, hessian, i, self.point[i]) - self.point
+            expected = self.deviance + 2 * float(self.score @ step) + float(step @ hessian @ step)
         if self.deviance <= self.target:
             self.inside = max(self.inside, size)
         elif expected > self.target:
             self.outside = min(self.outside, size)
         share = np.sqrt(self.target / max(expected, 1e-6 * self.target))
-        wanted = size * float(np.clip(share, _SHORTEST, _LONGEST))
-        if not self.inside < wanted < self.outside:
-            wanted = 0.5 * (self.inside + min(self.outside, 2 * size))
+        next_size = size * float(np.clip(share, _SHORTEST, _LONGEST))
+        if not self.inside < next_size < self.outside:
+            next_size = 0.5 * (self.inside + min(self.outside, 2 * size))
         if np.isfinite(self.deviance) and self.score is not None:
-            self.point = moved_to(self.point, self.score, hessian, i, unit[i] + self.side * wanted)
+            self.point = moved_to(self.point, self.score, hessian, i, unit[i] + self.side * next_size)
         else:
-            self.point = unit + (self.point - unit) * (wanted / size)
+            self.point = unit + (self.point - unit) * (next_size / size)
 
 
 def interval_ends(
-    deviance: Deviance, unit: Array, score: Array, hessian: Array, half_width: Array, looked_at: tuple[int, ...]
+    deviance: Deviance, unit: Array, score: Array, hessian: Array, half_width: Array, checked: tuple[int, ...]
 ) -> Ends:
-    """Ends of the intervals about the optimum ``unit`` (n,), which are half_width (n,) to a quadratic.
+    """Return the ends of the intervals about an optimum.
 
-    score (n,) and hessian (n, n): of half the deviance at the optimum, where the score is zero but for coordinates
-    that stand on a bound; looked_at: coordinates to check, the others keep the quadratic ends. All candidates stay
-    within 0..1, and so do the ends that are found. An end that is not found is the quadratic's, or farther out.
+    Parameters
+    ----------
+    deviance : callable
+        Takes candidates (P, n) and returns their deviances (P,) and scores (P, n).
+    unit : ndarray, shape (n,)
+        The optimum in unit coordinates.
+    score : ndarray, shape (n,)
+        Gradient of half the deviance at the optimum; zero except for coordinates on a bound.
+    hessian : ndarray, shape (n, n)
+        Hessian of half the deviance at the optimum.
+    half_width : ndarray, shape (n,)
+        Half-widths of the intervals of a quadratic deviance.
+    checked : tuple of int
+        Coordinates whose ends are checked against the profile. The others keep the quadratic ends.
+
+    Returns
+    -------
+    Ends
+        The ends. All candidates and all converged ends lie within 0..1. An end that does not converge is the quadratic
+        end or lies farther out.
     """
     low, high = unit - half_width, unit + half_width
-    if not looked_at:
+    if not checked:
         return Ends(low, high, ())
     inverse = np.linalg.inv(hessian)
     ends = [
         _End(i, side, half_width[i] ** 2 / inverse[i, i], moved_to(unit, score, hessian, i, unit[i] + side * half))
-        for i, half in ((i, half_width[i]) for i in looked_at)
+        for i, half in ((i, half_width[i]) for i in checked)
         for side in (-1, 1)
     ]
     _evaluate(deviance, ends)
     profiled = tuple(sorted({end.coordinate for end in ends if end.off > _AGREES}))
-    ends = going = [end for end in ends if end.coordinate in profiled]
+    ends = unfinished = [end for end in ends if end.coordinate in profiled]
     for _ in range(_MOST_ROUNDS):
-        if not going:
+        if not unfinished:
             break
-        for end in going:
+        for end in unfinished:
             end.advance(unit, hessian)
-        _evaluate(deviance, going)
-        going = [end for end in going if not end.is_found]
+        _evaluate(deviance, unfinished)
+        unfinished = [end for end in unfinished if not end.has_converged]
     for end in ends:
         i, at = end.coordinate, end.point[end.coordinate]
-        near = end.is_found or end.off < _NEAR
+        near = end.has_converged or end.off < _NEAR
         if end.side > 0:
             high[i] = at if near else max(high[i], at)
         else:
@@ -132,7 +175,24 @@ def _evaluate(deviance: Deviance, ends: Sequence[_End]) -> None:
 
 
 def moved_to(point: Array, score: Array, hessian: Array, i: int, to: float) -> Array:
-    """The point with coordinate i moved, and all others put where a quadratic about it has its least within 0..1."""
+    """Return the point with coordinate i moved and all others at the minimum of the quadratic within 0..1.
+
+    Parameters
+    ----------
+    point : ndarray, shape (n,)
+        The centre of the quadratic, in unit coordinates.
+    score, hessian : ndarray, shape (n,) and (n, n)
+        Gradient and Hessian of the quadratic at the point.
+    i : int
+        The coordinate to move.
+    to : float
+        Its new value; it is clipped to 0..1.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The new point.
+    """
     step = np.zeros(len(point))
     step[i] = np.clip(to, 0.0, 1.0) - point[i]
     free = np.arange(len(point)) != i

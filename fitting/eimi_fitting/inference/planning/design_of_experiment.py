@@ -371,7 +371,7 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
     if found is None:
         return {}
     own = (problem.experiments[0].model.along / along) ** MESH_ORDER
-    return {FINER_MESH.name: own * FINER_MESH.left / _NORMAL * found.changes[0]}
+    return {FINER_MESH.name: own * FINER_MESH.remaining_share / _NORMAL * found.changes[0]}
 
 
 def _over_variance(noise: EdgeNoise, an_edge: int) -> float:
