@@ -21,8 +21,8 @@ from eimi_fitting.laws.law import Law
 
 Array = NDArray[np.float64]
 
-# Objective of a candidate that is not valid: worse than that of any simulation, and finite, because CMA-ES would replace
-# a NaN by the median of the generation.
+# Objective of a candidate that is not valid. It is worse than that of any simulation, and finite, because CMA-ES would
+# replace a NaN by the median of the generation.
 DISCARDED_MM = 1e6
 TOLERANCE_MM = (
     1e-2  # the last Newton step is shorter; the error is then below 1e-4 mm, and that of the edges is 1e-3 mm

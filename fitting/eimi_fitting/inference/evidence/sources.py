@@ -1,9 +1,9 @@
-"""What may be uncertain about an experiment beside its edges: one registry, an entry a source.
+"""The sources of uncertainty beside the edges: a registry with one entry for each input that may be uncertain.
 
-A source that is stated with a standard uncertainty is either considered (it widens the intervals by what it does to the
-estimate, see `inference.interval.budget`) or freed (it is one more unknown of the fit, see
-`inference.evidence.unknowns`). Nothing else
-in the package or above it names one: keys of files, options of commands, words of reports are made from the entries.
+A source that is stated with a standard uncertainty is either considered or freed. A considered source widens the
+intervals by its effect on the estimate (`inference.interval.considered`). A freed source is one more unknown of the fit
+(`inference.evidence.unknowns`). The keys of files, the options of commands and the words of reports are all made from
+the entries of this registry, so that a source is named here only.
 """
 
 from __future__ import annotations
@@ -26,18 +26,36 @@ File = Literal["specimen", "calibration", "rig"]
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """A quantity that may be uncertain, and what it does to an experiment.
+    """A quantity that may be uncertain, and its effect on an experiment.
 
-    words: what it is, for people; parts: the names of its numbers in a result; unit: of all of them, 1 for a share of
-    what was stated; largest: standard deviation above which nothing is known; usual: one that a bench might state;
-    common: to all datasets where nobody says whose it is, else each has its own; covers: other sources that say the
-    same in other words, and are not counted beside it.
-
-    stated_in, key: the file that states it, and the key with its unit.
-
-    What it does, from deviations (P, parts), or (parts,) of one candidate: field: the factor (P,) on the magnetic
-    loads; image: the linear map (P, 2, 2) and the shift (P, 2) mm that take a place to where the camera has it;
-    specimen, loads, lens: another specimen, other loads, another stand-off of the lens in mm.
+    Parameters
+    ----------
+    words : str
+        Its name for people.
+    parts : tuple of str
+        Names of its numbers in a result.
+    unit : str
+        Unit of all its numbers; ``"1"`` for a share of the stated value.
+    largest : float
+        Largest standard deviation that is accepted.
+    usual : float
+        A standard deviation that is usual in a laboratory.
+    common : bool
+        Whether all datasets share one error if no file states which of them do. If False, each has its own error.
+    covers : tuple of str
+        Other sources with the same effect, which do not count if this one is freed.
+    stated_in : str or None
+        The file that states it.
+    key : str
+        Its key in that file, with the unit.
+    field : callable, optional
+        Takes deviations (P, parts) and returns the factor (P,) on the magnetic loads.
+    image : callable, optional
+        Takes deviations (P, parts) and returns the linear map (P, 2, 2) and the shift (P, 2) in mm from a true position
+        to its position in the picture.
+    specimen, loads, lens : callable, optional
+        Take the stated specimen, loads or stand-off of the lens in mm and the deviations (parts,) of one candidate, and
+        return another specimen, other loads or another stand-off.
     """
 
     words: str
@@ -57,15 +75,23 @@ class Source:
 
     @property
     def bends(self) -> bool:
-        """Whether it changes more than field and picture: candidates that differ in it are other experiments."""
+        """Whether candidates that differ in this source need another specimen, other loads or another lens."""
         return any((self.specimen, self.loads, self.lens))
 
 
 @dataclass(frozen=True)
 class StatedSource:
-    """A key of SOURCES, its standard uncertainty in the source's unit (0: exact), and what it is a number of.
+    """The stated standard uncertainty of one source.
 
-    Datasets whose ``of`` is the same have the same error: one calibration, one coil, one specimen.
+    Parameters
+    ----------
+    source : str
+        A key of `SOURCES`.
+    standard_uncertainty : float
+        In the unit of the source; 0 for an exact value.
+    of : str
+        The object that the number belongs to, such as a calibration, a coil or a specimen. Datasets with the same
+        object share one error.
     """
 
     source: str
@@ -95,7 +121,7 @@ def _magnified(deviation: Array) -> tuple[Array, Array]:
 
 
 def _gravity_turned(loads: Loads, deviation: Array) -> Loads:
-    """A tip force is a weight that hangs there."""
+    """Turn gravity and the tip forces, which are weights that hang from the tip."""
     turn = _rotation(deviation[0]).T
     return replace(loads, gravity=loads.gravity @ turn, tip_force_N=loads.tip_force_N @ turn)
 
@@ -105,12 +131,12 @@ def _field_turned(loads: Loads, deviation: Array) -> Loads:
 
 
 def _seen_from_turned_axis(loads: Loads, deviation: Array) -> Loads:
-    """The picture shows where field and gravity point; about a beam that lies otherwise they point otherwise."""
+    """Turn field and gravity relative to the beam; their directions in the picture stay the same."""
     return _gravity_turned(_field_turned(loads, -deviation), -deviation)
 
 
 def _field_offset(loads: Loads, deviation: Array) -> Loads:
-    """The same current more in every state, along the field of the strongest."""
+    """Add the field of one constant current to every state, along the strongest field."""
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
     return replace(loads, field_T=loads.field_T + 1e-3 * deviation[0] * strongest / size) if size else loads
@@ -154,8 +180,8 @@ def _of_specimen(
     )
 
 
-# Largest: the field may have either sign, x and y may be swapped, the clamp may be anywhere on the beam. Such a number
-# is a slip, of percent for a share or of degrees for radians. What the camera does, it does in this order.
+# Beyond ``largest`` the field may have either sign, x and y may be swapped, or the clamp may be anywhere on the beam.
+# Such a number is a mistake, for example per cent instead of a share. The maps of the image apply in this order.
 SOURCES: dict[str, Source] = {
     "moment": Source(
         words="magnetic moment",
@@ -267,9 +293,9 @@ SOURCES: dict[str, Source] = {
 
 
 def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specimen:
-    """Return the specimen with the deviations (parts,) of sources.
+    """Return the specimen with deviations (parts,) of its sources.
 
-    The point of a tip force keeps its share of length and width, so that it stays on the specimen.
+    The point of a tip force keeps its position relative to length and width, so that it stays on the specimen.
     """
     specimen = before
     for key, deviation in deviations.items():
@@ -283,7 +309,7 @@ def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specime
 
 
 def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
-    """The loads with what sources (parts,) deviate by."""
+    """Return the loads with deviations (parts,) of their sources."""
     for key, deviation in deviations.items():
         if change := SOURCES[key].loads:
             loads = change(loads, deviation)
@@ -291,7 +317,7 @@ def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
 
 
 def stand_off_under(stand_off_mm: float, deviations: Mapping[str, Array]) -> float:
-    """The lens's stand-off in mm with what sources (parts,) deviate by."""
+    """Return the stand-off of the lens in mm with deviations (parts,) of its sources."""
     for key, deviation in deviations.items():
         if change := SOURCES[key].lens:
             stand_off_mm = change(stand_off_mm, deviation)

@@ -1,8 +1,9 @@
-"""The unknowns of a fit: the law's coordinates, the bulk modulus, and what else is known only so well.
+"""The unknowns of a fit: the coordinates of the law, the bulk modulus and the freed nuisances.
 
-The last are left at what specimen and calibration say, or freed with a normal prior about that: its standard deviation
-enters the fit as one more observation (Theil and Goldberger 1961, Int. Econ. Rev. 2:65). What there is stands in
-`inference.evidence.sources`.
+A nuisance is a number of specimen or calibration that is uncertain (`inference.evidence.sources`). It either keeps its
+stated value or is freed. A freed nuisance has a normal prior about the stated value, which enters the fit as one more
+observation (Theil and Goldberger 1961, Int. Econ. Rev. 2:65). All unknowns are unit coordinates from 0 to 1: with the
+standard deviation s of its prior, a nuisance deviates by 2 RANGE s (u - 1/2) at the coordinate u.
 """
 
 from __future__ import annotations
@@ -19,16 +20,25 @@ from eimi_fitting.laws.search_space import SearchSpace
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-RANGE = 6.0  # standard deviations either way that a unit coordinate spans
+RANGE = 6.0  # a unit coordinate of a nuisance spans this many standard deviations on either side
 _BOUNDS_VARIANCE = 1.0 / 12.0  # of a uniform distribution over the unit interval
 
 
 @dataclass(frozen=True)
 class NuisancePrior:
-    """A key of SOURCES that is freed, and the standard deviation of what is known of it, in the source's unit.
+    """A source to free, with the standard deviation of its prior.
 
-    Without a spread it is what the experiments state. Raises ValueError for an unknown key, and for a standard
-    deviation that is not above 0 or too large to be meant.
+    Parameters
+    ----------
+    kind : str
+        A key of `SOURCES`.
+    spread : float, optional
+        Standard deviation in the unit of the source; by default the one that the experiments state.
+
+    Raises
+    ------
+    ValueError
+        For an unknown key, and for a standard deviation that is not above 0 or exceeds the largest of the source.
 
     Examples
     --------
@@ -52,7 +62,21 @@ class NuisancePrior:
 
 @dataclass(frozen=True)
 class Nuisance:
-    """One unknown number, a deviation from what was stated; datasets: those that it is of, counted from 0."""
+    """One freed number: a deviation from its stated value.
+
+    Parameters
+    ----------
+    name : str
+        Its name in a result.
+    source : str
+        A key of `SOURCES`.
+    part : int
+        Index of the number among the parts of its source.
+    datasets : tuple of int
+        The datasets that share it, counted from 0.
+    spread : float
+        Standard deviation of its prior, in the unit of the source.
+    """
 
     name: str
     source: str
@@ -62,20 +86,24 @@ class Nuisance:
 
     @property
     def unit(self) -> str:
-        """Of its source."""
+        """The unit of its source."""
         return SOURCES[self.source].unit
 
     def value(self, unit_coordinate: Array) -> Array:
-        """From 0..1 to the deviation."""
+        """Return the deviation for a unit coordinate from 0 to 1."""
         return 2 * RANGE * self.spread * (unit_coordinate - 0.5)
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What P candidates assume of one dataset.
+    """The field and the image of one dataset as P candidates assume them.
 
-    field_factor: (P,) on the magnetic loads; linear, shift_mm: (P, 2, 2) and (P, 2), from a place in the beam frame to
-    where the camera has it.
+    Parameters
+    ----------
+    field_factor : ndarray, shape (P,)
+        Factor on the magnetic loads.
+    linear, shift_mm : ndarray, shape (P, 2, 2) and (P, 2)
+        Linear map and shift in mm, from a true position in the beam frame to its position in the picture.
     """
 
     field_factor: Array
@@ -84,143 +112,205 @@ class Setup:
 
     @staticmethod
     def of(deviations: Iterable[tuple[str, int, Array | float]], candidates: int) -> Setup:
-        """From (source, part, deviation (P,) or a number for all P candidates)."""
+        """Return the setup of deviations.
+
+        Parameters
+        ----------
+        deviations : iterable of (str, int, ndarray or float)
+            Source, part and deviation; the deviation has shape (P,) or is one number for all candidates.
+        candidates : int
+            The number P of candidates.
+
+        Returns
+        -------
+        Setup
+            The setup.
+        """
         values: dict[str, Array] = {}
         for source, part, value in deviations:
-            own = values.setdefault(source, np.zeros((candidates, len(SOURCES[source].parts))))
-            own[:, part] += value
+            parts = values.setdefault(source, np.zeros((candidates, len(SOURCES[source].parts))))
+            parts[:, part] += value
         factor = np.ones(candidates)
         linear, shift = np.tile(np.eye(2), (candidates, 1, 1)), np.zeros((candidates, 2))
-        for key, found in SOURCES.items():
-            if key in values and found.field:
-                factor = factor * found.field(values[key])
-            if key in values and found.image:
-                turn, move = found.image(values[key])
+        for key, entry in SOURCES.items():
+            if key in values and entry.field:
+                factor = factor * entry.field(values[key])
+            if key in values and entry.image:
+                turn, move = entry.image(values[key])
                 linear = turn @ linear
                 shift = np.einsum("pij,pj->pi", turn, shift) + move
         return Setup(factor, linear, shift)
 
     def corrected(self, places_mm: Array) -> Array:
-        """Measured places (..., 2) as they lie once all that is the camera's is taken out: (P, ..., 2)."""
+        """Return the true positions (P, ..., 2) of measured positions (..., 2), in mm."""
         lead = (len(self.shift_mm),) + (1,) * (places_mm.ndim - 1)
         moved = places_mm - self.shift_mm.reshape(*lead, 2)
         return np.einsum("pij,p...j->p...i", np.linalg.inv(self.linear), moved)
 
     def imaged(self, places_mm: Array) -> Array:
-        """Places (..., 2) of the first candidate as the camera has them."""
+        """Return true positions (..., 2) as they appear in the picture for the first candidate, in mm."""
         return np.asarray(places_mm @ self.linear[0].T + self.shift_mm[0])
 
 
 def freed_number(name: str) -> tuple[str, int]:
-    """The source and the part that a freed number of this name in a result is. Raises KeyError for no such part."""
-    part = name.partition(" of dataset")[0]
-    return {own: (key, i) for key, source in SOURCES.items() for i, own in enumerate(source.parts)}[part]
+    """Return source and part of a freed number from its name in a result; raise KeyError for an unknown name."""
+    part_name = name.partition(" of dataset")[0]
+    return {part: (key, i) for key, source in SOURCES.items() for i, part in enumerate(source.parts)}[part_name]
 
 
 @dataclass(frozen=True)
 class SharedUnknowns:
-    """One source, and the datasets that have one error of it in common; uncertainty: None where nobody stated it."""
+    """One source and the datasets that share one error of it.
+
+    Parameters
+    ----------
+    source : str
+        A key of `SOURCES`.
+    datasets : tuple of int
+        The datasets, counted from 0.
+    standard_uncertainty : float or None
+        In the unit of the source; None if no experiment states it.
+    """
 
     source: str
     datasets: tuple[int, ...]
     standard_uncertainty: float | None
 
     def part_name(self, part: int, datasets: int) -> str:
-        """What a number of it is called in a result of so many datasets."""
-        own = SOURCES[self.source].parts[part]
+        """Return the name of one part in a result with this number of datasets."""
+        name = SOURCES[self.source].parts[part]
         if len(self.datasets) == datasets:
-            return own
+            return name
         *most, last = map(str, self.datasets)
-        return f"{own} of datasets {', '.join(most)} and {last}" if most else f"{own} of dataset {last}"
+        return f"{name} of datasets {', '.join(most)} and {last}" if most else f"{name} of dataset {last}"
 
 
 def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[SharedUnknowns, ...]:
-    """Who has an error of a source in common: datasets that state it of the same thing.
+    """Return the groups of datasets that share one error of a source.
 
-    stated: of each dataset. Where a dataset states nothing, the source itself says whether it is common to all.
+    Parameters
+    ----------
+    source : str
+        A key of `SOURCES`.
+    stated : sequence of sequence of StatedSource
+        The stated sources of each dataset.
+
+    Returns
+    -------
+    tuple of SharedUnknowns
+        One for each group. Datasets that state the source of the same object share its error. Datasets that do not
+        state the source share its error if the source is common to all datasets.
     """
     groups: dict[str, list[int]] = {}
     sizes: dict[str, float | None] = {}
-    for index, every in enumerate(stated):
-        own = next((s for s in every if s.source == source), None)
-        nobody = "" if SOURCES[source].common else f"dataset {index}"
-        key = f"of {own.of}" if own else nobody
+    for index, of_dataset in enumerate(stated):
+        entry = next((s for s in of_dataset if s.source == source), None)
+        unstated_key = "" if SOURCES[source].common else f"dataset {index}"
+        key = f"of {entry.of}" if entry else unstated_key
         groups.setdefault(key, []).append(index)
-        sizes[key] = own.standard_uncertainty if own else None
+        sizes[key] = entry.standard_uncertainty if entry else None
     return tuple(SharedUnknowns(source, tuple(datasets), sizes[key]) for key, datasets in groups.items())
 
 
 def nuisances(
     priors: Sequence[NuisancePrior], datasets: int, stated: Sequence[Sequence[StatedSource]] | None = None
 ) -> tuple[Nuisance, ...]:
-    """The unknown numbers that the priors stand for. Raises ValueError where no standard deviation is known."""
-    found: list[Nuisance] = []
+    """Return the freed numbers of a fit.
+
+    Parameters
+    ----------
+    priors : sequence of NuisancePrior
+        The sources to free.
+    datasets : int
+        Number of datasets.
+    stated : sequence of sequence of StatedSource, optional
+        The stated sources of each dataset.
+
+    Returns
+    -------
+    tuple of Nuisance
+        One for each part and each group of datasets that share an error.
+
+    Raises
+    ------
+    ValueError
+        If neither the prior nor the dataset states a standard deviation above 0.
+    """
+    freed: list[Nuisance] = []
     for prior in priors:
         for group in shared(prior.kind, stated or [()] * datasets):
             spread = group.standard_uncertainty if prior.spread is None else prior.spread
             if not spread:
-                said = "is exact" if spread == 0 else "states no standard uncertainty"
-                raise ValueError(f"{prior.kind}: dataset {group.datasets[0]} {said}, and none is given")
-            found += [
+                reason = "is exact" if spread == 0 else "states no standard uncertainty"
+                raise ValueError(f"{prior.kind}: dataset {group.datasets[0]} {reason}, and none is given")
+            freed += [
                 Nuisance(group.part_name(part, datasets), prior.kind, part, group.datasets, spread)
                 for part in range(len(SOURCES[prior.kind].parts))
             ]
-    return tuple(found)
+    return tuple(freed)
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """All that a fit finds, as unit coordinates (P, n): the law's first, the bulk modulus, then freed nuisances."""
+    """The unknowns of a fit as unit coordinates (P, n): the law's first, then the bulk modulus and freed nuisances.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The coordinates of the law and, if it is searched, of the bulk modulus.
+    freed : tuple of Nuisance
+        The freed nuisances.
+    """
 
     space: SearchSpace
     freed: tuple[Nuisance, ...] = ()
 
     @property
     def searched(self) -> int:
-        """How many coordinates the search moves: nuisances stay at what was stated until the polish."""
+        """Number of coordinates that the search varies; nuisances keep their stated values until the polish."""
         return len(self.space.names)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all coordinates."""
+        """The names of all coordinates."""
         return (*self.space.names, *(nuisance.name for nuisance in self.freed))
 
     def modulus_percent(self, moved: float) -> float:
-        """What a move of the first coordinate, the modulus' logarithm, is of the modulus."""
+        """Return the change of the modulus in per cent for a move of the first coordinate, which is its logarithm."""
         return 100 * float(np.expm1(moved * np.log(self.space.upper[0] / self.space.lower[0])))
 
     @property
     def ratios(self) -> tuple[str, ...]:
-        """The nuisances that act on the field, which multiplies as the modulus divides."""
+        """The nuisances that scale the magnetic load, so that the data determine their ratio to the modulus."""
         return tuple(nuisance.name for nuisance in self.freed if SOURCES[nuisance.source].field)
 
     @property
     def prior(self) -> Array:
-        """(n,) inverse variances of what was known before: the bounds of the search, or a nuisance's own prior."""
+        """Inverse prior variances, (n,): from the bounds of the search, or from the prior of a nuisance."""
         precision = np.full(len(self.names), 1 / _BOUNDS_VARIANCE)
         precision[self.searched :] = (2 * RANGE) ** 2
         return precision
 
     def whole(self, unit: Array) -> Array:
-        """(P, searched) or (P, n) -> (P, n)."""
+        """Return candidates (P, searched) or (P, n) as (P, n), missing nuisances at their stated values."""
         unit = np.atleast_2d(unit)
         missing = len(self.names) - unit.shape[1]
         return np.concatenate([unit, np.full((len(unit), missing), 0.5)], axis=1)
 
     def parameters(self, unit: Array) -> Array:
-        """(P, n) -> (P, n_p) of the law."""
+        """Return the parameters of the law, (P, n_p), for unit coordinates (P, n)."""
         return self.space.parameters(unit[:, : self.searched])
 
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
-        """(P, n) -> (P,), None where it is not freed."""
+        """Return the bulk moduli (P,) in Pa for unit coordinates (P, n); None if the bulk modulus is not searched."""
         return self.space.bulk_modulus_Pa(unit[:, : self.searched])
 
     def standardised(self, unit: Array) -> Array:
-        """(P, n) -> (P, freed): deviations of the nuisances over their standard deviations."""
+        """Return the standardised deviations (P, f) of the nuisances for unit coordinates (P, n)."""
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
     def setups(self, unit: Array, datasets: int) -> list[Setup] | None:
-        """What candidates (P, n) assume of each dataset; None where all is as stated."""
+        """Return field and image of each dataset for candidates (P, n); None if no nuisance is freed."""
         if not self.freed:
             return None
         values = [(n, n.value(unit[:, column])) for column, n in enumerate(self.freed, self.searched)]
@@ -230,20 +320,30 @@ class Unknowns:
         ]
 
     def bent(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Candidates (P, n) in groups that differ in no specimen, load or lens: which, and what deviates (parts,).
+        """Group candidates that have the same specimens, loads and lenses.
 
-        The deviations are those of each dataset, by the source.
+        Parameters
+        ----------
+        unit : ndarray, shape (P, n)
+            Candidates in unit coordinates.
+        datasets : int
+            Number of datasets.
+
+        Returns
+        -------
+        list of (ndarray, list of dict)
+            For each group the rows of its candidates and, for each dataset, the deviations (parts,) by source.
         """
         columns = [(c, n) for c, n in enumerate(self.freed, self.searched) if SOURCES[n.source].bends]
         if not columns:
             return [(np.arange(len(unit)), [{} for _ in range(datasets)])]
         _, first, group = np.unique(unit[:, [c for c, _ in columns]], axis=0, return_index=True, return_inverse=True)
-        found = []
+        groups = []
         for g, row in enumerate(first):
             deviations: list[dict[str, Array]] = [{} for _ in range(datasets)]
             for c, n in columns:
                 for dataset in n.datasets:
-                    own = deviations[dataset].setdefault(n.source, np.zeros(len(SOURCES[n.source].parts)))
-                    own[n.part] = n.value(unit[row, c])
-            found.append((np.flatnonzero(group.reshape(-1) == g), deviations))
-        return found
+                    parts = deviations[dataset].setdefault(n.source, np.zeros(len(SOURCES[n.source].parts)))
+                    parts[n.part] = n.value(unit[row, c])
+            groups.append((np.flatnonzero(group.reshape(-1) == g), deviations))
+        return groups
