@@ -119,7 +119,7 @@ def test_told_again_it_goes_on_bit_for_bit_and_evaluates_only_what_is_new():
 
 
 def test_what_another_search_was_told_is_refused():
-    with pytest.raises(OtherSearch, match="generation 1 has 12 candidates, that to be replayed 3"):
+    with pytest.raises(OtherSearch, match="generation 1 has 12 candidates, the generation to replay has 3"):
         search(rastrigin, 2, replay=[Objectives((1.0, 2.0, 3.0), 0, 0)])
 
 

@@ -1,7 +1,11 @@
-"""Evolutionary identification: CMA-ES searches the parameters whose simulated edges lie on the measured ones.
+"""Identify the parameters of a law: find those whose simulated edges lie on the measured ones.
 
-After Di Lecce et al. 2022 (Front. Robot. AI 8:790571): a search and a polish on a mesh that a population can afford,
-another polish with what better models change in the edges, and what the numbers are worth.
+The method follows Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
+
+1. CMA-ES searches on a coarse mesh (`inference.searching`).
+2. Gauss-Newton improves the best candidate (`inference.searching.polish`).
+3. Better models correct the residuals, and Gauss-Newton is repeated (`inference.evidence.corrections`).
+4. The intervals follow from the evidence at the optimum (`inference.interval`).
 """
 
 from __future__ import annotations
@@ -65,36 +69,62 @@ from eimi_fitting.laws.stability import LARGEST_STRETCH_CHECKED, stable_up_to
 
 Array = NDArray[np.float64]
 
-_INDEPENDENT_A_STATE = 20.0  # points: a guess for the search alone, which only the polish needs better
-# Of the logarithm of N: a prior that counts for that much more or less moves nothing worth a polish. Measured with
-# moment and roll freed on a virtual specimen: by no more than 0.004 standard deviations.
+_INDEPENDENT_PER_STATE = 20.0  # guess of the independent points for the search; the polish estimates them
+# Change of log N below which the polish is not repeated. Measured with moment and roll freed on a virtual specimen: the
+# optimum moves by at most 0.004 standard deviations.
 _SAME_COUNT = 0.3
-# The solid's correction is found again where it moved the modulus by this much, in per cent, but not without end. A
-# pass that raises the error by a hundredth is not taken.
+# The correction by the solid is repeated while it moves the modulus by at least 0.05 per cent, at most three times. A
+# pass that raises the error by more than a hundredth is not accepted.
 _STAYS_PERCENT, _MOST_PASSES, _NOT_WORSE = 0.05, 3, 1.01
-# Of the modulus: what the solid's mesh leaves at least, which is 0.1 at most for the specimens of
-# `benchmarks.solid_mesh`, and what a Newton step of the tolerance and the states between leave.
+# Smallest remaining error of the solid, in per cent of the modulus. Its mesh contributes at most 0.1 for the specimens
+# of `benchmarks.solid_mesh`; the tolerance of Newton's method and the interpolated states contribute the rest.
 _UNSURE_PERCENT = 0.15
-_ENOUGH = 0.14  # of what the places lie off where nothing moves: the search of a beam that hardly moves ends there
-_LOOSE = 1e-2  # of the objective: what a step gains before the corrections are known
+_ENOUGH = 0.14  # the search of a beam that hardly moves stops at this share of the objective of an unbent beam
+_LOOSE = 1e-2  # share of the objective at which a polish stops before the corrections are computed
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(Estimate):
-    """An identified law: what is known of it, the errors that it leaves, and how it was found.
+    """An identified law: an `Estimate` with its residuals, its doubts and the history of its search.
 
-    Beside what every `Estimate` holds: error_mm, deviation_mm: (K,) by state; residuals_mm: (K, G, m) of each
-    experiment, see `Misfit`, NaN where nothing was measured; curves: the tensile curves and how well the law fits them
-    alone, curve_rmse_Pa: and here; priors: on the law's own parameters; stable_to: largest stretch up to which the law
-    is stable (None: no limit met); stop: why the search ended.
+    Parameters
+    ----------
+    law : Law
+        The law.
+    error_mm, deviation_mm : ndarray, shape (K,)
+        Error and deviation of each state.
+    residuals_mm : tuple of ndarray, shape (K, G, m)
+        Residuals of each experiment, see `Misfit`; NaN for points that were not measured.
+    max_stretch : float
+        Largest stretch on the meshes of the experiments.
+    curves : tuple of TensileEvidence
+        The tensile curves with their noise.
+    curve_rmse_Pa : tuple of float
+        Root mean square residuals of the tensile curves in this fit.
+    priors : tuple of Prior
+        Priors on the law's parameters.
+    doubts : tuple of Doubt
+        Doubts about the result.
+    stable_to : float or None
+        Largest stretch up to which the law is stable; None if it is stable up to ``stability_checked_to``.
+    stability_checked_to : float
+        Largest stretch that was checked.
+    history, runs, evaluations, discarded, stop
+        History of the search, see `SearchResult`.
+    polish : Polish
+        Improvement by the first polish.
+    seed : int
+        Seed of search and draws.
+    wall_s : float
+        Duration in seconds.
 
     Examples
     --------
-    Made by `identify`; of a ``fit`` one reads
+    `identify` returns a ``fit``. Its most important values are
 
     - ``fit.initial_shear_modulus.value`` and its ``interval_95``, in Pa,
-    - ``fit.parameters["mu"]`` and so on,
-    - ``fit.identifiability.statement``, what the data fix in words.
+    - ``fit.parameters["mu"]`` and the other parameters,
+    - ``fit.identifiability.statement``, a summary of what the data determine.
 
     >>> from eimi_fitting import Fit
     >>> sorted(name for name in ("mean_error_mm", "values") if hasattr(Fit, name))
@@ -123,17 +153,17 @@ class Fit(Estimate):
 
     @property
     def values(self) -> Array:
-        """(n,): the parameters in the law's own order and units."""
+        """The parameters in the order and the units of the law, (n,)."""
         return np.array([quantity.value for quantity in self.parameters.values()])
 
     @property
     def mean_error_mm(self) -> float:
-        """Of all states."""
+        """Mean error over all states, in mm."""
         return float(np.mean(self.error_mm))
 
     @property
     def mean_deviation_mm(self) -> float:
-        """Of all states."""
+        """Mean deviation over all states, in mm."""
         return float(np.mean(self.deviation_mm))
 
 
@@ -155,50 +185,51 @@ def identify(
 ) -> Fit:
     """Identify one law from one or several experiments.
 
-    The search runs on the coarse mesh of `BeamModel`'s defaults, with nuisances as stated, over the moduli that a scan
-    finds worth it (`inference.searching.modulus_range`); the errors and the intervals are those of better models than
-    the experiments' own (`inference.evidence.corrections`).
+    The search runs on the default mesh of `BeamModel`, with nuisances at their stated values. A scan determines the
+    range of moduli (`inference.searching.modulus_range`). The errors and intervals are those of better models than the
+    models of the experiments (`inference.evidence.corrections`).
 
     Parameters
     ----------
     model : str
         A key of `LAWS`.
     experiments : sequence of Experiment
-        What was done and seen, fitted together.
+        The experiments, fitted together.
     free : sequence of NuisancePrior
-        Nuisances that are freed, with their priors.
+        Nuisances to free, with their priors.
     free_bulk : bool
         Search the bulk modulus too.
     tensile : sequence of TensileCurve
-        Curves that the law has to follow as well.
+        Tensile curves to fit together with the experiments.
     priors : sequence of Prior
-        What is known of the law's own parameters, beside the data.
+        Priors on the law's parameters.
     seed, population, most_generations, restarts, bipop, replay, progress
-        Of the search, see `inference.searching.search.search`; ``progress`` is called once a generation.
+        Options of the search, see `inference.searching.search.search`. The seed is also that of the draws.
 
     Returns
     -------
     Fit
+        The identified law.
 
     Raises
     ------
     NamedCause
-        A slip in the loads is why no material explains what was seen.
+        A mistake in the loads is the reason why no material explains the measurement.
     NothingActs
         No load bends the specimen in any state.
     NothingConverged
         No candidate could be simulated.
     NotExplained
-        A state's edges are nowhere near.
+        The simulated edges of a state are far from the measured ones.
     NotDetermined
-        One state alone, which leaves the modulus open.
+        There is one state only, and it does not determine the modulus.
     CannotFit
-        For a tensile curve.
+        The law cannot be fitted to a tensile curve.
     OtherSearch
-        ``replay`` is of another search.
+        ``replay`` belongs to another search.
     ValueError
-        For a free bulk modulus in plane stress, for a nuisance whose uncertainty nobody states, and for a prior on a
-        parameter that the law does not have.
+        For a free bulk modulus unless the section is in plane strain, for a nuisance without a stated uncertainty, and
+        for a prior on a parameter that the law does not have.
     KeyError
         For an unknown law.
 
@@ -215,23 +246,23 @@ def identify(
     >>> loads = Loads.along([0.0, 0.0], gravity_angle_deg=90.0, tip_force_N=[0.001, 0.002])
     >>> rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
     >>> moved = model.positions(model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads), rest)[0]
-    >>> seen = PointObservation(np.tile(rest, (2, 1, 1)), moved, np.full((2, 9), 0.01))
-    >>> fit = identify("neo-hookean", [Experiment(model, loads, seen)])
+    >>> observed = PointObservation(np.tile(rest, (2, 1, 1)), moved, np.full((2, 9), 0.01))
+    >>> fit = identify("neo-hookean", [Experiment(model, loads, observed)])
     >>> bool(abs(fit.parameters["mu"].value - 46e3) < 1000)
     True
     """
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     stated = _problem(model, experiments, free, free_bulk, tensile, priors)
     coarse = replace(stated, experiments=coarsened(stated.experiments))
-    guessed = _INDEPENDENT_A_STATE * sum(len(experiment.loads) for experiment in experiments)
+    guessed_points = _INDEPENDENT_PER_STATE * sum(len(experiment.loads) for experiment in experiments)
     beam_alone = replace(coarse, curves=(), priors=())
-    scan = narrowed(beam_alone, scanned(beam_alone, guessed), guessed)
-    slips = doubtful_loads(beam_alone, scan, guessed)
+    scan = narrowed(beam_alone, scanned(beam_alone, guessed_points), guessed_points)
+    slips = doubtful_loads(beam_alone, scan, guessed_points)
     bounds_Pa = scan.searched()
     problem = within(stated, bounds_Pa)
-    found = _search(
+    result = _search(
         within(coarse, bounds_Pa),
-        guessed,
+        guessed_points,
         seed=seed,
         population=population,
         most_generations=most_generations,
@@ -241,13 +272,13 @@ def identify(
         replay=replay,
         progress=progress,
     )
-    refined = refine(problem, found.unit, seed)
+    refined = refine(problem, result.unit, seed)
     problem, optimum = refined.problem, refined.optimum
     final = optimum.evaluation.comparison
     # Where a freed source changes the specimen the candidates have no mesh in common, but the optimum has one.
-    alone = final if final.shapes else problem.evaluate(optimum.unit[None], guessed).comparison
-    alike = common_errors(alone.shapes, final.misfits, optimum.distance, problem.experiments, problem.unknowns)
-    check_explained(final, experiments, alike, bool(problem.curves), bool(optimum.evaluation.beyond[0]))
+    alone = final if final.shapes else problem.evaluate(optimum.unit[None], guessed_points).comparison
+    common = common_errors(alone.shapes, final.misfits, optimum.distance, problem.experiments, problem.unknowns)
+    check_explained(final, experiments, common, bool(problem.curves), bool(optimum.evaluation.beyond[0]))
     due = refinements(experiments)
     check_determined(refined.estimate, experiments)
     in_problem = {effect.correction.refinement for effect in refined.effects}
@@ -272,28 +303,41 @@ def identify(
                 experiments,
                 [*(r.doubt for r in due if r not in in_problem), *refined.estimate.not_considered],
             ),
-            *common_doubts(final, alike),
+            *common_doubts(final, common),
             *curve_doubts(problem.curves, curve_rmse_Pa),
             *prior_doubts(problem.priors, refined.estimate.prior_distances),
         ),
         stable_to=stable_up_to(problem.law, parameters[0]),
         stability_checked_to=LARGEST_STRETCH_CHECKED,
-        history=found.history,
-        runs=found.runs,
+        history=result.history,
+        runs=result.runs,
         polish=refined.polish,
-        evaluations=found.evaluations,
-        discarded=found.discarded,
-        stop=found.stop,
+        evaluations=result.evaluations,
+        discarded=result.discarded,
+        stop=result.stop,
         seed=seed,
-        wall_s=time.perf_counter() - begun,
+        wall_s=time.perf_counter() - start_s,
     )
 
 
 @dataclass(frozen=True)
 class SearchEnd:
-    """Where the polishes led: the problem with its corrections, its optimum, what they moved, and what it is worth.
+    """The end of all steps that follow a search.
 
-    max_stretch: on the experiments' own meshes.
+    Parameters
+    ----------
+    problem : Problem
+        The problem with its corrections.
+    optimum : Optimum
+        Its optimum.
+    effects : tuple of Effect
+        The moves of the optimum by the corrections.
+    max_stretch : float
+        Largest stretch on the meshes of the experiments.
+    polish : Polish
+        Improvement by the first polish.
+    estimate : Estimate
+        The unknowns with their intervals.
     """
 
     problem: Problem
@@ -305,10 +349,24 @@ class SearchEnd:
 
 
 def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
-    """All that follows a search: polish, corrections and intervals, from unit coordinates (n,) near the optimum.
+    """Compute optimum, corrections and intervals from a candidate near the optimum.
 
-    A planar model follows small steps of the parameters on the mesh of the search, whose residuals are made those of
-    the finer meshes; a solid's on the solid's own lines.
+    A polish varies the parameters on a planar model with the mesh of the search, or for a solid with the mesh of the
+    solid. Its residuals are corrected to those of the finer meshes or of the solid.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    unit : ndarray, shape (n,)
+        The candidate in unit coordinates.
+    seed : int
+        Seed of the draws.
+
+    Returns
+    -------
+    SearchEnd
+        The optimum with its corrections and intervals.
     """
     names = [refinement.name for refinement in refinements(problem.experiments)]
     if SOLID in refinements(problem.experiments):
@@ -335,7 +393,7 @@ def _problem(
     check_priors(priors, law)
     if free_bulk:
         if any(experiment.model.specimen.section != "plane-strain" for experiment in experiments):
-            raise ValueError("the search knows a bulk modulus in plane strain alone: no other section can free it")
+            raise ValueError("the bulk modulus can be free in plane strain only: another section was stated")
         space = space.with_bulk()
     return Problem(
         law,
@@ -347,24 +405,28 @@ def _problem(
 
 
 def _search(coarse: Problem, independent_points: float, **options: Any) -> SearchResult:
-    """The search on the coarse mesh. Raises NothingConverged."""
-    found = search(
+    """Run the search on the coarse mesh; raise NothingConverged if no candidate is valid."""
+    result = search(
         lambda units: coarse.evaluate(units, independent_points),
         coarse.unknowns.searched,
         **options,
     )
-    if found.objective_mm >= DISCARDED_MM:
+    if result.objective_mm >= DISCARDED_MM:
         raise NothingConverged(
-            f"none of {found.evaluations} {coarse.law.name} candidates could be simulated: "
+            f"none of {result.evaluations} {coarse.law.name} candidates could be simulated: "
             "check geometry, loads and units"
         )
-    return found
+    return result
 
 
 def _polished(
     problem: Problem, unit: Array, start: tuple[Evaluation, Array] | None = None, enough: float = ENOUGH
 ) -> Optimum[Evaluation]:
-    """Gauss-Newton over all unknowns; twice where the residuals decide how much else there is beside the edges."""
+    """Minimise over all unknowns by Gauss-Newton.
+
+    If there is evidence beside the edges, its weight depends on the number N of independent points. N is estimated from
+    the residuals, and the polish is repeated if N has changed.
+    """
     if not problem.has_more_than_edges:
         return polish(problem.nearby(1.0), unit, start, enough)
     whole = problem.unknowns.whole(unit)[0]
@@ -383,28 +445,31 @@ def _polished(
 def _with_finer_meshes(
     problem: Problem, coarse: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], Array]:
-    """The coarse problem with the residuals of the problem's meshes, then with those of finer ones, and its optimum.
+    """Correct the coarse problem to the problem's meshes and then to finer ones.
 
-    And how far the finer ones moved it, and the largest stretch (1,) on the problem's meshes. Where one of them finds
-    no equilibrium, what was reached before.
+    Returns
+    -------
+    tuple
+        The corrected problem, its optimum, the move of the optimum by the finer meshes, and the largest stretch (1,) on
+        the problem's meshes. If one of the meshes finds no equilibrium, the results of the step before it.
     """
     plain = _alone(problem, optimum.unit, problem.experiments, keep=True)
     if plain.unconverged[0]:
         return coarse, optimum, (), plain.max_stretch
-    own, reached = _with_residuals_of(plain, coarse, optimum)
+    first, reached = _with_residuals_of(plain, coarse, optimum)
     at = partial(_alone, problem, reached.unit)
     plain = at(problem.experiments, plain.shapes)
-    found = correction(FINER_MESH, problem.experiments, plain, at)
-    if found is None:
-        return own, reached, (), plain.max_stretch
-    finer, optimum = _with_residuals_of(found.better, own, reached)
-    return finer, optimum, (Effect(found, optimum.unit - reached.unit),), plain.max_stretch
+    mesh = correction(FINER_MESH, problem.experiments, plain, at)
+    if mesh is None:
+        return first, reached, (), plain.max_stretch
+    finer, optimum = _with_residuals_of(mesh.better, first, reached)
+    return finer, optimum, (Effect(mesh, optimum.unit - reached.unit),), plain.max_stretch
 
 
 def _with_residuals_of(
     better: Comparison, now: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """The problem with a better model's residuals at its optimum, and the optimum that this leads to."""
+    """Return the problem with the residuals of a better model at its optimum, and the new optimum."""
     experiments = with_residuals_of(better, now.experiments, optimum.evaluation.comparison)
     return _with_change(replace(now, experiments=experiments), now, optimum)
 
@@ -412,29 +477,29 @@ def _with_residuals_of(
 def _with_solids(
     problem: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...]]:
-    """The problem with all corrections that are found in it, its optimum, and how far each correction moved it."""
-    # First depth: a law that is bent to follow what no plane does may be none for the mesh of what is planar.
+    """Return the problem corrected by solids and finer meshes, its optimum, and the moves of the optimum."""
+    # The solid comes first. The optimum of the planar model alone compensates for depth by the law, and the finer mesh
+    # may find no equilibrium for such a law.
     plain = problem.experiments
     problem, optimum, effects = _with_depth(problem, optimum)
     unit = optimum.unit
-    found = _change(problem, FINER_MESH, plain, unit) if FINER_MESH in refinements(plain) else None
-    if found is not None:
-        problem, optimum = _with_change(
-            replace(problem, experiments=found.added(problem.experiments)), problem, optimum
-        )
-        effects.append(Effect(found, optimum.unit - unit))
+    mesh = _change(problem, FINER_MESH, plain, unit) if FINER_MESH in refinements(plain) else None
+    if mesh is not None:
+        problem, optimum = _with_change(replace(problem, experiments=mesh.added(problem.experiments)), problem, optimum)
+        effects.append(Effect(mesh, optimum.unit - unit))
     return problem, optimum, tuple(effects)
 
 
 def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], list[Effect]]:
-    """The problem with what the solid changes at the optimum that this leads to.
+    """Correct the problem by the solid, and repeat the correction at each new optimum until the modulus stays.
 
-    A further pass counts only where it does not raise the error; what it would have moved is then left.
+    A further pass is accepted only if it does not raise the error. The move of a pass that is not accepted remains
+    uncertain.
     """
-    corrected, first, found = problem, optimum.unit, None
+    corrected, first, solid = problem, optimum.unit, None
     moved = np.inf
     for passes in range(_MOST_PASSES):
-        further = _change(problem, SOLID, problem.experiments, optimum.unit, found)
+        further = _change(problem, SOLID, problem.experiments, optimum.unit, solid)
         if further is None:
             break
         changed = replace(problem, experiments=further.added(problem.experiments))
@@ -442,19 +507,19 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
         moved = problem.unknowns.modulus_percent(reached.unit[0] - optimum.unit[0])
         if passes and reached.evaluation.objective_mm[0] > _NOT_WORSE * optimum.evaluation.objective_mm[0]:
             break
-        corrected, optimum, found = trial, reached, further
+        corrected, optimum, solid = trial, reached, further
         if abs(moved) < _STAYS_PERCENT:
             break
-    if found is None:
+    if solid is None:
         return problem, optimum, []
     whole = optimum.unit - first
     percent = abs(problem.unknowns.modulus_percent(whole[0]))
     share = min(max(SOLID.remaining_share, abs(moved) / max(percent, 1e-9)), 1.0)
-    return corrected, optimum, [Effect(found, whole, share, _UNSURE_PERCENT)]
+    return corrected, optimum, [Effect(solid, whole, share, _UNSURE_PERCENT)]
 
 
 def _with_change(changed: Problem, now: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation]]:
-    """A problem that differs from ``now`` in its changes alone, and its optimum, beginning at that of ``now``."""
+    """Return ``changed``, which differs from ``now`` in its changes only, and its optimum."""
     start = changed.with_own_changes(optimum.evaluation, now), optimum.distance
     return changed, _polished(changed, optimum.unit, start)
 
@@ -467,12 +532,12 @@ def _change(
     start: Correction | None = None,
 ) -> Correction | None:
     at = partial(_alone, problem, unit)
-    found = correction(refinement, experiments, at(experiments), at, [start] if start else ())
-    return found and found.without_shapes()
+    result = correction(refinement, experiments, at(experiments), at, [start] if start else ())
+    return result and result.without_shapes()
 
 
 def _alone(
     problem: Problem, unit: Array, experiments: Sequence[Experiment], near: Sequence[Shapes] = (), keep: bool = False
 ) -> Comparison:
-    """Of one candidate alone: a change by a better model is small, and rounding differs with the size of a batch."""
+    """Compare one candidate alone: rounding depends on the batch, and changes by a better model are small."""
     return problem.evaluate(unit[None], 1.0, experiments, near, keep).comparison

@@ -1,9 +1,11 @@
-"""Between which moduli to search, from the data: steel and gel alike.
+"""Determine from the data the range of moduli to search, for any material from gel to steel.
 
-Of a stiff beam the displacement is the loads over the modulus: one stiff candidate tells at which moduli the loads
-would bend the beam by several times its length, and by next to nothing. Between these the objective is evaluated, the
-law's ratios in the middle of their ranges. The search is given three decades about the best, or all that are as good.
-No tensile curve has a say in this: one in a wrong unit would lead the search away from the beam.
+The displacement u of a stiff beam is proportional to the loads over the modulus mu, so that c = mu max|u| / length is
+constant. One stiff candidate gives c. At mu = c / 3 a linear beam would bend by three times its length, and at
+mu = c / 1e-7 by nothing that can be measured. The objective is evaluated at moduli between these two, with the other
+coordinates of the law in the middle of their ranges. The search covers three decades about the best modulus, or all
+moduli that are equally good. Tensile curves are not used here: a curve in a wrong unit would lead the search away from
+the beam.
 """
 
 from __future__ import annotations
@@ -20,17 +22,17 @@ from eimi_fitting.inference.evidence.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 
-DECADES = 3.0  # of a search; the steps of the polish are made for that range
-_FIRST_PA, _STIFFER, _STIFFEST_PA = 1e6, 1e3, 1e18
-_LINEAR = 1e-3  # displacement over the beam's length up to which it is the loads over the modulus
-_MOST, _LEAST = 3.0, 1e-7  # of the same, if all were linear: beyond it no beam is measured
-_A_DECADE = 2  # candidates
-_AS_GOOD = 0.02  # share of the best objective
-_FINER, _ABOUT = 9, (10**0.5, 10**0.125)  # candidates about the best so far, and how far from it, twice
+DECADES = 3.0  # width of the search; the difference steps of the polish are chosen for it
+_FIRST_PA, _STIFFER, _STIFFEST_PA = 1e6, 1e3, 1e18  # first stiff candidate, factor to the next one, last one
+_LINEAR = 1e-3  # the response is linear up to this displacement over the beam's length
+_MOST, _LEAST = 3.0, 1e-7  # range of linear displacements over the beam's length that the scan covers
+_PER_DECADE = 2  # candidates of the scan
+_AS_GOOD = 0.02  # moduli count as equally good within this share of the best objective
+_FINER, _ABOUT = 9, (10**0.5, 10**0.125)  # candidates about the best modulus, and their range, in two rounds
 
 
 class NothingConverged(Exception):
-    """No candidate could be simulated: loads, geometry or observations do not fit together."""
+    """No candidate could be simulated: loads, geometry or observations contradict each other."""
 
 
 class NothingActs(Exception):
@@ -39,59 +41,85 @@ class NothingActs(Exception):
 
 @dataclass(frozen=True)
 class Scan:
-    """moduli (S,) in Pa with objectives (S,) in mm, DISCARDED_MM where a candidate is not valid."""
+    """The objective of a series of moduli.
+
+    Parameters
+    ----------
+    moduli_Pa : ndarray, shape (S,)
+        The moduli in Pa, in ascending order.
+    objective_mm : ndarray, shape (S,)
+        Their objectives in mm; `DISCARDED_MM` for a candidate that is not valid.
+    """
 
     moduli_Pa: Array
     objective_mm: Array
 
     @property
     def best_mm(self) -> float:
-        """The least objective."""
+        """The smallest objective."""
         return float(self.objective_mm.min())
 
     @property
     def best_Pa(self) -> float:
-        """Where that is."""
+        """The modulus with the smallest objective, in Pa."""
         return float(self.moduli_Pa[np.argmin(self.objective_mm)])
 
     @property
     def unmoved_mm(self) -> float:
-        """The objective of a beam that no load bends."""
+        """The objective of the stiffest candidate, which the loads do not bend."""
         return float(self.objective_mm[-1])
 
     def searched(self) -> tuple[float, float]:
-        """Bounds of a search, Pa."""
-        if self.best_mm >= DISCARDED_MM:  # the search will say so
+        """Return the bounds of the search in Pa."""
+        if self.best_mm >= DISCARDED_MM:  # no candidate is valid; the search reports it
             return float(self.moduli_Pa[0]), float(self.moduli_Pa[-1])
         good = np.log10(self.moduli_Pa[self.objective_mm <= (1 + _AS_GOOD) * self.best_mm])
-        middle, half = 0.5 * (good[0] + good[-1]), max(0.5 * (good[-1] - good[0]) + 1 / _A_DECADE, 0.5 * DECADES)
-        # Of two digits: no rounding of the objective moves them.
+        middle, half = 0.5 * (good[0] + good[-1]), max(0.5 * (good[-1] - good[0]) + 1 / _PER_DECADE, 0.5 * DECADES)
+        # Two digits: rounding errors of the objective do not change the bounds.
         return float(f"{10 ** (middle - half):.2g}"), float(f"{10 ** (middle + half):.2g}")
 
 
 def scanned(problem: Problem, independent_points: float) -> Scan:
-    """The objective over all moduli at which the loads of the problem's experiments can be told from none.
+    """Evaluate the objective over all moduli at which the loads bend the beam measurably.
 
-    Raises NothingActs, NothingConverged.
+    Parameters
+    ----------
+    problem : Problem
+        The problem of the fit.
+    independent_points : float
+        The number N of independent points.
+
+    Returns
+    -------
+    Scan
+        The moduli with their objectives.
+
+    Raises
+    ------
+    NothingActs
+        If no load bends the specimen.
+    NothingConverged
+        If not even the stiffest beam can be simulated.
     """
     compliance = _compliance(problem)
     softest, stiffest = compliance / _MOST, compliance / _LEAST
-    moduli = np.geomspace(softest, stiffest, 1 + round(_A_DECADE * np.log10(stiffest / softest)))
+    moduli = np.geomspace(softest, stiffest, 1 + round(_PER_DECADE * np.log10(stiffest / softest)))
     return Scan(moduli, evaluated(problem, moduli, independent_points).objective_mm)
 
 
 def narrowed(problem: Problem, scan: Scan, independent_points: float) -> Scan:
-    """The scan with more candidates about its best, and about the best of these."""
+    """Return the scan with more candidates about its best modulus, in two rounds."""
     for factor in _ABOUT:
         moduli = np.geomspace(scan.best_Pa / factor, scan.best_Pa * factor, _FINER)
         errors_mm = evaluated(problem, moduli, independent_points).objective_mm
-        order = np.argsort(every := np.concatenate([scan.moduli_Pa, moduli]))
-        scan = Scan(every[order], np.concatenate([scan.objective_mm, errors_mm])[order])
+        all_moduli = np.concatenate([scan.moduli_Pa, moduli])
+        order = np.argsort(all_moduli)
+        scan = Scan(all_moduli[order], np.concatenate([scan.objective_mm, errors_mm])[order])
     return scan
 
 
 def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
-    """The problem with its first coordinate searched between these moduli."""
+    """Return the problem with these bounds of the modulus, its first coordinate."""
     space = problem.unknowns.space
     low, high = bounds_Pa
     bounded = replace(space, lower=(low, *space.lower[1:]), upper=(high, *space.upper[1:]))
@@ -99,13 +127,13 @@ def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
 
 
 def evaluated(problem: Problem, moduli_Pa: Array, independent_points: float) -> Evaluation:
-    """Candidates of these moduli (S,), the law's ratios in the middle of their ranges."""
+    """Evaluate candidates of these moduli (S,), with the other coordinates of the law in the middle of their ranges."""
     unknowns, unit = _candidates(problem, moduli_Pa)
     return replace(problem, unknowns=unknowns).evaluate(unit, independent_points)
 
 
 def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
-    """Their unit coordinates (S, n), and the unknowns that these are of."""
+    """Return unknowns that span these moduli, and the unit coordinates (S, n) of the moduli."""
     unit = np.full((len(moduli_Pa), problem.unknowns.searched), 0.5)
     span = (float(moduli_Pa.min()), 2 * float(moduli_Pa.max()))
     unit[:, 0] = np.log(moduli_Pa / span[0]) / np.log(span[1] / span[0])
@@ -114,7 +142,7 @@ def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
 
 
 def _compliance(problem: Problem) -> float:
-    """Modulus (Pa) times the largest displacement over the beam's length, where that is small."""
+    """Return c, the modulus in Pa times the largest displacement over the beam's length, in the linear range."""
     modulus = _FIRST_PA
     while modulus <= _STIFFEST_PA:
         bent = _bent(problem, modulus)
@@ -131,7 +159,10 @@ def _compliance(problem: Problem) -> float:
 
 
 def _bent(problem: Problem, modulus_Pa: float) -> float:
-    """The largest displacement over the beam's length, of all states at once: none is far from rest; else infinite."""
+    """Return the largest displacement over the beam's length; infinite if a state does not converge.
+
+    All states are solved at once from the shape at rest, because the displacements of a stiff beam are small.
+    """
     unknowns, unit = _candidates(problem, np.array([modulus_Pa]))
     bent = 0.0
     for experiment in problem.experiments:
@@ -142,7 +173,7 @@ def _bent(problem: Problem, modulus_Pa: float) -> float:
             bulk_modulus_Pa=unknowns.bulk_modulus_Pa(unit),
             near=experiment.model.solid.rest(len(experiment.loads)),
         )
-        arrived = np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all()
-        moved = float(np.abs(shapes.displacement).max()) / experiment.model.specimen.length_mm
-        bent = max(bent, moved if arrived else np.inf)
+        has_converged = np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all()
+        displacement = float(np.abs(shapes.displacement).max()) / experiment.model.specimen.length_mm
+        bent = max(bent, displacement if has_converged else np.inf)
     return bent

@@ -1,8 +1,9 @@
-"""Why no material explains what was seen, where one slip in the loads does: told before any search.
+"""Name a mistake in the stated loads if no material explains the measurement and the corrected loads do.
 
-Where the best modulus of a scan leaves some of what moved, the scan is repeated for each dataset alone, with its loads
-as a usual slip would have made them: a field the other way round, a current in milliampere. The slip that explains far
-more than the loads as stated is named: as a refusal where these leave much of what moved, else as a doubt.
+The check runs before the search. If the best modulus of a scan does not explain the measured displacements, the scan is
+repeated for each dataset alone. Each repetition corrects one usual mistake in the loads, such as a reversed field or a
+current in milliampere. A mistake is named if the corrected loads explain far more than the stated ones. The fit is
+refused if the stated loads leave a large part of the displacements unexplained. Otherwise the mistake is a doubt.
 """
 
 from __future__ import annotations
@@ -21,11 +22,12 @@ from eimi_fitting.inference.searching.modulus_range import NothingActs, Scan, na
 
 Array = NDArray[np.float64]
 
-# Of what the places lie off where nothing moves. Three laws, gravity at 0, 30 and 90 degrees, fitted as Neo-Hookean and
-# as Ogden: 0.02 at most with the right loads; with the field reversed 0.8 and more, with a thousandth of it 0.17 and
-# more, with a thousand times of it and with gravity upside down 0.05 and more, the least where the beam hangs.
+# Limits of the best error over the error of an unbent beam. Three laws with gravity at 0, 30 and 90 degrees were fitted
+# as Neo-Hookean and as Ogden. The ratio was at most 0.02 with the right loads and at least 0.8 with a reversed field. It
+# was at least 0.17 with a thousandth of the field, and at least 0.05 with a thousand times the field or with reversed
+# gravity. It was smallest for a hanging beam.
 _SUSPECT, _HOPELESS = 0.04, 0.2
-_EXPLAINS = 0.4  # of the error with the loads as stated
+_EXPLAINS = 0.4  # largest error with corrected loads over the error with the stated loads
 
 
 Slip = Literal[
@@ -37,12 +39,22 @@ Slip = Literal[
     "force_too_large",
     "gravity_absent",
 ]
-"""What was stated wrongly of the loads."""
+"""The mistakes in stated loads that are recognised."""
 
 
 @dataclass(frozen=True)
 class Cause:
-    """A slip, its name in English, and the loads as they would be without it."""
+    """A mistake in the stated loads.
+
+    Parameters
+    ----------
+    slip : str
+        Its key.
+    words : str
+        Its name for people.
+    loads : callable
+        Takes the stated loads and returns the loads without the mistake.
+    """
 
     slip: Slip
     words: str
@@ -50,9 +62,16 @@ class Cause:
 
 
 class NamedCause(Exception):
-    """No material explains a dataset (counted from 0) with its loads as stated; one does without the slip.
+    """No material explains a dataset with its stated loads, and one does without a mistake in them.
 
-    error_mm, error_without_mm: the best that a scan over moduli finds, with the slip and without it.
+    Parameters
+    ----------
+    experiment : int
+        The dataset, counted from 0.
+    slip : str
+        The mistake.
+    error_mm, error_without_mm : float
+        The smallest error of a scan over moduli, with the stated and with the corrected loads.
     """
 
     def __init__(self, experiment: int, slip: Slip, error_mm: float, error_without_mm: float) -> None:
@@ -65,16 +84,16 @@ class NamedCause(Exception):
 
     @property
     def words(self) -> str:
-        """The slip in English."""
+        """The name of the mistake for people."""
         return next(cause.words for cause in CAUSES if cause.slip == self.slip)
 
     def __reduce__(self) -> tuple[type[NamedCause], tuple[int, Slip, float, float]]:
-        """An error with more than words has to say how another process is told of it."""
+        """Return how to rebuild the exception in another process; pickle would pass the message alone."""
         return NamedCause, (self.experiment, self.slip, self.error_mm, self.error_without_mm)
 
 
 def _gravity_turned(loads: Loads) -> Loads:
-    """Tip forces along gravity are turned with it: they are stated by its angle."""
+    """Reverse gravity, and the tip forces along it, whose direction is stated by the angle of gravity."""
     across = loads.gravity[:, 0] * loads.tip_force_N[:, 1] - loads.gravity[:, 1] * loads.tip_force_N[:, 0]
     along = np.abs(across) <= 1e-9 * np.linalg.norm(loads.gravity, axis=1) * np.linalg.norm(loads.tip_force_N, axis=1)
     force = np.where(along[:, None], -loads.tip_force_N, loads.tip_force_N)
@@ -109,29 +128,47 @@ CAUSES = (
 
 
 def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> tuple[NamedCause, ...]:
-    """The slips in the loads of single datasets that explain what the problem's narrowed scan leaves open.
+    """Return the mistakes in the loads of single datasets that the scan of the problem suggests.
 
-    Raises NamedCause for one without which nothing is explained.
+    Parameters
+    ----------
+    problem : Problem
+        The problem on the coarse mesh.
+    scan : Scan
+        Its narrowed scan over moduli.
+    independent_points : float
+        The number N of independent points.
+
+    Returns
+    -------
+    tuple of NamedCause
+        At most one mistake for each dataset.
+
+    Raises
+    ------
+    NamedCause
+        If the stated loads leave a large part of the displacements unexplained.
     """
-    found: list[NamedCause] = []
+    causes: list[NamedCause] = []
     if scan.best_mm <= _SUSPECT * scan.unmoved_mm:
         return ()
     for index, experiment in enumerate(problem.experiments):
         alone = replace(problem, experiments=(experiment,), unknowns=Unknowns(problem.unknowns.space), curves=())
-        own = narrowed(alone, scanned(alone, independent_points), independent_points)
-        stated = own.best_mm
-        if stated <= _SUSPECT * own.unmoved_mm:
+        scan_alone = narrowed(alone, scanned(alone, independent_points), independent_points)
+        stated_mm = scan_alone.best_mm
+        if stated_mm <= _SUSPECT * scan_alone.unmoved_mm:
             continue
-        without = [_without(alone, cause, independent_points) for cause in CAUSES]
-        best = int(np.argmin(without))
-        if without[best] < _EXPLAINS * stated:
-            found.append(NamedCause(index, CAUSES[best].slip, stated, without[best]))
-            if stated > _HOPELESS * own.unmoved_mm:
-                raise found[-1]
-    return tuple(found)
+        corrected_mm = [_error_without(alone, cause, independent_points) for cause in CAUSES]
+        best = int(np.argmin(corrected_mm))
+        if corrected_mm[best] < _EXPLAINS * stated_mm:
+            causes.append(NamedCause(index, CAUSES[best].slip, stated_mm, corrected_mm[best]))
+            if stated_mm > _HOPELESS * scan_alone.unmoved_mm:
+                raise causes[-1]
+    return tuple(causes)
 
 
-def _without(alone: Problem, cause: Cause, independent_points: float) -> float:
+def _error_without(alone: Problem, cause: Cause, independent_points: float) -> float:
+    """Return the smallest error of a scan without a mistake, in mm; infinite if its correction changes no load."""
     (experiment,) = alone.experiments
     loads = cause.loads(experiment.loads)
     if all(np.array_equal(loads.state(k), experiment.loads.state(k)) for k in range(len(loads))):

@@ -1,9 +1,16 @@
-"""Gauss-Newton from the best candidate of a search.
+"""Improve the best candidate of a search by Gauss-Newton (iteratively reweighted least squares).
 
-The objective is a mean of root mean squares, the sum over k of sqrt(sum r_ki^2 / N_k). Its gradient is that of least
-squares with the weights 1 / (N_k error_k), which are renewed at each step (iteratively reweighted least squares;
-Holland and Welsch 1977, Commun. Statist. A 6:813). A step is taken only if it lowers the objective; directions that
-the data do not fix are held where they are by a little damping.
+State k has N_k residuals r_ki, and up to a constant factor the objective is
+
+    f = sum_k e_k,    e_k = sqrt(sum_i r_ki^2 / N_k)
+
+With the slopes J_k = dr_k/dx, its gradient is that of least squares with the weights w_k = 1 / (N_k e_k):
+
+    g = sum_k w_k J_k' r_k,    H = sum_k w_k J_k' J_k
+
+(Holland and Welsch 1977, Commun. Statist. A 6:813). Each step minimises g' d + d' (H + damping I) d / 2 within the unit
+cube, with renewed weights. The damping is small; it holds directions that the data do not determine. A step is taken
+only if it lowers the objective.
 """
 
 from __future__ import annotations
@@ -21,24 +28,25 @@ from eimi_fitting.inference.evidence.measurements import Misfit
 Array = NDArray[np.float64]
 
 MOST_STEPS = 12
-_SHORTER = np.array([0.3, 0.1])
-# Of the objective, in mm: twenty independent points a state make the Hessian over a twentieth of the mean error
-# information, of which the bounds of the search hold 12 (a uniform distribution's). More would hold what the data fix.
+_SHORTER = np.array([0.3, 0.1])  # lengths that are tried if the full step does not lower the objective
+# Damping over the objective. The bounds of the search have the information 12 of a uniform distribution. With twenty
+# independent points for each state, the information of the data is 20 H over the mean error. The damping 12 / 20 times
+# the objective therefore corresponds to the bounds. More damping would hold directions that the data determine.
 _DAMPING = 12.0 / 20.0
-_FACTORISED = 1e-12  # of the largest hessian: no less, or rounding makes it indefinite
-ENOUGH = 1e-4  # of the objective
+_FACTORISED = 1e-12  # smallest damping over the trace of H: with less, rounding makes the Hessian indefinite
+ENOUGH = 1e-4  # the last step lowers the objective by less than this share
 
 
 class Evaluation(Protocol):
-    """What a problem says of P candidates."""
+    """The objective and the residuals of P candidates."""
 
     @property
     def objective_mm(self) -> Array:
-        """(P,)."""
+        """The objective in mm, (P,)."""
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """Residuals, one element an experiment."""
+        """The residuals, one element for each experiment."""
 
 
 E = TypeVar("E", bound=Evaluation)
@@ -46,9 +54,15 @@ E = TypeVar("E", bound=Evaluation)
 
 @dataclass(frozen=True)
 class Polish:
-    """Errors in mm where the search ended and where Gauss-Newton led, both on one mesh, and its steps.
+    """The improvement by a polish.
 
-    With tensile curves or freed nuisances in the fit they are the objective's, which holds them too.
+    Parameters
+    ----------
+    mean_error_before_mm, mean_error_after_mm : float
+        The objective before and after, on the same mesh, in mm. It is the mean error if the fit has no evidence beside
+        the edges.
+    steps : int
+        Number of steps.
     """
 
     mean_error_before_mm: float
@@ -58,7 +72,19 @@ class Polish:
 
 @dataclass(frozen=True)
 class Optimum(Generic[E]):
-    """Where a polish ended: unit (n,), and the evaluation of `difference_batch` there with its distance (n,)."""
+    """The end of a polish.
+
+    Parameters
+    ----------
+    unit : ndarray, shape (n,)
+        The optimum in unit coordinates.
+    evaluation : Evaluation
+        Evaluation of its `difference_batch`.
+    distance : ndarray, shape (n,)
+        Distances of that batch.
+    polish : Polish
+        The improvement.
+    """
 
     unit: Array
     evaluation: E
@@ -67,10 +93,23 @@ class Optimum(Generic[E]):
 
 
 def difference_batch(unit: Array) -> tuple[Array, Array]:
-    """(2 n + 1, n) candidates at and about ``unit`` and the (n,) distances between the two of each coordinate."""
+    """Return the candidates of central differences about a point.
+
+    Parameters
+    ----------
+    unit : ndarray, shape (n,)
+        The point in unit coordinates.
+
+    Returns
+    -------
+    batch : ndarray, shape (2 n + 1, n)
+        The point, then n candidates ahead of it, then n candidates behind it, one for each coordinate.
+    distance : ndarray, shape (n,)
+        Distance between the two candidates of each coordinate.
+    """
     n = len(unit)
     step = np.full(n, 1e-2)
-    step[0] = 2e-4  # the modulus: a range of three decades
+    step[0] = 2e-4  # the logarithm of the modulus, over three decades
     ahead, behind = np.minimum(unit + step, 1.0), np.maximum(unit - step, 0.0)
     batch = np.tile(unit, (2 * n + 1, 1))
     batch[1 : n + 1][np.diag_indices(n)] = ahead
@@ -84,12 +123,28 @@ def polish(
     start: tuple[E, Array] | None = None,
     enough: float = ENOUGH,
 ) -> Optimum[E]:
-    """Improve ``unit`` (n,); ``evaluate`` takes (P, n) unit coordinates, and what it said of others near them, or None.
+    """Minimise the objective from a point near the optimum.
 
-    start: the evaluation of `difference_batch` at ``unit`` with its distances, where it is known; enough: a step that
-    gains less of the objective is the last.
-    Each step is tried at full length together with the differences about its end, which the next step needs: most
-    steps are good, and a batch costs little more than one candidate. Only one that does not help is shortened.
+    Parameters
+    ----------
+    evaluate : callable
+        Takes unit coordinates (P, n) and an evaluation of candidates near them or None, and returns their evaluation.
+    unit : ndarray, shape (n,)
+        The start in unit coordinates.
+    start : (Evaluation, ndarray), optional
+        Evaluation and distances of `difference_batch` at the start, if they exist already.
+    enough : float
+        Stop after a step that lowers the objective by less than this share.
+
+    Returns
+    -------
+    Optimum
+        The end of the polish.
+
+    Notes
+    -----
+    Each step is tried at full length, together with the differences about its end that the next step needs. Most steps
+    succeed, and a batch costs little more than one candidate. A step that fails is tried again at shorter lengths.
     """
     here, distance = start or _about(evaluate, unit, None)
     before = best = float(here.objective_mm[0])
@@ -117,14 +172,14 @@ def _about(evaluate: Callable[[Array, E | None], E], unit: Array, near: E | None
 
 
 def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Array:
-    """The step (n,) from ``unit`` to the least value of the objective's quadratic within the unit cube."""
+    """Return the damped Gauss-Newton step (n,) within the unit cube."""
     gradient, hessian = _normal_equations(here.misfits, distance)
     damping = max(damping, _FACTORISED * float(np.trace(hessian)))
     return step_to_minimum(unit, gradient, hessian + damping * np.eye(len(unit)))
 
 
 def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array, Array]:
-    """Gradient (n,) and Hessian (n, n) of the objective, up to a factor."""
+    """Return g (n,) and H (n, n), see the module's docstring."""
     n = len(distance)
     gradient, hessian = np.zeros(n), np.zeros((n, n))
     for misfit in misfits:

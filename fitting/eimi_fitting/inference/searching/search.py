@@ -1,12 +1,19 @@
-"""CMA-ES over the unit cube: asks for candidates, hears how good they are, says when and why it stopped.
+"""Global search by CMA-ES in the unit cube.
 
-Hansen's CMA-ES (arXiv:1604.00772) as implemented in the package cma. A search may be several runs: with a population
-that doubles from run to run (IPOP; Auger and Hansen 2005, IEEE CEC, p. 1769) and, between those, runs with a small
-population and a small first step that together may cost as much (BIPOP; Hansen 2009, "Benchmarking a BI-population
-CMA-ES on the BBOB-2009 function testbed", GECCO, section 2). Population, bounds and stop rules are this project's own.
+Each generation draws P candidates u = m + sigma N(0, C) in unit coordinates and adapts the mean m, the step size sigma
+and the covariance C to their ranks (Hansen, arXiv:1604.00772; implementation: the package cma). The package keeps the
+candidates within the bounds 0 and 1 of each coordinate. A search may consist of several runs:
 
-The search draws its random numbers from a generator of its own, and nothing else decides what it asks: given the same
-values it asks the same candidates, bit for bit. That is what `replay` rests on.
+- IPOP: the population doubles from run to run (Auger and Hansen 2005, IEEE CEC, p. 1769).
+- BIPOP: between these, runs with a small population and a small first step, which together cost as many evaluations as
+  the large ones (Hansen 2009, "Benchmarking a BI-population CMA-ES on the BBOB-2009 function testbed", GECCO, section
+  2).
+
+Population sizes and stopping rules are this project's own. A run stops if the objectives of a whole generation lie
+within ``enough_mm`` of each other, or by a criterion of the package.
+
+The seed and the objectives alone determine the candidates. With the same objectives the search draws the same
+candidates, bit for bit. `search` can therefore replay the first generations of an interrupted search from their objectives.
 """
 
 from __future__ import annotations
@@ -25,30 +32,38 @@ from eimi_fitting.inference.searching._cma import CMAEvolutionStrategy
 
 Array = NDArray[np.float64]
 
-ENOUGH_MM = 0.5  # that the objectives of a whole population lie from each other where the polish takes over
-_FIRST_STEP = 0.25  # in unit coordinates
-_MODULUS = 0.3  # of that step, in the first coordinate: a modulus that a scan has found already
+ENOUGH_MM = 0.5  # a run stops if the objectives of a generation differ by less; the polish then continues
+_FIRST_STEP = 0.25  # first step size in unit coordinates
+_MODULUS = 0.3  # share of that step in the first coordinate, the modulus, which a scan has narrowed already
 
 
 class Values(Protocol):
-    """What an objective says of P candidates."""
+    """The objectives of P candidates, and which of them are not valid."""
 
     @property
     def objective_mm(self) -> Array:
-        """(P,), DISCARDED_MM where a candidate does not count."""
+        """The objectives in mm, (P,); `DISCARDED_MM` for a candidate that is not valid."""
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """(P,)."""
+        """Candidates without convergence, (P,)."""
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """(P,)."""
+        """Unstable candidates, (P,)."""
 
 
 @dataclass(frozen=True)
 class Objectives:
-    """What the strategy learns of one generation: objectives (P,) in mm, and how many were discarded for what."""
+    """The objectives of one generation.
+
+    Parameters
+    ----------
+    objective_mm : tuple of float
+        The objectives of its P candidates in mm.
+    unconverged, unstable : int
+        Number of candidates discarded for each reason.
+    """
 
     objective_mm: tuple[float, ...]
     unconverged: int
@@ -57,11 +72,22 @@ class Objectives:
 
 @dataclass(frozen=True)
 class Generation:
-    """One generation of the search, after its objectives are known.
+    """The state of the search after one generation.
 
-    run: counted from 1; best_mm: best objective of all so far; mean_mm: of this generation's valid candidates;
-    step_size: in the unit coordinates; axis_ratio: longest over shortest axis of the distribution; discarded:
-    candidates that did not count.
+    Parameters
+    ----------
+    run : int
+        The run, counted from 1.
+    best_mm : float
+        Smallest objective of all generations so far.
+    mean_mm : float
+        Mean objective of the valid candidates of this generation.
+    step_size : float
+        Step size sigma in unit coordinates.
+    axis_ratio : float
+        Longest over shortest axis of the distribution.
+    discarded : int
+        Number of candidates that are not valid.
     """
 
     run: int
@@ -74,7 +100,21 @@ class Generation:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of CMA-ES: its population, first step and length, the best objective it found and why it stopped."""
+    """One run of CMA-ES.
+
+    Parameters
+    ----------
+    population : int
+        Number of candidates in a generation.
+    step_size : float
+        First step size in unit coordinates.
+    generations : int
+        Number of generations.
+    best_mm : float
+        Smallest objective of the run.
+    stop : str
+        Why the run stopped.
+    """
 
     population: int
     step_size: float
@@ -85,7 +125,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Discards:
-    """Candidates that counted as worst: no convergence, or not stable over the stretches reached."""
+    """Numbers of discarded candidates: without convergence, and unstable within the stretches that they reach."""
 
     unconverged: int
     unstable: int
@@ -93,7 +133,23 @@ class Discards:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """The best candidate (n,) in unit coordinates with its objective, and how it was come by."""
+    """The best candidate of a search and the history of the search.
+
+    Parameters
+    ----------
+    unit : ndarray, shape (n,)
+        The best candidate in unit coordinates.
+    objective_mm : float
+        Its objective in mm.
+    history : tuple of Generation
+        All generations.
+    runs : tuple of Run
+        All runs.
+    evaluations : int
+        Number of candidates.
+    discarded : Discards
+        Numbers of discarded candidates.
+    """
 
     unit: Array
     objective_mm: float
@@ -104,12 +160,12 @@ class SearchResult:
 
     @property
     def stop(self) -> str:
-        """Why each run stopped, in order."""
+        """The reasons why the runs stopped, in order."""
         return "; ".join(run.stop for run in self.runs)
 
 
 class OtherSearch(Exception):
-    """What is to be replayed is not of this search."""
+    """The generations to replay belong to another search."""
 
 
 def search(
@@ -125,13 +181,41 @@ def search(
     replay: Sequence[Objectives] = (),
     progress: Callable[[Generation, Objectives], None] | None = None,
 ) -> SearchResult:
-    """Minimise over n unit coordinates; ``objective`` takes a population (P, n) at once.
+    """Minimise an objective over the unit cube.
 
-    restarts: further runs with a doubled population each, from a random place; bipop: with runs of small populations
-    between them; most_generations: of one run; enough_mm: a run ends where the objectives of a whole population lie
-    within it; replay: the objectives of the first generations of an earlier search
-    with the same arguments, which are not evaluated again. ``progress`` is called after each generation, replayed
-    ones included. Raises OtherSearch when ``replay`` does not fit.
+    Parameters
+    ----------
+    objective : callable
+        Takes the candidates (P, n) of a generation and returns their objectives.
+    n : int
+        Number of coordinates.
+    seed : int
+        Seed of the random numbers.
+    population : int, optional
+        Candidates in a generation of the first run; 8 + 2 n by default, and 8 for one coordinate.
+    most_generations : int
+        Largest number of generations of one run.
+    restarts : int
+        Number of further runs, each from a random point with twice the population of the one before.
+    bipop : bool
+        Add runs with small populations between the restarts.
+    enough_mm : float
+        A run stops if the objectives of a whole generation differ by less, in mm.
+    replay : sequence of Objectives
+        Objectives of the first generations of an earlier search with the same arguments; these generations are not
+        evaluated again.
+    progress : callable, optional
+        Called with each generation and its objectives, replayed generations included.
+
+    Returns
+    -------
+    SearchResult
+        The best candidate and the history.
+
+    Raises
+    ------
+    OtherSearch
+        If a generation of ``replay`` has another number of candidates.
     """
     rng = np.random.default_rng(seed)
     log = _Log(n, replay, progress)
@@ -147,25 +231,25 @@ def search(
             values.append(np.array(objectives.objective_mm))
             strategy.tell(list(candidates), values[-1].tolist())
             log.add(strategy, candidates, objectives)
-            reasons = [str(reason) for reason in strategy.stop()] + _together(values[-1], enough_mm)
+            reasons = [str(reason) for reason in strategy.stop()] + _reason_of_population(values[-1], enough_mm)
         best = float(np.min(values))
         log.runs.append(Run(size, first_step, len(log.history) - begun, best, ", ".join(reasons)))
     return log.result()
 
 
 def _evaluated(objective: Callable[[Array], Values], candidates: Array) -> Objectives:
-    found = objective(candidates)
-    return Objectives(tuple(found.objective_mm.tolist()), int(found.unconverged.sum()), int(found.unstable.sum()))
+    values = objective(candidates)
+    return Objectives(tuple(values.objective_mm.tolist()), int(values.unconverged.sum()), int(values.unstable.sum()))
 
 
-def _together(values: Array, enough_mm: float) -> list[str]:
-    """A reason to stop where a generation's values are near enough to each other."""
-    near = bool((values < DISCARDED_MM).all()) and np.ptp(values) < enough_mm
-    return ["population"] if near else []
+def _reason_of_population(values: Array, enough_mm: float) -> list[str]:
+    """Return the reason to stop if the objectives of a whole generation differ by less than ``enough_mm``."""
+    is_close = bool((values < DISCARDED_MM).all()) and np.ptp(values) < enough_mm
+    return ["population"] if is_close else []
 
 
 class _Log:
-    """What a search has seen so far, and the first generations of an earlier one."""
+    """The generations of a search so far, and the generations to replay."""
 
     def __init__(
         self,
@@ -180,19 +264,19 @@ class _Log:
         self._objectives: list[Objectives] = []
 
     def replayed(self, candidates: int) -> Objectives | None:
-        """What the next generation is known to be. Raises OtherSearch where it has another number of candidates."""
+        """Return the next generation to replay, None after the last; raise OtherSearch if its size differs."""
         if len(self.history) >= len(self._replay):
             return None
-        known = self._replay[len(self.history)]
-        if len(known.objective_mm) != candidates:
+        objectives = self._replay[len(self.history)]
+        if len(objectives.objective_mm) != candidates:
             raise OtherSearch(
                 f"generation {len(self.history) + 1} has {candidates} candidates, "
-                f"that to be replayed {len(known.objective_mm)}"
+                f"the generation to replay has {len(objectives.objective_mm)}"
             )
-        return known
+        return objectives
 
     def add(self, strategy: CMAEvolutionStrategy, candidates: Array, objectives: Objectives) -> None:
-        """One more generation."""
+        """Add one generation to the history."""
         values = np.array(objectives.objective_mm)
         if values.min() < self._best:
             self._best, self._best_unit = float(values.min()), candidates[np.argmin(values), : self._n]
@@ -212,15 +296,16 @@ class _Log:
             self._progress(self.history[-1], objectives)
 
     def result(self) -> SearchResult:
-        """At the end."""
+        """Return the result of the search."""
         return SearchResult(
             unit=self._best_unit,
             objective_mm=self._best,
             history=tuple(self.history),
             runs=tuple(self.runs),
-            evaluations=sum(len(own.objective_mm) for own in self._objectives),
+            evaluations=sum(len(generation.objective_mm) for generation in self._objectives),
             discarded=Discards(
-                sum(own.unconverged for own in self._objectives), sum(own.unstable for own in self._objectives)
+                sum(generation.unconverged for generation in self._objectives),
+                sum(generation.unstable for generation in self._objectives),
             ),
         )
 
@@ -228,14 +313,14 @@ class _Log:
 def _strategy(
     rng: np.random.Generator, start: Array, step: float, population: int, most_generations: int
 ) -> CMAEvolutionStrategy:
-    # The library's strategy needs two dimensions at least: a law with one parameter is given an idle coordinate.
+    # The package needs at least two dimensions: a law with one parameter gets an idle second coordinate.
     idle = max(2 - len(start), 0)
     options = {
         "bounds": [0, 1],
         "seed": np.nan,
         "randn": lambda *shape: rng.standard_normal(shape),
         "popsize": population,
-        # For a search whose population cannot come together, such as one with candidates that fail to the end.
+        # These criteria stop a run whose objectives never come close, for example because some candidates always fail.
         "tolx": 1e-4,
         "tolfun": 2e-5,
         "tolfunhist": 2e-5,
@@ -252,10 +337,10 @@ def _strategy(
 def _runs(
     rng: np.random.Generator, population: int, restarts: int, bipop: bool, done: Sequence[Run]
 ) -> Iterator[tuple[float, int, int]]:
-    """First step, population and most generations of each run; ``done`` grows while the runs are made."""
+    """Yield first step, population and largest number of generations of each run; the caller appends to ``done``."""
     unlimited = sys.maxsize
     yield _FIRST_STEP, population, unlimited
-    large = 0  # evaluations; the first run counts as one with a small population
+    large = 0  # evaluations of runs with a large population; the first run counts as a small one
     for k in range(1, restarts + 1):
         before = _evaluations(done)
         yield _FIRST_STEP, population * 2**k, unlimited
