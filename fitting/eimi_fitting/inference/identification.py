@@ -424,7 +424,7 @@ def _polished(
 ) -> Optimum[Evaluation]:
     """Minimise over all unknowns by Gauss-Newton.
 
-    If there is evidence beside the edges, its weight depends on the number N of independent points. N is estimated from
+    If there is evidence besides the edges, its weight depends on the number N of independent points. N is estimated from
     the residuals, and the polish is repeated if N has changed.
     """
     if not problem.has_more_than_edges:

@@ -1,7 +1,7 @@
 """The evidence of a fit: measurements, unknowns and uncertain inputs, and the distance of a candidate from them.
 
 measurements     edges and tracked points, and their distance to simulated ones
-tensile_curves   tensile curves as evidence beside the edges
+tensile_curves   tensile curves as evidence besides the edges
 experiment       one specimen with its loads and measurements, and the comparison of candidates with it
 sources          every quantity that may be stated as uncertain
 parameter_priors normal priors on the law's parameters

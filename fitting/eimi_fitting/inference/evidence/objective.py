@@ -68,7 +68,7 @@ class Evaluation:
 
     @property
     def standardised(self) -> Array:
-        """The standardised residuals z of all evidence beside the edges, (P, m + f + q)."""
+        """The standardised residuals z of all evidence besides the edges, (P, m + f + q)."""
         return np.concatenate([self.curves, self.priors, self.law_priors], axis=1)
 
     @property
@@ -106,10 +106,10 @@ class Evaluation:
         valid = self.comparison.objective_mm[~(self.unconverged | self.unstable)]
         error = float(np.median(valid)) if len(valid) else 1.0
         residuals = error * np.sqrt(states / self.independent_points) * standardised
-        beside = Misfit(
+        additional = Misfit(
             residuals.reshape(p, 1, 1, m), np.full((1, 1, m), 1 / m), np.full((p, 1), error), np.zeros((p, 1))
         )
-        return (*self.comparison.misfits, beside)
+        return (*self.comparison.misfits, additional)
 
 
 @dataclass(frozen=True)

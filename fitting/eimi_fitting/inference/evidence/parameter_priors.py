@@ -21,7 +21,7 @@ from eimi_fitting.suggestion import suggestion
 Array = NDArray[np.float64]
 
 INITIAL_SHEAR_MODULUS = "initial_shear_modulus"
-"""The name of the initial shear modulus, which every law has beside its parameters."""
+"""The name of the initial shear modulus, which every law has besides its parameters."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The sources of uncertainty beside the edges: a registry with one entry for each input that may be uncertain.
+"""The sources of uncertainty besides the edges: a registry with one entry for each input that may be uncertain.
 
 A source that is stated with a standard uncertainty is either considered or freed. A considered source widens the
 intervals by its effect on the estimate (`inference.interval.considered`). A freed source is one more unknown of the fit

@@ -1,4 +1,4 @@
-"""A tensile curve as evidence beside the edges.
+"""A tensile curve as evidence besides the edges.
 
 The law is first fitted to the curve alone. This gives the root mean square s of the residuals and the number tau of
 neighbouring rows whose residuals are correlated (`eimi_fitting.laws.tensile`). In a joint fit, row i with the residual

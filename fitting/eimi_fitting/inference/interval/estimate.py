@@ -323,8 +323,8 @@ def _ends(
         # noise level is estimated (Seber and Wild 1989, Nonlinear Regression, section 5.3).
         ratio = np.where(valid, objective, np.inf) / about.objective_mm
         # The standard deviation of a prior is stated, so that its part of the deviance is its sum of squares.
-        beside = (bounds_prior * moved**2).sum(axis=1) + (candidates.law_priors**2).sum(axis=1) - law_prior_squares
-        value = about.likelihood_points * (ratio**2 - 1) + beside
+        prior_part = (bounds_prior * moved**2).sum(axis=1) + (candidates.law_priors**2).sum(axis=1) - law_prior_squares
+        value = about.likelihood_points * (ratio**2 - 1) + prior_part
         score = about.score_of(candidates) * np.where(valid, ratio, 1.0)[:, None]
         score += bounds_prior * moved + candidates.law_priors @ about.law_prior_slopes.T
         return np.where(valid, value, np.inf), score

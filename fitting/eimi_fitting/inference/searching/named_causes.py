@@ -23,9 +23,9 @@ from eimi_fitting.inference.searching.modulus_range import NothingActs, Scan, na
 Array = NDArray[np.float64]
 
 # Limits of the best error over the error of an unbent beam. Three laws with gravity at 0, 30 and 90 degrees were fitted
-# as Neo-Hookean and as Ogden. The ratio was at most 0.02 with the right loads and at least 0.8 with a reversed field. It
-# was at least 0.17 with a thousandth of the field, and at least 0.05 with a thousand times the field or with reversed
-# gravity. It was smallest for a hanging beam.
+# as Neo-Hookean and as Ogden. The ratio was at most 0.02 with the right loads, and at least 0.8 with a reversed field.
+# It was at least 0.17 with a thousandth of the field, and at least 0.05 with a thousand times the field or with
+# reversed gravity; the value 0.05 is that of a hanging beam.
 _SUSPECT, _HOPELESS = 0.04, 0.2
 _EXPLAINS = 0.4  # largest error with corrected loads over the error with the stated loads
 

@@ -59,7 +59,7 @@ class Polish:
     Parameters
     ----------
     mean_error_before_mm, mean_error_after_mm : float
-        The objective before and after, on the same mesh, in mm. It is the mean error if the fit has no evidence beside
+        The objective before and after, on the same mesh, in mm. It is the mean error if the fit has no evidence besides
         the edges.
     steps : int
         Number of steps.

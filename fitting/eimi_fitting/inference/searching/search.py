@@ -13,7 +13,8 @@ Population sizes and stopping rules are this project's own. A run stops if the o
 within ``enough_mm`` of each other, or by a criterion of the package.
 
 The seed and the objectives alone determine the candidates. With the same objectives the search draws the same
-candidates, bit for bit. `search` can therefore replay the first generations of an interrupted search from their objectives.
+candidates, bit for bit. `search` can therefore replay the first generations of an interrupted search from their
+objectives.
 """
 
 from __future__ import annotations
