@@ -424,8 +424,8 @@ def _polished(
 ) -> Optimum[Evaluation]:
     """Minimise over all unknowns by Gauss-Newton.
 
-    If there is evidence besides the edges, its weight depends on the number N of independent points. N is estimated from
-    the residuals, and the polish is repeated if N has changed.
+    The weight of evidence besides the edges depends on the number N of independent points. N is estimated from the
+    residuals, and the polish is repeated if N has changed.
     """
     if not problem.has_more_than_edges:
         return polish(problem.nearby(1.0), unit, start, enough)

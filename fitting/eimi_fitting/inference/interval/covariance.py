@@ -60,7 +60,7 @@ class LinearStates:
 
     @property
     def information(self) -> Array:
-        """The part of this experiment in A, (n, n)."""
+        """The contribution of this experiment to A, the information, (n, n)."""
         return np.asarray(np.einsum("k,kij->ij", self.weights, self._by_state()))
 
     def score(self, residuals: Array) -> Array:
@@ -68,7 +68,7 @@ class LinearStates:
         return np.asarray(np.einsum("k,ikgn,kgn->i", self.weights, self.slopes, residuals))
 
     def score_variance(self, observed: Observation) -> Array:
-        """Return the part of this experiment in B, (n, n).
+        """Return the contribution of this experiment to B, the variance of the score, (n, n).
 
         The correlation of edge points is computed from their residuals. Tracked points share the stated uncertainty of
         their state.
@@ -141,7 +141,7 @@ class Linearisation:
 
     @property
     def law_prior_information(self) -> Array:
-        """The part of the priors on the law's parameters in P, (n, n)."""
+        """The contribution of the priors on the law's parameters to P, (n, n)."""
         return np.asarray(self.law_prior_slopes @ self.law_prior_slopes.T)
 
     @property
@@ -175,7 +175,7 @@ class Linearisation:
         return score
 
     def prior_distances(self) -> tuple[float, ...]:
-        """Return the distance of each prior on the law's parameters from the optimum without that prior.
+        """Return the distance between each prior on the law's parameters and the optimum that the other evidence gives.
 
         Returns
         -------
@@ -306,7 +306,7 @@ def _linear_states(misfit: Misfit, distance: Array, scale: float) -> LinearState
 
 
 def _curves_score_variance(problem: Problem, z: Array, slopes: Array) -> Array:
-    """Return the part of the tensile curves in B, (n, n), with their noise at the optimum of the joint fit.
+    """Return the contribution of the tensile curves to B, (n, n), with their noise at the optimum of the joint fit.
 
     That noise is at least the noise of a fit of the law to the curve alone.
     """

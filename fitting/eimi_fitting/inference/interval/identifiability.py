@@ -188,7 +188,7 @@ def statement(
     ratios : sequence of str
         Nuisances that scale the load as the modulus scales the stiffness, so that the data determine their ratio.
     remaining : sequence of float
-        Share of the prior standard deviation that remains of each unknown.
+        For each unknown, its standard deviation after the fit over its prior standard deviation.
     modulus : Quantity
         The initial shear modulus in Pa.
     priors : bool

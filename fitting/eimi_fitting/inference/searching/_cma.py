@@ -2,7 +2,8 @@
 
 On import, cma loads matplotlib.pyplot and scipy.stats if they are installed. A search uses neither. Together they take
 1.5 s of the 1.8 s of the import, as long as a whole fit (medians of three fresh processes, with numpy and
-scipy.optimize loaded before). Both are therefore hidden from the thread that imports cma. Other threads can import them meanwhile.
+scipy.optimize loaded before). Both are therefore hidden from the thread that imports cma. Other threads can import them
+meanwhile.
 """
 
 from __future__ import annotations

@@ -142,7 +142,7 @@ def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
 
 
 def _compliance(problem: Problem) -> float:
-    """Return c, the modulus in Pa times the largest displacement over the beam's length, in the linear range."""
+    """Return the constant c in Pa of the module's docstring, from a candidate in the linear range."""
     modulus = _FIRST_PA
     while modulus <= _STIFFEST_PA:
         bent = _bent(problem, modulus)
