@@ -1,8 +1,8 @@
 """Mutated files, each read to its end or refused in one line: `python -m benchmarks.fuzz_files --files 2000`.
 
-Datasets (finished, and as a crash leaves them) and TOML files are changed at random: bits, bytes, blocks, lengths.
-Every one is read as the suite's commands read it, and the outcomes are counted. A process reads many files; one that
-dies or takes more than 10 s of processor time for a file is counted and replaced.
+Datasets (finished, and as a crash leaves them), TOML files, fits.json, tensile curves and images are changed at random:
+bits, bytes, blocks, lengths. Every file is read as the suite's commands read it, and the outcomes are counted. A
+process reads many files; one that dies or takes more than 10 s of processor time for a file is counted and replaced.
 
 With --recover datasets alone are mutated, and each goes through what `eimi recover` does in a process of its own,
 within the same limits of memory and time. A process that dies or hangs there is no fault: `recover` tells it in one

@@ -1,4 +1,4 @@
-"""Datasets and TOML files changed at random, each read to its end or refused in one line.
+"""Datasets, TOML, JSON and CSV files and images changed at random, each read to its end or refused in one line.
 
 A process reads many files; one that dies or takes more than 10 s of processor time for a file is counted and replaced.
 """
@@ -13,6 +13,7 @@ import tempfile
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from eimi_drivers.interfaces import Frame
@@ -26,8 +27,12 @@ from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recordings import Moment
 from eimi_lab.dataset.recovery import MEMORY_BYTES, copy_readable
 from eimi_lab.dataset.writing import DatasetWriter
+from eimi_lab.fits.fits_file import read_fits_file, write_fits
+from eimi_lab.fits.tensile_files import read_tensile
+from eimi_lab.fits.tensile_fits import fit_window
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.limits import limit_memory
+from eimi_lab.vision.image_files import read_image
 
 WITHIN_S = 10.0
 """Of processor time."""
@@ -39,6 +44,13 @@ READERS = {
     "specimen.toml": "specimen",
     "rig.toml": "rig",
     "calibration.toml": "calibration",
+    ".json": "fits",
+    ".csv": "tensile",
+    ".png": "image",
+    ".jpg": "image",
+    ".tif": "image",
+    ".bmp": "image",
+    ".pgm": "image",
 }
 
 
@@ -65,7 +77,20 @@ def sources(folder: Path) -> list[Path]:
     ):
         shutil.copyfile(shipped, folder / f"{name}.toml")
     shutil.copyfile(locate("bench_example_calibration", "rigs"), folder / "bench_example_calibration.toml")
-    return [folder / name for name in ("finished.h5", "crashed.h5", *list(READERS)[1:])]
+    configured = [folder / name for name in ("finished.h5", "crashed.h5", *list(READERS)[1:5])]
+    return [*configured, *_tables_and_pictures(folder)]
+
+
+def _tables_and_pictures(folder: Path) -> list[Path]:
+    """Write a tensile curve, the fit of it, and a picture in each format."""
+    rows = [f"{0.05 * k},{0.012 * k}" for k in range(1, 30)]
+    (folder / "curve.csv").write_text("\n".join(["strain,stress_MPa", *rows]) + "\n")
+    write_fits(folder / "fits.json", [fit_window(read_tensile(folder / "curve.csv"), "neo-hookean", None)])
+    image = np.random.default_rng(1).integers(0, 255, (24, 32, 3)).astype(np.uint8)
+    pictures = [folder / f"picture{ending}" for ending in (".png", ".jpg", ".tif", ".bmp", ".pgm")]
+    for picture in pictures:
+        cv2.imwrite(str(picture), image[..., 0] if picture.suffix == ".pgm" else image)
+    return [folder / "curve.csv", folder / "fits.json", *pictures]
 
 
 def mutated(raw: bytes, random: np.random.Generator) -> bytes:
@@ -117,6 +142,12 @@ def read(path: Path) -> str:
                 load_specimen(path)
             case "rig":
                 load_rig(path)
+            case "fits":
+                read_fits_file(path)
+            case "tensile":
+                read_tensile(path)
+            case "image":
+                read_image(path)
             case _:
                 load_calibration(path)
     except InputError as error:
