@@ -79,10 +79,10 @@ __all__ = [
 ]
 
 
-if not TYPE_CHECKING:  # a type checker shall know the names above alone
+if not TYPE_CHECKING:  # type checkers then accept the names above only
 
     def __getattr__(name: str) -> Any:
-        """The public name, from the module that holds it (PEP 562)."""
+        """Import a public name from its module when it is first used (PEP 562)."""
         if name not in _HOMES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

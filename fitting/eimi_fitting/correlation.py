@@ -1,4 +1,4 @@
-"""How many of the neighbouring residuals of an edge or a curve count as one."""
+"""Estimate how many neighbouring residuals of an edge or a curve carry the information of one independent residual."""
 
 from __future__ import annotations
 
@@ -9,9 +9,24 @@ Array = NDArray[np.float64]
 
 
 def correlation_length(residuals: Array, weights: Array) -> float:
-    """Integrated autocorrelation length tau >= 1 (in points) of groups (..., n) of residuals, zero where unused.
+    """Return the integrated autocorrelation length tau of residuals, in points.
 
-    Summed up to the first negative value (initial positive sequence; Geyer 1992, Statist. Sci. 7:473).
+    Parameters
+    ----------
+    residuals : array, shape (..., n)
+        Residuals in groups of n neighbouring points; zero where a point is not used.
+    weights : array, shape (..., n)
+        A positive weight marks a point that is used.
+
+    Returns
+    -------
+    float
+        tau = 1 + 2 sum_k rho_k >= 1, with rho_k the autocorrelation at a distance of k points.
+
+    References
+    ----------
+    The sum ends at the first rho_k that is not positive, after the initial positive sequence of C. J. Geyer (1992),
+    Statist. Sci. 7:473.
     """
     r = residuals.reshape(-1, residuals.shape[-1])
     w = (weights > 0).astype(float).reshape(r.shape)

@@ -1,4 +1,4 @@
-"""What a person may have meant by a name that does not exist."""
+"""Suggest an existing name for one that does not exist."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from collections.abc import Iterable
 
 
 def suggestion(name: object, names: Iterable[str]) -> str:
-    """Return a question or a list that ends a message about an unknown name.
+    """Return the end of an error message about an unknown name: the closest name, or the list of all names.
 
     Parameters
     ----------
     name : object
-        What was given.
+        The unknown name.
     names : iterable of str
         The names that exist.
 
     Returns
     -------
     str
-        ``"did you mean 'yeoh'?"`` where one name is close, else ``"there are neo-hookean, yeoh"``.
+        ``"did you mean 'yeoh'?"`` if one name is close, else ``"there are neo-hookean, yeoh"``.
 
     Examples
     --------
@@ -28,7 +28,7 @@ def suggestion(name: object, names: Iterable[str]) -> str:
     >>> suggestion("mooney", ["neo-hookean", "yeoh"])
     'there are neo-hookean, yeoh'
     """
-    every = list(names)
-    folded = {one.casefold(): one for one in every}
+    all_names = list(names)
+    folded = {valid.casefold(): valid for valid in all_names}
     close = difflib.get_close_matches(str(name).casefold(), folded, n=1)
-    return f"did you mean {folded[close[0]]!r}?" if close else f"there are {', '.join(every)}"
+    return f"did you mean {folded[close[0]]!r}?" if close else f"there are {', '.join(all_names)}"

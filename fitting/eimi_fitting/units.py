@@ -1,4 +1,4 @@
-"""Pa and MPa: moduli and stresses are in Pa for people and files, in MPa = N/mm² in the elements and on most cards."""
+"""Convert moduli between Pa, used in files and messages, and MPa = N/mm², used in elements and most material cards."""
 
 from __future__ import annotations
 
@@ -13,12 +13,34 @@ PA_PER_MPA = 1e6
 
 
 def moduli_in_MPa(parameters: NDArray[np.float64], units: Sequence[str]) -> NDArray[np.float64]:
-    """Parameters (..., n) of a law with its moduli in MPa; units: Pa or 1, one a parameter. Exponents stay."""
+    """Return the parameters of a law with its moduli in MPa instead of Pa.
+
+    Parameters
+    ----------
+    parameters : array, shape (..., n)
+        Parameters of the law, moduli in Pa.
+    units : sequence of str, length n
+        Unit of each parameter: ``"Pa"``, or ``"1"`` for a number such as an exponent, which stays as it is.
+
+    Returns
+    -------
+    array, shape (..., n)
+        The parameters, moduli in MPa.
+    """
     return np.asarray(parameters * np.array([MPA_PER_PA if unit == "Pa" else 1.0 for unit in units]))
 
 
 def in_words(modulus_Pa: float, interval_Pa: tuple[float, float], digits: int = 5) -> str:
-    """A modulus with its interval for people, of gel and of steel: in Pa up to 10 MPa, and with so many digits there.
+    """Return a modulus and its interval as text, in Pa below 10 MPa, in MPa below 1 GPa, and in GPa above.
+
+    Parameters
+    ----------
+    modulus_Pa : float
+        The modulus, Pa.
+    interval_Pa : (float, float)
+        Ends of its interval, Pa.
+    digits : int
+        Significant digits of the modulus. Digits before the decimal point are always printed.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Which terms a law is made of: found where the data tell, and "not identifiable" where they do not."""
+"""Discovery names the terms of a law if the data determine them, and says "not identifiable" otherwise."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.shared.hidden_laws import Hidden
 
 
 def curve_of(law, parameters, noise=0.002, largest=3.0, rows=150):
-    """A tensile test with normal noise, a share of its largest stress."""
+    """Return a tensile curve with normal noise; ``noise`` is a share of the largest stress."""
     strain = np.linspace(largest / rows, largest, rows)
     stress = engineering_stress(law, np.array(parameters), strain)
     return TensileCurve(strain, stress + np.random.default_rng(1).normal(0, noise * stress.max(), rows))
@@ -28,34 +28,34 @@ def curve_of(law, parameters, noise=0.002, largest=3.0, rows=150):
     [(["i2"], [46e3]), (["i1", "ogden=-4"], [20e3, 9e3]), (["i2", "i1^2", "fung=0.2"], [20e3, 800.0, 1e3])],
 )
 def test_terms_of_a_curve_are_found_with_their_coefficients(terms, coefficients):
-    found = discover([], [curve_of(SumOfTerms.of(*terms), coefficients)])
-    assert found.identified, found.statement
-    (law,) = found.alternatives
+    discovery = discover([], [curve_of(SumOfTerms.of(*terms), coefficients)])
+    assert discovery.identified, discovery.statement
+    (law,) = discovery.alternatives
     assert [term.name for term in law.terms] == terms
     assert (law.intervals[:, 0] <= coefficients).all()
     assert (law.intervals[:, 1] >= coefficients).all()
     assert law.stable_to is None
 
 
-def test_a_curve_too_short_to_tell_is_not_identifiable():
-    found = discover([], [curve_of(SumOfTerms.of("i1", "gent=20"), [20e3, 10e3], largest=0.3)])
-    assert not found.identified
-    assert found.statement.startswith("not identifiable")
+def test_a_short_curve_gives_not_identifiable():
+    discovery = discover([], [curve_of(SumOfTerms.of("i1", "gent=20"), [20e3, 10e3], largest=0.3)])
+    assert not discovery.identified
+    assert discovery.statement.startswith("not identifiable")
 
 
-def test_what_no_terms_follow_counts_as_noise_and_nothing_is_identified():
+def test_a_curve_that_no_terms_follow_is_not_identified():
     strain = np.linspace(0.02, 3.0, 150)
     stress = 40e3 * np.tanh(2 * strain) + np.random.default_rng(1).normal(0, 1.0, 150)
-    found = discover([], [TensileCurve(strain, stress)])
-    assert not found.identified
+    discovery = discover([], [TensileCurve(strain, stress)])
+    assert not discovery.identified
 
 
-def test_bending_adds_to_a_curve_and_tells_no_terms_alone():
+def test_bending_with_a_curve_identifies_the_terms_and_bending_alone_does_not():
     hidden = Hidden((Term.of("i1"), Term.of("gent=20")), np.array([20e3, 6e3]))
     rng = np.random.default_rng(4)
-    seen = hidden.bent(solid=False, rng=rng).of_states(np.array([1, 3, 5]))
+    experiment = hidden.bent(solid=False, rng=rng).of_states(np.array([1, 3, 5]))
     curve = hidden.curve(0.002, rng)
-    both, alone = (discover([seen], curves, modulus_Pa=27e3) for curves in ([curve], []))
+    both, alone = (discover([experiment], curves, modulus_Pa=27e3) for curves in ([curve], []))
     assert both.identified, both.statement
     assert both.alternatives[0].terms == hidden.terms
     assert both.alternatives[0].initial_shear_modulus_Pa == pytest.approx(26e3, rel=0.02)
@@ -63,33 +63,33 @@ def test_bending_adds_to_a_curve_and_tells_no_terms_alone():
     assert alone.statement.startswith("not identifiable")
 
 
-def test_a_gent_term_that_the_curve_goes_beyond_is_left_out():
-    found = discover([], [curve_of(LAWS["neo-hookean"], [46e3], largest=4.0)])
-    assert [term.name for term in found.left_out] == ["gent=20"]
-    assert "gent=20" not in [term.name for term in found.library]
+def test_a_gent_term_is_left_out_if_the_curve_exceeds_its_limit():
+    discovery = discover([], [curve_of(LAWS["neo-hookean"], [46e3], largest=4.0)])
+    assert [term.name for term in discovery.left_out] == ["gent=20"]
+    assert "gent=20" not in [term.name for term in discovery.library]
 
 
-def test_what_was_left_out_is_predicted_as_by_a_fit_without_it():
+def test_prediction_errors_equal_those_of_a_fit_without_the_left_out_rows():
     rng = np.random.default_rng(2)
     columns, nuisances = rng.uniform(0.5, 1.5, (40, 3)), rng.normal(size=(40, 1))
-    seen = columns @ [1.0, 2.0, 0.5] + 0.3 * nuisances[:, 0] + rng.normal(0, 0.1, 40)
-    rows = Rows(seen, columns, nuisances, np.arange(40) // 4)  # ten groups: ten folds
-    whole = next(own for own in supports(rows, np.array([True, True, True]), 3) if own.terms == (0, 1, 2))
+    observed = columns @ [1.0, 2.0, 0.5] + 0.3 * nuisances[:, 0] + rng.normal(0, 0.1, 40)
+    rows = Rows(observed, columns, nuisances, np.arange(40) // 4)  # ten groups: ten folds
+    whole = next(s for s in supports(rows, np.array([True, True, True]), 3) if s.terms == (0, 1, 2))
     for group in range(10):
-        kept = rows.together != group
-        known = np.vstack([np.column_stack([columns, nuisances])[kept], [0.0, 0.0, 0.0, 1.0]])
-        best = np.linalg.lstsq(known, np.append(seen[kept], 0.0), rcond=None)[0]
-        left_out = np.column_stack([columns, nuisances])[~kept] @ best - seen[~kept]
-        assert whole.left_out[~kept] == pytest.approx(left_out, abs=1e-6)
+        kept = rows.groups != group
+        kept_rows = np.vstack([np.column_stack([columns, nuisances])[kept], [0.0, 0.0, 0.0, 1.0]])
+        best = np.linalg.lstsq(kept_rows, np.append(observed[kept], 0.0), rcond=None)[0]
+        errors = np.column_stack([columns, nuisances])[~kept] @ best - observed[~kept]
+        assert whole.prediction_errors[~kept] == pytest.approx(errors, abs=1e-6)
 
 
 @pytest.mark.parametrize("words", ["gent", "gent=0", "fung=-1", "ogden=0", "i1=2", "ogden=nan", "arruda=3", ""])
-def test_a_term_that_is_none_is_refused_with_what_would_be_right(words):
+def test_an_unknown_term_is_refused_with_a_list_of_valid_terms(words):
     with pytest.raises(ValueError, match="should be one of i1, i2"):
         Term.of(words)
 
 
-def test_a_library_without_stiffness_at_rest_is_refused():
+def test_unusable_libraries_and_missing_data_are_refused():
     curve = curve_of(LAWS["neo-hookean"], [46e3])
     with pytest.raises(ValueError, match="stiffness at rest"):
         discover([], [curve], library=[Term.of("i1^2")])

@@ -1,9 +1,9 @@
-"""Bent beams as rows: their edges about a law that is near, linear in the coefficients of the terms.
+"""Turn the edges of bent beams into linear equations for the coefficients of the terms.
 
-The residuals about that law are those of the best model of the specimen: the solid, or the finer mesh of a plane
-section. Their derivatives are differences of the planar model on the coarse mesh, as those of stated sources are
-(`inference.interval.considered`). All laws that are compared bend the beam much alike, so that what the derivatives
-are off by counts for as little as they differ.
+The edges are linearised about a law that is close to the solution. The residuals at that law come from the best model
+of the specimen: the solid model, or the finer mesh of a plane section. Their derivatives are finite differences of the
+plane model on the coarse mesh, as for the sources of uncertainty (`inference.interval.considered`). The error of the
+derivatives matters little, because all laws that are compared bend the beam by almost the same amount.
 """
 
 from __future__ import annotations
@@ -31,33 +31,61 @@ from eimi_fitting.laws.sum_of_terms import SumOfTerms, Term
 
 Array = NDArray[np.float64]
 
-BENT_STRAIN = 0.1  # about what beams of such tests reach
-_STEP = 0.01  # of the stress at that strain
-_MODEL = 0.0015 / 1.96  # of the modulus: what mesh and states between leave, see `inference.identification`
-_TOLERANCE_MM = 1e-4  # of the last Newton step: its end is far below a tenth of a micrometre
-_STIFFER = (1.0, 1.01, 0.99, 1.03)  # laws about which edges are sought, where the one before finds no equilibrium
+BENT_STRAIN = 0.1  # typical largest strain of a bent beam (assumed)
+_STEP = 0.01  # size of a finite difference, as a share of the stress at BENT_STRAIN
+_MODEL = 0.0015 / 1.96  # standard deviation of the modulus by mesh and interpolation, see `inference.identification`
+_TOLERANCE_MM = 1e-4  # length of the last Newton step; the equilibrium is then exact to far below 0.1 micrometre
+_STIFFNESS_FACTORS = (1.0, 1.01, 0.99, 1.03)  # tried in this order until every beam has an equilibrium
 
 
 class NoEquilibrium(Exception):
-    """A beam of the law about which its edges were to be linear finds no equilibrium."""
+    """Report that a beam has no equilibrium for any law about which its edges could be linearised."""
 
 
 def scale_deviation(lot: float) -> float:
-    """Standard deviation of the beams' moduli beside those of other evidence, the model's own error included."""
+    """Return the relative standard deviation of the beams' modulus, by the lot and by the error of the model.
+
+    Parameters
+    ----------
+    lot : float
+        Relative standard deviation between the moduli of the beams and those of the tensile curves.
+    """
     return float(np.hypot(lot, _MODEL))
 
 
 def bending_rows(
     experiments: Sequence[Experiment], terms: Sequence[Term], about: Array, lot: float
 ) -> tuple[Rows, list[float]]:
-    """Rows of all experiments about coefficients (J,), and the noise in mm of each.
+    """Return the equations of all experiments, linearised about the coefficients ``about``, and the noise of each.
 
-    lot: standard deviation by which all moduli of the beams may differ from those of other evidence, as a share. It is
-    the first nuisance, in units of `scale_deviation`, and every source whose uncertainty is stated a further one. What
-    the best model of the specimen leaves uncertain is noise of its own in each state. Where a beam finds no
-    equilibrium, a law that is a little stiffer or softer serves as well. Raises NoEquilibrium where none of them does.
+    The first nuisance scales all moduli of the beams, in units of `scale_deviation`. Each stated source of uncertainty
+    is one more nuisance. The uncertainty of the best model of the specimen counts as additional noise in each state.
+    If a beam has no equilibrium, the linearisation is repeated about a law that is 1 to 3 % stiffer or softer.
+
+    Parameters
+    ----------
+    experiments : sequence of Experiment
+        The bent beams.
+    terms : sequence of Term
+        The library.
+    about : array, shape (J,)
+        Coefficients of the law about which the edges are linearised, Pa.
+    lot : float
+        Relative standard deviation between the moduli of the beams and those of the tensile curves.
+
+    Returns
+    -------
+    Rows
+        The equations.
+    list of float
+        The noise of each experiment, mm.
+
+    Raises
+    ------
+    NoEquilibrium
+        If a beam has no equilibrium for any of these laws.
     """
-    for factor in _STIFFER:
+    for factor in _STIFFNESS_FACTORS:
         try:
             return _rows_about(experiments, terms, factor * about, lot)
         except NoEquilibrium:
@@ -70,33 +98,39 @@ def _rows_about(
 ) -> tuple[Rows, list[float]]:
     law = SumOfTerms(tuple(terms))
     refined = [_refined(experiment, law, about) for experiment in experiments]
-    sources = _changes_by_sources(experiments, law, about)
+    source_changes = _changes_by_sources(experiments, law, about)
     parts, noises = [], []
-    for index, (experiment, (misfit, left)) in enumerate(zip(experiments, refined, strict=True)):
+    for index, (experiment, (misfit, model_error)) in enumerate(zip(experiments, refined, strict=True)):
         residuals = misfit.residuals[0]
         slopes = _slopes(experiment, law, about)
         scaled = scale_deviation(lot) * np.tensordot(about, slopes, axes=1)
-        moved = [change if (change := own[index]) is not None else np.zeros_like(residuals) for own in sources]
-        rows, noise_mm = _whitened(experiment, misfit, left, slopes, np.stack([scaled, *moved]), about)
+        changes = [
+            np.zeros_like(residuals) if (change := by_experiment[index]) is None else change
+            for by_experiment in source_changes
+        ]
+        rows, noise_mm = _whitened(experiment, misfit, model_error, slopes, np.stack([scaled, *changes]), about)
         parts.append(rows)
         noises.append(noise_mm)
     return Rows.joined(parts), noises
 
 
 def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Misfit, Array]:
-    """The misfit of the best model, and (K, G, m) mm: one standard deviation of what it leaves uncertain.
+    """Return the misfit of the best model, and the standard deviation (K, G, m) mm of its remaining error.
 
-    The latter is a share of what it changes (`inference.evidence.corrections`).
+    The remaining error is a share of the change from the coarse to the best model (`inference.evidence.corrections`).
     """
     (refinement,) = refinements([experiment])
-    plain, better = (_misfit(own, law, about)[0] for own in (polished(experiment), refinement.better(experiment)))
-    return better, refinement.remaining_share * (better.residuals[0] - plain.residuals[0])
+    coarse, best = (_misfit(model, law, about)[0] for model in (polished(experiment), refinement.better(experiment)))
+    return best, refinement.remaining_share * (best.residuals[0] - coarse.residuals[0])
 
 
 def _misfit(
     experiment: Experiment, law: SumOfTerms, coefficients: Array, near: Configuration | None = None
 ) -> tuple[Misfit, Configuration | None]:
-    """Of one law (J,), and where the beam then is, for others to begin there; the solid tells no place."""
+    """Return the misfit of one law (J,), and the shape of the beam.
+
+    A later solution can start from that shape. The solid model returns no shape.
+    """
     model, loads, candidate = experiment.solved, experiment.loads, coefficients[None]
     if isinstance(model, BeamModel):
         shapes = model.solve(law, candidate, loads, tolerance_mm=_TOLERANCE_MM, keep=True, near=near)
@@ -108,20 +142,23 @@ def _misfit(
 
 
 def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
-    """(J, K, G, m): of the residuals, for a coefficient of one more."""
+    """Return the derivatives (J, K, G, m) of the residuals with respect to each coefficient, by finite differences."""
     planar = polished(experiment)
-    unit = stress_columns(law.terms, np.array([BENT_STRAIN]))[0]
-    steps = _STEP * (unit @ about) / unit
+    unit_stress = stress_columns(law.terms, np.array([BENT_STRAIN]))[0]
+    steps = _STEP * (unit_stress @ about) / unit_stress
 
-    here, every = _misfit(planar, law, about)
-    moved = [_misfit(planar, law, about + step, every)[0].residuals[0] for step in np.diag(steps)]
-    return np.stack([(own - here.residuals[0]) / size for own, size in zip(moved, steps, strict=True)])
+    base, shape = _misfit(planar, law, about)
+    stepped = [_misfit(planar, law, about + step, shape)[0].residuals[0] for step in np.diag(steps)]
+    return np.stack([(residuals - base.residuals[0]) / size for residuals, size in zip(stepped, steps, strict=True)])
 
 
 def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, about: Array) -> list[list[Array | None]]:
-    """Of every part of every stated source, what one standard uncertainty does to each experiment, (K, G, m) mm."""
-    plain = LAWS["neo-hookean"]  # sources are those of the experiments, whatever the law
-    groups = sources_of(Problem(plain, Unknowns(search_space(plain)), tuple(experiments)))
+    """Return, for each part of each stated source, the change of the residuals (K, G, m) mm of each experiment.
+
+    The change is that of one standard uncertainty; it is None for an experiment without this source.
+    """
+    any_law = LAWS["neo-hookean"]  # the list of sources depends on the experiments, not on the law
+    groups = sources_of(Problem(any_law, Unknowns(search_space(any_law)), tuple(experiments)))
     candidate = Candidate(law, about[None])
     return [
         [
@@ -136,50 +173,56 @@ def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, abou
 
 
 def _whitened(
-    experiment: Experiment, misfit: Misfit, left_by_model: Array, slopes: Array, nuisances: Array, about: Array
+    experiment: Experiment, misfit: Misfit, model_error: Array, slopes: Array, nuisances: Array, about: Array
 ) -> tuple[Rows, float]:
-    """The rows of one experiment: as few a state as its slopes have directions."""
+    """Return the equations of one experiment with unit noise, and its noise in mm.
+
+    Each state is projected on the directions of its slopes, nuisances and model error, which leaves a few rows.
+    """
     residuals, weights = misfit.residuals[0], misfit.weights
     used = weights > 0
-    j, flat = len(slopes), residuals[used]
+    j, used_residuals = len(slopes), residuals[used]
     columns = slopes[:, used].T
-    seen = columns @ about - flat
-    coefficients = non_negative(columns, seen)
-    left = np.zeros_like(residuals)
-    left[used] = columns @ coefficients - seen
+    observed = columns @ about - used_residuals
+    remaining = np.zeros_like(residuals)
+    remaining[used] = columns @ non_negative(columns, observed) - observed
     points = float(used.sum())
-    noise_mm = max(float(np.sqrt((left**2).sum() / max(points - j, 1.0))), 1e-9)
-    tau = point_correlation(left, weights, experiment.observed)
+    noise_mm = max(float(np.sqrt((remaining**2).sum() / max(points - j, 1.0))), 1e-9)
+    tau = point_correlation(remaining, weights, experiment.observed)
     scale = 1 / (noise_mm * np.sqrt(tau))
     parts = []
-    for state, own in enumerate(used):
-        if not own.any():
+    for state, points_used in enumerate(used):
+        if not points_used.any():
             continue
-        model = scale * left_by_model[state][own]
-        moves = scale * np.column_stack([slopes[:, state][:, own].T, nuisances[:, state][:, own].T])
-        target = scale * (slopes[:, state][:, own].T @ about - residuals[state][own])
-        directions = np.linalg.qr(np.column_stack([moves, model]))[0]
+        model = scale * model_error[state][points_used]
+        state_slopes = slopes[:, state][:, points_used].T
+        changes = scale * np.column_stack([state_slopes, nuisances[:, state][:, points_used].T])
+        target = scale * (state_slopes @ about - residuals[state][points_used])
+        directions = np.linalg.qr(np.column_stack([changes, model]))[0]
         whiten = _inverse_root(directions.T @ model) @ directions.T
-        reduced = whiten @ moves
-        together = np.zeros(len(reduced), np.intp)
-        parts.append(Rows(whiten @ target, reduced[:, :j], reduced[:, j:], together))
+        reduced = whiten @ changes
+        groups = np.zeros(len(reduced), np.intp)
+        parts.append(Rows(whiten @ target, reduced[:, :j], reduced[:, j:], groups))
     rows = Rows.joined(parts)
-    return rows.noisier(max(_left_by_all(rows), 1.0)), noise_mm
+    return rows.with_noise_times(max(_residual_of_all_columns(rows), 1.0)), noise_mm
 
 
 def _inverse_root(deviation: Array) -> Array:
-    """(m, m): of the covariance of unit noise and one normal error of this standard deviation (m,)."""
+    """Return (I + d d^T)^(-1/2), shape (m, m), for the standard deviation d (m,) of one error added to unit noise."""
     square = float(deviation @ deviation)
     if square == 0.0:
         return np.eye(len(deviation))
     return np.asarray(np.eye(len(deviation)) - (1 - 1 / np.sqrt(1 + square)) / square * np.outer(deviation, deviation))
 
 
-def _left_by_all(rows: Rows) -> float:
-    """What all terms and nuisances leave of the rows, in units of the noise: a model's error is smooth, as they are."""
-    every = np.column_stack([rows.columns, rows.nuisances])
-    size = np.linalg.norm(every, axis=0)
-    every = every / np.where(size > 0, size, 1.0)
-    best, _, rank, _ = np.linalg.lstsq(every, rows.seen, rcond=1e-9)
-    left = every @ best - rows.seen
-    return float(np.sqrt(left @ left / max(len(left) - int(rank), 1)))
+def _residual_of_all_columns(rows: Rows) -> float:
+    """Return the root mean square residual, in units of the noise, of a fit of all terms and nuisances.
+
+    A value above 1 is an error of the model. Such an error is smooth, as the projected rows are.
+    """
+    columns = np.column_stack([rows.columns, rows.nuisances])
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns / np.where(size > 0, size, 1.0)
+    solution, _, rank, _ = np.linalg.lstsq(columns, rows.observed, rcond=1e-9)
+    residuals = columns @ solution - rows.observed
+    return float(np.sqrt(residuals @ residuals / max(len(residuals) - int(rank), 1)))

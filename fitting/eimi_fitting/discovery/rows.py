@@ -1,10 +1,10 @@
-"""Evidence that is linear in the coefficients of a library's terms, in units of its own noise.
+"""Linear equations for the coefficients of the terms, divided by the noise of the measurement.
 
-    seen = columns @ coefficients + nuisances @ sizes + noise
+    observed = columns @ coefficients + nuisances @ amplitudes + noise
 
-with noise of unit variance, and sizes that are known to be 0 +- 1. What the noise is, all terms of the library together
-say: it is what they leave of a curve or a beam. Residuals that hang together count as fewer
-(`eimi_fitting.correlation`).
+The noise has unit variance. Each amplitude has the prior 0 +- 1 (mean and standard deviation). The noise of a curve or
+of a beam is the residual that remains when all terms of the library are fitted to it. Correlated residuals count as
+fewer independent ones (`eimi_fitting.correlation`).
 """
 
 from __future__ import annotations
@@ -21,47 +21,62 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rows:
-    """seen: (N,); columns: (N, J), one a term; nuisances: (N, q); together: (N,) rows of one number are left out at
-    once.
+    """Hold linear equations for the coefficients of J terms and the amplitudes of q nuisances.
+
+    Parameters
+    ----------
+    observed : array, shape (N,)
+        Left-hand sides, in units of the noise.
+    columns : array, shape (N, J)
+        Change of each observation for a coefficient of one.
+    nuisances : array, shape (N, q)
+        Change of each observation for a nuisance amplitude of one.
+    groups : array of int, shape (N,)
+        Group of each row. Cross-validation leaves out the rows of one group at the same time.
     """
 
-    seen: Array
+    observed: Array
     columns: Array
     nuisances: Array
-    together: NDArray[np.intp]
+    groups: NDArray[np.intp]
 
-    def noisier(self, factor: float) -> Rows:
-        """The same with so much more noise, which is the unit."""
-        return Rows(self.seen / factor, self.columns / factor, self.nuisances / factor, self.together)
+    def with_noise_times(self, factor: float) -> Rows:
+        """Return the same equations for a noise that is larger by this factor."""
+        return Rows(self.observed / factor, self.columns / factor, self.nuisances / factor, self.groups)
 
-    def of_all_terms(self) -> tuple[Array, Array]:
-        """Coefficients (J,), none below zero, and sizes (q,) of the nuisances that leave least."""
-        q = self.nuisances.shape[1]
-        known = np.zeros((q, self.columns.shape[1]))
-        columns = np.vstack([np.hstack([self.columns, self.nuisances, -self.nuisances]), np.hstack([known, *_both(q)])])
-        found = non_negative(columns, np.append(self.seen, np.zeros(q)))
-        j = self.columns.shape[1]
-        return found[:j], found[j : j + q] - found[j + q :]
+    def fit_all_terms(self) -> tuple[Array, Array]:
+        """Return the non-negative coefficients (J,) and the amplitudes (q,) that minimise the residual.
+
+        The amplitudes are written as differences of two non-negative numbers, because the solver allows no others.
+        """
+        j, q = self.columns.shape[1], self.nuisances.shape[1]
+        prior = np.hstack([np.zeros((q, j)), np.eye(q), -np.eye(q)])
+        columns = np.vstack([np.hstack([self.columns, self.nuisances, -self.nuisances]), prior])
+        solution = non_negative(columns, np.append(self.observed, np.zeros(q)))
+        return solution[:j], solution[j : j + q] - solution[j + q :]
 
     @staticmethod
     def joined(parts: Sequence[Rows]) -> Rows:
-        """The rows of all. Nuisances are the same in all; a part without them has zeros."""
+        """Return the equations of all parts. All parts share the nuisances; a part without nuisances gets zeros."""
         width = max(part.nuisances.shape[1] for part in parts)
-        counts = np.cumsum([0, *(int(part.together.max(initial=-1)) + 1 for part in parts)])
+        counts = np.cumsum([0, *(int(part.groups.max(initial=-1)) + 1 for part in parts)])
         return Rows(
-            np.concatenate([part.seen for part in parts]),
+            np.concatenate([part.observed for part in parts]),
             np.concatenate([part.columns for part in parts]),
             np.concatenate([np.pad(p.nuisances, ((0, 0), (0, width - p.nuisances.shape[1]))) for p in parts]),
-            np.concatenate([part.together + before for part, before in zip(parts, counts[:-1], strict=True)]),
+            np.concatenate([part.groups + before for part, before in zip(parts, counts[:-1], strict=True)]),
         )
 
 
-def _both(count: int) -> tuple[Array, Array]:
-    return np.eye(count), -np.eye(count)
+def non_negative(columns: Array, observed: Array) -> Array:
+    """Return the non-negative coefficients (J,) of the least-squares fit of ``columns`` (N, J) to ``observed`` (N,).
 
+    The columns are scaled to unit length first, so that their units do not matter.
 
-def non_negative(columns: Array, seen: Array) -> Array:
-    """Least squares (J,) with no coefficient below zero, whatever the columns' sizes (Lawson and Hanson 1974)."""
+    References
+    ----------
+    C. L. Lawson, R. J. Hanson (1974), Solving Least Squares Problems, chapter 23.
+    """
     size = np.linalg.norm(columns, axis=0)
     size = np.where(size > 0, size, 1.0)
-    return np.asarray(optimize.nnls(columns / size, seen)[0] / size)
+    return np.asarray(optimize.nnls(columns / size, observed)[0] / size)

@@ -1,21 +1,24 @@
-"""All small sets of terms by the error of what was left out of their fit, and which of them the data tell apart.
+"""Fit every small set of terms, and find the sets that the data cannot distinguish from the best one.
 
-Every set of at most so many terms is fitted; one that asks for a negative coefficient is no law of its own. Each row is
-predicted from the others (Hastie, Tibshirani, Friedman 2009, The Elements of Statistical Learning, section 7.10), those
-that hang together at once, in up to twenty folds. Of two sets whose predictions differ by delta, the sums of squared
-errors differ by sum delta^2 on average and by 2 |delta| of standard error, if one is right and the noise has unit
-variance: a set stays in play while its sum is within one and a half standard errors of the smallest (after the
-one-standard-error rule of the same section, for paired errors). A term that is added has to gain nine then, three
-standard deviations: one of seven seldom does by chance.
+1. Every set of up to ``most_terms`` terms is fitted. A set is dropped if one of its coefficients is not positive.
+2. Each set gets a cross-validation error: every row is predicted by a fit without its group, in at most 20 folds
+   (Hastie, Tibshirani, Friedman 2009, The Elements of Statistical Learning, section 7.10).
+3. A set is compatible with the data if the sum S of its squared prediction errors is close to the smallest one:
 
-The answer are the sets in play that hold no other one: terms that can be spared are. Where that is a single set, every
-set in play holds it. What a further term could carry is then asked of each.
+       S - S_best <= 1.5 * 2 |delta|,
+
+   where delta is the difference of the two vectors of predictions. If one of the two sets is right and the noise has
+   unit variance, the sums differ by |delta|^2 on average, with a standard error of 2 |delta|. The rule follows the
+   one-standard-error rule of the same section, for paired errors. Where a set contains the right one, the larger set
+   wins only if |delta| exceeds 3, that is three standard deviations of the noise.
+4. The answer is the compatible sets that contain no smaller compatible set. Where that is a single set, every
+   compatible set contains it, and `upper_coefficients` tests how large each further term could be.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -31,58 +34,88 @@ _STANDARD_ERRORS = 1.5
 
 @dataclass(frozen=True)
 class Support:
-    """A set of terms: their indices, coefficients (k,) and standard errors (k,), given that the terms are these.
+    """Hold a set of k terms and its fit.
 
-    sizes: (q,) of the nuisances; left_out: (N,) errors of the predictions; excess: of their sum of squares over the
-    smallest one, and what its standard error is.
+    Parameters
+    ----------
+    terms : tuple of int
+        Indices of the terms in the library.
+    coefficients, standard_errors : array, shape (k,)
+        Coefficients and their standard errors, on the assumption that the law has exactly these terms.
+    amplitudes : array, shape (q,)
+        Amplitudes of the nuisances.
+    prediction_errors : array, shape (N,)
+        Error of the prediction of each row by a fit without its group, in units of the noise.
+    excess : float
+        Sum of squared prediction errors minus that of the best set.
+    excess_error : float
+        Standard error of ``excess``.
     """
 
     terms: tuple[int, ...]
     coefficients: Array
     standard_errors: Array
-    sizes: Array
-    left_out: Array
+    amplitudes: Array
+    prediction_errors: Array
     excess: float = 0.0
     excess_error: float = 0.0
 
     @property
     def held_out_error(self) -> float:
-        """Root mean square of the predictions' errors: one is noise alone."""
-        return float(np.sqrt(np.mean(self.left_out**2)))
+        """Return the root mean square of the prediction errors. It is 1 if only noise remains."""
+        return float(np.sqrt(np.mean(self.prediction_errors**2)))
 
     @property
     def in_play(self) -> bool:
-        """Whether noise may be why it is worse than the best."""
+        """Return whether the noise can explain that this set predicts worse than the best one."""
         return self.excess <= _STANDARD_ERRORS * self.excess_error
 
 
 def supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tuple[Support, ...]:
-    """Every set with positive coefficients and stiffness at rest, the smallest error of what was left out first."""
-    found = [
+    """Return every set with positive coefficients and a non-zero initial modulus, the smallest prediction error first.
+
+    Parameters
+    ----------
+    rows : Rows
+        The equations.
+    has_modulus : array of bool, shape (J,)
+        Whether each term contributes to the initial shear modulus.
+    most_terms : int
+        Largest number of terms in a set.
+    """
+    fitted = [
         support
         for terms in _sets(len(has_modulus), most_terms)
         if has_modulus[list(terms)].any() and (support := _fitted(rows, terms)) and (support.coefficients > 0).all()
     ]
-    if not found:
+    if not fitted:
         return ()
-    best = min(found, key=lambda own: float(own.left_out @ own.left_out))
-    return tuple(sorted((_beside(own, best) for own in found), key=lambda own: own.excess))
+    best = min(fitted, key=lambda support: float(support.prediction_errors @ support.prediction_errors))
+    return tuple(sorted((_compared(support, best) for support in fitted), key=lambda support: support.excess))
 
 
-def minimal(found: tuple[Support, ...]) -> tuple[Support, ...]:
-    """Those in play that hold no other one in play; fewest terms first, then the best."""
-    playing = [own for own in found if own.in_play]
-    least = [own for own in playing if not any(set(other.terms) < set(own.terms) for other in playing)]
-    return tuple(sorted(least, key=lambda own: (len(own.terms), own.excess)))
+def minimal(candidates: tuple[Support, ...]) -> tuple[Support, ...]:
+    """Return the compatible sets that contain no smaller compatible set; fewest terms first, then smallest error."""
+    compatible = [support for support in candidates if support.in_play]
+    smallest = [
+        support for support in compatible if not any(set(other.terms) < set(support.terms) for other in compatible)
+    ]
+    return tuple(sorted(smallest, key=lambda support: (len(support.terms), support.excess)))
 
 
-def could_be_added(rows: Rows, terms: tuple[int, ...]) -> Array:
-    """(J,): the upper end of the 95 % interval of the coefficient that each further term could have; 0 of ``terms``."""
-    most = np.zeros(rows.columns.shape[1])
-    for further in set(range(len(most))) - set(terms):
+def upper_coefficients(rows: Rows, terms: tuple[int, ...]) -> Array:
+    """Return how large the coefficient of each term could be if that term were added to ``terms``.
+
+    Returns
+    -------
+    array, shape (J,)
+        Upper end of the 95 % interval; 0 for ``terms``, infinity if the rows cannot distinguish a term from ``terms``.
+    """
+    upper = np.zeros(rows.columns.shape[1])
+    for further in set(range(len(upper))) - set(terms):
         added = _fitted(rows, (*terms, further))
-        most[further] = max(added.coefficients[-1], 0.0) + 1.96 * added.standard_errors[-1] if added else np.inf
-    return most
+        upper[further] = max(added.coefficients[-1], 0.0) + 1.96 * added.standard_errors[-1] if added else np.inf
+    return upper
 
 
 def _sets(count: int, most: int) -> Iterator[tuple[int, ...]]:
@@ -91,30 +124,34 @@ def _sets(count: int, most: int) -> Iterator[tuple[int, ...]]:
 
 
 def _fitted(rows: Rows, terms: tuple[int, ...]) -> Support | None:
-    """None where the terms are one and the same here."""
+    """Return the least-squares fit of a set of terms, or None if its columns are linearly dependent."""
     k, q = len(terms), rows.nuisances.shape[1]
     columns = np.column_stack([rows.columns[:, terms], rows.nuisances])
-    known = np.column_stack([np.zeros((q, k)), np.eye(q)])  # what is known of the nuisances
-    every = np.vstack([columns, known])
-    size = np.linalg.norm(every, axis=0)
-    directions, triangle = np.linalg.qr(every / np.where(size > 0, size, 1.0))
+    prior = np.column_stack([np.zeros((q, k)), np.eye(q)])
+    columns_and_prior = np.vstack([columns, prior])
+    size = np.linalg.norm(columns_and_prior, axis=0)
+    directions, triangle = np.linalg.qr(columns_and_prior / np.where(size > 0, size, 1.0))
     if np.abs(np.diag(triangle)).min() < 1e-10:
         return None
     inverse = np.linalg.inv(triangle)
-    best = inverse @ (directions[: len(columns)].T @ rows.seen) / size
-    left = columns @ best - rows.seen
-    left_out = np.empty(len(left))
-    fold = rows.together % _FOLDS
-    for one in np.unique(fold):
-        own = fold == one
-        shared = directions[: len(columns)][own]
-        # Of least squares: the error of rows that were left out, from those of a fit that had them.
-        left_out[own] = np.linalg.solve(np.eye(own.sum()) - shared @ shared.T + 1e-12 * np.eye(own.sum()), left[own])
+    solution = inverse @ (directions[: len(columns)].T @ rows.observed) / size
+    residuals = columns @ solution - rows.observed
+    prediction_errors = np.empty(len(residuals))
+    folds = rows.groups % _FOLDS
+    for fold in np.unique(folds):
+        inside = folds == fold
+        # With H = Q Q^T for the rows of the fold, the prediction error of a fit without them is (I - H)^-1 residuals.
+        fold_directions = directions[: len(columns)][inside]
+        identity = np.eye(inside.sum())
+        prediction_errors[inside] = np.linalg.solve(
+            identity - fold_directions @ fold_directions.T + 1e-12 * identity, residuals[inside]
+        )
     errors = np.sqrt(np.sum(inverse**2, axis=1)) / size
-    return Support(terms, best[:k], errors[:k], best[k:], left_out)
+    return Support(terms, solution[:k], errors[:k], solution[k:], prediction_errors)
 
 
-def _beside(own: Support, best: Support) -> Support:
-    excess = float(own.left_out @ own.left_out - best.left_out @ best.left_out)
-    apart = 2 * float(np.linalg.norm(own.left_out - best.left_out))
-    return Support(own.terms, own.coefficients, own.standard_errors, own.sizes, own.left_out, excess, apart)
+def _compared(support: Support, best: Support) -> Support:
+    """Return the set with its excess over the best set and the standard error of that excess."""
+    errors, best_errors = support.prediction_errors, best.prediction_errors
+    excess = float(errors @ errors - best_errors @ best_errors)
+    return replace(support, excess=excess, excess_error=2 * float(np.linalg.norm(errors - best_errors)))

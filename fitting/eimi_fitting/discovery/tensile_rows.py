@@ -1,4 +1,4 @@
-"""A tensile curve as rows: its engineering stress is linear in the coefficients of the terms."""
+"""Turn a tensile curve into linear equations: engineering stress is linear in the coefficients of the terms."""
 
 from __future__ import annotations
 
@@ -15,34 +15,43 @@ from eimi_fitting.laws.tensile import CannotFit, engineering_stress
 
 Array = NDArray[np.float64]
 
-_FLOOR = 1e-4  # of the largest stress: no tensile test is better than this
+_FLOOR = 1e-4  # smallest noise, as a share of the largest stress (assumed: no tensile test is better than this)
 
 
 def stress_columns(terms: Sequence[Term], strain: Array) -> Array:
-    """(m, J): engineering stress for a coefficient of one of each term."""
+    """Return the engineering stress (m, J) of each of J terms with a coefficient of one, at the strains (m,)."""
     return engineering_stress(SumOfTerms(tuple(terms)), np.eye(len(terms)), strain).T
 
 
 def largest_x(strain: Array) -> float:
-    """I1 - 3 at the largest strain of an incompressible uniaxial test."""
+    """Return I1 - 3 at the largest strain of an incompressible uniaxial test."""
     stretch = 1 + float(np.max(strain))
     return stretch**2 + 2 / stretch - 3
 
 
 def tensile_rows(curve: TensileCurve, terms: Sequence[Term]) -> tuple[Rows, float]:
-    """The rows, and the noise in Pa that they are divided by. Raises CannotFit for fewer rows than terms."""
+    """Return the equations of a tensile curve, and the noise in Pa by which they are divided.
+
+    Neighbouring rows whose residuals are correlated form a group, which cross-validation leaves out as a whole.
+
+    Raises
+    ------
+    CannotFit
+        If the curve has no more rows than there are terms, or if every stress is zero.
+    """
     count = len(curve.strain)
     if count <= len(terms):
         raise CannotFit(f"{count} rows; a library of {len(terms)} terms needs at least {len(terms) + 1}")
     columns = stress_columns(terms, curve.strain)
     coefficients = non_negative(columns, curve.stress_Pa)
-    left = columns @ coefficients - curve.stress_Pa
+    residuals_Pa = columns @ coefficients - curve.stress_Pa
     freedom = max(count - int((coefficients > 0).sum()), 1)
-    noise_Pa = max(float(np.sqrt(left @ left / freedom)), _FLOOR * float(np.abs(curve.stress_Pa).max()))
+    floor_Pa = _FLOOR * float(np.abs(curve.stress_Pa).max())
+    noise_Pa = max(float(np.sqrt(residuals_Pa @ residuals_Pa / freedom)), floor_Pa)
     if noise_Pa == 0.0:
         raise CannotFit("every stress is zero")
-    tau = correlation_length(left[None], np.ones((1, count)))
+    tau = correlation_length(residuals_Pa[None], np.ones((1, count)))
     scale = np.sqrt(curve.weight / tau) / noise_Pa
-    block = 1 if tau < 2 else int(np.ceil(2 * tau))  # neighbours that are alike are left out at once
-    together = np.arange(count) // block
-    return Rows(scale * curve.stress_Pa, scale * columns, np.zeros((count, 0)), together), noise_Pa
+    block = 1 if tau < 2 else int(np.ceil(2 * tau))
+    groups = np.arange(count) // block
+    return Rows(scale * curve.stress_Pa, scale * columns, np.zeros((count, 0)), groups), noise_Pa

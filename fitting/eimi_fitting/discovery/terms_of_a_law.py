@@ -1,4 +1,8 @@
-"""From beams and tensile curves to the terms of their law, or to "not identifiable"."""
+"""Find the terms of a law from bent beams and tensile curves, or state that they are not identifiable.
+
+The steps are: linearise the bending tests about a law close to the solution, join them with the tensile curves, fit all
+small sets of terms, and keep the sets that the noise cannot distinguish from the best one.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ from numpy.typing import NDArray
 
 from eimi_fitting.discovery.bending_rows import BENT_STRAIN, bending_rows, scale_deviation
 from eimi_fitting.discovery.rows import Rows, non_negative
-from eimi_fitting.discovery.supports import Support, could_be_added, minimal, supports
+from eimi_fitting.discovery.supports import Support, minimal, supports, upper_coefficients
 from eimi_fitting.discovery.tensile_rows import largest_x, stress_columns, tensile_rows
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
@@ -23,20 +27,33 @@ Array = NDArray[np.float64]
 LIBRARY = tuple(Term.of(name) for name in ("i1", "i2", "i1^2", "i1^3", "gent=20", "fung=0.2", "ogden=-4", "ogden=8"))
 LOT = 0.02
 MOST_TERMS = 3
-_MOST_PASSES = 8
-_STANDS = 0.5  # times the noise: a law that bends the beams no further away is linear about the one before
-_SAME_NOISE = 0.02  # from pass to pass
-_ROOM = 1.02  # by which a Gent term's last stretch must exceed the curves'
-_SHARE = 0.15  # of the stress: what a term that is said not to be there may carry
-_ASKED_STRAIN = 1.0  # up to which a law is asked for where no curve says
-_NOISE_ALONE = 1.5  # held-out error above which something other than noise is left
+_MOST_PASSES = 8  # of linearisation
+_STANDS = 0.5  # stop once a pass moves the edges by less than this, in units of the noise
+_SAME_NOISE = 0.02  # stop once a pass changes the noise by less than this share
+_ROOM = 1.02  # a Gent term is used if its limit of I1 - 3 exceeds that of the curves by this factor
+_SHARE = 0.15  # a further term is reported if it could carry more than this share of the stress
+_DEFAULT_STRAIN = 1.0  # at which the stress is compared if there is no tensile curve
+_NOISE_ALONE = 1.5  # a held-out error above this cannot be noise alone
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """Terms that follow the data: coefficients (k,) and their 95 % intervals (k, 2), in Pa, if the terms are these.
+    """Hold a set of k terms that agrees with the data.
 
-    held_out_error: root mean square in units of the noise; stable_to: see `laws.stability`.
+    Parameters
+    ----------
+    terms : tuple of Term
+        The terms.
+    coefficients : array, shape (k,)
+        Their coefficients, Pa, on the assumption that the law has exactly these terms.
+    intervals : array, shape (k, 2)
+        95 % intervals of the coefficients, Pa.
+    initial_shear_modulus_Pa : float
+        Initial shear modulus of the law, Pa.
+    held_out_error : float
+        Root mean square error of the cross-validation, in units of the noise.
+    stable_to : float or None
+        See `laws.stability.stable_up_to`.
     """
 
     terms: tuple[Term, ...]
@@ -49,12 +66,30 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Discovery:
-    """Sets of terms that noise cannot tell from the best and none of whose terms can be spared, fewest terms first.
+    """Hold the sets of terms that agree with the data.
 
-    open_terms: where that is one set alone, further terms that could carry more than 15 % of the stress at ``strain``,
-    the largest of the curves or 100 % without any, with that share; library: the terms that were tried; left_out: those
-    that the curves go beyond; noise_mm: of each experiment; noise_Pa: of each curve; in_play: all sets of terms, of any
-    size, that noise cannot tell from the best; sets: how many were fitted.
+    Parameters
+    ----------
+    alternatives : tuple of Alternative
+        The sets that noise cannot distinguish from the best one and that contain no smaller such set, fewest terms
+        first.
+    open_terms : dict of Term to float
+        If there is one alternative: the further terms that could carry more than 15 % of the stress at ``strain``, with
+        that share.
+    strain : float
+        Largest strain of the curves; 1 (100 %) if there is no curve.
+    library : tuple of Term
+        The terms that were tried.
+    left_out : tuple of Term
+        The terms that were not tried, because their stress is not defined on all of the curves.
+    noise_mm : tuple of float
+        Noise of each experiment, mm.
+    noise_Pa : tuple of float
+        Noise of each curve, Pa.
+    in_play : tuple of tuples of Term
+        All sets, of any size, that noise cannot distinguish from the best one.
+    sets : int
+        Number of sets that were fitted with positive coefficients.
     """
 
     alternatives: tuple[Alternative, ...]
@@ -69,22 +104,22 @@ class Discovery:
 
     @property
     def identified(self) -> bool:
-        """Whether the data tell one set of terms from all others of the library."""
+        """Return whether the data agree with one set of terms of the library only."""
         return len(self.alternatives) == 1 and not self.open_terms and self.explained
 
     @property
     def explained(self) -> bool:
-        """Whether the best leaves noise alone."""
+        """Return whether the residual of the best set can be noise alone."""
         return self.alternatives[0].held_out_error < _NOISE_ALONE
 
     @property
     def in_all(self) -> tuple[Term, ...]:
-        """Terms of every alternative."""
-        return tuple(t for t in self.alternatives[0].terms if all(t in own.terms for own in self.alternatives))
+        """Return the terms that all alternatives have in common."""
+        return tuple(t for t in self.alternatives[0].terms if all(t in a.terms for a in self.alternatives))
 
     @property
     def statement(self) -> str:
-        """In words."""
+        """Return the result as one sentence."""
         best = " + ".join(term.name for term in self.alternatives[0].terms)
         if not self.explained:
             return (
@@ -116,32 +151,41 @@ def discover(
     modulus_Pa: float | None = None,
     seed: int = 1,
 ) -> Discovery:
-    """Which terms of a library the law is made of.
+    """Find the terms of a library that the law consists of.
 
     Parameters
     ----------
-    experiments, curves
-        Evidence of one material; either may be empty, not both.
-    library
-        Terms with fixed numbers, at least two with stiffness at rest.
-    most_terms
-        Of a law.
-    lot
-        Standard deviation by which all moduli of the beams may differ from the curves', as a share.
-    modulus_Pa
-        Of a Neo-Hookean fit to the experiments; sought where it is not given.
-    seed
-        Of that search.
+    experiments : sequence of Experiment
+        Bending tests of one material; may be empty if there is a curve.
+    curves : sequence of TensileCurve
+        Tensile curves of the same material; may be empty if there is an experiment.
+    library : sequence of Term
+        Terms with fixed exponents or limits. At least one must contribute to the initial shear modulus.
+    most_terms : int
+        Largest number of terms of a law.
+    lot : float
+        Relative standard deviation between the moduli of the beams and those of the curves.
+    modulus_Pa : float, optional
+        Shear modulus of a Neo-Hookean fit to the experiments, Pa. If it is missing, the fit is done here.
+    seed : int
+        Seed of that fit.
+
+    Returns
+    -------
+    Discovery
+        The sets of terms that agree with the data.
 
     Raises
     ------
     ValueError
-        For no evidence, or a library that holds no term with stiffness at rest, or one twice.
+        If there is neither an experiment nor a curve, if the library contains a term twice, or if no term of it
+        contributes to the initial shear modulus.
     CannotFit
-        For a tensile curve.
+        If a tensile curve cannot be used.
     NoEquilibrium
-        Beams of a law that is near bend no further.
-    Whatever `identify` raises for experiments that no law explains.
+        If a beam has no equilibrium for a law close to the solution.
+    Exception
+        Any error of `identify`, if no law explains the experiments.
 
     Examples
     --------
@@ -161,46 +205,49 @@ def discover(
     noise_mm: list[float] = []
     if experiments:
         about = _near(_modulus_Pa(experiments, modulus_Pa, seed), curve_rows, terms)
-        bent, noise_mm = _about_what_it_leads_to(experiments, terms, about, lot if curves else 0.0, curve_rows)
+        bent, noise_mm = _linearised(experiments, terms, about, lot if curves else 0.0, curve_rows)
         parts = [bent, *curve_rows]
     if not parts:
         raise ValueError("there is neither a beam nor a curve")
-    rows, found, noises = _supports(Rows.joined(parts), has_modulus, most_terms)
-    strain = max((float(np.max(curve.strain)) for curve in curves), default=_ASKED_STRAIN)
-    least = minimal(found)
+    rows, fitted, noise_factor = _supports(Rows.joined(parts), has_modulus, most_terms)
+    strain = max((float(np.max(curve.strain)) for curve in curves), default=_DEFAULT_STRAIN)
+    smallest = minimal(fitted)
     return Discovery(
-        alternatives=tuple(_alternative(own, terms, noises) for own in least),
-        open_terms=_open_terms(rows, least[0], terms, strain) if len(least) == 1 else {},
+        alternatives=tuple(_alternative(support, terms, noise_factor) for support in smallest),
+        open_terms=_open_terms(rows, smallest[0], terms, strain) if len(smallest) == 1 else {},
         strain=strain,
         library=terms,
         left_out=left_out,
         noise_mm=tuple(noise_mm),
         noise_Pa=tuple(noise for _, noise in pulled),
-        in_play=tuple(tuple(terms[i] for i in own.terms) for own in found if own.in_play),
-        sets=len(found),
+        in_play=tuple(tuple(terms[i] for i in support.terms) for support in fitted if support.in_play),
+        sets=len(fitted),
     )
 
 
 def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tuple[Rows, tuple[Support, ...], float]:
-    """The sets, with rows in whose unit the best one leaves noise alone, and how many times the noise that is."""
-    found = supports(rows, has_modulus, most_terms)
-    noises = found[0].held_out_error
-    if noises <= 1.0:
-        return rows, found, 1.0
-    noisier = rows.noisier(noises)
-    return noisier, supports(noisier, has_modulus, most_terms), noises
+    """Return the equations, the fitted sets, and the factor by which the noise had to be raised.
+
+    The noise is raised where even the best set predicts with an error above the noise.
+    """
+    fitted = supports(rows, has_modulus, most_terms)
+    noise_factor = fitted[0].held_out_error
+    if noise_factor <= 1.0:
+        return rows, fitted, 1.0
+    rescaled = rows.with_noise_times(noise_factor)
+    return rescaled, supports(rescaled, has_modulus, most_terms), noise_factor
 
 
 def _open_terms(rows: Rows, support: Support, terms: Sequence[Term], strain: float) -> dict[Term, float]:
-    """Of the stress at this strain, what further terms could carry where it is more than a little."""
+    """Return the further terms that could carry more than `_SHARE` of the stress at this strain, with that share."""
     columns = stress_columns(terms, np.array([strain]))[0]
-    most = could_be_added(rows, support.terms) * columns
-    shares = most / (most + support.coefficients @ columns[list(support.terms)])
+    stress = upper_coefficients(rows, support.terms) * columns
+    shares = stress / (stress + support.coefficients @ columns[list(support.terms)])
     return {term: float(share) for term, share in zip(terms, shares, strict=True) if not share <= _SHARE}
 
 
 def _usable(library: Sequence[Term], curves: Sequence[TensileCurve]) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
-    """The terms that have a stress everywhere on the curves, and the others."""
+    """Return the terms whose stress is defined on all of the curves, and the other terms. Raises ValueError."""
     if len(set(library)) < len(library):
         raise ValueError("the library holds a term twice")
     most = max((_ROOM * largest_x(curve.strain) for curve in curves), default=0.0)
@@ -210,47 +257,54 @@ def _usable(library: Sequence[Term], curves: Sequence[TensileCurve]) -> tuple[tu
     return terms, tuple(term for term in library if term not in terms)
 
 
-def _modulus_Pa(experiments: Sequence[Experiment], known: float | None, seed: int) -> float:
-    return known or identify("neo-hookean", experiments, seed=seed).initial_shear_modulus.value
+def _modulus_Pa(experiments: Sequence[Experiment], modulus_Pa: float | None, seed: int) -> float:
+    return modulus_Pa or identify("neo-hookean", experiments, seed=seed).initial_shear_modulus.value
 
 
 def _near(modulus_Pa: float, curve_rows: Sequence[Rows], terms: Sequence[Term]) -> Array:
-    """Coefficients (J,) of a law about which the beams are linear: the curves', as stiff as the beams ask for."""
+    """Return the coefficients (J,) of a first law: the fit to the curves, scaled to the modulus of the beams.
+
+    Without a curve the law has one term.
+    """
     about = np.zeros(len(terms))
     about[next(i for i, term in enumerate(terms) if term.has_modulus)] = 1.0
     if curve_rows:
         rows = Rows.joined(curve_rows)
-        about = non_negative(rows.columns, rows.seen)
+        about = non_negative(rows.columns, rows.observed)
     stretch = 1 + BENT_STRAIN
     stress = float(stress_columns(terms, np.array([BENT_STRAIN]))[0] @ about)
     return np.asarray(about * modulus_Pa * (stretch - stretch**-2) / stress)
 
 
-def _about_what_it_leads_to(
+def _linearised(
     experiments: Sequence[Experiment], terms: Sequence[Term], about: Array, lot: float, curve_rows: Sequence[Rows]
 ) -> tuple[Rows, list[float]]:
-    """`bending_rows` about the law of all terms that they lead to. Raises NoEquilibrium."""
-    before = np.zeros(0)
+    """Return `bending_rows`, linearised again and again about the fit of all terms until it no longer changes.
+
+    Raises NoEquilibrium.
+    """
+    previous_noise_mm = np.zeros(0)
     rows, noise_mm = bending_rows(experiments, terms, about, lot)
     for _ in range(_MOST_PASSES):
-        coefficients, sizes = Rows.joined([rows, *curve_rows]).of_all_terms()
-        reached = coefficients * (1 + scale_deviation(lot) * sizes[0])
-        moved = float(np.sqrt(np.mean((rows.columns @ (reached - about)) ** 2)))
-        if moved < _STANDS and len(before) and np.allclose(noise_mm, before, rtol=_SAME_NOISE):
+        coefficients, amplitudes = Rows.joined([rows, *curve_rows]).fit_all_terms()
+        solution = coefficients * (1 + scale_deviation(lot) * amplitudes[0])
+        change = float(np.sqrt(np.mean((rows.columns @ (solution - about)) ** 2)))
+        same_noise = len(previous_noise_mm) and np.allclose(noise_mm, previous_noise_mm, rtol=_SAME_NOISE)
+        if change < _STANDS and same_noise:
             break
-        about, before = reached, np.array(noise_mm)
+        about, previous_noise_mm = solution, np.array(noise_mm)
         rows, noise_mm = bending_rows(experiments, terms, about, lot)
     return rows, noise_mm
 
 
-def _alternative(support: Support, terms: Sequence[Term], noises: float) -> Alternative:
-    own = tuple(terms[i] for i in support.terms)
-    law, half = SumOfTerms(own), 1.96 * support.standard_errors
+def _alternative(support: Support, terms: Sequence[Term], noise_factor: float) -> Alternative:
+    chosen = tuple(terms[i] for i in support.terms)
+    law, half = SumOfTerms(chosen), 1.96 * support.standard_errors
     return Alternative(
-        terms=own,
+        terms=chosen,
         coefficients=support.coefficients,
         intervals=np.column_stack([support.coefficients - half, support.coefficients + half]),
         initial_shear_modulus_Pa=float(law.initial_shear_modulus(support.coefficients)),
-        held_out_error=noises * support.held_out_error,
+        held_out_error=noise_factor * support.held_out_error,
         stable_to=stable_up_to(law, support.coefficients),
     )
