@@ -13,6 +13,9 @@ from eimi_lab.config.protocol import Ramp
 
 REACHED_WITHIN_S = 3.0  # supplies measure a few times a second, and coils are slow
 POLL_S = 0.1
+SIMULATED_CHECK_EVERY_S, SIMULATED_CHECK_AT_ZERO_EVERY_S = 2.0, 8.0
+"""How often a simulated supply is asked for faults while it carries a current, and at zero."""
+
 WATCH_EVERY_S = 1.5
 """The current is measured, and the supply asked for faults, so often, whatever the run waits for."""
 
@@ -36,10 +39,16 @@ class Coil:
     """A coil on a supply, set to `asked_A` since `changed_s` on the clock.
 
     `stop_if_asked` is called between operations, never within one, and may raise.
+
+    simulated: the supply is simulated in this process. Its current is then not measured between the operations: no
+    unit can fail, and a measurement would change the simulated time and the noise of every run.
     """
 
-    def __init__(self, supply: PowerSupply, clock: Clock, rule: Ramp, asked_A: float = 0.0) -> None:
+    def __init__(
+        self, supply: PowerSupply, clock: Clock, rule: Ramp, asked_A: float = 0.0, simulated: bool = False
+    ) -> None:
         self.supply = supply
+        self._simulated = simulated
         self._clock = clock
         self._rule = rule
         self.asked_A = asked_A
@@ -66,11 +75,15 @@ class Coil:
             The current is above the limit of the supply or differs from every set-point of the last `FOLLOWS_WITHIN_S`
             by more than the tolerance, in two measurements; or what `PowerSupply.check` and `measure` raise.
         """
-        if self._clock.now() - self._watched_s > WATCH_EVERY_S and self._stepping.acquire(blocking=False):
+        every_s = WATCH_EVERY_S
+        if self._simulated:
+            every_s = SIMULATED_CHECK_EVERY_S if self.asked_A else SIMULATED_CHECK_AT_ZERO_EVERY_S
+        if self._clock.now() - self._watched_s > every_s and self._stepping.acquire(blocking=False):
             try:
                 self._watched_s = self._clock.now()
                 self.supply.check()
-                self._compare(self.supply.measure())
+                if not self._simulated:
+                    self._compare(self.supply.measure())
             finally:
                 self._stepping.release()
 

@@ -132,7 +132,7 @@ def acquire(
             camera_settings=bench.camera_settings,
             without_contact="" if bench.truth else without_contact(supply),
         )
-        _begin_with_output_off(bench, protocol, take_over, heard)
+        _begin_with_output_off(bench, protocol, take_over, rig.simulated, heard)
         supply.check()
         supply.set_current(0.0)
         supply.set_voltage(supply.limits.voltage_V)
@@ -163,7 +163,7 @@ def acquire(
                 protocol=protocol,
                 specimen=specimen,
                 calibration=rig.calibration,
-                coil=Coil(supply, clock, protocol.ramp),
+                coil=Coil(supply, clock, protocol.ramp, simulated=rig.simulated),
                 camera=camera,
                 clock=clock,
                 guardian=bench.guardian,
@@ -260,26 +260,33 @@ def _step_through(run: Stepping, first: int, interruption: Interruption, pauses:
     run.store(RELEASE, [states - 1] * len(released), released)
 
 
-def _begin_with_output_off(bench: Bench, protocol: Protocol, take_over: bool, on_event: OnEvent) -> None:
-    """Refuse a supply that is on, or ramp it down and switch it off. Raises InstrumentError, Stopped."""
+def _begin_with_output_off(
+    bench: Bench, protocol: Protocol, take_over: bool, simulated: bool, on_event: OnEvent
+) -> None:
+    """Refuse a supply that is on, or ramp it down and switch it off. Raises InstrumentError, Stopped.
+
+    A simulated supply whose output is off is not measured, see `Coil`.
+    """
     supply = bench.supply
-    found = supply.measure()
+    if simulated and not supply.output_on():
+        return
+    reading = supply.measure()
     if not supply.output_on():
         limit_A = off_limit_A(supply)
-        if getattr(supply, "measures_current", True) and abs(found.current_A) > limit_A:
+        if getattr(supply, "measures_current", True) and abs(reading.current_A) > limit_A:
             raise SwitchOffFailed(
-                f"{supply.identify().address}: {found.current_A:.2f} A measured although the output is off; at most "
+                f"{supply.identify().address}: {reading.current_A:.2f} A measured although the output is off; at most "
                 f"{limit_A:g} A counts as off",
-                found.current_A,
+                reading.current_A,
                 limit_A,
             )
         return
     if not take_over:
         raise InstrumentError(
-            f"{supply.identify().address}: the output is on ({found.current_A:.3f} A, {found.voltage_V:.2f} V): "
+            f"{supply.identify().address}: the output is on ({reading.current_A:.3f} A, {reading.voltage_V:.2f} V): "
             "another program may use it, or one died; a run begins with it off, and --take-over switches it off first"
         )
     limit = supply.limits.current_A
-    coil = Coil(supply, bench.clock, protocol.ramp, asked_A=max(-limit, min(found.current_A, limit)))
+    coil = Coil(supply, bench.clock, protocol.ramp, asked_A=max(-limit, min(reading.current_A, limit)))
     with switching_off(coil, bench.guardian, bench.interruption, on_event):
         return
