@@ -15,7 +15,7 @@ MOUNTS = Path("/proc/self/mounts")
 
 
 def network_file_system(folder: Path, mounts: Path = MOUNTS) -> str | None:
-    """Return the type of the network file system that holds a folder.
+    r"""Return the type of the network file system that holds a folder.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def network_file_system(folder: Path, mounts: Path = MOUNTS) -> str | None:
         The folder.
     mounts
         Linux's table of mounts (manual page proc(5)), with device, mount point and type in each line. A space in a
-        mount point is written as ``\\040``.
+        mount point is written as ``\040``.
 
     Returns
     -------

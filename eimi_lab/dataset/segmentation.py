@@ -283,7 +283,7 @@ def write_overlays(folder: Path, path: Path, edge_sets: Sequence[EdgeSet]) -> No
 
 
 def write_explained(folder: Path, path: Path) -> None:
-    """Write pictures that explain how the beam was followed from its clamp: ``step_00_strip.png``, …"""
+    """Write pictures that explain how the beam was followed from its clamp, such as ``step_00_strip.png``."""
     with open_dataset(path) as dataset:
         frames = Frames(dataset)
         for state in dataset.states:

@@ -52,7 +52,7 @@ class Validations:
         return Path(path)
 
     def plot(self) -> Any:
-        """A matplotlib figure of the errors of the states of each fit on each dataset."""
+        """Return a matplotlib figure of the errors of the states of each fit on each dataset."""
         from eimi_lab.fits.fit_figures import drawn_errors_of_several  # matplotlib is slow to import
 
         return drawn_errors_of_several(

@@ -217,7 +217,7 @@ def _path(given: AnyPath | None) -> Path | None:
 
 
 def _as_file(given: AnyPath | Document | None, path: Path) -> str | None:
-    """The path of a file that says what was given."""
+    """Return the path of the file that states this value."""
     if given is None or not isinstance(given, Document):
         return None if given is None else str(given)
     path.write_text(given.text or to_toml(given), encoding="utf-8")

@@ -75,7 +75,7 @@ class Simulation:
         return np.asarray(self.shapes.max_stretch[0])
 
     def plot(self) -> Any:
-        """A matplotlib figure of the shapes in up to six states, coloured by their stretch."""
+        """Return a matplotlib figure of the shapes in up to six states, coloured by their stretch."""
         return _drawn(self)
 
     def write(self, folder: str | Path, force: bool = False) -> Path:
@@ -95,7 +95,7 @@ class Simulation:
 
 
 def keys_of(law: Law) -> list[str]:
-    """The law's parameters as `--parameter` takes them: a modulus with its unit."""
+    """Return the names of the law's parameters as `--parameter` takes them: a modulus with its unit."""
     return [f"{n}_Pa" if u == "Pa" else n for n, u in zip(law.parameter_names, law.units, strict=True)]
 
 

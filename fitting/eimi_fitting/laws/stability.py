@@ -1,4 +1,4 @@
-"""Drucker's stability criterion: does a larger strain always need a larger stress?
+"""Check by the criterion of Drucker whether a larger strain always needs a larger stress.
 
 A law is stable at a deformation if the increments of Kirchhoff stress and of logarithmic strain do positive work,
 d tau : d eps > 0, for every isochoric increment (Drucker 1959, J. Appl. Mech. 26:101). Equivalently, the restricted
