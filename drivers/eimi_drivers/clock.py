@@ -1,4 +1,4 @@
-"""Time on a bench and time on the virtual rig."""
+"""Measure time on a bench (real seconds) and on the virtual rig (simulated seconds)."""
 
 from __future__ import annotations
 
@@ -6,28 +6,28 @@ import time
 
 
 class WallClock:
-    """Real seconds, from the monotonic clock of the operating system."""
+    """Count real seconds with the monotonic clock of the operating system."""
 
     def now(self) -> float:
-        """Seconds since an arbitrary zero."""
+        """Return the seconds since an arbitrary zero."""
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
-        """Wait."""
+        """Wait for this number of real seconds; return at once if it is not positive."""
         if seconds > 0:
             time.sleep(seconds)
 
 
 class SimulatedClock:
-    """Seconds that pass only when somebody sleeps, so that a simulated hour costs nothing."""
+    """Count simulated seconds, which pass only during `sleep`; a simulated hour takes no real time."""
 
     def __init__(self, start_s: float = 0.0) -> None:
         self._now = start_s
 
     def now(self) -> float:
-        """Simulated seconds."""
+        """Return the simulated seconds since the start."""
         return self._now
 
     def sleep(self, seconds: float) -> None:
-        """Advance the time at once."""
+        """Advance the simulated time without waiting."""
         self._now += max(seconds, 0.0)

@@ -1,4 +1,4 @@
-"""Whether drivers and instruments have the members of `interfaces`; what is missing or wrong is named in one line."""
+"""Check that drivers and instruments have the members that `interfaces` defines; report all faults in one line."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from eimi_drivers.interfaces import Camera, CameraDriver, PowerSupply, SupplyDri
 
 
 def check_supply_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if a driver cannot be called as `SupplyDriver` says, or is a class that is no supply."""
+    """Raise UnusableDriver if a driver does not follow `SupplyDriver` or is a class that lacks a supply member."""
     faults = [*_call_faults(_name(driver), driver, SupplyDriver.__call__)]
     if (connect := getattr(driver, "connect", None)) is not None and not _takes(connect, 1):
         faults.append("connect cannot be called as connect(address)")
@@ -18,7 +18,7 @@ def check_supply_driver(name: str, driver: object) -> None:
 
 
 def check_camera_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if a driver cannot be called as `CameraDriver` says, or is a class that is no camera."""
+    """Raise UnusableDriver if a driver does not follow `CameraDriver` or is a class that lacks a camera member."""
     _raise(
         "camera",
         name,
@@ -28,12 +28,12 @@ def check_camera_driver(name: str, driver: object) -> None:
 
 
 def check_supply(name: str, driver: object, supply: PowerSupply) -> None:
-    """Raise UnusableDriver if what a driver opened is no supply; it is closed before."""
+    """Close the object that a driver opened and raise UnusableDriver if it lacks a member of `PowerSupply`."""
     _check_opened("supply", name, driver, supply, PowerSupply)
 
 
 def check_camera(name: str, driver: object, camera: Camera) -> None:
-    """Raise UnusableDriver if what a driver opened is no camera; it is closed before."""
+    """Close the object that a driver opened and raise UnusableDriver if it lacks a member of `Camera`."""
     _check_opened("camera", name, driver, camera, Camera)
 
 
@@ -42,7 +42,7 @@ def _check_opened(kind: str, name: str, driver: object, instrument: PowerSupply 
     try:
         if faults and "close" not in faults:
             instrument.close()
-    finally:  # what close() of half an instrument raises says less
+    finally:  # an error of close() is less important than the missing members
         _raise(kind, name, driver, list(faults.values()))
 
 
@@ -57,18 +57,18 @@ def _name(driver: object) -> str:
 
 
 def _class_faults(driver: object, protocol: type) -> Iterator[str]:
-    """What can be said of a class before it is called; of a function nothing can."""
+    """Yield the faults that a class shows before it is called; a function shows none before it is called."""
     if not inspect.isclass(driver):
         return
     for name in sorted(getattr(driver, "__abstractmethods__", ())):
         yield f"{name} is missing"
     for name, fault in _faults(driver, protocol):
-        if name not in protocol.__annotations__:  # a value, which an instance alone has
+        if name not in protocol.__annotations__:  # an attribute, which only an instance has
             yield fault
 
 
 def _faults(subject: object, protocol: type) -> Iterator[tuple[str, str]]:
-    """The members of a protocol that an object or a class does not have as it should, with a line for each."""
+    """Yield the name of each missing or wrong member of a protocol, with one line of text."""
     for name, kind in protocol.__annotations__.items():
         if not hasattr(subject, name):
             yield name, f"{name} is missing, which should be its {kind}"
@@ -83,19 +83,19 @@ def _faults(subject: object, protocol: type) -> Iterator[tuple[str, str]]:
 
 
 def _call_faults(name: str, subject: object, member: Callable[..., Any], owner: object = None) -> Iterator[str]:
-    """What is wrong with the way in which something is called; `member` is that of the protocol."""
+    """Yield a line of text if `subject` cannot be called like `member`, the corresponding member of the protocol."""
     count = len(inspect.signature(member).parameters) - 1
     if not callable(subject):
         yield f"{name} is {subject!r}, but should be {_called(name, member)}"
         return
     unbound = inspect.isclass(owner) and inspect.isfunction(inspect.getattr_static(owner, name))
     if not _takes(subject, count + unbound):
-        given = _shown(inspect.signature(subject))
-        yield f"{name} is called as {name}{given}, but should be {_called(name, member)}"
+        signature = _shown(inspect.signature(subject))
+        yield f"{name} is called as {name}{signature}, but should be {_called(name, member)}"
 
 
 def _takes(subject: Callable[..., Any], count: int) -> bool:
-    """Whether something can be called with so many arguments, as far as it says how it is called."""
+    """Return whether a callable accepts `count` positional arguments; True if its signature is not available."""
     try:
         inspect.signature(subject).bind(*range(count))
     except TypeError:
@@ -110,6 +110,6 @@ def _called(name: str, member: Callable[..., Any]) -> str:
 
 
 def _shown(signature: inspect.Signature) -> str:
-    """A signature as its caller sees it."""
-    shown = [parameter for parameter in signature.parameters.values() if parameter.name != "self"]
-    return str(signature.replace(parameters=shown)).replace("'", "").replace(", /", "")
+    """Return the text of a signature without ``self``, as its caller writes it."""
+    parameters = [parameter for parameter in signature.parameters.values() if parameter.name != "self"]
+    return str(signature.replace(parameters=parameters)).replace("'", "").replace(", /", "")

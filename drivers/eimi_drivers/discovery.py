@@ -1,4 +1,4 @@
-"""What is attached, and the driver that would serve it. Nothing is opened: a supply may be in use."""
+"""List the attached instruments and the driver for each. No supply is opened, because it may be in use."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eimi_drivers.supplies import SUPPLIES
 from eimi_drivers.supplies.transport import visa_library
 
 KORAD_USB_IDS = frozenset({(0x0416, 0x5011)})
-"""Vendor and product of the USB serial chip in Korad, Tenma and RND supplies; some printers have it too."""
+"""USB vendor and product numbers of the serial chip in Korad, Tenma and RND supplies; some printers have it too."""
 
 SERIAL_DRIVERS = "korad, genesys or one of the SCPI drivers"
 SCPI_DRIVERS = "scpi or the family's own"
@@ -24,11 +24,18 @@ SCPI_DRIVERS = "scpi or the family's own"
 
 @dataclass(frozen=True)
 class Found:
-    """Something that a rig file could name.
+    """Describe an attached instrument that a rig file can name.
 
-    driver: the driver that would serve it; several, with "or", for a port that does not say what is behind it.
-    address: what goes into the rig file as address (supply) or source (camera).
-    text: what the operating system calls it.
+    Parameters
+    ----------
+    kind : "supply" or "camera"
+        The kind of instrument.
+    driver : str
+        The name of the driver. If the port does not identify the instrument, the possible drivers joined by "or".
+    address : str
+        The value for the rig file: `address` of a supply, `source` of a camera.
+    text : str
+        The operating system's description of the instrument.
     """
 
     kind: Literal["supply", "camera"]
@@ -39,14 +46,23 @@ class Found:
 
 @dataclass(frozen=True)
 class Discovery:
-    """found: what is attached. notes: what could not be searched, or opened, or found, and what to do."""
+    """Hold the result of a search for instruments.
+
+    Parameters
+    ----------
+    found : tuple of Found
+        The attached instruments.
+    notes : tuple of str
+        Sentences for the user about searches that failed, ports that cannot be opened and instruments that are
+        missing, each with a remedy.
+    """
 
     found: tuple[Found, ...]
     notes: tuple[str, ...]
 
 
 def discover() -> Discovery:
-    """List serial ports, VISA resources and cameras. Takes a second, for answers from the LAN (VXI-11)."""
+    """List serial ports, VISA resources and cameras. The search waits one second for answers from the LAN (VXI-11)."""
     ports = list_serial_ports()
     resources, notes = list_visa_resources()
     cameras = (*list_cameras(), *list_basler_cameras())
@@ -63,11 +79,14 @@ def discover() -> Discovery:
 
 
 NO_SUPPLY = (
-    "supplies: none found. Is it switched on, its cable in? A supply that answers raw sockets on the LAN only is not "
-    "found: give its address, TCPIP::host::5025::SOCKET"
+    "supplies: none found. Is the supply on and its cable plugged in? A supply on the LAN that answers only on "
+    "a raw socket cannot be listed: write its address into the rig file, TCPIP::host::5025::SOCKET"
 )
-NO_CAMERA = "cameras: none found. Is its cable in? Basler cameras need the extra: pip install 'eimi-lab[basler]'"
-UNLISTED_CAMERAS = "cameras: this system lists none; try the indices 0, 1, 2 as the camera's source"
+NO_CAMERA = (
+    "cameras: none found. Is the camera's cable plugged in? Basler cameras need the extra: "
+    "pip install 'eimi-lab[basler]'"
+)
+UNLISTED_CAMERAS = "cameras: this operating system does not list cameras; try 0, 1 or 2 as the camera's source"
 
 
 def _forbidden(port: str) -> bool:
@@ -75,7 +94,7 @@ def _forbidden(port: str) -> bool:
 
 
 def _no_permission(port: str) -> str:
-    return f"{port}: this user may not open it; on Linux, join the group that owns it (dialout or uucp), then log in"
+    return f"{port}: no permission to open this port; on Linux, join its group (dialout or uucp), then log in again"
 
 
 def _drivers_from_elsewhere() -> tuple[str, ...]:
@@ -88,7 +107,7 @@ def _drivers_from_elsewhere() -> tuple[str, ...]:
 
 
 def list_serial_ports() -> tuple[Found, ...]:
-    """Serial ports, from pyserial."""
+    """List the serial ports with pyserial."""
     return tuple(
         Found(
             kind="supply",
@@ -101,7 +120,7 @@ def list_serial_ports() -> tuple[Found, ...]:
 
 
 def list_visa_resources() -> tuple[tuple[Found, ...], tuple[str, ...]]:
-    """VISA resources that are no serial ports, and notes on buses that could not be searched."""
+    """Return the VISA resources except serial ports, and notes about buses that could not be searched."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
@@ -109,31 +128,31 @@ def list_visa_resources() -> tuple[tuple[Found, ...], tuple[str, ...]]:
         except (OSError, ValueError, pyvisa.errors.Error) as error:
             return (), (f"VISA: cannot be searched: {error}",)
     notes = [f"VISA: {warning.message}" for warning in caught if warning.category is UserWarning]
-    found = tuple(
+    resources = tuple(
         Found(kind="supply", driver=SCPI_DRIVERS, address=name, text="VISA resource")
         for name in names
         if not name.startswith("ASRL")
     )
-    return found, tuple(dict.fromkeys(notes))
+    return resources, tuple(dict.fromkeys(notes))
 
 
 VIDEO_DEVICES = Path("/sys/class/video4linux")
 
 
 def list_cameras(devices: Path = VIDEO_DEVICES) -> tuple[Found, ...]:
-    """Cameras as Linux lists them; the second nodes that cameras have for metadata are left out."""
+    """List the cameras that Linux knows, without the additional device nodes that contain only metadata."""
     if not devices.is_dir():
         return ()
-    found = []
+    cameras = []
     for device in sorted(devices.glob("video*"), key=lambda path: int(path.name.removeprefix("video"))):
         if (device / "index").read_text().strip() == "0":
             text = (device / "name").read_text().strip()
-            found.append(Found("camera", "opencv", device.name.removeprefix("video"), text))
-    return tuple(found)
+            cameras.append(Found("camera", "opencv", device.name.removeprefix("video"), text))
+    return tuple(cameras)
 
 
 def list_basler_cameras() -> tuple[Found, ...]:
-    """Basler cameras, by their serial numbers; none where pypylon is not installed."""
+    """List the Basler cameras with their serial numbers; return an empty tuple if pypylon is not installed."""
     try:
         from pypylon import pylon
     except ImportError:

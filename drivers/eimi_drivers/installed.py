@@ -1,4 +1,7 @@
-"""Drivers by name: those of this package, those that other installed packages announce, those added by a program."""
+"""Look up drivers by name.
+
+A driver belongs to this package, is announced by another installed package, or was added by a program.
+"""
 
 from __future__ import annotations
 
@@ -13,28 +16,28 @@ Driver = TypeVar("Driver")
 
 
 def did_you_mean(name: str, names: Iterable[str]) -> str:
-    """Return "; did you mean 'korad'?" with the name that is nearest to `name`, or nothing if none is near."""
+    """Return a suggestion such as "; did you mean 'korad'?", or an empty text if no name is similar to `name`."""
     nearest = get_close_matches(name, list(names), n=1)
     return f"; did you mean {nearest[0]!r}?" if nearest else ""
 
 
 class Drivers(MutableMapping[str, Driver], Generic[Driver]):
-    """The drivers of one kind, by name. A program adds its own by ``SUPPLIES["mine"] = driver``.
+    """Map names to the drivers of one kind. A program adds a driver with ``SUPPLIES["mine"] = driver``.
 
-    A driver that the program added comes before one that an installed package announces under the same name. A name
-    of this package cannot be given to another driver.
+    If the program added a driver under a name that an installed package announces too, the driver of the program is
+    used. A name that this package uses cannot be given to another driver.
 
     Parameters
     ----------
     kind : str
-        "supply" or "camera", for messages.
+        "supply" or "camera"; used in messages.
     group : str
-        The group of entry points (`importlib.metadata`) in which another package announces its drivers. Such a driver
-        is imported when it is asked for.
+        The group of entry points (`importlib.metadata`) in which other packages announce their drivers. A driver is
+        imported when it is requested.
     own : Mapping
         The drivers of this package.
     reserved : Collection of str
-        Further names that nobody may give to a driver.
+        Further names that cannot be given to a driver.
     """
 
     def __init__(self, kind: str, group: str, own: Mapping[str, Driver], reserved: Collection[str] = ()) -> None:
@@ -45,14 +48,14 @@ class Drivers(MutableMapping[str, Driver], Generic[Driver]):
         self._reserved = frozenset(reserved) | self._own.keys()
 
     def __getitem__(self, name: str) -> Driver:
-        """Return the driver of that name.
+        """Return the driver with this name.
 
         Raises
         ------
         UnknownDriver
-            There is no such driver; the message suggests the nearest name. It is a KeyError as well.
+            No driver has this name; the message suggests a similar name. UnknownDriver is also a KeyError.
         UnusableDriver
-            The driver is announced by a package, but cannot be imported.
+            A package announces the driver, but the driver cannot be imported.
         """
         if name in self._own:
             return self._own[name]
@@ -70,14 +73,14 @@ class Drivers(MutableMapping[str, Driver], Generic[Driver]):
             ) from error
 
     def __setitem__(self, name: str, driver: Driver) -> None:
-        """Add a driver for as long as this process lasts.
+        """Add a driver until this process ends.
 
         Raises
         ------
         ValueError
-            The name is one of this package's.
+            The name is used by this package.
         TypeError
-            The name is no text, or the driver cannot be called.
+            The name is not a text, or the driver is not callable.
         """
         if not isinstance(name, str) or not name:
             raise TypeError(f"the name of a {self._kind} driver should be a text such as 'mine', not {name!r}")
@@ -95,7 +98,7 @@ class Drivers(MutableMapping[str, Driver], Generic[Driver]):
         ValueError
             The driver belongs to this package, or another package announces it.
         UnknownDriver
-            There is no such driver.
+            No driver has this name.
         """
         if name in self._added:
             del self._added[name]
@@ -116,11 +119,11 @@ class Drivers(MutableMapping[str, Driver], Generic[Driver]):
         return name in list(iter(self))
 
     def added(self) -> tuple[str, ...]:
-        """Return the names that this process added, sorted."""
+        """Return the names of the drivers that this process added, sorted."""
         return tuple(sorted(self._added))
 
     def announced(self) -> tuple[str, ...]:
-        """Return the names that other packages announce, sorted."""
+        """Return the names of the drivers that other packages announce, sorted."""
         return tuple(sorted(entry_points(group=self._group).names - self._reserved))
 
     def _unknown(self, name: str) -> UnknownDriver:

@@ -1,12 +1,12 @@
-"""What a power supply and a camera are to the suite, and the errors that they raise.
+"""Define the interfaces of power supplies and cameras, and the errors that they raise.
 
-This is all that the suite uses of an instrument. A supply is any object with the members of `PowerSupply`, a camera
-any object with those of `Camera`; nothing has to be inherited. A driver is the class of such an object, or a function
-that returns one; `SupplyDriver` and `CameraDriver` say how it is called. The members are required. Each docstring then
-names the optional members, and what the suite assumes where one is absent.
+The suite uses nothing else of an instrument. A supply is any object with the members of `PowerSupply`. A camera is any
+object with the members of `Camera`. Inheritance is not needed. A driver is the class of such an object, or a function
+that returns one; `SupplyDriver` and `CameraDriver` define how it is called. The members listed in a protocol are
+required. The protocol's docstring lists the optional members, and the value that the suite assumes if one is absent.
 
-`open_supply` and `open_camera` check driver and instrument, and name in one line what is missing. The functions
-`check_supply` and `check_camera` of `eimi_drivers.testing` check how they behave.
+`open_supply` and `open_camera` check that the driver and the instrument have these members, and report missing ones in
+one line. `check_supply` and `check_camera` of `eimi_drivers.testing` check the behaviour of a driver.
 """
 
 from __future__ import annotations
@@ -18,46 +18,49 @@ from numpy.typing import NDArray
 
 
 class InstrumentError(Exception):
-    """Anything that an instrument or its connection did wrong; the message names the instrument's address."""
+    """Report a fault of an instrument or of its connection; the message contains the instrument's address."""
 
 
 class InstrumentTimeout(InstrumentError):
-    """No complete answer within the time allowed."""
+    """Report that no complete answer arrived within the time limit."""
 
 
 class InstrumentDisconnected(InstrumentError):
-    """The port, the socket or the device is gone."""
+    """Report that the port, the socket or the device no longer exists or was closed."""
 
 
 class EndOfPlayback(InstrumentDisconnected):
-    """A recording that plays the camera has no more frames."""
+    """Report that a recording, which replaces a camera, has no more frames."""
 
 
 class ReplyNotUnderstood(InstrumentError):
-    """The instrument answered, but not in its own language."""
+    """Report an answer that does not follow the instrument's protocol."""
 
 
 class SetPointRefused(InstrumentError):
-    """A set-point outside the limits was asked for; nothing was sent."""
+    """Report that a requested set-point is outside the limits; it was not sent."""
 
 
 class SetPointNotTaken(InstrumentError):
-    """The set-point read back differs from the one that was sent."""
+    """Report that the set-point read back differs from the one that was sent."""
 
 
 class ProtectionTripped(InstrumentError):
-    """Over-current, over-voltage or over-temperature protection switched the output off."""
+    """Report that over-current, over-voltage or over-temperature protection switched the output off."""
 
 
 class SwitchOffFailed(InstrumentError):
-    """The supply is not known to be off; the message lists every stage with its outcome, or the measured current.
+    """Report that the supply could not be confirmed to be off.
+
+    The message lists every stage of switching off with its outcome, or gives the measured current.
 
     Parameters
     ----------
     message : str
-        What failed.
+        The stages that failed, or the current that still flows.
     current_A, limit_A : float, optional
-        The measured current, and the limit below which the supply counts as off; None if nothing was measured.
+        The measured current (A), and the current (A) below which the supply counts as off. None if no current was
+        measured.
     """
 
     def __init__(self, message: str, current_A: float | None = None, limit_A: float | None = None) -> None:
@@ -67,7 +70,7 @@ class SwitchOffFailed(InstrumentError):
 
 
 class AnotherSupply(InstrumentError):
-    """After the line was opened anew another instrument answers at the address of the coil's supply."""
+    """Report that a different instrument answers at the supply's address after the line was reopened."""
 
 
 def raised(error: BaseException) -> str:
@@ -76,22 +79,32 @@ def raised(error: BaseException) -> str:
 
 
 class UnusableDriver(InstrumentError):
-    """A driver cannot be imported, or does not have what this module asks for; no instrument is at fault."""
+    """Report that a driver cannot be imported or lacks a required member; the instrument is not at fault."""
 
 
 class UnknownDriver(UnusableDriver, KeyError):
-    """There is no driver of that name."""
+    """Report that no driver has the requested name."""
 
     def __str__(self) -> str:
-        """Return the message as it is; a KeyError shows its representation."""
+        """Return the message without the quotation marks that a KeyError adds."""
         return str(self.args[0])
 
 
 @dataclass(frozen=True)
 class Identity:
-    """Who answered: driver name, the instrument's own identification text, its address.
+    """Identify the instrument that answered.
 
-    serial_number: of the instrument, or of its USB port; empty if neither has one. Only with it is the identity unique.
+    Parameters
+    ----------
+    driver : str
+        The name of the driver.
+    text : str
+        The identification text that the instrument sent.
+    address : str
+        The address at which the instrument answered.
+    serial_number : str
+        The serial number of the instrument or of its USB port; empty if neither has one. Without a serial number two
+        instruments of the same model cannot be distinguished.
     """
 
     driver: str
@@ -102,10 +115,18 @@ class Identity:
 
 @dataclass(frozen=True)
 class Limits:
-    """The largest current (A) and voltage (V) that may ever be asked for. Both positive.
+    """Bound the set-points of a supply.
 
-    A bipolar supply may be asked for the same current the other way. off_below_A: the measured current (A) below which
-    the supply counts as off; None takes the limit of its family, see `eimi_drivers.supplies.off.off_limit_A`.
+    Parameters
+    ----------
+    current_A : float
+        The largest permitted current, A; positive. A bipolar supply may also be set to currents down to
+        ``-current_A``.
+    voltage_V : float
+        The largest permitted voltage, V; positive.
+    off_below_A : float, optional
+        The supply counts as off if the measured current (A) is below this value. None selects the value of the
+        supply's family, see `eimi_drivers.supplies.off.off_limit_A`.
     """
 
     current_A: float
@@ -115,7 +136,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Reading:
-    """Measured output current (A) and voltage (V)."""
+    """Hold the measured output current (A) and voltage (V)."""
 
     current_A: float
     voltage_V: float
@@ -123,10 +144,16 @@ class Reading:
 
 @dataclass(frozen=True)
 class Off:
-    """A supply that was switched off and measured.
+    """Record that a supply was switched off and that its current was measured afterwards.
 
-    current_A: the current measured last. limit_A: the limit that it is below. found_off: whether the output was already
-    off when the line to the supply had been opened anew.
+    Parameters
+    ----------
+    current_A : float
+        The last measured current, A.
+    limit_A : float
+        The current below which the supply counts as off, A; `current_A` is below it.
+    found_off : bool
+        True if the line to the supply had to be reopened and the output was already off then.
     """
 
     current_A: float
@@ -136,11 +163,16 @@ class Off:
 
 @dataclass(frozen=True)
 class Frame:
-    """One camera image.
+    """Hold one camera image.
 
-    image: (height, width) uint8 or uint16, or (height, width, 3) in blue, green, red order.
-    number: the device's own running frame number (gaps mean dropped frames).
-    timestamp_s: the device's time stamp, seconds; the zero is the device's own.
+    Parameters
+    ----------
+    image : ndarray, shape (height, width) or (height, width, 3), uint8 or uint16
+        Grey values, or colours in the order blue, green, red.
+    number : int
+        The frame number that the device counts. A gap in the numbers means that frames were dropped.
+    timestamp_s : float
+        The device's time stamp, s. Its zero is arbitrary.
     """
 
     image: NDArray[Any]
@@ -150,25 +182,25 @@ class Frame:
 
 @runtime_checkable
 class PowerSupply(Protocol):
-    """A current source for a coil.
+    """Define the members of a supply that drives a coil with a set current.
 
-    Every call ends within 5 s: with an answer, or with InstrumentTimeout. Every error is an InstrumentError.
+    Every call ends within 5 s, either with an answer or with InstrumentTimeout. Every error is an InstrumentError.
 
     Optional members:
 
     without_contact: str
-        See `SupplyDriver`; the one of the instrument is stored with the dataset.
+        See `SupplyDriver`. The text of the open instrument is stored with the dataset.
     reads_zero_within_A: float
-        The largest current (A) that `measure` of a healthy unit gives when no current flows. Absent: 0.
+        The largest current (A) that `measure` of a healthy unit returns when no current flows. Absent: 0.
     measures_current: bool
-        Whether `measure` gives a measured current. Absent: True.
+        True if `measure` returns a measured current, not a set-point. Absent: True.
     """
 
     limits: Limits
-    """Those that the supply was opened with; no set-point outside of them is sent."""
+    """The limits with which the supply was opened; a set-point outside them is never sent."""
 
     def identify(self) -> Identity:
-        """Ask the instrument who it is."""
+        """Ask the instrument for its identity."""
 
     def set_voltage(self, voltage_V: float) -> None:
         """Set the compliance voltage and read it back. Raises SetPointRefused, SetPointNotTaken."""
@@ -180,81 +212,89 @@ class PowerSupply(Protocol):
         """Switch the output and verify it."""
 
     def output_on(self) -> bool:
-        """Whether the output is on, as the instrument says."""
+        """Ask the instrument whether its output is on."""
 
     def measure(self) -> Reading:
         """Measure the output."""
 
     def check(self) -> None:
-        """Raise ProtectionTripped or InstrumentError when the instrument reports a fault."""
+        """Raise ProtectionTripped or InstrumentError if the instrument reports a fault."""
 
     def safe_off(self) -> Off | None:
-        """Program zero, switch off, verify, measure; each is tried even when another fails. Raises SwitchOffFailed.
+        """Set zero current, switch the output off, verify both, and measure the current.
 
-        Returns what was measured. A driver that does not measure here returns None: the suite then calls `measure`.
+        Every step is attempted even if an earlier step fails. Raises SwitchOffFailed.
+
+        Returns the measured current with its limit. A driver that does not measure here returns None; the suite then
+        calls `measure`.
         """
 
     def close(self) -> None:
-        """Release the port. Does not switch off: safe_off does. Closing twice is allowed."""
+        """Release the port and leave the output as it is; `safe_off` switches it off. Closing twice is allowed."""
 
 
 class SupplyDriver(Protocol):
-    """A class or a function that opens a supply. Opening sends nothing: an output that is on stays on.
+    """Define how a class or a function that opens a supply is called.
+
+    Opening a supply sends no message, so that an output that is on stays on.
 
     Optional members:
 
     connect(address) -> Transport
-        Opens the line to the instrument; the driver is then called with the line in place of the address, every
-        exchange can be recorded (`eimi acquire --transcript`), and a second signal is heeded between two messages.
-        Absent: the driver is called with the address, and no call of the supply is ever interrupted.
+        Opens the line to the instrument. The driver is then called with the line instead of the address. The suite can
+        record every message (`eimi acquire --transcript`), and a second stop signal (Ctrl-C) takes effect between two
+        messages. Absent: the driver is called with the address, and no call of the supply is ever interrupted.
     bipolar: bool
-        Whether negative currents can be set. Absent: False.
+        True if negative currents can be set. Absent: False.
     without_contact: str
-        What becomes of the output when the cable is pulled or the computer dies, in words. Absent: not known.
+        A text that describes what the output does if the cable is pulled or the computer fails. Absent: not known.
     channels: tuple[int, int]
-        The first and the last channel that an address may name after `#`. Absent: (1, 1).
+        The lowest and the highest channel number that an address may have after `#`. Absent: (1, 1).
     """
 
     def __call__(self, link: Any, limits: Limits, clock: Clock, /) -> PowerSupply:
-        """Open the supply at `link`: what `connect` returned, or the address, a text."""
+        """Open the supply at `link`: the line that `connect` returned, or the address as text."""
 
 
 @runtime_checkable
 class Camera(Protocol):
-    """A camera, or whatever plays one.
+    """Define the members of a camera, or of an object that replaces one.
 
-    `eimi_drivers.cameras.timed` calls it from one thread and gives every call a deadline. Every error is an
+    `eimi_drivers.cameras.timed` makes all calls from one thread and sets a deadline for each call. Every error is an
     InstrumentError.
 
-    Optional member: `settings`, the `CameraSettings` that the camera read back when it was opened. Absent: nothing can
-    be set, and opening such a camera with a setting is refused.
+    Optional members:
+
+    settings: CameraSettings
+        The settings that the camera read back when it was opened. Absent: the camera has no settings, and the suite
+        refuses to open it with one.
     """
 
     def identify(self) -> Identity:
-        """Ask the camera who it is."""
+        """Ask the camera for its identity."""
 
     def flush(self) -> None:
-        """Throw away frames that were exposed before this call."""
+        """Discard the frames that were exposed before this call."""
 
     def grab(self, timeout_s: float) -> Frame:
-        """The next frame. Raises InstrumentTimeout, InstrumentDisconnected."""
+        """Return the next frame. Raises InstrumentTimeout, InstrumentDisconnected."""
 
     def close(self) -> None:
         """Release the device. Closing twice is allowed."""
 
 
 class CameraDriver(Protocol):
-    """A class or a function that opens a camera and sets it up."""
+    """Define how a class or a function that opens a camera and applies its settings is called."""
 
     def __call__(self, source: str | int, settings: Any, /) -> Camera:
-        """Open the camera at `source`, a device's number or a path as the rig file has it, and set `CameraSettings`."""
+        """Open the camera at `source` (device number or path, as in the rig file) and apply the `CameraSettings`."""
 
 
 class Clock(Protocol):
-    """Time as the rig sees it: the wall clock on a bench, simulated seconds on the virtual rig."""
+    """Define the clock of a rig: real time on a bench, simulated time on the virtual rig."""
 
     def now(self) -> float:
-        """Seconds since an arbitrary zero; never goes back."""
+        """Return the seconds since an arbitrary zero; the value never decreases."""
 
     def sleep(self, seconds: float) -> None:
-        """Let that much time pass."""
+        """Wait for this number of seconds of the clock's time."""

@@ -1,4 +1,4 @@
-"""Basler cameras through pypylon, one software trigger a frame. Needs the extra `basler`."""
+"""Read Basler cameras with pypylon, one software trigger for each frame. Needs the extra `basler`."""
 
 from __future__ import annotations
 
@@ -24,20 +24,33 @@ USB_TICKS_PER_S = 1e9
 
 
 class BaslerCamera:
-    """A Basler camera by its serial number, or by its place in the list of those attached (`0`).
+    """Control a Basler camera.
 
-    Every `grab` triggers an exposure of its own, so that no frame is older than its `grab`. Frame numbers are the
-    camera's block identifiers and time stamps its own clock (the host's where it has none). A failed transfer
-    raises InstrumentError; its number is passed over, and the next frame shows the gap.
+    Every `grab` triggers a new exposure, so that a frame is never older than the call. The frame number is the camera's
+    block identifier. The time stamp is from the camera's clock, or from the host's clock if the camera has none. If a
+    transfer fails, `grab` raises InstrumentError, and the number of that frame is missing in the sequence.
+
+    Parameters
+    ----------
+    source : str or int
+        The serial number, or the index in the list of attached cameras (the first is 0).
+    settings : CameraSettings, optional
+        Settings to apply before the first frame.
     """
 
     name = "basler"
 
     def __init__(self, source: str | int, settings: CameraSettings = NO_SETTINGS) -> None:
-        """Open and set up the camera.
+        """Open the camera and apply the settings.
 
-        Raises InstrumentError without pypylon, InstrumentDisconnected where there is no such camera,
-        SetPointRefused and SetPointNotTaken for the settings.
+        Raises
+        ------
+        InstrumentDisconnected
+            No attached camera has this serial number or index.
+        SetPointRefused, SetPointNotTaken
+            A setting is outside the camera's range, or differs when it is read back.
+        InstrumentError
+            pypylon is not installed, or the camera reports an error.
         """
         try:
             from pypylon import genicam, pylon
@@ -84,12 +97,12 @@ class BaslerCamera:
             self._set(settings)
         except self._out_of_range as error:
             raise SetPointRefused(f"Basler camera {self.source}: {str(error).strip()}") from error
-        found = self._read_back()
-        settings.verify(f"Basler camera {self.source}", found)
+        read_back = self._read_back()
+        settings.verify(f"Basler camera {self.source}", read_back)
         self._camera.TriggerSelector.Value = "FrameStart"
         self._camera.TriggerMode.Value = "On"
         self._camera.TriggerSource.Value = "Software"
-        return found
+        return read_back
 
     def _set(self, settings: CameraSettings) -> None:
         camera = self._camera
@@ -111,7 +124,7 @@ class BaslerCamera:
 
     def _set_region(self, left: int, top: int, width: int, height: int) -> None:
         camera = self._camera
-        camera.OffsetX.Value = camera.OffsetY.Value = 0  # else a larger size may not fit beside the old offset
+        camera.OffsetX.Value = camera.OffsetY.Value = 0  # otherwise a larger size may not fit with the old offset
         camera.Width.Value, camera.Height.Value = width, height
         camera.OffsetX.Value, camera.OffsetY.Value = left, top
 
@@ -120,7 +133,7 @@ class BaslerCamera:
             node = getattr(self._camera, name)
             if self._readable(node):
                 return node
-        raise InstrumentError(f"Basler camera {self.source}: it has no {' or '.join(names)}")
+        raise InstrumentError(f"Basler camera {self.source}: the camera has no {' or '.join(names)}")
 
     def _read_back(self) -> CameraSettings:
         camera = self._camera
@@ -138,12 +151,12 @@ class BaslerCamera:
         return float(node.Value) if self._readable(node) else USB_TICKS_PER_S
 
     def identify(self) -> Identity:
-        """Model and serial number."""
+        """Return the camera's model and serial number."""
         info = self._camera.GetDeviceInfo()
         return Identity(self.name, f"{info.GetModelName()} {info.GetSerialNumber()}", self.source)
 
     def flush(self) -> None:
-        """Throw away frames that came after their `grab` had given up."""
+        """Discard the frames that arrived after their `grab` had timed out."""
         with self._errors_named():
             while self._camera.IsGrabbing():
                 with self._camera.RetrieveResult(0, self._pylon.TimeoutHandling_Return) as result:
@@ -153,8 +166,8 @@ class BaslerCamera:
     def grab(self, timeout_s: float) -> Frame:
         """Trigger an exposure and return its frame.
 
-        Raises InstrumentTimeout after `timeout_s`, InstrumentDisconnected when the camera is gone or closed,
-        InstrumentError when the frame was not transferred whole.
+        Raises InstrumentTimeout after `timeout_s`, InstrumentDisconnected if the camera was unplugged or closed, and
+        InstrumentError if the frame was not transferred completely.
         """
         timeout_ms = max(round(timeout_s * 1000), 1)
         if self._removed() or not self._camera.IsGrabbing():

@@ -1,4 +1,4 @@
-"""Opening a camera by the name of its driver."""
+"""Open a camera by the name of its driver."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ CAMERAS: Drivers[CameraDriver] = Drivers(
     {OpenCVCamera.name: OpenCVCamera, BaslerCamera.name: BaslerCamera},
     reserved=("virtual",),
 )
-"""Every camera driver by name: those of this package, those of other installed packages, and those that are added."""
+"""Camera drivers by name: those of this package, of other installed packages, and those added by a program."""
 
 
 def open_camera(driver: str, source: str | int, settings: CameraSettings = NO_SETTINGS) -> Camera:
-    """Open a camera.
+    """Open a camera, apply the settings and verify them.
 
     Parameters
     ----------
     driver : str
         A name in `CAMERAS`.
     source : str or int
-        As the driver takes it; for "opencv" a device index, a video file, a folder of images or a numbered pattern,
-        for "basler" a serial number.
+        The camera. For "opencv": a device index, a video file, a folder of images or a numbered pattern. For "basler":
+        a serial number. Other drivers define their own.
     settings : CameraSettings
-        Set before the first frame and read back.
+        Settings that are applied before the first frame and read back.
 
     Returns
     -------
     Camera
-        The open camera, which has every member of `Camera`.
+        The open camera.
 
     Raises
     ------
@@ -45,13 +45,13 @@ def open_camera(driver: str, source: str | int, settings: CameraSettings = NO_SE
     InstrumentDisconnected
         The source cannot be opened.
     SetPointNotTaken
-        A setting did not take.
+        A setting that was read back differs from the requested one.
     """
     return open_with(CAMERAS[driver], driver, source, settings)
 
 
 def open_with(driver: CameraDriver, name: str, source: str | int, settings: CameraSettings = NO_SETTINGS) -> Camera:
-    """Open a camera with a driver that needs no entry in `CAMERAS`. See `open_camera`; `name` is for messages."""
+    """Open a camera with a driver that is not in `CAMERAS`; `name` is used in messages. See `open_camera`."""
     check_camera_driver(name, driver)
     try:
         camera = driver(source, settings)

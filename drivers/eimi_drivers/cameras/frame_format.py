@@ -1,4 +1,4 @@
-"""Whether what a camera handed out is a frame at all, and one like those before it."""
+"""Check that an object from a camera is a frame of the same format as the first frame."""
 
 from __future__ import annotations
 
@@ -10,14 +10,29 @@ from eimi_drivers.interfaces import Frame, ReplyNotUnderstood
 
 
 def check_frame(camera: str, frame: Any, first: Frame | None) -> Frame:
-    """The frame, if it is an image like `first` in size, depth and colour. Raises ReplyNotUnderstood otherwise."""
+    """Return the frame unchanged if its image has the size, bit depth and colours of the image of `first`.
+
+    Parameters
+    ----------
+    camera : str
+        The camera's name in messages.
+    frame : Frame
+        The object that the driver returned.
+    first : Frame or None
+        The first frame of the run; None if `frame` is the first.
+
+    Raises
+    ------
+    ReplyNotUnderstood
+        The image is not an array of a permitted shape and type, or differs from the image of `first`.
+    """
     image = getattr(frame, "image", None)
     if not isinstance(image, np.ndarray) or not image.size:
         raise ReplyNotUnderstood(f"{camera}: the camera returned {_named(image)} instead of an image")
     if image.dtype not in (np.uint8, np.uint16) or not (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)):
         raise ReplyNotUnderstood(
-            f"{camera}: the camera returned {_named(image)}; it should be (height, width), or that and 3 colours, of 8 "
-            "or 16 bits"
+            f"{camera}: the camera returned {_named(image)}; it should be an array of shape (height, width) or "
+            "(height, width, 3) with 8 or 16 bits"
         )
     if first is not None and (image.shape, image.dtype) != (first.image.shape, first.image.dtype):
         raise ReplyNotUnderstood(

@@ -1,4 +1,4 @@
-"""Image files in the order in which a person numbered them."""
+"""Read a series of image files in the order of the numbers in their names."""
 
 from __future__ import annotations
 
@@ -18,29 +18,46 @@ _NUMBER_FIELD = re.compile(r"%(0\d+)?d")
 
 
 def natural_key(name: str) -> tuple[tuple[int, str], ...]:
-    """Key that sorts `frame_10` after `frame_9`: runs of digits compare as numbers, the rest as text."""
+    """Return a sort key that compares digits as numbers and the rest as text.
+
+    Examples
+    --------
+    >>> sorted(["frame_10", "frame_9"], key=natural_key)
+    ['frame_9', 'frame_10']
+    """
     parts = re.findall(r"\d+|\D+", name)
     return tuple((int(part), "") if part.isdecimal() else (-1, part) for part in parts)
 
 
 def list_images(source: str | Path) -> tuple[Path, ...]:
-    """The images of a folder, or of a numbered pattern such as `frames/f_%03d.png`, in natural order.
+    """Return the image files of a folder or of a numbered pattern, sorted by the numbers in their names.
 
-    Empty when there are none.
+    Parameters
+    ----------
+    source : str or Path
+        A folder, or a pattern such as `frames/f_%03d.png`.
+
+    Returns
+    -------
+    tuple of Path
+        The files; empty if there are none.
     """
     source = Path(source)
     if source.is_dir():
-        found = [path for path in source.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES]
+        paths = [path for path in source.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES]
     elif _NUMBER_FIELD.search(source.name) and source.parent.is_dir():
         pattern = re.compile(r"\d+".join(re.escape(part) for part in _NUMBER_FIELD.split(source.name)[::2]))
-        found = [path for path in source.parent.iterdir() if pattern.fullmatch(path.name)]
+        paths = [path for path in source.parent.iterdir() if pattern.fullmatch(path.name)]
     else:
-        found = []
-    return tuple(sorted(found, key=lambda path: natural_key(path.name)))
+        paths = []
+    return tuple(sorted(paths, key=lambda path: natural_key(path.name)))
 
 
 def recording_length(source: str) -> int | None:
-    """How many frames a recording has, a video as its head tells it; None for a device, or where there is nothing."""
+    """Return the number of frames of a recording, or None if `source` is a device or cannot be opened.
+
+    The number of frames of a video is read from its header.
+    """
     if source.isdecimal():
         return None
     if images := list_images(source):
@@ -55,27 +72,27 @@ def recording_length(source: str) -> int | None:
 
 
 def refuse_on_recording(recording: str, settings: CameraSettings) -> None:
-    """Raises InstrumentError when there is a setting that a recording cannot have."""
+    """Raise InstrumentError if any setting is requested, because a recording has no settings."""
     if names := ", ".join(settings.chosen()):
         raise InstrumentError(f"{recording}: a recording has no {names} to set")
 
 
 class ImageSeries:
-    """Reads the images of a series one after the other, grey values and bit depth as they are stored."""
+    """Read the images of a series one after the other with unchanged values and bit depth."""
 
     def __init__(self, paths: tuple[Path, ...]) -> None:
         self._paths = paths
         self._next = 0
 
     def set_up(self, settings: CameraSettings) -> CameraSettings:
-        """Nothing can be set on a recording. Raises InstrumentError when something is to be."""
+        """Return no settings. Raises InstrumentError if a setting is requested, because a recording has none."""
         refuse_on_recording(str(self._paths[0].parent), settings)
         return NO_SETTINGS
 
     def read(self) -> tuple[NDArray[Any], float]:
-        """The next image, and its place in the series for a time stamp, since an image file has none.
+        """Return the next image and, because an image file has no time stamp, its index in the series instead.
 
-        Raises EndOfPlayback after the last, ReplyNotUnderstood for a file that is no image.
+        Raises EndOfPlayback after the last image, and ReplyNotUnderstood if the file cannot be read as an image.
         """
         if self._next == len(self._paths):
             raise EndOfPlayback(f"{self._paths[0].parent}: end of playback after {self._next} images")
@@ -87,4 +104,4 @@ class ImageSeries:
         return image, float(self._next - 1)
 
     def release(self) -> None:
-        """Nothing to release."""
+        """Do nothing; no file stays open."""

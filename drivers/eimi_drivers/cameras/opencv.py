@@ -1,4 +1,4 @@
-"""Cameras through OpenCV: a device by its index, a video file, or a series of images."""
+"""Read a camera device, a video file or a series of images with OpenCV."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from eimi_drivers.interfaces import (
 
 CLOSE_WITHIN_S = 2.0
 DEVICES = Path("/dev")
-"""Where Linux keeps its cameras' device nodes."""
+"""The folder of the cameras' device nodes on Linux."""
 
 
 V4L2 = "V4L2"
 V4L2_EXPOSURES_PER_S = 1e4
-"""V4L2 counts exposure in units of 100 µs; the backends of Windows in powers of two of a second."""
+"""V4L2 gives exposure in units of 100 µs. The Windows backends give the exponent n of an exposure of 2^n s."""
 POWERS_OF_TWO = frozenset({"DSHOW", "MSMF"})
 V4L2_MANUAL_EXPOSURE = 1
 WINDOWS_MANUAL_EXPOSURE = 0.25
@@ -47,7 +47,7 @@ class _Source(Protocol):
 
 
 class _Capture:
-    """A device, by its index, or a video file of OpenCV."""
+    """Read a camera device (by its index) or a video file with OpenCV."""
 
     def __init__(self, source: str | int) -> None:
         self._is_device = isinstance(source, int)
@@ -60,22 +60,22 @@ class _Capture:
             raise InstrumentDisconnected(f"{self._name}: cannot be opened")
 
     def set_up(self, settings: CameraSettings) -> CameraSettings:
-        """Set a device's settings and read them back."""
+        """Apply the settings to a device and return the values read back; a video file has no settings."""
         if not self._is_device:
             refuse_on_recording(str(self._name), settings)
             return NO_SETTINGS
-        capture, found = self._capture, NO_SETTINGS
-        if settings.bit_depth is not None:  # first: it may choose another mode of the device
-            found = replace(found, bit_depth=self._set_bit_depth(settings.bit_depth))
+        capture, read_back = self._capture, NO_SETTINGS
+        if settings.bit_depth is not None:  # must be the first setting, because it may change the mode of the device
+            read_back = replace(read_back, bit_depth=self._set_bit_depth(settings.bit_depth))
         if settings.exposure_s is not None:
-            found = replace(found, exposure_s=self._set_exposure(settings.exposure_s))
+            read_back = replace(read_back, exposure_s=self._set_exposure(settings.exposure_s))
         if settings.gain is not None:
             capture.set(cv2.CAP_PROP_GAIN, settings.gain)
-            found = replace(found, gain=capture.get(cv2.CAP_PROP_GAIN))
+            read_back = replace(read_back, gain=capture.get(cv2.CAP_PROP_GAIN))
         if settings.gamma is not None:
             capture.set(cv2.CAP_PROP_GAMMA, settings.gamma)
-            found = replace(found, gamma=capture.get(cv2.CAP_PROP_GAMMA))
-        return found
+            read_back = replace(read_back, gamma=capture.get(cv2.CAP_PROP_GAMMA))
+        return read_back
 
     def _set_bit_depth(self, depth: int) -> int:
         if depth not in (8, 16):
@@ -101,7 +101,7 @@ class _Capture:
 
     def read(self) -> tuple[NDArray[Any], float]:
         success, image = self._capture.read()
-        # OpenCV may go on reporting success after a camera is unplugged; its device node does go.
+        # OpenCV may still report success after a camera is unplugged, but its device node disappears.
         if not success or (self._node and not self._node.exists()):
             end = "no more frames: unplugged?" if self._is_device else f"end of playback after {self._count} frames"
             raise (InstrumentDisconnected if self._is_device else EndOfPlayback)(f"{self._name}: {end}")
@@ -111,7 +111,7 @@ class _Capture:
         return image, self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
 
     def _stamp(self) -> float:
-        """The kernel's own time stamp of the frame, on the clock of time.monotonic, s; 0 where there is none."""
+        """Return the kernel's time stamp of the frame (s, clock of `time.monotonic`), or 0 if there is none."""
         if self._capture.getBackendName() != V4L2:
             return 0.0
         return max(self._capture.get(cv2.CAP_PROP_POS_MSEC), 0.0) / 1000.0
@@ -121,28 +121,39 @@ class _Capture:
 
 
 class OpenCVCamera:
-    """A camera that a thread of its own reads, since OpenCV's read blocks for as long as the device likes.
+    """Read a camera device, a video file or a series of images in a separate thread.
 
-    source: a device index (`0` or `"0"`), a video file, a folder of images, or a pattern such as
-    `f_%03d.png`.
+    A separate thread is needed because OpenCV's `read` has no timeout.
 
-    settings: set before the first frame. `region` is cut out of every image, of a recording's too; the others
-    are the device's. Afterwards `settings` holds what was read back.
+    Of a device only the newest frame is kept, so that `grab` never returns an old one. `Frame.number` also counts the
+    frames that were discarded. `flush` discards a frame if its time stamp is earlier than the call or if it was being
+    read during the call. Of a recording every frame is returned in order, and `flush` has no effect.
 
-    Of a device only the newest frame is kept: no stale frame waits in a buffer, and `Frame.number` counts
-    those that were passed over. A frame that the device had ready before a `flush`, by its time stamp or
-    because it was being read, is stale and passed over as well. A recording waits: every frame is handed out,
-    in order, and `flush` leaves it alone. Time stamps are the host's monotonic clock for a device (the
-    kernel's stamp on V4L2), the file's own for a video, and the place in the series for images.
+    The time stamp of a device's frame is from the host's monotonic clock (on V4L2, the kernel's time stamp). The time
+    stamp of a video frame is from the file. The time stamp of an image is its index in the series.
+
+    Parameters
+    ----------
+    source : str or int
+        A device index (`0` or `"0"`), a video file, a folder of images, or a pattern such as `f_%03d.png`.
+    settings : CameraSettings, optional
+        Settings to apply before the first frame. `region` is cut out of every image, also of a recording; the other
+        settings are those of the device. The attribute `settings` holds the values that were read back.
     """
 
     name = "opencv"
 
     def __init__(self, source: str | int, settings: CameraSettings = NO_SETTINGS) -> None:
-        """Open the source and set it up.
+        """Open the source and apply the settings.
 
-        Raises InstrumentDisconnected when it cannot be opened, InstrumentError for a setting that it does not
-        have, SetPointRefused and SetPointNotTaken for one that it does not take.
+        Raises
+        ------
+        InstrumentDisconnected
+            The source cannot be opened.
+        SetPointRefused, SetPointNotTaken
+            A setting is not permitted, or differs when it is read back.
+        InstrumentError
+            The source does not have a requested setting.
         """
         self.source = str(source)
         self._live = self.source.isdecimal()
@@ -181,17 +192,17 @@ class OpenCVCamera:
             raise SetPointRefused(
                 f"{self.source}: region = {settings.region} must be left, top, width, height in pixels"
             )
-        found = replace(self._input.set_up(replace(settings, region=None)), region=settings.region)
-        settings.verify(self.source, found)
-        return found
+        read_back = replace(self._input.set_up(replace(settings, region=None)), region=settings.region)
+        settings.verify(self.source, read_back)
+        return read_back
 
     def identify(self) -> Identity:
-        """What plays the camera."""
+        """Return the kind of source and the version of OpenCV as the identity."""
         text = f"{type(self._input).__name__.strip('_')} of OpenCV {cv2.__version__}"
         return Identity(driver=self.name, text=text, address=self.source)
 
     def flush(self) -> None:
-        """Throw away frames of a device whose exposure may have begun before this call."""
+        """Discard the frames of a device whose exposure may have begun before this call."""
         if self._live:
             with self._changed:
                 self._newest = None
@@ -199,10 +210,10 @@ class OpenCVCamera:
                 self._flushed_s = time.monotonic()
 
     def grab(self, timeout_s: float) -> Frame:
-        """The next frame.
+        """Return the next frame.
 
-        Raises InstrumentTimeout after `timeout_s`, InstrumentDisconnected when the device is gone or the
-        recording is at its end, ReplyNotUnderstood for an image file that cannot be read.
+        Raises InstrumentTimeout after `timeout_s`, InstrumentDisconnected if the device was unplugged or closed,
+        EndOfPlayback after the last frame of a recording, and ReplyNotUnderstood for an unreadable image file.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._newest or self._failure or self._closing, timeout_s)
@@ -217,7 +228,7 @@ class OpenCVCamera:
             raise InstrumentTimeout(f"{self.source}: no frame within {timeout_s:g} s")
 
     def close(self) -> None:
-        """Release the device; one whose read hangs is released by its thread as soon as the read returns."""
+        """Release the device. If a read hangs, the reading thread releases the device when the read returns."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
@@ -231,7 +242,7 @@ class OpenCVCamera:
                 image, time_s = self._input.read()
                 image = self._cut(image)
                 with self._changed:
-                    # A stale frame was read, or was ready in the device's buffer, before the flush.
+                    # Discard a frame that was read, or was waiting in the device's buffer, before the flush.
                     if flushes == self._flushes and not (self._live and time_s < self._flushed_s):
                         self._newest = Frame(image=image, number=number, timestamp_s=time_s)
                         self._changed.notify_all()

@@ -1,4 +1,4 @@
-"""What can be set on a camera, and whether it took."""
+"""Define the settings of a camera and compare them with the values that the camera reads back."""
 
 from __future__ import annotations
 
@@ -9,16 +9,25 @@ from typing import Any
 from eimi_drivers.interfaces import SetPointNotTaken, UnusableDriver
 
 WITHIN = 0.02
-"""Cameras round exposure, gain and gamma to steps of their own; further off than this part is not taken."""
+"""Largest relative difference between a setting and its read-back; cameras round exposure, gain and gamma."""
 
 
 @dataclass(frozen=True)
 class CameraSettings:
-    """Settings of a camera; None leaves one as it is.
+    """Hold the settings of a camera; None leaves a setting unchanged.
 
-    exposure_s: seconds. gain: dB on Basler cameras, the device's own unit through OpenCV. gamma: the exponent
-    on Basler cameras, the device's own unit through OpenCV. region: left, top, width, height of the part of
-    the image to use, pixels. bit_depth: bits of a grey value.
+    Parameters
+    ----------
+    exposure_s : float, optional
+        Exposure time, s.
+    gain : float, optional
+        Gain, in dB on Basler cameras and in the device's unit with OpenCV.
+    gamma : float, optional
+        Gamma, the exponent on Basler cameras and in the device's unit with OpenCV.
+    region : tuple of int, optional
+        Left, top, width and height of the part of the image to use, px.
+    bit_depth : int, optional
+        Number of bits of a grey value.
     """
 
     exposure_s: float | None = None
@@ -28,11 +37,11 @@ class CameraSettings:
     bit_depth: int | None = None
 
     def chosen(self) -> dict[str, Any]:
-        """Those that are not None, by name."""
+        """Return the settings that are not None, by name."""
         return {name: value for name, value in asdict(self).items() if value is not None}
 
     def verify(self, camera: str, found: CameraSettings) -> None:
-        """Compare with what `camera` reads back. Raises SetPointNotTaken naming every setting that differs."""
+        """Compare the settings with the values that `camera` read back. Raises SetPointNotTaken if any differ."""
         read_back = asdict(found)
         wrong = [
             f"{name} was set to {value} but reads back {read_back[name]}"
@@ -44,13 +53,13 @@ class CameraSettings:
 
 
 NO_SETTINGS = CameraSettings()
-"""Everything stays as it is."""
+"""Leave every setting of the camera unchanged."""
 
 
 def settings_of(camera: object) -> CameraSettings:
-    """Return the settings that a camera read back when it was opened; none if it keeps no `settings`.
+    """Return the settings that a camera read back when it was opened; `NO_SETTINGS` if it has no such attribute.
 
-    Raises UnusableDriver if its `settings` are something else.
+    Raises UnusableDriver if the attribute `settings` is not a `CameraSettings`.
     """
     settings = getattr(camera, "settings", NO_SETTINGS)
     if not isinstance(settings, CameraSettings):
@@ -58,7 +67,7 @@ def settings_of(camera: object) -> CameraSettings:
     return settings
 
 
-def _same(asked: Any, found: Any) -> bool:
-    if isinstance(asked, float) and found is not None:
-        return math.isclose(asked, found, rel_tol=WITHIN, abs_tol=1e-9)
-    return bool(asked == found)
+def _same(requested: Any, read_back: Any) -> bool:
+    if isinstance(requested, float) and read_back is not None:
+        return math.isclose(requested, read_back, rel_tol=WITHIN, abs_tol=1e-9)
+    return bool(requested == read_back)

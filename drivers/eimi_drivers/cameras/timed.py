@@ -1,4 +1,4 @@
-"""A deadline for every call of a camera, held from outside: a driver's own timeout is worth as much as the driver."""
+"""Set a deadline for every call of a camera, so that the suite does not depend on the timeouts of its driver."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import TypeVar
 from eimi_drivers.cameras.settings import settings_of
 from eimi_drivers.interfaces import Camera, Frame, Identity, InstrumentError, InstrumentTimeout, raised
 
-OPEN_WITHIN_S = 60.0  # a network camera is looked for
+OPEN_WITHIN_S = 60.0  # finding a network camera takes long
 ANSWER_WITHIN_S = 5.0
 GRACE_S = 0.5
-"""Beyond the timeout that a camera is given for a frame."""
+"""Extra time after the timeout of `grab` before the call counts as hanging, s."""
 
 LOOK_EVERY_S = 0.1
 OPENING = "being opened"
@@ -25,17 +25,17 @@ _callers: list[threading.Thread] = []
 
 
 def calls_under_way() -> bool:
-    """Whether a camera's driver has not come back from a call; the last one is given a moment to."""
+    """Return whether a camera call is still running, after a short wait for each calling thread."""
     for caller in _callers:
         caller.join(LOOK_EVERY_S)
     return any(caller.is_alive() for caller in _callers)
 
 
 class TimedCamera:
-    """A camera whose calls are made by a thread of its own.
+    """Call a camera from a separate thread and stop waiting at a deadline.
 
-    One that does not come back in time is an InstrumentTimeout, and so is every call after it: the thread is lost, and
-    the process can end without it.
+    If a call has not returned at its deadline, InstrumentTimeout is raised, and every later call raises it too. The
+    thread that made the call is abandoned; it does not keep the process from ending.
     """
 
     def __init__(
@@ -54,16 +54,16 @@ class TimedCamera:
         open_it : callable
             Opens the camera.
         seconds : callable
-            The clock, in s, that measures the deadlines. A device's time is the host's. A simulated camera's time is
-            what it computes, `time.process_time`: a busy host is not its fault.
+            The clock (s) that measures the deadlines. For a real camera this is the host's clock. For a simulated
+            camera it is the processor time, `time.process_time`, so that other programs on the host cause no timeout.
         meanwhile : callable, optional
-            Is called again and again during a call, in the caller's thread, and may raise. The call itself goes on
-            then, and the next one waits for it.
+            Is called repeatedly in the thread of the caller while a call of the camera runs. It may raise an error.
+            The call of the camera then continues, and the next call waits for it.
 
         Raises
         ------
         InstrumentTimeout
-            If it is not open within `OPEN_WITHIN_S`; and whatever `open_it` raises.
+            The camera is not open within `OPEN_WITHIN_S`. An error of `open_it` is passed on.
         """
         self._seconds = seconds
         self._name = name
@@ -81,19 +81,19 @@ class TimedCamera:
         self.settings = settings_of(self._camera)
 
     def identify(self) -> Identity:
-        """See `Camera.identify`."""
+        """Ask the camera for its identity, see `Camera.identify`."""
         return self._within(ANSWER_WITHIN_S, "identify", self._camera.identify)
 
     def flush(self) -> None:
-        """See `Camera.flush`."""
+        """Discard old frames, see `Camera.flush`."""
         self._within(ANSWER_WITHIN_S, "flush", self._camera.flush)
 
     def grab(self, timeout_s: float) -> Frame:
-        """See `Camera.grab`."""
+        """Return the next frame, see `Camera.grab`."""
         return self._within(timeout_s + GRACE_S, "grab", lambda: self._camera.grab(timeout_s))
 
     def close(self) -> None:
-        """See `Camera.close`. Nothing is left to be done for one that is lost."""
+        """Release the camera, see `Camera.close`; do nothing if an earlier call has not returned."""
         try:
             if not self._lost:
                 self._within(ANSWER_WITHIN_S, "close", self._camera.close)
@@ -112,14 +112,14 @@ class TimedCamera:
         def answer() -> None:
             try:
                 answers.put((call(), None))
-            except BaseException as error:  # whatever it is, it is the caller's to handle
+            except BaseException as error:  # passed on to the thread that waits
                 answers.put((None, error))
 
         self._calls.put(answer)
         until = self._seconds() + seconds
         while True:
             try:
-                found, error = answers.get(timeout=LOOK_EVERY_S)
+                answer_of_call, error = answers.get(timeout=LOOK_EVERY_S)
             except queue.Empty:
                 if self._seconds() >= until:
                     self._lost = f"{self._name}: its driver did not come back from {what} within {seconds:g} s"
@@ -133,4 +133,4 @@ class TimedCamera:
                 raise InstrumentError(f"{self._name}: its driver raised {raised(error)} in {what}") from error
             if error is not None:
                 raise error
-            return found  # type: ignore[return-value]
+            return answer_of_call  # type: ignore[return-value]

@@ -1,4 +1,4 @@
-"""What every camera driver does: each check is a function whose name is the claim."""
+"""Check the behaviour that every camera driver must have; the name of each check states the behaviour."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from eimi_drivers.testing.claims import claim, must_raise, run_checks, within
 FRAME_WITHIN_S = 10.0
 SHORT_S = 0.2
 ENDS_WITHIN_S = 30.0
-"""A call that has not ended by then is taken for one that never does."""
+"""A call that takes longer than this (s) counts as hanging."""
 
 FRAMES = 3
 STORED = 8
-"""So many frames may a camera still give that it had taken before it hung or was unplugged."""
+"""Largest number of stored frames that a camera may still return after it hung or was unplugged."""
 
 
 @dataclass
 class CameraBench:
-    """A camera or its stand-in, and what can be done to it. See `check_camera`."""
+    """Hold the camera to be checked and the functions that disturb it; see `check_camera` for the fields."""
 
     open: Callable[..., Camera]
     camera: Camera
@@ -47,14 +47,14 @@ class CameraBench:
 
 
 def says_who_it_is(bench: CameraBench) -> None:
-    """`identify` names driver, camera and address."""
+    """Check that `identify` returns the driver and the camera."""
     identity = bench.camera.identify()
     claim(isinstance(identity, Identity), f"identify() should return an Identity, not {identity!r}")
     claim(bool(identity.driver and identity.text), f"identify() leaves driver or text empty: {identity}")
 
 
 def gives_frames_in_order(bench: CameraBench) -> None:
-    """Frames are grey or colour images of one shape; numbers grow, and time stamps do not go back."""
+    """Check that frames have one shape, increasing numbers, and time stamps that do not decrease."""
     frames = _grab(bench.camera)
     for frame in frames:
         _is_a_frame(frame)
@@ -66,7 +66,7 @@ def gives_frames_in_order(bench: CameraBench) -> None:
 
 
 def keeps_frames_apart(bench: CameraBench) -> None:
-    """A frame that was handed out is not overwritten by the next one."""
+    """Check that the next frame does not overwrite a frame that was returned."""
     first = bench.camera.grab(FRAME_WITHIN_S).image
     before = first.copy()
     _grab(bench.camera, FRAMES - 1)
@@ -74,7 +74,7 @@ def keeps_frames_apart(bench: CameraBench) -> None:
 
 
 def goes_on_after_a_flush(bench: CameraBench) -> None:
-    """`flush` throws old frames away, and later ones come."""
+    """Check that `grab` returns a later frame after `flush`."""
     before = bench.camera.grab(FRAME_WITHIN_S).number
     bench.camera.flush()
     after = bench.camera.grab(FRAME_WITHIN_S).number
@@ -82,7 +82,7 @@ def goes_on_after_a_flush(bench: CameraBench) -> None:
 
 
 def reads_its_settings_back(bench: CameraBench) -> None:
-    """The `settings` of the camera are those that were asked for."""
+    """Check that the camera reads back the requested settings."""
     bench.settings.verify("the camera", settings_of(bench.camera))
     if bench.settings.region is not None:
         width, height = bench.settings.region[2:]
@@ -91,7 +91,7 @@ def reads_its_settings_back(bench: CameraBench) -> None:
 
 
 def refuses_a_setting_that_cannot_be(bench: CameraBench) -> None:
-    """A region without a pixel is an InstrumentError, and the camera can be opened after it."""
+    """Check that an empty region raises InstrumentError, and that the camera can be opened afterwards."""
     bench.camera.close()
     impossible = CameraSettings(region=(0, 0, 0, 0))
     must_raise((InstrumentError,), f"opening with {impossible}", lambda: bench.open(settings=impossible))
@@ -100,7 +100,7 @@ def refuses_a_setting_that_cannot_be(bench: CameraBench) -> None:
 
 
 def works_in_a_thread_of_its_own(bench: CameraBench) -> None:
-    """The suite opens and calls a camera in another thread than the main one."""
+    """Check that the camera works in a thread other than the main one, because the suite uses it so."""
     bench.camera.close()
     camera = TimedCamera("the camera", bench.open)
     try:
@@ -111,7 +111,7 @@ def works_in_a_thread_of_its_own(bench: CameraBench) -> None:
 
 
 def is_closed_when_it_is_closed(bench: CameraBench) -> None:
-    """Closing twice is allowed; a closed camera gives an InstrumentError and can be opened again."""
+    """Check that closing twice is allowed, and that a closed camera raises InstrumentError and can be reopened."""
     bench.camera.close()
     bench.camera.close()
     must_raise((InstrumentError,), "grab() of a closed camera", lambda: _in_time(bench.camera))
@@ -120,7 +120,7 @@ def is_closed_when_it_is_closed(bench: CameraBench) -> None:
 
 
 def says_that_no_camera_is_there(bench: CameraBench) -> None:
-    """Opening a source at which no camera is raises InstrumentDisconnected."""
+    """Check that opening a source without a camera raises InstrumentDisconnected."""
     if bench.absent is not None:
         must_raise(
             (InstrumentDisconnected,), f"opening {bench.absent!r}", lambda: bench.open(source=bench.absent).close()
@@ -128,14 +128,14 @@ def says_that_no_camera_is_there(bench: CameraBench) -> None:
 
 
 def gives_up_on_a_camera_that_hangs(bench: CameraBench) -> None:
-    """Without a frame, `grab` is an InstrumentTimeout."""
+    """Check that `grab` raises InstrumentTimeout if the camera delivers no frame."""
     if bench.freeze is not None:
         bench.freeze()
         must_raise((InstrumentTimeout,), "grab() of a camera that hangs", lambda: _grab_on(bench.camera))
 
 
 def says_that_it_was_unplugged(bench: CameraBench) -> None:
-    """`grab` of a camera that is gone is InstrumentDisconnected."""
+    """Check that `grab` raises InstrumentDisconnected after the camera was unplugged."""
     if bench.unplug is not None:
         bench.unplug()
         must_raise((InstrumentDisconnected,), "grab() of an unplugged camera", lambda: _grab_on(bench.camera))
@@ -154,7 +154,7 @@ CAMERA_CHECKS: tuple[Callable[[CameraBench], None], ...] = (
     gives_up_on_a_camera_that_hangs,
     says_that_it_was_unplugged,
 )
-"""Every check of `check_camera`."""
+"""The checks that `check_camera` runs."""
 
 
 def check_camera(
@@ -167,27 +167,28 @@ def check_camera(
     unplug: Callable[[], object] | None = None,
     checks: Iterable[Callable[[CameraBench], None]] = CAMERA_CHECKS,
 ) -> None:
-    """Check a camera driver on a camera, or on what stands in for one.
+    """Check a camera driver with a camera or a replacement for one.
 
     Parameters
     ----------
     open : CameraDriver
-        The driver: a class or a function that is called as `CameraDriver` says.
+        The driver: a class or a function that follows `CameraDriver`.
     source : str or int
-        Where a camera is that gives at least three frames each time it is opened.
+        The source of a camera that delivers at least three frames each time it is opened.
     settings : CameraSettings, optional
-        Settings that the camera takes and reads back.
+        Settings that the camera accepts and reads back.
     absent : str or int, optional
         A source at which there is no camera.
     freeze, unplug : callable, optional
-        Make the open camera give no more frames, or be gone. The checks that need what is not given do nothing.
+        Functions that stop the frames of the open camera, or make it disappear. A check whose function is omitted does
+        nothing.
     checks : iterable of functions, optional
-        Some of `CAMERA_CHECKS`; all of them unless given. The camera is opened anew for each.
+        A selection of `CAMERA_CHECKS`; the default is all. The camera is reopened for each check.
 
     Raises
     ------
     AssertionError
-        Names every check that fails, and what should have been.
+        At least one check failed. The message names every failed check and the correct behaviour.
     """
     name = str(getattr(open, "name", getattr(open, "__name__", "camera")))
 
@@ -214,7 +215,7 @@ def _in_time(camera: Camera) -> Frame:
 
 
 def _grab_on(camera: Camera) -> Frame:
-    """Grab beyond the frames that a camera may have taken before something happened to it."""
+    """Grab one frame more than the camera may have stored before it was disturbed."""
     for _ in range(STORED):
         _in_time(camera)
     return _in_time(camera)

@@ -1,4 +1,4 @@
-"""What a check claims of a driver, and the words where the claim does not hold."""
+"""State what a check requires of a driver, and report requirements that are not met."""
 
 from __future__ import annotations
 
@@ -13,23 +13,38 @@ Bench = TypeVar("Bench")
 Check = Callable[[Bench], None]
 
 LONGEST = 60
-"""So many characters of an answer are shown."""
+"""Largest number of characters of a returned value that a message shows."""
 
 
 def claim(holds: bool, otherwise: str) -> None:
-    """Raise AssertionError with the words `otherwise` unless something holds; also where Python runs with -O."""
+    """Raise AssertionError with the message `otherwise` unless `holds` is true, even if Python runs with -O."""
     if not holds:
         raise AssertionError(otherwise)
 
 
 def must_raise(errors: tuple[type[Exception], ...], doing: str, act: Callable[[], object]) -> Exception:
-    """Return the error that `act` raises, which must be one of `errors`. Raises AssertionError."""
+    """Return the error that `act` raises.
+
+    Parameters
+    ----------
+    errors : tuple of exception classes
+        The permitted errors.
+    doing : str
+        The action in words, for messages.
+    act : callable
+        The action.
+
+    Raises
+    ------
+    AssertionError
+        The action raised no error, or an error that is not permitted.
+    """
     wanted = " or ".join(error.__name__ for error in errors)
     try:
         answer = act()
     except errors as error:
         return error
-    except AssertionError:  # of `within`
+    except AssertionError:  # raised by `within`
         raise
     except Exception as error:
         raise AssertionError(f"{doing} should raise {wanted}, but raised {type(error).__name__}: {error}") from error
@@ -37,13 +52,16 @@ def must_raise(errors: tuple[type[Exception], ...], doing: str, act: Callable[[]
 
 
 def within(seconds: float, doing: str, act: Callable[[], Value]) -> Value:
-    """Return what `act` returns, or raise what it raises. Raises AssertionError if it does not end in time, s."""
+    """Run `act` in a thread and return its value or raise its error.
+
+    Raises AssertionError, which contains the words `doing`, if `act` takes longer than `seconds`.
+    """
     ends: queue.SimpleQueue[tuple[list[Value], BaseException | None]] = queue.SimpleQueue()
 
     def run() -> None:
         try:
             ends.put(([act()], None))
-        except BaseException as error:  # it is raised again in the thread that waits
+        except BaseException as error:  # raised again in the waiting thread
             ends.put(([], error))
 
     threading.Thread(target=run, name=doing, daemon=True).start()
@@ -59,14 +77,14 @@ def within(seconds: float, doing: str, act: Callable[[], Value]) -> Value:
 def run_checks(
     subject: str, checks: Iterable[Check[Bench]], open_bench: Callable[[], AbstractContextManager[Bench]]
 ) -> None:
-    """Run every check on a bench of its own. Raises one AssertionError that lists those that fail."""
+    """Run every check on a new bench. Raises one AssertionError that lists the failed checks."""
     failures: list[str] = []
     cause: Exception | None = None
     for check in checks:
         try:
             with open_bench() as bench:
                 check(bench)
-        except Exception as error:  # whatever a driver raises is what the suite looks for
+        except Exception as error:  # any error of a driver is a failed check
             words = str(error) if isinstance(error, AssertionError) else f"{type(error).__name__}: {error}"
             failures.append(f"{check.__name__}: {' '.join(words.split())}")
             cause = cause or error

@@ -1,4 +1,4 @@
-"""A supply driver on an emulated instrument that feeds a coil."""
+"""Connect a supply driver to an emulated instrument that feeds a coil."""
 
 from __future__ import annotations
 
@@ -20,16 +20,33 @@ RESISTANCE_OHM = 4.0
 TIME_CONSTANT_S = 0.01
 SETTLED_AFTER_S = 20 * TIME_CONSTANT_S
 PATIENCE_S = 60.0
-"""The longest that a call may take by the wall clock where the time that counts is simulated."""
+"""Largest real duration of a call if the driver runs in simulated time, s."""
 
 
 @dataclass
 class SupplyBench:
-    """A driver, the emulated instrument that it talks to, and the coil.
+    """Hold an open supply, the emulated instrument that it controls, and the coil.
 
-    supply: what the driver opened, with `LIMITS`. coil: the instrument and its coil, without any language. line: the
-    instrument with its language, which can be made to fail. sent: every message so far where the driver speaks over a
-    Transport in this process, else empty. open_again: opens the instrument once more.
+    Parameters
+    ----------
+    supply : PowerSupply
+        The supply that the driver opened with `LIMITS`.
+    coil : CoilSupply
+        The model of the instrument and its coil, without a command language.
+    line : FaultyInstrument
+        The instrument with its command language; it can be made to fail.
+    clock : Clock
+        The clock of the driver and the instrument.
+    bipolar : bool
+        True if the driver can set negative currents.
+    address : str
+        The address at which the supply was opened.
+    sent : list of bytes
+        The messages sent so far if the driver uses a Transport in this process; otherwise empty.
+    open_again : callable
+        Opens the instrument once more.
+    answer_within_s : float
+        The longest permitted duration of a query on a silent line, s.
     """
 
     supply: PowerSupply
@@ -43,14 +60,14 @@ class SupplyBench:
     answer_within_s: float
 
     def energise(self, current_A: float = 0.7) -> None:
-        """Set voltage and current, switch on, and wait until the coil's current has settled."""
+        """Set voltage and current (A), switch the output on, and wait until the coil's current has settled."""
         self.supply.set_voltage(LIMITS.voltage_V)
         self.supply.set_current(current_A)
         self.supply.set_output(True)
         self.clock.sleep(SETTLED_AFTER_S)
 
     def energised(self) -> bool:
-        """Return whether current flows, whatever the driver says; off is a current of zero on some supplies."""
+        """Return whether the model drives a current. Some supplies are off with the output on and a current of zero."""
         return self.coil.state.output and self.coil.state.set_current_A != 0.0
 
 

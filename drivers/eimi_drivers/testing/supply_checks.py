@@ -1,4 +1,4 @@
-"""What every supply driver does: each check is a function whose name is the claim."""
+"""Check the behaviour that every supply driver must have; the name of each check states the behaviour."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ from eimi_drivers.testing.supply_bench import (
 
 CURRENT_WITHIN_A, VOLTAGE_WITHIN_V = 0.01, 0.05
 LATE_S = 1.3
-"""An answer so late comes after the time that the drivers of this package wait for one."""
+"""Delay of a late answer, s; longer than the drivers of this package wait for an answer."""
 
 
 def says_who_it_is(bench: SupplyBench) -> None:
-    """`identify` names driver, instrument and address."""
+    """Check that `identify` returns the driver, the instrument and the address."""
     identity = bench.supply.identify()
     claim(isinstance(identity, Identity), f"identify() should return an Identity, not {identity!r}")
     claim(bool(identity.driver and identity.text), f"identify() leaves driver or text empty: {identity}")
@@ -49,7 +49,7 @@ def says_who_it_is(bench: SupplyBench) -> None:
 
 
 def drives_the_coil_and_switches_it_off(bench: SupplyBench) -> None:
-    """Set-points reach the coil, `measure` reads them, and `safe_off` ends them."""
+    """Check that set-points reach the coil, that `measure` reads them, and that the output switches off."""
     bench.energise(0.7)
     claim(bench.supply.output_on() is True, "output_on() should be True after set_output(True)")
     _flows(bench, 0.7)
@@ -64,7 +64,7 @@ def drives_the_coil_and_switches_it_off(bench: SupplyBench) -> None:
 
 
 def refuses_set_points_outside_its_limits(bench: SupplyBench) -> None:
-    """A set-point beyond the limits, or one that is no number, is SetPointRefused, and nothing is sent."""
+    """Check that a set-point outside the limits or not finite raises SetPointRefused and is not sent."""
     claim(bench.supply.limits == LIMITS, f"limits should be {LIMITS} as it was opened with, not {bench.supply.limits}")
     before = bench.coil.state
     for share in (-1.0001, 1.0001, math.nan, math.inf, -math.inf):
@@ -76,7 +76,7 @@ def refuses_set_points_outside_its_limits(bench: SupplyBench) -> None:
 
 
 def reverses_its_current_only_if_it_is_bipolar(bench: SupplyBench) -> None:
-    """Negative currents are for drivers whose `bipolar` is true."""
+    """Check that negative currents are set if `bipolar` is true and refused otherwise."""
     if not bench.bipolar:
         must_raise((SetPointRefused,), "set_current(-0.001)", lambda: bench.supply.set_current(-0.001))
         claim(bench.sent == [], f"a refused set-point was sent: {bench.sent}")
@@ -87,7 +87,7 @@ def reverses_its_current_only_if_it_is_bipolar(bench: SupplyBench) -> None:
 
 
 def reads_its_set_points_back(bench: SupplyBench) -> None:
-    """A set-point that the instrument does not take is an InstrumentError."""
+    """Check that a set-point which the instrument does not accept raises InstrumentError."""
     bench.coil.max_current_A = 0.5
     must_raise((InstrumentError,), "set_current(0.7) of 0.5 A at most", lambda: bench.supply.set_current(0.7))
     bench.coil.max_voltage_V = 5.0
@@ -95,7 +95,7 @@ def reads_its_set_points_back(bench: SupplyBench) -> None:
 
 
 def notices_a_locked_front_panel(bench: SupplyBench) -> None:
-    """An instrument that obeys nothing is reported at the first set-point, and by `safe_off`."""
+    """Check that every setter and `safe_off` report an instrument that ignores all commands."""
     bench.energise(0.7)
     bench.coil.locked = True
     must_raise((InstrumentError,), "set_current(0.2) of a locked supply", lambda: bench.supply.set_current(0.2))
@@ -104,14 +104,14 @@ def notices_a_locked_front_panel(bench: SupplyBench) -> None:
 
 
 def reports_a_protection_trip(bench: SupplyBench) -> None:
-    """`check` raises ProtectionTripped once a protection has switched the output off."""
+    """Check that `check` raises ProtectionTripped after a protection has switched the output off."""
     bench.energise()
     bench.coil.trip()
     must_raise((ProtectionTripped,), "check() after a trip", bench.supply.check)
 
 
 def is_off_after_safe_off_from_every_state(bench: SupplyBench) -> None:
-    """`safe_off` programs zero and switches off, whatever the state before, and may be called twice."""
+    """Check that `safe_off` sets zero current and switches the output off from every state, also when called twice."""
 
     def set_points() -> None:
         bench.supply.set_voltage(LIMITS.voltage_V)
@@ -140,14 +140,14 @@ def is_off_after_safe_off_from_every_state(bench: SupplyBench) -> None:
             f"safe_off() from the state: {state}: left a set-point of {bench.coil.state.set_current_A:g} A",
         )
         claim(bench.supply.output_on() is False, f"output_on() should be False after safe_off() from: {state}")
-        if bring_about is not tripped:  # an instrument may remember a trip
+        if bring_about is not tripped:  # an instrument may still report the trip
             bench.supply.check()
     bench.clock.sleep(SETTLED_AFTER_S)
     claim(abs(bench.coil.coil_current_A()) < 1e-4, "current flows after safe_off()")
 
 
 def tries_every_stage_of_switching_off(bench: SupplyBench) -> None:
-    """A message that is lost does not keep `safe_off` from sending the others."""
+    """Check that `safe_off` sends its other messages if the first one is lost."""
     bench.energise()
     lost: list[bytes] = []
 
@@ -156,13 +156,13 @@ def tries_every_stage_of_switching_off(bench: SupplyBench) -> None:
         return len(lost) == 1
 
     bench.line.inject(Fault.SILENCE, is_the_first)
-    with suppress(SwitchOffFailed):  # it may say that a stage failed
+    with suppress(SwitchOffFailed):  # safe_off may report that a stage failed
         bench.supply.safe_off()
     claim(not bench.energised(), f"safe_off() left the output on after {lost[:1]} was lost")
 
 
 def gives_up_on_a_silent_line(bench: SupplyBench) -> None:
-    """A question without an answer is an InstrumentTimeout in time, and the next answer is understood."""
+    """Check that a query without an answer raises InstrumentTimeout in time, and that the next query works."""
     bench.line.inject(Fault.SILENCE)
     must_raise(
         (InstrumentTimeout,), "output_on() on a silent line", lambda: _in_time(bench, "output_on()", "output_on")
@@ -173,7 +173,7 @@ def gives_up_on_a_silent_line(bench: SupplyBench) -> None:
 
 
 def understands_no_garbage(bench: SupplyBench) -> None:
-    """An unreadable answer is ReplyNotUnderstood, and is not taken for the answer to the next question."""
+    """Check that an unreadable answer raises ReplyNotUnderstood and is not used for the next query."""
     bench.line.inject(Fault.GARBAGE)
     must_raise((ReplyNotUnderstood,), "identify() that is answered by garbage", bench.supply.identify)
     bench.line.inject(None)
@@ -181,7 +181,7 @@ def understands_no_garbage(bench: SupplyBench) -> None:
 
 
 def understands_no_half_answers(bench: SupplyBench) -> None:
-    """Half an answer is InstrumentTimeout or ReplyNotUnderstood, and the next answer is understood."""
+    """Check that half an answer raises InstrumentTimeout or ReplyNotUnderstood, and that the next query works."""
     bench.energise()
     bench.line.inject(Fault.PARTIAL)
     must_raise(
@@ -192,14 +192,14 @@ def understands_no_half_answers(bench: SupplyBench) -> None:
 
 
 def waits_for_a_slow_answer(bench: SupplyBench) -> None:
-    """An answer that comes after 0.3 s is waited for."""
+    """Check that the driver waits for an answer that arrives after 0.3 s."""
     bench.energise()
     bench.line.inject(Fault.SLOW)
     _reads(bench, 0.7)
 
 
 def takes_no_late_answer_for_the_next(bench: SupplyBench) -> None:
-    """After an InstrumentTimeout, an answer that comes late is not taken for that to the next question."""
+    """Check that an answer which arrives after an InstrumentTimeout is not used for the next query."""
     bench.energise()
     bench.line.late_s = LATE_S
     bench.line.inject(Fault.SLOW)
@@ -211,10 +211,10 @@ def takes_no_late_answer_for_the_next(bench: SupplyBench) -> None:
 
 
 def reports_a_cut_line(bench: SupplyBench) -> None:
-    """A line that is gone is InstrumentDisconnected or InstrumentTimeout; `safe_off` raises SwitchOffFailed."""
+    """Check that a cut line raises InstrumentDisconnected or InstrumentTimeout, and that `safe_off` then fails."""
     bench.energise()
     bench.line.inject(Fault.DISCONNECT)
-    # To PyVISA a socket that the other side closed is one on which nothing comes.
+    # PyVISA reports a socket that the other side closed as a timeout.
     must_raise(
         (InstrumentDisconnected, InstrumentTimeout),
         "measure() on a line that was cut",
@@ -224,7 +224,7 @@ def reports_a_cut_line(bench: SupplyBench) -> None:
 
 
 def leaves_the_output_alone_when_it_is_opened_or_closed(bench: SupplyBench) -> None:
-    """Neither opening nor closing changes the instrument; closing twice is allowed."""
+    """Check that opening and closing leave the instrument unchanged, and that closing twice is allowed."""
     bench.energise()
     before = bench.coil.state
     bench.supply.close()
@@ -256,7 +256,7 @@ SUPPLY_CHECKS: tuple[Callable[[SupplyBench], None], ...] = (
     reports_a_cut_line,
     leaves_the_output_alone_when_it_is_opened_or_closed,
 )
-"""Every check of `check_supply`."""
+"""The checks that `check_supply` runs."""
 
 
 def check_supply(
@@ -272,24 +272,24 @@ def check_supply(
     Parameters
     ----------
     open : SupplyDriver
-        The driver: a class or a function that is called as `SupplyDriver` says.
+        The driver: a class or a function that follows `SupplyDriver`.
     emulator : callable
-        Puts the instrument's language on a `CoilSupply`: returns an object whose `receive(data: bytes) -> bytes`
-        answers a message. ``lambda coil: emulate("scpi", coil)`` is one of this package.
+        Takes a `CoilSupply` and returns an object whose `receive(data: bytes) -> bytes` answers messages in the
+        instrument's command language. Example: ``lambda coil: emulate("scpi", coil)``.
     serve : callable, optional
-        Serves the emulated instrument and gives the address that the driver opens: `serve_pty`, `serve_tcp`, or a
-        context manager of your own. Without it a driver that has `connect` is checked in this process, in simulated
-        seconds; one without is served on a pseudo-terminal.
+        A context manager that makes the emulated instrument reachable and returns the address that the driver opens:
+        `serve_pty`, `serve_tcp`, or another one. If it is omitted, a driver with `connect` is checked in this process
+        in simulated time, and a driver without `connect` on a pseudo-terminal.
     answer_within_s : float
-        The longest, in s, that a question may take on a line that is silent. After 5 s the suite takes a run for one
-        that stands still, and switches off.
+        The longest permitted duration of a query on a silent line, s. The suite treats a run without progress for 5 s
+        as hanging and switches the supply off.
     checks : iterable of functions, optional
-        Some of `SUPPLY_CHECKS`; all of them unless given. Each has a bench of its own.
+        A selection of `SUPPLY_CHECKS`; the default is all. Each check opens a new `SupplyBench`.
 
     Raises
     ------
     AssertionError
-        Names every check that fails, and what should have been.
+        At least one check failed. The message names every failed check and the correct behaviour.
     """
     subject = f"the supply driver {getattr(open, '__name__', open)}"
     run_checks(subject, checks, lambda: supply_bench(open, emulator, serve, answer_within_s))
