@@ -43,7 +43,7 @@ def test_files_to_fill_in(run: Run, tmp_path: Path, frame: Callable[..., np.ndar
     arguments = ["--states", tmp_path / "states.csv", "--specimen", tmp_path / "specimen.toml"]
     arguments += ["--calibration", tmp_path / "calibration.toml", "-o", tmp_path / "run.h5"]
     status, said = run("import", tmp_path, *arguments)
-    assert (status, "clamp_midpoint_px and axis_angle_deg is missing" in said) == (2, True)
+    assert (status, "clamp_midpoint_px and axis_angle_deg are missing" in said) == (2, True)
     (tmp_path / "run_where.png").unlink()
     assert run("import", tmp_path, *arguments, "--clamp", "64,8", "--axis", "90") == (0, "")
     with open_dataset(tmp_path / "run.h5") as dataset:

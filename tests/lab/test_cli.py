@@ -124,7 +124,7 @@ def test_a_dry_run_prints_steps_duration_limits_and_messages(files: Path) -> Non
     assert lines[1] == "limits: 1 A, 10 V; ramps of 10 A/s"
     assert "state 3: 0.3 A, 1.41 mT, 2 frames" in lines
     assert re.fullmatch(r" +[0-9.]+ s  > ISET1:0\.300", next(line for line in lines if "ISET1:0.300" in line))
-    assert lines[-2].endswith("> STATUS?")  # at the end the run asks whether the output is off
+    assert lines[-2].endswith("> VOUT1?")  # at the end the run measures the output that is off
     assert lines[-1].startswith("duration: ")
     assert sorted(path.suffix for path in files.iterdir()) == [".toml"] * 3
 

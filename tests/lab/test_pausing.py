@@ -78,7 +78,8 @@ def test_a_pause_can_be_ended_by_ctrl_c(setup: Any) -> None:
     with pytest.raises(Stopped) as stopped:
         setup.run(typed=typed, remark=lambda words: None)
     assert str(stopped.value) == (
-        f"stopped by SIGINT: the coil is off; 2 of 4 states are in {setup.path}, and the same command with --resume "
+        f"stopped by SIGINT: the coil is off, below 0.02 A measured; 2 of 4 states are in {setup.path}, "
+        "and the same command with --resume "
         "goes on from there"
     )
     del setup.bench.clock.sleep
@@ -88,7 +89,9 @@ def test_a_pause_can_be_ended_by_ctrl_c(setup: Any) -> None:
 
 def test_ctrl_c_before_the_first_state_leaves_no_file_and_says_so(setup: Any) -> None:
     setup.camera.event = lambda number: signal.raise_signal(signal.SIGINT) if number == 9 else None
-    with pytest.raises(Stopped, match="the coil is off; no state was stored yet, so that there is no file"):
+    with pytest.raises(
+        Stopped, match="the coil is off, below 0.02 A measured; no state was stored yet, so that there is no file"
+    ):
         setup.run()
     assert not setup.path.exists()
 

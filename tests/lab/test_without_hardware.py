@@ -250,6 +250,7 @@ def test_the_transcript_of_a_run_plays_the_supply_again(pictures: Path) -> None:
     again = supply_driver("scpi")(ReplayedTransport(pictures / "wire.txt"), Limits(1.0, 10.0), SimulatedClock())
     identity = again.identify()  # in the order of a run: another message than the next one is refused
     assert kept == f"{identity.driver}: {identity.text} at {identity.address}"
+    assert abs(again.measure().current_A) < 0.02
     assert not again.output_on()
     again.check()
     again.set_current(0.0)
