@@ -90,7 +90,7 @@ def test_a_pause_can_be_ended_by_ctrl_c(setup: Any) -> None:
 def test_ctrl_c_before_the_first_state_leaves_no_file_and_says_so(setup: Any) -> None:
     setup.camera.event = lambda number: signal.raise_signal(signal.SIGINT) if number == 9 else None
     with pytest.raises(
-        Stopped, match="the coil is off, below 0.02 A measured; no state was stored yet, so that there is no file"
+        Stopped, match=r"the coil is off, below 0\.02 A measured; no state was stored yet, so that there is no file"
     ):
         setup.run()
     assert not setup.path.exists()
