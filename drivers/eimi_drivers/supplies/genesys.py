@@ -94,7 +94,7 @@ class GenesysSupply(SupplyBase):
 
     @property
     def reads_zero_within_A(self) -> float:
-        """0.3 % of the rated current, assumed from the accuracy that the family's data sheets state for read-back.
+        """Return 0.3 % of the rated current: an assumed read-back offset, not checked against a manual.
 
         The rating is the second number of the model: 38 A of GEN40-38.
         """

@@ -42,7 +42,7 @@ class KepcoBopSupply(ScpiSupply):
 
     @property
     def reads_zero_within_A(self) -> float:
-        """The offset of the family's meters."""
+        """Return an assumed offset of the family's meters, not checked against a manual."""
         return READS_ZERO_WITHIN_A
 
     def _enabled(self) -> bool:

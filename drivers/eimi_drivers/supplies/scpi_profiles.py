@@ -34,8 +34,8 @@ class Profile:
     trip: the questions whether a protection tripped, answered 1 or 0, YES or NO; none where there are none.
     trip_register: a question answered with a number, of whose bits `trip_bits` tells those that are trips, in words.
     query_delay_s: to wait between a question and reading its answer.
-    reads_zero_within_A: the fixed part of the family's accuracy of measured current. It decides only where it is above
-    20 mA, see `eimi_drivers.supplies.off`; 0 stands for one that is below, or that is not stated here.
+    reads_zero_within_A: the fixed part of the family's accuracy of measured current. It is used only if it is above
+    20 mA, see `eimi_drivers.supplies.off`. 0 stands for an offset that is smaller, or that was not looked up.
     """
 
     driver: str
