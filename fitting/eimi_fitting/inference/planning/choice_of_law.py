@@ -1,12 +1,17 @@
-"""Which of several laws the same data support: AICc and BIC.
+"""Compare how well the same data support several laws, by AICc and BIC.
 
-With N independent points and normal noise of unknown level, -2 log L = 2 N log(error) up to what is common to all laws
-(Burnham and Anderson 2002, Model Selection and Multimodel Inference, section 2.2 and, for the correction for small
-samples, Eq. 2.4; Schwarz 1978, Ann. Statist. 6:461, for BIC). A tensile curve in the fit adds 2 n log(RMSE) for its n
-independent rows. What is stated with an uncertainty, and is off, adds the squares of its standardised deviations: a law
-is compared where it and the stated sources together explain most, or a wrong width would speak for the law that bends
-like it. N and n are those of the law that fits best, for all laws alike: residuals of a law that does not fit
-hang together because it does not (ibid., section 2.5, on taking the variance from the global model).
+With N independent points and normal noise of unknown level, the deviance is
+
+    -2 log L = 2 N log(error) + constant,
+
+where the constant is the same for all laws (Burnham and Anderson 2002, Model Selection and Multimodel Inference,
+section 2.2; Eq. 2.4 for the correction for small samples; Schwarz 1978, Ann. Statist. 6:461, for BIC). A tensile curve
+in the fit adds 2 n log(RMSE) for its n independent rows. Each quantity that is stated with an uncertainty adds the
+square of its deviation in standard uncertainties. A law is therefore compared at the optimum over its parameters and
+the stated quantities; otherwise a wrong width would favour the law that imitates it.
+
+N and n are those of the law that fits best, for all laws: the residuals of a law that does not fit are correlated
+because the law is wrong (ibid., section 2.5, on taking the variance from the global model).
 """
 
 from __future__ import annotations
@@ -19,10 +24,20 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Candidate:
-    """What one law left: unknowns fitted; errors, (independent points, error) of the edges and of each curve.
+    """One law and the errors of its fit.
 
-    held_out_error_mm: mean error of states left out of the fit, where that is known; stated_squares: of what priors and
-    stated sources are off by for these errors, in standard uncertainties, the sum of squares.
+    Attributes
+    ----------
+    model : str
+        Name of the law.
+    unknowns : int
+        Number of fitted unknowns.
+    errors : tuple of tuple
+        Number of independent points and error, of the edges (mm) and then of each tensile curve.
+    held_out_error_mm : float or None
+        Mean error of the states left out of the fit; None if no state was left out.
+    stated_squares : float
+        Sum of the squared deviations of priors and stated sources, in standard uncertainties, at the optimum.
     """
 
     model: str
@@ -34,10 +49,25 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Choice:
-    """One law among those compared: AICc and BIC above the best one's.
+    """The criteria of one law in the comparison.
 
-    aicc: None where the data are too few for the law; weight: the Akaike weight among the laws that have an AICc
-    (Burnham and Anderson 2002, Eq. 2.9), None where there are not two such laws.
+    Attributes
+    ----------
+    model : str
+        Name of the law.
+    unknowns : int
+        Number of fitted unknowns.
+    independent_points : float
+        Number of independent points of the edges and all curves.
+    aicc : float or None
+        AICc minus the smallest AICc; None if the data are too few for the law.
+    bic : float
+        BIC minus the smallest BIC.
+    weight : float or None
+        Akaike weight among the laws that have an AICc (Burnham and Anderson 2002, Eq. 2.9); None if there are fewer
+        than two such laws.
+    held_out_error_mm : float or None
+        Mean error of the states left out of the fit; None if no state was left out.
     """
 
     model: str
@@ -50,7 +80,7 @@ class Choice:
 
 
 def choose(candidates: Sequence[Candidate]) -> tuple[Choice, ...]:
-    """AICc and BIC above the smallest of all, in the order given."""
+    """Return AICc and BIC of each candidate relative to the smallest, in the order given."""
     if not candidates:
         return ()
     best = min(candidates, key=lambda c: c.errors[0][1])

@@ -1,21 +1,22 @@
-"""Which states to measure next, for an interval as narrow as can be or for two laws as far apart as can be.
+"""Choose the states to measure next: for the narrowest interval, or to distinguish two laws.
 
-Every state that could be measured is linearised about a law that is known already: how its edges move with the
-unknowns (J), and with one standard uncertainty of each stated source (C). With w the inverse variance of as many points
-as count as one, alike in all states, a choice of states has, by sums over them,
+Every state that could be measured is linearised about the law of an earlier fit. J is the derivative of its edges in
+the unknowns, and C their change for one standard uncertainty of each stated source. w is the inverse variance of an
+independent point, the same in all states; P holds the inverse variances known before the measurement. With t the factor
+of Student's distribution and sums over the chosen states, a choice has
 
-information       A = w sum J'J,  H = A + P with the inverse variances P of what was known before
-sources' steps    S = inv(H) w sum J'C
-variance          inv(H) (t^2 A + P) inv(H) + S S'
+    information         A = w sum J'J,  H = A + P
+    steps of sources    S = inv(H) w sum J'C
+    covariance          inv(H) (t^2 A + P) inv(H) + S S'
 
-which is what `inference.interval.covariance` and `inference.interval.considered` make of the measurement when it is
-there. Among the
-candidates states are exchanged one at a time for the one that helps most, until none helps (Fedorov 1972, Theory of
-Optimal Experiments, section 3.3; Atkinson and Donev 1992, Optimum Experimental Designs, section 15.4), from equally
-spaced states and from those that help most one by one.
+`inference.interval.covariance` and `inference.interval.considered` compute the same from the measurement itself. The
+chosen states are exchanged one at a time for the candidate that helps most, until no exchange helps (Fedorov 1972,
+Theory of Optimal Experiments, section 3.3; Atkinson and Donev 1992, Optimum Experimental Designs, section 15.4). The
+exchange starts twice: from equally spaced states, and from the states that help most when chosen one by one.
 
-Two laws are told apart by what the rival leaves of the first one's edges, refitted, in units of the noise: the
-noncentrality of T-optimality (Atkinson and Fedorov 1975, Biometrika 62:57). It is what AIC grows by.
+To distinguish two laws, the rival law is refitted to the edges of the first law. The criterion is the sum of squares
+that remains, in units of the noise: the noncentrality of T-optimality (Atkinson and Fedorov 1975, Biometrika 62:57).
+It is the expected difference in AIC.
 """
 
 from __future__ import annotations
@@ -49,28 +50,28 @@ Choice = NDArray[np.intp]
 
 MODULUS = "initial shear modulus"
 _NORMAL = float(special.ndtri(0.975))
-_DECADES = 1.5  # either way of the modulus: what `inference.searching.modulus_range` searches
+_DECADES = 1.5  # searched below and above the modulus, as in `inference.searching.modulus_range`
 _SWEEPS = 20
-_GAIN = 1e-6  # of the criterion: an exchange that gains less is none
+_GAIN = 1e-6  # smallest relative gain of the criterion for which a state is exchanged
 _SLOPE_STEP = 1e-4
-_FIT_ALONG = 26  # elements of `BeamModel.refined`, on which a fit ends
+_FIT_ALONG = 26  # elements along `BeamModel.refined`, the mesh of the final fit
 
 
 @dataclass(frozen=True)
 class KnownLaw:
-    """A law with the parameters (n,) that are known so far."""
+    """A law with the parameters (n,) of an earlier fit."""
 
     law: Law
     parameters: Array
 
     def unknowns(self) -> tuple[Unknowns, Array]:
-        """The unknowns of a fit of it, and where in them the parameters are (n,)."""
+        """Return the unknowns of a fit of the law, and the coordinates (n,) of the parameters among them."""
         modulus = float(self.law.initial_shear_modulus(self.parameters))
         space = search_space(self.law)
         lower, upper = (modulus * 10.0**end for end in (-_DECADES, _DECADES))
         space = replace(space, lower=(lower, *space.lower[1:]), upper=(upper, *space.upper[1:]))
         scale = np.where(np.array(self.law.units) == "Pa", modulus, 1.0)
-        found = optimize.least_squares(
+        solution = optimize.least_squares(
             lambda unit: (space.parameters(unit[None])[0] - self.parameters) / scale,
             np.full(len(space.names), 0.5),
             bounds=(0.0, 1.0),
@@ -78,13 +79,23 @@ class KnownLaw:
             ftol=1e-12,
             gtol=1e-12,
         )
-        return Unknowns(space), np.asarray(found.x)
+        return Unknowns(space), np.asarray(solution.x)
 
 
 @dataclass(frozen=True)
 class EdgeNoise:
-    """residual_mm: standard deviation of a point; points: of both edges of a state; alike: of which so many count as
-    one; left_percent: half-width of what the solid section leaves in the modulus.
+    """The noise of the measured edges.
+
+    Attributes
+    ----------
+    residual_mm : float
+        Standard deviation of a point, mm.
+    points : int
+        Number of points on both edges of a state.
+    alike : float
+        Number of neighbouring points that together count as one independent point.
+    left_percent : float
+        Half-width of the error that the correction for the solid section leaves in the modulus, per cent.
     """
 
     residual_mm: float
@@ -93,26 +104,44 @@ class EdgeNoise:
     left_percent: float = 0.0
 
     @staticmethod
-    def of(told: Identifiability, states: int, left_percent: float = 0.0) -> EdgeNoise:
-        """That of an earlier fit to so many states; where it did not say, all its residuals are taken for noise."""
-        independent = told.noise_points or told.independent_points
+    def of(earlier: Identifiability, states: int, left_percent: float = 0.0) -> EdgeNoise:
+        """Return the noise of an earlier fit to this number of states.
+
+        If the earlier fit did not separate the noise from the misfit, all its residuals count as noise.
+        """
+        independent = earlier.noise_points or earlier.independent_points
         return EdgeNoise(
-            residual_mm=told.noise_mm or told.residual_mm,
-            points=round(told.points / states),
-            alike=told.points / independent,
+            residual_mm=earlier.noise_mm or earlier.residual_mm,
+            points=round(earlier.points / states),
+            alike=earlier.points / independent,
             left_percent=left_percent,
         )
 
 
 @dataclass(frozen=True)
 class Candidates:
-    """S states of one specimen that could be measured, linearised.
+    """S states of one specimen that could be measured, linearised in n unknowns and C stated sources.
 
-    loads: theirs; states: (S,) the index of each among the loads that were considered.
-    normal: (S, n, n) sums of J'J over a state's points, over the variance of as many as count as one;
-    moved: (S, n, C) sums of J'C; sources: names of the C; prior: (n, n); goal: (n,) the derivative of what is to be
-    known, as a share of it; points: of a state that are independent; left: standard deviation, as a share, that no
-    state lowers.
+    Attributes
+    ----------
+    loads : Loads
+        The loads of the S states.
+    states : ndarray of int, shape (S,)
+        Index of each state among all loads that were considered.
+    normal : ndarray, shape (S, n, n)
+        w sum J'J over the points of a state.
+    moved : ndarray, shape (S, n, C)
+        w sum J'C over the points of a state.
+    sources : tuple of str
+        Names of the C sources.
+    prior : ndarray, shape (n, n)
+        Inverse variances P known before the measurement.
+    goal : ndarray, shape (n,)
+        Derivative of the goal in the unknowns, divided by the value of the goal.
+    points : float
+        Number of independent points in a state.
+    left : float
+        Standard deviation of the goal, as a share of its value, that no state lowers.
     """
 
     loads: Loads
@@ -129,59 +158,75 @@ class Candidates:
         return len(self.normal)
 
     def variance(self, choices: Choice) -> Array:
-        """(D,): of the goal, as a share squared, for D choices (D, K) of states."""
+        """Return the relative variance (D,) of the goal for D choices (D, K) of states."""
         information, moved = self.normal[choices].sum(axis=1), self.moved[choices].sum(axis=1)
         goal = np.tile(self.goal, (len(choices), 1))[..., None]
         direction = np.linalg.solve(information + self.prior, goal)[..., 0]
         noise = np.einsum("di,dij,dj->d", direction, information, direction)
-        known = np.einsum("di,ij,dj->d", direction, self.prior, direction)
+        prior = np.einsum("di,ij,dj->d", direction, self.prior, direction)
         sources = (np.einsum("di,dic->dc", direction, moved) ** 2).sum(axis=1)
-        return np.asarray(self._widened(choices.shape[1]) ** 2 * noise + known + sources + self.left**2)
+        return np.asarray(self._widened(choices.shape[1]) ** 2 * noise + prior + sources + self.left**2)
 
     def half_width_percent(self, choice: Choice) -> float:
-        """Of the 95 % interval to expect, in per cent of the value."""
+        """Return the half-width of the expected 95 % interval, in per cent of the value."""
         return 100 * _NORMAL * float(np.sqrt(self.variance(choice[None])[0]))
 
     def effects_percent(self, choice: Choice) -> dict[str, float]:
-        """Standard deviation in per cent that each source gives the goal, largest first."""
+        """Return the standard deviation of the goal due to each source, in per cent, largest first."""
         information, moved = self.normal[choice].sum(axis=0), self.moved[choice].sum(axis=0)
         effect = 100 * np.abs(np.linalg.solve(information + self.prior, self.goal) @ moved)
         return {self.sources[i]: float(effect[i]) for i in np.argsort(-effect)}
 
     def _widened(self, states: int) -> float:
-        """Student's t over the normal quantile, as `inference.interval.estimate` has it."""
+        """Return the ratio of Student's quantile to the normal quantile, as in `inference.interval.estimate`."""
         freedom = max(min(self.points * states - len(self.goal), 2 * states - 1), 1.0)
         return float(special.stdtrit(freedom, 0.975)) / _NORMAL
 
     def least_percent(self, states: int) -> float:
-        """No choice of so many of these states gives a narrower half-width, where there is one unknown.
+        """Return a lower bound of the half-width, in per cent, over all choices of this number of states.
 
-        Noise: no state tells more than the one that tells most. Sources: the estimate errs by an average of what each
-        state alone would err by, with weights that sum to one; the least sum of squares over all such weights is a
-        problem of non-negative least squares. Raises ValueError for more unknowns.
+        Noise: no state gives more information than the best one. Sources: the error of the estimate is a weighted mean
+        of the errors that the single states would have, with weights that sum to one. Non-negative least squares
+        minimises the sum of squares over all such weights. The bound applies to one unknown.
+
+        Raises
+        ------
+        ValueError
+            If there is more than one unknown.
         """
         if len(self.goal) > 1:
-            raise ValueError(f"the bound is that of one unknown, not of {len(self.goal)}")
-        own, known = self.normal[:, 0, 0], float(self.prior[0, 0])
-        most = states * float(own.max())
-        noise = (self.goal[0] / (most + known)) ** 2 * (self._widened(states) ** 2 * most + known)
-        seen = own > 1e-9 * own.max()
-        alone = self.goal[0] * self.moved[seen, 0] / own[seen, None]  # (S', C)
-        heavy = 1e3 * max(float(np.abs(alone).max(initial=0.0)), 1e-6)
-        rows = np.vstack([alone.T, np.full((1, int(seen.sum())), heavy)])
+            raise ValueError(f"the bound holds for one unknown; here are {len(self.goal)}")
+        information, prior = self.normal[:, 0, 0], float(self.prior[0, 0])
+        most = states * float(information.max())
+        noise = (self.goal[0] / (most + prior)) ** 2 * (self._widened(states) ** 2 * most + prior)
+        informative = information > 1e-9 * information.max()
+        alone = self.goal[0] * self.moved[informative, 0] / information[informative, None]  # (S', C)
+        heavy = 1e3 * max(float(np.abs(alone).max(initial=0.0)), 1e-6)  # enforces that the weights sum to one
+        rows = np.vstack([alone.T, np.full((1, int(informative.sum())), heavy)])
         weights, _ = optimize.nnls(rows, np.append(np.zeros(alone.shape[1]), heavy))
-        held = most / (most + known)  # what was known before holds an estimate back
-        sources = (held * (weights / weights.sum()) @ alone) ** 2
+        share = most / (most + prior)  # the prior reduces the error of the estimate by this factor
+        sources = (share * (weights / weights.sum()) @ alone) ** 2
         return 100 * _NORMAL * float(np.sqrt(noise + sources.sum() + self.left**2))
 
 
 @dataclass(frozen=True)
 class Rivals:
-    """S states in which two laws could be told apart.
+    """S states that could distinguish two laws, linearised in m quantities: the rival's unknowns and stated sources.
 
-    loads: theirs; states: (S,) the index of each among the loads that were considered.
-    square: (S,) of what the rival leaves of the first law's edges; score: (S, m) and normal: (S, m, m) of the rival's
-    unknowns and of the stated sources, all over the variance of as many points as count as one; prior: (m, m).
+    Attributes
+    ----------
+    loads : Loads
+        The loads of the S states.
+    states : ndarray of int, shape (S,)
+        Index of each state among all loads that were considered.
+    square : ndarray, shape (S,)
+        w times the sum of squared residuals r of the rival law against the edges of the first law.
+    score : ndarray, shape (S, m)
+        w sum J'r.
+    normal : ndarray, shape (S, m, m)
+        w sum J'J.
+    prior : ndarray, shape (m, m)
+        Inverse variances known before the measurement.
     """
 
     loads: Loads
@@ -195,24 +240,24 @@ class Rivals:
         return len(self.square)
 
     def variance(self, choices: Choice) -> Array:
-        """(D,): the inverse of `apart`."""
+        """Return the inverse of `apart` (D,) for D choices (D, K) of states."""
         square, score = self.square[choices].sum(axis=1), self.score[choices].sum(axis=1)
         step = np.linalg.solve(self.normal[choices].sum(axis=1) + self.prior, score[..., None])[..., 0]
         return np.asarray(1 / np.maximum(square - np.einsum("di,di->d", score, step), 1e-12))
 
     def apart(self, choice: Choice) -> float:
-        """By how much AIC is expected to speak for the first law, where it is the true one."""
+        """Return the expected difference in AIC in favour of the first law, if the first law is true."""
         return 1 / float(self.variance(choice[None])[0])
 
 
 class Criterion(Protocol):
-    """What a choice of states is good for."""
+    """The criterion that a choice of states minimises."""
 
     def __len__(self) -> int:
-        """Number of candidates."""
+        """Return the number of candidate states."""
 
     def variance(self, choices: Choice) -> Array:
-        """(D,) to be made small, of choices (D, K)."""
+        """Return the value (D,) to be minimised, for D choices (D, K) of states."""
 
 
 def candidates(
@@ -224,11 +269,38 @@ def candidates(
     goal: str = MODULUS,
     along: int = _FIT_ALONG,
 ) -> Candidates:
-    """The states of ``loads`` that the beam reaches, linearised; the goal is the modulus or a parameter of the law.
+    """Linearise the states in which the beam has an equilibrium.
 
-    The plane stands for the solid: what depth changes in the edges' derivatives is a few per cent of them. along:
-    elements of the fit's mesh, whose error is one more source. Raises KeyError for a goal that the law does not have,
-    ValueError where no state is reached.
+    The planar section stands for the solid: the depth changes the derivatives of the edges by a few per cent only.
+
+    Parameters
+    ----------
+    known : KnownLaw
+        The law and parameters of an earlier fit.
+    specimen : Specimen
+        The specimen of the planned run.
+    loads : Loads
+        The states that could be measured.
+    stated : sequence of StatedSource
+        Sources of uncertainty of the planned run.
+    noise : EdgeNoise
+        Noise of the edges.
+    goal : str
+        The quantity whose interval is to be narrow: `MODULUS` or a parameter of the law.
+    along : int
+        Number of elements along the beam in the mesh of the fit. The error of this mesh is one more source.
+
+    Returns
+    -------
+    Candidates
+        The states with an equilibrium.
+
+    Raises
+    ------
+    KeyError
+        If the law has no such parameter.
+    ValueError
+        If no state has an equilibrium.
     """
     model = _planar_model(specimen)
     states = _reached(known, model, loads)
@@ -238,7 +310,7 @@ def candidates(
     slopes = _slopes(problem, unit)
     scale = _over_variance(noise, slopes.shape[-1])
     moved = {s.name: change for s in considered(problem, unit) if (change := s.changes[0]) is not None}
-    if specimen.section != "solid":  # whose residuals are on its own mesh
+    if specimen.section != "solid":  # a solid specimen is fitted on the mesh of the solid
         moved |= _mesh(problem, unit, along)
     moves = np.array(list(moved.values())).reshape(len(moved), *slopes.shape[1:])
     return Candidates(
@@ -262,7 +334,31 @@ def rivals(
     stated: Sequence[StatedSource],
     noise: EdgeNoise,
 ) -> Rivals:
-    """The states of ``loads`` that both laws reach, where the first is true. Raises ValueError where none is."""
+    """Linearise the states in which the beam has an equilibrium with both laws, taking the first law as true.
+
+    Parameters
+    ----------
+    known, rival : KnownLaw
+        The first law and its rival, with the parameters of earlier fits.
+    specimen : Specimen
+        The specimen of the planned run.
+    loads : Loads
+        The states that could be measured.
+    stated : sequence of StatedSource
+        Sources of uncertainty of the planned run.
+    noise : EdgeNoise
+        Noise of the edges.
+
+    Returns
+    -------
+    Rivals
+        The states with an equilibrium under both laws.
+
+    Raises
+    ------
+    ValueError
+        If no state has an equilibrium under both laws.
+    """
     model = _planar_model(specimen)
     states = _reached(rival, model, loads)
     states = states[_reached(known, model, loads.take(states))]
@@ -270,39 +366,54 @@ def rivals(
     unknowns, unit = rival.unknowns()
     problem = Problem(rival.law, unknowns, (experiment,))
     slopes = _slopes(problem, unit)
-    left = compare(rival.law, rival.parameters[None], [experiment]).misfits[0].residuals[0]
+    residuals = compare(rival.law, rival.parameters[None], [experiment]).misfits[0].residuals[0]
     moved = [change for source in considered(problem, unit) if (change := source.changes[0]) is not None]
     every = np.concatenate([slopes, np.array(moved).reshape(len(moved), *slopes.shape[1:])])
     scale = _over_variance(noise, slopes.shape[-1])
     return Rivals(
         loads=experiment.loads,
         states=states,
-        square=scale * np.einsum("kgn,kgn->k", left, left),
-        score=scale * np.einsum("ikgn,kgn->ki", every, left),
+        square=scale * np.einsum("kgn,kgn->k", residuals, residuals),
+        score=scale * np.einsum("ikgn,kgn->ki", every, residuals),
         normal=scale * np.einsum("ikgn,jkgn->kij", every, every),
         prior=np.diag(np.concatenate([unknowns.prior, np.ones(len(moved))])),
     )
 
 
 def equally_spaced(states: int, count: int) -> Choice:
-    """(count,): of so many candidates in order, those that lie evenly from the first to the last."""
+    """Return the indices (count,) of candidates that are equally spaced from the first to the last."""
     return np.unique(np.round(np.linspace(0, states - 1, count)).astype(int))
 
 
 def exchange(criterion: Criterion, count: int) -> Choice:
-    """(count,) candidates, each once, in order, that no exchange of one for another betters.
+    """Choose different candidates that no exchange of a single one improves.
 
-    Raises ValueError where there are fewer candidates than that.
+    Parameters
+    ----------
+    criterion : Criterion
+        The candidates and the value to be minimised.
+    count : int
+        Number of states to choose.
+
+    Returns
+    -------
+    ndarray of int, shape (count,)
+        Indices of the chosen candidates in ascending order.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer candidates than states to choose.
     """
     if count > len(criterion):
-        raise ValueError(f"{count} states of {len(criterion)} candidates")
-    begun = [equally_spaced(len(criterion), count), _filled(criterion, count)]
-    ends = [_exchanged(criterion, choice) for choice in begun]
+        raise ValueError(f"cannot choose {count} states of {len(criterion)} candidates")
+    starts = [equally_spaced(len(criterion), count), _filled(criterion, count)]
+    ends = [_exchanged(criterion, choice) for choice in starts]
     return np.sort(min(ends, key=lambda choice: float(criterion.variance(choice[None])[0])))
 
 
 def _filled(criterion: Criterion, count: int) -> Choice:
-    """So many candidates, each the one that helps most beside those before."""
+    """Choose candidates one by one, each time the one that lowers the criterion most."""
     chosen: list[int] = []
     while len(chosen) < count:
         others = np.setdiff1d(np.arange(len(criterion)), chosen)
@@ -312,6 +423,7 @@ def _filled(criterion: Criterion, count: int) -> Choice:
 
 
 def _exchanged(criterion: Criterion, choice: Choice) -> Choice:
+    """Exchange chosen states for other candidates until no single exchange lowers the criterion."""
     best = float(criterion.variance(choice[None])[0])
     for _ in range(_SWEEPS):
         before = best
@@ -353,7 +465,7 @@ def _experiment(
 
 
 def _slopes(problem: Problem, unit: Array) -> Array:
-    """(n, K, 2, m) mm: of the residuals in the unknowns."""
+    """Return the derivatives (n, K, 2, m) of the residuals (mm) in the unknowns."""
     batch, distance = difference_batch(unit)
     residuals = problem.evaluate(batch, 1.0).comparison.misfits[0].residuals
     n = len(unit)
@@ -361,26 +473,26 @@ def _slopes(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """What a fit's correction for the mesh leaves in the residuals, as one standard deviation, of `along` elements."""
-    found = correction(
+    """Return one standard deviation of the residuals' error after the fit's mesh correction, for `along` elements."""
+    mesh_correction = correction(
         FINER_MESH,
         problem.experiments,
         problem.evaluate(unit[None], 1.0).comparison,
         lambda experiments: problem.evaluate(unit[None], 1.0, experiments).comparison,
     )
-    if found is None:
+    if mesh_correction is None:
         return {}
-    own = (problem.experiments[0].model.along / along) ** MESH_ORDER
-    return {FINER_MESH.name: own * FINER_MESH.remaining_share / _NORMAL * found.changes[0]}
+    scale = (problem.experiments[0].model.along / along) ** MESH_ORDER
+    return {FINER_MESH.name: scale * FINER_MESH.remaining_share / _NORMAL * mesh_correction.changes[0]}
 
 
-def _over_variance(noise: EdgeNoise, an_edge: int) -> float:
-    """From sums of squares over simulated points, so many an edge, to those of measured ones in units of the noise."""
-    return noise.points / (2 * an_edge) / (noise.alike * noise.residual_mm**2)
+def _over_variance(noise: EdgeNoise, points_per_edge: int) -> float:
+    """Return the factor that turns a sum over simulated points into w times the sum over measured points."""
+    return noise.points / (2 * points_per_edge) / (noise.alike * noise.residual_mm**2)
 
 
 def _goal(known: KnownLaw, unknowns: Unknowns, unit: Array, goal: str) -> Array:
-    """(n,): derivative of the goal, as a share of its value. Raises KeyError."""
+    """Return the relative derivative (n,) of the goal in the unknowns; raise KeyError for an unknown goal."""
     names = known.law.parameter_names
     if goal != MODULUS and goal not in names:
         raise KeyError(goal)

@@ -1,8 +1,8 @@
-"""The modulus from the states of a run that is still going on: quick enough to follow every state.
+"""Estimate the modulus during a run, quickly enough to repeat the estimate after every state.
 
-A Neo-Hookean solid in a planar section, divided by what that section is expected to make of its modulus
-(`inference.planning.section_bias`). Begun from the state before, it takes a few steps; the whole fit comes after the
-run.
+The law is Neo-Hookean and the section planar; the expected bias of that section (`inference.planning.section_bias`) is
+divided out. A fit that starts at the estimate after the previous state needs only a few steps. The complete fit follows
+after the run.
 """
 
 from __future__ import annotations
@@ -28,14 +28,27 @@ from eimi_fitting.laws.search_space import search_space
 Array = NDArray[np.float64]
 
 _LAW = "neo-hookean"
-_POINTS_A_STATE = 20.0  # independent ones: a guess for the scan alone
+_POINTS_A_STATE = 20.0  # independent points in a state; a guess that only the scan uses
 
 
 @dataclass(frozen=True)
 class ModulusSoFar:
-    """The initial shear modulus, Pa, with what noise and stated uncertainties leave of it; error_mm: of all states.
+    """The initial shear modulus after the states so far.
 
-    bounds_Pa, unit: where the next one begins.
+    Attributes
+    ----------
+    value_Pa : float
+        The estimate, Pa.
+    interval_95_Pa : tuple of float
+        Its 95 % interval from noise and stated uncertainties, Pa.
+    error_mm : float
+        Error of the fit over all states, mm.
+    states : int
+        Number of states in the fit.
+    bounds_Pa : tuple of float
+        Range of moduli that was searched, Pa; the next estimate uses it again.
+    unit : ndarray, shape (1,)
+        Place of the optimum in that range, from 0 to 1; the next estimate starts there.
     """
 
     value_Pa: float
@@ -47,16 +60,35 @@ class ModulusSoFar:
 
 
 def planar(specimen: Specimen) -> Specimen:
-    """The specimen in the section that is quick to solve."""
+    """Return the specimen with plane stress in place of a solid section, which takes longer to solve."""
     return replace(specimen, section="plane-stress") if specimen.section == "solid" else specimen
 
 
 def modulus_so_far(
     experiment: Experiment, section_bias: float = 0.0, before: ModulusSoFar | None = None
 ) -> ModulusSoFar:
-    """Fit the states that there are. section_bias: `expected_bias` of the planar specimen; 0 for one that is meant so.
+    """Fit a Neo-Hookean beam to the states measured so far.
 
-    Raises NothingActs, NothingConverged.
+    Parameters
+    ----------
+    experiment : Experiment
+        The states measured so far.
+    section_bias : float
+        The result of `section_bias_of` for the specimen.
+    before : ModulusSoFar, optional
+        The estimate after the previous state; the fit starts there.
+
+    Returns
+    -------
+    ModulusSoFar
+        The estimate with its interval.
+
+    Raises
+    ------
+    NothingActs
+        If no load bends the beam.
+    NothingConverged
+        If no candidate modulus has an equilibrium.
     """
     flat = replace(experiment, model=BeamModel(planar(experiment.model.specimen)), solid=None, change=None)
     law = LAWS[_LAW]
@@ -85,5 +117,5 @@ def modulus_so_far(
 
 
 def section_bias_of(specimen: Specimen) -> float:
-    """`expected_bias` of the section that is taken here; 0 where the specimen itself is meant to be planar."""
+    """Return the expected bias of the planar section used here; 0 if the specimen itself has a planar section."""
     return expected_bias(planar(specimen)) if specimen.section == "solid" else 0.0

@@ -1,4 +1,4 @@
-"""How far the edges move when a parameter changes: one extra batch of candidates."""
+"""Compute how far the edges move if a parameter of the law changes, with one batch of neighbouring candidates."""
 
 from __future__ import annotations
 
@@ -17,10 +17,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """P candidates with n parameters in K states.
+    """Edges and their derivatives for P candidates with n parameters in K states.
 
-    edges: (P, K, 2, m, 2) mm, left and right; slope: (P, n, K, 2, m, 2) mm per unit of the parameter; converged: (P,)
-    the candidate and all its neighbours; the rows of the others mean nothing.
+    Attributes
+    ----------
+    edges : ndarray, shape (P, K, 2, m, 2)
+        Points of the left and the right edge, mm.
+    slope : ndarray, shape (P, n, K, 2, m, 2)
+        Derivatives of the points, mm per unit of the parameter.
+    converged : ndarray of bool, shape (P,)
+        Whether the candidate and all its neighbours have an equilibrium. Ignore the rows of the other candidates.
     """
 
     edges: Array
@@ -31,22 +37,23 @@ class Sensitivity:
 def edge_sensitivity(
     model: BeamModel, law: Law, parameters: Array, loads: Loads, relative_step: float = 1e-4, per_segment: int = 2
 ) -> Sensitivity:
-    """Return the edges of candidates and their derivatives with respect to the parameters, by central differences.
+    """Return the edges of candidates and their derivatives in the parameters, by central differences.
 
     Parameters
     ----------
     model : BeamModel
         The beam.
     law : Law
-        Its material.
+        The material law.
     parameters : ndarray, shape (P, n)
-        P candidates, in the law's own order and units.
+        P candidates, in the order and units of the law.
     loads : Loads
         K states.
     relative_step : float
-        Of a parameter; where that is zero, of the initial shear modulus, or of 1 for an exponent.
+        Step of the difference as a share of the parameter. If the parameter is zero, the step is this share of the
+        initial shear modulus, or of 1 for a parameter without unit.
     per_segment : int
-        Points of an edge for each element along it.
+        Points of an edge in each element along it.
 
     Returns
     -------
@@ -55,16 +62,16 @@ def edge_sensitivity(
 
     Examples
     --------
-    A stiffer beam bends less: its edges move back.
+    The weight of a horizontal strip bends it down. A stiffer strip bends less, so the slope is negative.
 
     >>> from eimi_fitting import LAWS, BeamModel, Loads, Specimen, edge_sensitivity
     >>> strip = Specimen(
     ...     length_mm=30.0, width_mm=3.0, depth_mm=10.0, density_kg_m3=1070.0, section="plane-stress"
     ... )
     >>> loads = Loads.along([0.0], gravity_angle_deg=90.0)
-    >>> found = edge_sensitivity(BeamModel(strip), LAWS["neo-hookean"], np.array([46e3]), loads)
-    >>> bool(found.edges[0, 0, 0, -1, 1] > -1.5), bool(found.slope[0, 0, 0, 0, -1, 1] < 0)
-    (True, True)
+    >>> sensitivity = edge_sensitivity(BeamModel(strip), LAWS["neo-hookean"], np.array([46e3]), loads)
+    >>> bool(sensitivity.slope[0, 0, 0, 0, -1, 1] < 0)
+    True
     """
     parameters = np.atleast_2d(np.asarray(parameters, float))
     p, n = parameters.shape
