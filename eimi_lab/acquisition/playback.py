@@ -74,7 +74,7 @@ class PlayedCamera:
         return frame
 
 
-def pictures_needed(protocol: Protocol, rig: Rig) -> str:
+def describe_recording_length(protocol: Protocol, rig: Rig) -> str:
     """How many pictures a recording has and a run takes, in words; empty for a camera that is none.
 
     Raises InputError where they are too few.

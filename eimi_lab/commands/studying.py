@@ -65,7 +65,7 @@ def discover(
         output=output,
         force=force,
     )
-    return Result(lines(discovered.found, output), discovered.content)
+    return Result(lines(discovered.discovery, output), discovered.content)
 
 
 def study(

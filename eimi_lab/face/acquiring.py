@@ -1,4 +1,4 @@
-"""A dataset opened, and one taken on the bench."""
+"""Open a dataset, or acquire one on the bench."""
 
 from __future__ import annotations
 
@@ -26,34 +26,35 @@ from eimi_lab.face.given import (
 )
 from eimi_lab.process.errors import InputError, tell
 
-STANDARD_OUTPUT = 1  # the number of its descriptor
+STANDARD_OUTPUT = 1  # file descriptor
 
 
 @named_options
 def open(path: AnyDataset) -> Dataset:
-    """Open a dataset to read, also one that is being written or whose writer crashed.
+    """Open a dataset for reading, even while a run writes it or after its writer crashed.
 
     Parameters
     ----------
     path : str, Path or Dataset
-        An HDF5 file; a dataset that is open is returned as it is.
+        An HDF5 file. A dataset that is open already is returned unchanged.
 
     Returns
     -------
     Dataset
-        Its states, images and edges. It closes at the end of a ``with``, by ``close()``, or when nobody has it.
+        The dataset with its states, images and edges. It is closed at the end of a ``with`` block, by ``close()``, or
+        when no variable refers to it any more.
 
     Raises
     ------
     InputError
-        For a file that cannot be read, in one line that names it.
+        If the file cannot be read. The message names the file.
     """
     return path if isinstance(path, Dataset) else open_dataset(Path(path))
 
 
 @dataclass(frozen=True)
 class DryRun:
-    """What a run would do, a line each, down to the messages to the supply; nothing was done."""
+    """The steps of a run that was not carried out: one line for each step and for each message to the supply."""
 
     lines: tuple[str, ...]
 
@@ -93,39 +94,41 @@ def acquire(
     transcript: AnyPath | None = None,
     force: bool = False,
 ) -> Dataset | DryRun:
-    """Run a protocol on a rig: currents, frames, dataset. Ends with the coil off, whatever happens.
+    """Run a protocol on a rig: set the currents, take frames and store them in a dataset.
+
+    Every way out of the run, including errors and Ctrl-C, switches the coil off.
 
     Parameters
     ----------
     protocol, specimen, rig : str, Path or object
-        TOML files, or names of shipped ones such as ``"dragon_skin_10"``, ``"type1"`` and ``"virtual"``; or what was
-        loaded from one.
+        TOML files, names of shipped files such as ``"dragon_skin_10"``, ``"type1"`` and ``"virtual"``, or objects
+        loaded from such files.
     output : str or Path
         The dataset to write.
     dry_run : bool
-        Return what would be done, and do nothing.
+        Return the steps of the run and do not carry them out.
     resume : bool
-        Go on with the run that the dataset holds.
+        Continue the run that the dataset holds.
     take_over : bool
-        Switch off a supply whose output is found on, instead of refusing it.
+        If the output of the supply is on before the run, switch it off. Otherwise the run is refused.
     note : str
-        What the dataset is to tell of this run.
+        Text to store with the run in the dataset.
     transcript : str or Path
-        A new file for every exchange with the supply.
+        New file that records every message to and from the supply.
     force : bool
-        Replace a dataset that exists.
+        Replace an existing dataset.
 
     Returns
     -------
     Dataset
-        Open. With ``dry_run`` a `DryRun`.
+        The dataset, open for reading. With ``dry_run`` a `DryRun`.
 
     Raises
     ------
     InputError
-        Before anything is switched on.
+        If protocol, specimen, rig or output cannot be used. The output of the supply was not switched on.
     InstrumentError
-        For an instrument that does not do what it is told.
+        If an instrument fails or does not follow a command.
     """
     chosen, beam, bench_rig = protocol_of(protocol), specimen_of(specimen), rig_of(rig)
     if dry_run:
@@ -148,14 +151,14 @@ def acquire(
 
 
 def dry_steps(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> list[str]:
-    """Return what a run would do, a line each. Raises InputError."""
+    """Return the steps of a run, one line each, without carrying them out. Raises InputError."""
     from eimi_lab.acquisition.dry_run import dry_run
-    from eimi_lab.acquisition.playback import pictures_needed
+    from eimi_lab.acquisition.playback import describe_recording_length
     from eimi_lab.acquisition.run import check_request
 
     check_request(protocol, specimen, rig)
-    if words := pictures_needed(protocol, rig):
-        tell(words)
+    if length_in_words := describe_recording_length(protocol, rig):
+        tell(length_in_words)
     steps: list[str] = []
     dry_run(protocol, specimen, rig, steps.append)
     return steps
@@ -176,15 +179,28 @@ def run_protocol(
     force: bool = False,
     watched_by: str | None = None,
 ) -> Path:
-    """Run a protocol into a dataset and return where that is. Raises InputError and InstrumentError as `acquire` does.
+    """Run a protocol, store its states in a dataset, and return the path of the dataset.
 
-    read: the files that protocol, specimen and rig came from, none of which may be the output; events: print what
-    happens on standard output, a JSON object a line; watched_by: see `page.watched_run`.
+    The options that are not listed are those of `acquire`.
+
+    Parameters
+    ----------
+    read : sequence of Path
+        Files from which protocol, specimen and rig were loaded. None of them may be the output.
+    events : bool
+        Print the events of the run on standard output, one JSON object per line.
+    watched_by : str or None
+        File descriptors of the live page, see `page.watched_run`.
+
+    Raises
+    ------
+    InputError, InstrumentError
+        For the reasons given in `acquire`.
     """
     from eimi_lab.acquisition.event_lines import heard_by
     from eimi_lab.acquisition.event_words import on_terminal
     from eimi_lab.acquisition.open_bench import open_bench
-    from eimi_lab.acquisition.playback import pictures_needed
+    from eimi_lab.acquisition.playback import describe_recording_length
     from eimi_lab.acquisition.resuming import refuse_taken
     from eimi_lab.acquisition.run import acquire as run
     from eimi_lab.acquisition.run import check_request
@@ -196,8 +212,8 @@ def run_protocol(
 
     check_distinct(read, [output])
     check_request(protocol, specimen, rig)
-    if words := pictures_needed(protocol, rig):
-        tell(words)
+    if length_in_words := describe_recording_length(protocol, rig):
+        tell(length_in_words)
     if not resume:
         refuse_taken(output, force)
     elif force or note:
@@ -212,25 +228,27 @@ def run_protocol(
     if sys.stdin is not None and sys.stdin.isatty():
         tell("p and Enter pause the run, with the coil off; Ctrl-C ends it")
     page = Descriptors.of(watched_by) if watched_by else None
-    read_at = page.events if page else STANDARD_OUTPUT if events else None
+    events_descriptor = page.events if page else STANDARD_OUTPUT if events else None
     with (
         only_writer(output),
         progress("acquire", len(protocol.currents_A)) as report,
-        heard_by(on_terminal(report), read_at) as on_event,
-        open_bench(rig, specimen, protocol.limits, transcript, on_event=on_event, guardian_events=read_at) as bench,
-        watched(page, bench, rig, on_event) as seen,
+        heard_by(on_terminal(report), events_descriptor) as on_event,
+        open_bench(
+            rig, specimen, protocol.limits, transcript, on_event=on_event, guardian_events=events_descriptor
+        ) as bench,
+        watched(page, bench, rig, on_event) as watched_run,
     ):
         return run(
             protocol,
             specimen,
             rig,
-            seen.bench,
+            watched_run.bench,
             output,
             on_event,
             force,
             resume=resume,
             take_over=take_over,
             note=note,
-            show=seen.show,
-            typed=seen.typed,
+            show=watched_run.show,
+            typed=watched_run.typed,
         )

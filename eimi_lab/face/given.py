@@ -1,4 +1,4 @@
-"""What a caller gives: paths, names of shipped files, or objects that are open or loaded already."""
+"""Types and conversion of arguments: paths, names of shipped files, or objects that are open or loaded already."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.dataset.reading import Dataset
 
 AnyPath: TypeAlias = str | Path
-"""A path."""
+"""Path of a file."""
 AnyDataset: TypeAlias = AnyPath | Dataset
-"""A dataset's path, or the dataset itself."""
+"""Path of a dataset, or an open dataset."""
 AnyProtocol: TypeAlias = AnyPath | Protocol
 AnySpecimen: TypeAlias = AnyPath | SpecimenFile
 AnyRig: TypeAlias = AnyPath | Rig
@@ -29,7 +29,7 @@ T = TypeVar("T")
 
 
 def named_options(function: Callable[P, T]) -> Callable[P, T]:
-    """Decorate a function such that an option that it does not have is an error with a suggestion."""
+    """Decorate a function such that the error for an unknown option suggests an existing one."""
     names = tuple(inspect.signature(function).parameters)
 
     @functools.wraps(function)
@@ -43,20 +43,20 @@ def named_options(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def several(given: Any) -> list[Any]:
-    """Return what was given as a list: one thing, or a sequence of them. A text is one thing."""
+    """Return the elements of a list or tuple as a list, or a list with the single given object, such as a text."""
     if isinstance(given, list | tuple):
         return list(given)
     return [given]
 
 
 def path_of(given: AnyDataset) -> Path:
-    """Return a dataset's path."""
+    """Return the path of a dataset."""
     return given.path if isinstance(given, Dataset) else Path(given)
 
 
 @contextmanager
 def closed_meanwhile(given: Sequence[AnyDataset]) -> Iterator[list[Path]]:
-    """Yield the paths of datasets, and close those that are open meanwhile: their files may have to be written to."""
+    """Yield the paths of datasets; open datasets are closed within the context, so that their files can be written."""
     opened = [dataset for dataset in given if isinstance(dataset, Dataset)]
     for dataset in opened:
         dataset.close()
@@ -68,21 +68,21 @@ def closed_meanwhile(given: Sequence[AnyDataset]) -> Iterator[list[Path]]:
 
 
 def protocol_of(given: AnyProtocol) -> Protocol:
-    """Return a protocol, read from its file if need be. Raises InputError."""
+    """Return the given protocol, or load it from its file. Raises InputError."""
     return given if isinstance(given, Protocol) else load_protocol(Path(given))
 
 
 def specimen_of(given: AnySpecimen) -> SpecimenFile:
-    """Return a specimen, read from its file if need be. Raises InputError."""
+    """Return the given specimen, or load it from its file. Raises InputError."""
     return given if isinstance(given, SpecimenFile) else load_specimen(Path(given))
 
 
 def rig_of(given: AnyRig) -> Rig:
-    """Return a rig, read from its file if need be. Raises InputError."""
+    """Return the given rig, or load it from its file. Raises InputError."""
     return given if isinstance(given, Rig) else load_rig(Path(given))
 
 
 def files(*given: object) -> list[Path]:
-    """Return those of the arguments that are paths, each once."""
-    paths = (one for one in given if isinstance(one, str | Path))
+    """Return the arguments that are paths, without duplicates."""
+    paths = (argument for argument in given if isinstance(argument, str | Path))
     return list(dict.fromkeys(map(Path, paths)))

@@ -1,4 +1,4 @@
-"""From datasets and tensile tests to laws."""
+"""Identify the parameters of material laws from datasets and tensile tests."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from eimi_lab.process.outputs import check_distinct, refuse_existing
 from eimi_lab.process.progress import progress
 
 AnyFit: TypeAlias = AnyPath | FitRecord | TensileRecord | Fits
-"""A path of fits.json, all that one holds, or a fit."""
+"""Path of a fits.json, the fits of such a file, or one fit."""
 
 IN_MEMORY = Path("(in memory)")
-"""In place of the path of a fit that comes from no file."""
+"""Stands for the path of a fit that was not read from a file."""
 
 
 @named_options
@@ -33,33 +33,33 @@ def open_fits(path: AnyPath) -> Fits:
     Parameters
     ----------
     path : str or Path
-        What `fit` or `tensile` wrote, or `eimi fit` or `eimi tensile`.
+        A file written by `fit` or `tensile`, or by the commands ``eimi fit`` or ``eimi tensile``.
 
     Returns
     -------
     Fits
-        Had by number or by law: ``fits[0]``, ``fits["yeoh"]``.
+        The fits, indexed by number or by law: ``fits[0]``, ``fits["yeoh"]``.
 
     Raises
     ------
     InputError
-        For a file that cannot be read, in one line that names it and the key.
+        If the file cannot be read. The message names the file and the key.
     """
     return read_fits_file(Path(path))
 
 
 def fits_of(given: AnyFit | Sequence[AnyFit]) -> list[FittedLaw]:
-    """Return all fits with their file and their place in it. Raises InputError."""
-    found: list[FittedLaw] = []
-    for one in several(given):
-        if isinstance(one, FitRecord | TensileRecord):
-            found.append(FittedLaw(IN_MEMORY, len(found), one))
-        elif isinstance(one, Fits):
-            found += [FittedLaw(IN_MEMORY, len(found) + index, fit) for index, fit in enumerate(one.fits)]
+    """Return all fits, each with the path of its file and its index in the file. Raises InputError."""
+    laws: list[FittedLaw] = []
+    for source in several(given):
+        if isinstance(source, FitRecord | TensileRecord):
+            laws.append(FittedLaw(IN_MEMORY, len(laws), source))
+        elif isinstance(source, Fits):
+            laws += [FittedLaw(IN_MEMORY, len(laws) + index, fit) for index, fit in enumerate(source.fits)]
         else:
-            path = Path(one)
-            found += [FittedLaw(path, index, fit) for index, fit in enumerate(read_fits_file(path).fits)]
-    return found
+            path = Path(source)
+            laws += [FittedLaw(path, index, fit) for index, fit in enumerate(read_fits_file(path).fits)]
+    return laws
 
 
 @overload
@@ -133,60 +133,66 @@ def fit(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> FitRecord | Fits:
-    """Identify the parameters of a law, or of several, from one dataset or from several together.
+    """Identify the parameters of one or several laws from one or several datasets.
 
-    A dataset of frames that has no edges yet is segmented first.
+    A dataset of frames without edges is segmented first.
 
     Parameters
     ----------
     datasets : str, Path or Dataset, or a sequence of them
-        What was measured; several are fitted together.
+        Measured datasets. Several datasets are fitted together.
     model : str, or a list of str
-        A law, a key of `LAWS`; or laws, which gives `Fits`.
+        A law, which is a key of `LAWS`, or a list of laws.
     prior : Prior or str, or a sequence of them
-        What is known of the law's parameters: ``Prior("C10", 20e3, 500.0)`` or ``"C10=20000,500"``, mean and standard
-        deviation in the parameter's unit.
+        Gaussian prior of a parameter of the law: ``Prior("C10", 20e3, 500.0)`` or ``"C10=20000,500"``, with mean and
+        standard deviation in the unit of the parameter.
     section : "solid", "plane-strain" or "plane-stress"
-        In place of the specimen's.
+        Section model, instead of the specimen's.
     include_flagged : bool
-        Fit flagged states too.
+        Use flagged states as well.
     free : str or sequence of str
-        What is uncertain as one more unknown, with its standard deviation in mm, degrees or as a share, such as
-        ``"width=0.02"``; without one it is what the files state; or ``"bulk"``.
+        Uncertain quantity to estimate together with the law, with its standard deviation in mm, in degrees or as a
+        fraction, such as ``"width=0.02"``. Without a number, the standard deviation stated in the files is used.
+        ``"bulk"`` estimates the bulk modulus.
     tensile : str or Path, or a sequence of them
-        Tensile curves that the law has to follow as well.
+        Tensile curves to fit together with the datasets.
     tensile_window : float or str
-        Their largest strain in per cent, or ``"full"``; 50 without it.
+        Largest strain of the tensile curves in per cent, or ``"full"``. The default is 50.
     tensile_weight : float
-        Multiplies what a curve's own noise makes it count.
-    restarts, bipop
-        Of the search: restarts with twice the population, and runs of a small one between them.
+        Weight of the tensile curves, relative to the weight their noise gives them.
+    restarts : int
+        Number of restarts of the search, each with twice the population of the one before.
+    bipop : bool
+        Insert searches with a small population between the restarts.
     seed : int, or with a list of laws a sequence of int
-        Of the search.
+        Seed of the search.
     each : bool
-        With a list of laws: fit every dataset apart.
+        Fit every dataset separately; only with a list of laws.
     bootstrap : int
-        Repeat each fit on so many replicates of its states.
-    workers, scheduler
-        Processes that share the work, or the address of a dask cluster.
-    checkpoint, resume
-        The log of all generations, and whether to go on with the one that is there.
+        Number of bootstrap replicates of the states on which each fit is repeated.
+    workers : int
+        Number of processes that share the work.
+    scheduler : str
+        Address of a dask cluster, which does the work instead of processes of this computer.
+    checkpoint : str or Path
+        Log of all generations, from which an interrupted fit can be continued.
+    resume : bool
+        Continue from the checkpoint, if it exists.
     output : str or Path
         A fits.json to write.
     force : bool
-        Replace files that exist.
+        Replace existing files.
 
     Returns
     -------
     FitRecord
-        With one law: parameters and initial shear modulus with their intervals; ``residuals()``, ``to_pandas()``,
-        ``to_xarray()`` and ``plot()``. With a list of laws `Fits`, which hold one for each.
+        The fit of one law: parameters and initial shear modulus with their intervals; ``residuals()``,
+        ``to_pandas()``, ``to_xarray()`` and ``plot()``. For a list of laws, `Fits` with one record for each law.
 
     Raises
     ------
     InputError
-        For a name that does not exist, and for data that no material explains, in one line that says what would be
-        right.
+        If a name does not exist, or if no material explains the data. The message says what would be right.
     """
     if isinstance(model, str) and (each or not isinstance(seed, int)):
         raise InputError(f"fit: each and several seeds give several fits; give model = [{model!r}]")
@@ -194,7 +200,7 @@ def fit(
         section=section,
         include_flagged=include_flagged,
         free=several(free) or None,
-        prior=[_prior_text(one) for one in several(prior)] or None,
+        prior=[_prior_text(law_prior) for law_prior in several(prior)] or None,
         tensile=[Path(path) for path in several(tensile)] or None,
         tensile_window=None if tensile_window is None else f"{tensile_window}",
         tensile_weight=tensile_weight,
@@ -221,7 +227,7 @@ def fit(
 
 
 def _prior_text(prior: Prior | str) -> str:
-    """As `--prior` takes it; every digit of the numbers is kept."""
+    """Return the prior as text in the syntax of `--prior`, with all digits of its numbers."""
     return prior if isinstance(prior, str) else f"{prior.parameter}={prior.mean!r},{prior.standard_deviation!r}"
 
 
@@ -240,9 +246,9 @@ def identify_laws(
     output: Path | None = None,
     force: bool = False,
 ) -> tuple[Fits, list[Evidence]]:
-    """Fit laws to datasets, write fits.json if it has a name, and return the fits and their evidence.
+    """Fit laws to datasets, write the fits to `output` if it is given, and return the fits and their evidence.
 
-    Raises InputError as `fit` does.
+    Raises InputError for the same reasons as `fit`.
     """
     from eimi_lab.fits.checkpoint import Checkpoint, Head
     from eimi_lab.fits.fit_grid import fit_grid, grid
@@ -295,22 +301,22 @@ def tensile(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Fits:
-    """Fit laws to a tensile test, the conventional route.
+    """Fit laws to a tensile test by least squares on the stress.
 
     Parameters
     ----------
     curve : str or Path
-        Strain and stress: the materials database's CSV, or two columns with a header.
+        CSV of strain and stress: a file of the Soft Robotics Materials Database, or two columns with a header.
     model : str, or a sequence of str
-        Laws, keys of `LAWS`.
+        Laws, which are keys of `LAWS`.
     window : float or str, or a sequence of them
         Largest strains in per cent, or ``"full"``.
     relative : bool
-        Least squares on the relative error of the stress.
+        Minimise the relative error of the stress instead of the absolute error.
     output : str or Path
         A fits.json to write.
     force : bool
-        Replace a file that exists.
+        Replace an existing file.
 
     Returns
     -------
@@ -320,12 +326,12 @@ def tensile(
     Raises
     ------
     InputError
-        For a name that does not exist and for a curve that cannot be used.
+        If a name does not exist or the curve cannot be used.
     """
     from eimi_lab.fits.tensile_files import check_windows, read_tensile
     from eimi_lab.fits.tensile_fits import fit_window
 
-    models, windows = check_models(several(model)), check_windows([f"{one}" for one in several(window)])
+    models, windows = check_models(several(model)), check_windows([f"{percent}" for percent in several(window)])
     check_distinct([Path(curve)], [] if output is None else [Path(output)])
     if output is not None:
         refuse_existing(Path(output), force)
@@ -351,38 +357,38 @@ def discover(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Discovered:
-    """Find the terms of which a law is made, by the error of what was left out.
+    """Select the terms of a law by cross-validation, the error on data that were held out.
 
     Parameters
     ----------
     datasets : str, Path or Dataset, or a sequence of them
         Bending datasets of one material.
     tensile : str or Path, or a sequence of them
-        Tensile curves of it.
+        Tensile curves of the same material.
     tensile_window : float or str
-        Their largest strain in per cent, or ``"full"``.
+        Largest strain of the tensile curves in per cent, or ``"full"``.
     term : str or sequence of str
-        The library: ``"i1"``, ``"i2"``, ``"i1^2"``, ``"gent=20"``, ``"fung=0.2"``, ``"ogden=-4"`` and so on.
+        Terms of the library: ``"i1"``, ``"i2"``, ``"i1^2"``, ``"gent=20"``, ``"fung=0.2"``, ``"ogden=-4"`` and so on.
     most_terms : int
-        Of a law.
+        Largest number of terms in a law.
     lot : float
-        By how much all moduli of beam and curve may differ, as a share; one standard deviation.
+        Relative standard deviation by which the moduli of beam and tensile specimen differ.
     section, include_flagged, seed
         See `fit`.
     output : str or Path
         A discovery.json to write.
     force : bool
-        Replace a file that exists.
+        Replace an existing file.
 
     Returns
     -------
     Discovered
-        The statement, and the sets of terms that the data cannot tell apart.
+        A statement in words, and the sets of terms that the data cannot distinguish.
 
     Raises
     ------
     InputError
-        For a name that does not exist, and for data that cannot be used.
+        If a name does not exist or the data cannot be used.
     """
     from eimi_lab.fits.discovering import content, discovered, library_of
     from eimi_lab.fits.tensile_files import check_windows, read_curve
@@ -397,8 +403,8 @@ def discover(
         curves = tuple(read_curve(path, percent, 1.0) for path in curve_paths)
         evidence = tuple(load_evidence(path, section=chosen, flagged=include_flagged) for path in paths)
         numbers = {"most_terms": most_terms, "lot": lot, "seed": seed}
-        found = discovered(evidence, curves, library=library, **numbers)
-    result = Discovered(found, content(found, evidence, curves, **numbers))
+        discovery = discovered(evidence, curves, library=library, **numbers)
+    result = Discovered(discovery, content(discovery, evidence, curves, **numbers))
     if output is not None:
         result.write(output, force)
     return result

@@ -1,4 +1,4 @@
-"""What functions of the face return where no other room has a class for it: values that show themselves."""
+"""Classes of the values that functions of this package return; they print themselves and show as HTML in a notebook."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from eimi_lab.showing.tables import html_table, installed
 
 @dataclass(frozen=True, repr=False)
 class Validations:
-    """Fits on datasets: predictions, one for each dataset and fit, in the order in which they were given."""
+    """Predictions of fits for datasets: one for each dataset and fit, in the order in which they were given."""
 
     predictions: tuple[Prediction[FittedLaw], ...]
 
@@ -37,31 +37,34 @@ class Validations:
         return self.predictions[index].validation
 
     def residuals(self, index: int = 0) -> Residuals:
-        """Return the distances of one dataset's measured places from those of one fit, see `Residuals`."""
+        """Return the distances between measured and predicted edges of one prediction, see `Residuals`."""
         prediction = self.predictions[index]
         return Residuals.of(prediction.evidence, prediction.residuals_mm)
 
     def to_pandas(self) -> Any:
-        """pandas.DataFrame with a row for each dataset, fit and state. Raises ImportError without pandas."""
-        tables = {(own.dataset, f"{own.fit.index} {own.model}"): own.to_pandas() for own in self}
+        """Return a pandas.DataFrame with one row for each dataset, fit and state. Raises ImportError without pandas."""
+        tables = {
+            (validation.dataset, f"{validation.fit.index} {validation.model}"): validation.to_pandas()
+            for validation in self
+        }
         return installed("pandas").concat(tables, names=["dataset", "fit"])
 
     def write(self, path: str | Path, force: bool = False) -> Path:
-        """Write validation.json and return its path. Raises InputError when the file exists without ``force``."""
+        """Write validation.json and return its path. Raises InputError if the file exists and ``force`` is not set."""
         write_validation(Path(path), list(self), force)
         return Path(path)
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the errors of the states of each fit on each dataset."""
+        """Return a matplotlib figure of the error of every state, with one curve for each fit and dataset."""
         from eimi_lab.fits.fit_figures import drawn_errors_of_several  # matplotlib is slow to import
 
         return drawn_errors_of_several(
             {
-                f"{own.model} on {Path(own.dataset).name}": (
-                    [state.field_mT for state in own.by_state],
-                    [state.error_mm for state in own.by_state],
+                f"{validation.model} on {Path(validation.dataset).name}": (
+                    [state.field_mT for state in validation.by_state],
+                    [state.error_mm for state in validation.by_state],
                 )
-                for own in self
+                for validation in self
             }
         )
 
@@ -69,12 +72,16 @@ class Validations:
         return "\n".join(by_dataset(list(self)))
 
     def _repr_html_(self) -> str:
-        return "".join(own._repr_html_() for own in self)
+        return "".join(validation._repr_html_() for validation in self)
 
 
 @dataclass(frozen=True, repr=False)
 class Plan:
-    """States chosen for the next run: runs, the best mounting first, for the goal that was aimed at."""
+    """States chosen for the next run.
+
+    goal: the quantity to determine; runs: the planned runs, the best mounting first; base: the protocol whose limits,
+    ramp and settling are used again.
+    """
 
     goal: planning.Goal
     runs: tuple[planning.PlannedRun, ...]
@@ -82,16 +89,16 @@ class Plan:
 
     @property
     def text(self) -> str:
-        """The protocol of the best run, as TOML."""
+        """Protocol of the best run, as TOML."""
         return planning.protocol_text(self.goal, self.runs[0], self.base)
 
     @property
     def protocol(self) -> Protocol:
-        """The protocol of the best run."""
+        """Protocol of the best run."""
         return parse(Protocol, self.text, "plan")
 
     def write(self, path: str | Path, force: bool = False) -> Path:
-        """Write the protocol and return its path. Raises InputError when the file exists without ``force``."""
+        """Write the protocol and return its path. Raises InputError if the file exists and ``force`` is not set."""
         write_file(Path(path), self.text, force)
         return Path(path)
 
@@ -113,43 +120,43 @@ class Plan:
 
 @dataclass(frozen=True, repr=False)
 class Discovered:
-    """The terms of which a law is made, as far as the data determine them.
+    """The terms of a law, as far as the data determine them.
 
-    found: sets of terms and their errors; content: the same for discovery.json.
+    discovery: sets of terms and their held-out errors; content: the content of discovery.json.
     """
 
-    found: Discovery
+    discovery: Discovery
     content: Mapping[str, Any]
 
     @property
     def statement(self) -> str:
-        """Whether the data determine the terms, in a sentence."""
-        return self.found.statement
+        """Sentence that says whether the data determine the terms."""
+        return self.discovery.statement
 
     @property
     def identified(self) -> bool:
         """Whether the data single out one set of terms."""
-        return self.found.identified
+        return self.discovery.identified
 
     def write(self, path: str | Path, force: bool = False) -> Path:
-        """Write discovery.json and return its path. Raises InputError when the file exists without ``force``."""
+        """Write discovery.json and return its path. Raises InputError if the file exists and ``force`` is not set."""
         write_file(Path(path), json.dumps(self.content, indent=1) + "\n", force)
         return Path(path)
 
     def __repr__(self) -> str:
-        return "\n".join(lines(self.found, Path("discovery.json")))
+        return "\n".join(lines(self.discovery, Path("discovery.json")))
 
     def _repr_html_(self) -> str:
         rows = [
-            (" + ".join(term.name for term in own.terms), f"{own.held_out_error:.2f}")
-            for own in self.found.alternatives
+            (" + ".join(term.name for term in alternative.terms), f"{alternative.held_out_error:.2f}")
+            for alternative in self.discovery.alternatives
         ]
         return html_table(self.statement, ("terms", "held-out error over noise"), rows)
 
 
 @dataclass(frozen=True)
 class Report:
-    """A report that was written: path of its page, and the folder of its figures and tables, if one was asked for."""
+    """Paths of a written report: its HTML page, and the folder of its figures and tables if one was requested."""
 
     path: Path
     assets: Path | None = None

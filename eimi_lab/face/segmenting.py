@@ -1,4 +1,4 @@
-"""From pictures or tracked points that a lab already has to a dataset, and from its frames to edges."""
+"""Import images or tracked points into a dataset, and find the edges of the beam in its frames."""
 
 from __future__ import annotations
 
@@ -35,42 +35,48 @@ def import_pictures(
     beam_colour: tuple[float, float, float] | None = None,
     force: bool = False,
 ) -> Dataset:
-    """Make a dataset of pictures or a video that a lab already has.
+    """Make a dataset from images or a video.
 
     Parameters
     ----------
     source : str or Path
         A folder of images, an image, or a video.
     states : str or Path
-        A table (CSV) of frame (or time_s), current_A or field_mT, tip_force_N.
+        A table (CSV) with the columns frame (or time_s), current_A or field_mT, and tip_force_N.
     specimen, calibration : str, Path or object
-        TOML files, names of shipped ones, or what was loaded from one.
+        TOML files, names of shipped files, or objects loaded from such files.
     output : str or Path
         The dataset to write.
     average : bool
-        Keep the mean of a state's frames, not each.
-    dark, flat : str or Path
-        An image without light and one of the bare back-light, which the dataset keeps to correct its frames.
+        Store the mean frame of each state instead of every frame.
+    dark : str or Path
+        Image without light, subtracted from every frame. The dataset stores it.
+    flat : str or Path
+        Image of the back-light alone, which corrects uneven light. The dataset stores it.
     clamp : (float, float)
-        Middle of the line at which the beam leaves its clamp, px.
+        Middle of the line where the beam leaves its clamp, px.
     axis : float
-        Direction of the beam there, at rest, degrees: 0 right, 90 down.
+        Direction of the straight beam at its clamp, degrees: 0 right, 90 down.
     region : (int, int, int, int)
-        x, y, width and height of the part of the pictures to look at, px.
-    polarity, channel, beam_colour
-        The beam against what is beside it; the channel in which it differs most; its colour (red, green, blue).
+        x, y, width and height of the part of the image in which to look for the beam, px.
+    polarity : "dark" or "bright"
+        Whether the beam is darker or brighter than its background.
+    channel : "red", "green", "blue" or "grey"
+        Channel in which the beam differs most from its background.
+    beam_colour : (float, float, float)
+        Colour of the beam: red, green and blue, each from 0 to 255.
     force : bool
-        Replace a dataset that exists.
+        Replace an existing dataset.
 
     Returns
     -------
     Dataset
-        Open, without edges: `segment` finds them.
+        The dataset, open and without edges; `segment` finds the edges.
 
     Raises
     ------
     InputError
-        For files that cannot be used, in one line that says what would be right.
+        If a file cannot be used. The message says what would be right.
     """
     from eimi_lab.dataset.dark_and_flat import read_correction_images
     from eimi_lab.dataset.importing import import_frames
@@ -80,12 +86,14 @@ def import_pictures(
     changes = _changes(clamp, axis, region, polarity, channel, beam_colour)
     check_distinct(files(source, states, specimen, calibration, dark, flat), [Path(output)])
     if isinstance(calibration, Calibration):
-        found = changed_calibration(calibration, changes)
+        used_calibration = changed_calibration(calibration, changes)
     else:
-        found = load_calibration(calibration, changes)
+        used_calibration = load_calibration(calibration, changes)
     correction = read_correction_images(_path(dark), _path(flat))
     beam = specimen_of(specimen)
-    import_frames(Path(source), Path(states), beam, found, Path(output), force, average, progress, correction)
+    import_frames(
+        Path(source), Path(states), beam, used_calibration, Path(output), force, average, progress, correction
+    )
     return open_dataset(Path(output))
 
 
@@ -100,34 +108,35 @@ def import_points(
     no_gravity: bool = False,
     force: bool = False,
 ) -> Dataset:
-    """Make a dataset of points that were tracked on a beam.
+    """Make a dataset from points that were tracked on a beam.
 
     Parameters
     ----------
     source : str or Path
-        A table (CSV) of state, point, x0_mm, y0_mm, x_mm, y_mm, sigma_mm.
+        A table (CSV) with the columns state, point, x0_mm, y0_mm, x_mm, y_mm and sigma_mm.
     states : str or Path
-        A table (CSV) of state, field_mT, tip_force_N.
+        A table (CSV) with the columns state, field_mT and tip_force_N.
     specimen : str, Path or SpecimenFile
         The beam.
     output : str or Path
         The dataset to write.
     gravity_angle : float
-        Gravity in the beam frame, degrees from +x toward +y; 0 for a beam that hangs. Needed unless ``no_gravity``.
+        Direction of gravity in the beam frame, degrees from +x toward +y; 0 if the beam hangs. It is required unless
+        ``no_gravity`` is set.
     no_gravity : bool
-        The beam's weight does not bend it.
+        Gravity does not bend the beam.
     force : bool
-        Replace a dataset that exists.
+        Replace an existing dataset.
 
     Returns
     -------
     Dataset
-        Open.
+        The dataset, open for reading.
 
     Raises
     ------
     InputError
-        For files that cannot be used, in one line that says what would be right.
+        If a file cannot be used. The message says what would be right.
     """
     from eimi_lab.dataset.tracked.points_csv import import_points as from_table
     from eimi_lab.process.outputs import check_distinct
@@ -167,31 +176,35 @@ def segment(
     Parameters
     ----------
     dataset : str, Path or Dataset
-        A dataset of frames; one that is open is closed meanwhile.
+        A dataset of frames. An open dataset is closed while the edges are written, and then opened again.
     specimen, calibration : str, Path or object
-        In place of the stored ones, which the dataset keeps too.
+        Specimen and calibration that replace the stored ones. The dataset keeps both versions.
     clamp, axis, region, polarity, channel, beam_colour
-        Help in finding the beam, see `import_pictures`; the dataset keeps it.
-    csv, overlay, explain : str or Path
-        Folders for the edges as tables, for pictures of the edges, and for pictures of how the beam is followed.
+        Values that replace those of the calibration, see `import_pictures`. The dataset stores them.
+    csv : str or Path
+        Folder for the edges as CSV.
+    overlay : str or Path
+        Folder for frames with the edges drawn on them.
+    explain : str or Path
+        Folder for images that show how the beam is followed from its clamp.
     dark, flat : str or Path
-        Images that correct the frames; the dataset keeps them.
+        Images that correct the frames, see `import_pictures`. The dataset stores them.
     uncorrected : bool
-        Forget the dark frame and the flat field that the dataset keeps.
+        Remove the dark frame and the flat field from the dataset.
     workers : int
-        Processes that share the states.
+        Number of processes that share the states.
     force : bool
-        Replace folders that exist.
+        Replace existing folders.
 
     Returns
     -------
     Dataset
-        Open, with edges; the one that was given, if it was open.
+        The dataset with edges, open. If the given dataset was open, it is the same object.
 
     Raises
     ------
     InputError
-        For a dataset without frames, and for files that cannot be used.
+        If the dataset has no frames, or if a file cannot be used.
     """
     changes = _changes(clamp, axis, region, polarity, channel, beam_colour)
     with closed_meanwhile([dataset]) as (path,), TemporaryDirectory() as folder:
@@ -217,7 +230,7 @@ def _path(given: AnyPath | None) -> Path | None:
 
 
 def _as_file(given: AnyPath | Document | None, path: Path) -> str | None:
-    """Return the path of the file that states this value."""
+    """Return the path of a TOML file with this content; a loaded object is written to `path` first."""
     if given is None or not isinstance(given, Document):
         return None if given is None else str(given)
     path.write_text(given.text or to_toml(given), encoding="utf-8")
@@ -232,7 +245,7 @@ def _changes(
     channel: str | None,
     beam_colour: tuple[float, float, float] | None,
 ) -> dict[str, Any]:
-    """In place of a calibration's own values, see `config.calibration.Changes`."""
+    """Return the values that replace those of a calibration, see `config.calibration.Changes`."""
     picture = {"region_px": region, "polarity": polarity, "channel": channel, "beam_colour": beam_colour}
     changes: dict[str, Any] = {
         "clamp_midpoint_px": clamp,
@@ -257,7 +270,11 @@ def find_edges(
     workers: int = 1,
     force: bool = False,
 ) -> tuple[tuple[EdgeSet, ...], tuple[str, ...]]:
-    """Find and store the edges of a dataset; return them, and what was stated otherwise before. Raises InputError."""
+    """Find the edges in a dataset and store them.
+
+    Returns the edges of every state, and one line for each value of specimen and calibration that changed.
+    Raises InputError.
+    """
     from eimi_lab.dataset.dark_and_flat import forget_correction, read_correction_images, store_correction
     from eimi_lab.dataset.restating import restate
     from eimi_lab.dataset.segmentation import explain_missing_beam, segment, write_csv, write_explained, write_overlays
@@ -274,12 +291,12 @@ def find_edges(
         unfinished = {
             folder: stack.enter_context(whole_folder(folder, force)) for folder in (csv, overlay, explain) if folder
         }
-        restated: tuple[str, ...] = ()
+        changed: tuple[str, ...] = ()
         if changes or specimen or calibration:
             replaced = None if calibration is None else Path(calibration)
-            restated = restate(dataset, specimen=specimen, calibration=replaced, changes=dict(changes or {}))
-            if not restated:
-                tell(f"{dataset}: states the same values already")
+            changed = restate(dataset, specimen=specimen, calibration=replaced, changes=dict(changes or {}))
+            if not changed:
+                tell(f"{dataset}: nothing changed; the dataset already holds these values")
         if correction:
             store_correction(dataset, correction)
         if uncorrected:
@@ -292,10 +309,10 @@ def find_edges(
             write_overlays(unfinished[overlay], dataset, edge_sets)
         if explain:
             write_explained(unfinished[explain], dataset)
-    without = [index for index, found in enumerate(edge_sets) if not len(found.left.sigma_mm)]
-    if without:
-        words, picture = explain_missing_beam(dataset, without[0])
-        shown = dataset.with_name(f"{dataset.stem}_where.png")
-        write_file(shown, picture, force=True)
-        tell(f"state {without[0]}: no beam was found; {words} {shown} shows where the program looked")
-    return edge_sets, restated
+    without_beam = [index for index, edges in enumerate(edge_sets) if not len(edges.left.sigma_mm)]
+    if without_beam:
+        explanation, picture = explain_missing_beam(dataset, without_beam[0])
+        picture_path = dataset.with_name(f"{dataset.stem}_where.png")
+        write_file(picture_path, picture, force=True)
+        tell(f"state {without_beam[0]}: no beam was found; {explanation} {picture_path} shows where the program looked")
+    return edge_sets, changed

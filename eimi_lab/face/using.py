@@ -1,4 +1,4 @@
-"""What a law or a fit is used for: simulation, validation, the next run, a report, a material card."""
+"""Use a law or a fit: simulate, validate, plan the next run, write a report, export a material card."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from eimi_lab.process.progress import progress
 from eimi_lab.virtual.simulation import Simulation, keys_of, parse_parameters
 from eimi_lab.virtual.simulation import simulate as simulated
 
-_DRAWS = 60  # of a fit's, for the intervals of a simulation
+_DRAWS = 60  # samples of the fitted parameters, for the intervals of a simulation
 
 
 @named_options
@@ -60,32 +60,33 @@ def simulate(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Simulation:
-    """Simulate a specimen of a known law in all states of a protocol.
+    """Simulate a specimen of a given law in all states of a protocol.
 
     Parameters
     ----------
     protocol : str, Path or Protocol, or sequence of float
-        A TOML file, the name of a shipped one, or what was loaded from one; or currents in A.
+        A TOML file, the name of a shipped file or a loaded protocol; or currents in A.
     specimen : str, Path or SpecimenFile
         The beam.
     model : str
-        A law, a key of `LAWS`; not needed with a ``fit`` that holds one law.
+        A law, which is a key of `LAWS`. It is not needed if ``fit`` holds one law.
     parameter : mapping, or sequence of str
-        The law's parameters, moduli in Pa: ``{"mu": 46390.0}`` or ``["mu_Pa=46390"]``.
+        Parameters of the law, moduli in Pa: ``{"mu": 46390.0}`` or ``["mu_Pa=46390"]``.
     fit : FitRecord, Fits, str or Path
-        In place of parameters: the tip then has intervals.
+        Fit that gives the parameters, instead of ``parameter``. The tip then has intervals.
     index : int
-        Which fit of several.
+        Index of the fit, from 0, if there are several.
     coil_constant : float
-        Field for each ampere, mT.
+        Field per current, mT/A.
     gravity_angle, field_angle : float
-        In the beam frame, degrees from +x toward +y; gravity at 0 hangs, a field at 90 is across the beam.
+        Directions in the beam frame, degrees from +x toward +y: at a gravity angle of 0 the beam hangs, and at a field
+        angle of 90 the field is across the beam.
     bulk_modulus_kPa : float
-        Of a solid or in plane strain; incompressible without it.
+        Bulk modulus of a solid or in plane strain, kPa. Without it the material is incompressible.
     output : str or Path
-        A folder to fill with tables, a figure and files for ParaView.
+        Folder to write, with tables, a figure and files for ParaView.
     force : bool
-        Replace a folder that exists.
+        Replace an existing folder.
 
     Returns
     -------
@@ -95,7 +96,7 @@ def simulate(
     Raises
     ------
     InputError
-        For a name that does not exist, and for a state without an equilibrium.
+        If a name does not exist, or if a state has no equilibrium.
     """
     if fit is None:
         if model is None:
@@ -105,10 +106,11 @@ def simulate(
     elif parameter:
         raise InputError("simulate: a fit contains the parameters; leave out fit or parameter")
     else:
-        found = fits_of(fit)
-        every = [one.fit for one in found]
-        name = model or every[0].model
-        chosen = choose_fit(found[0].path, every, name, index if index is not None or model or len(every) > 1 else 0)
+        fitted_laws = fits_of(fit)
+        records = [fitted_law.fit for fitted_law in fitted_laws]
+        name = model or records[0].model
+        given_index = index if index is not None or model or len(records) > 1 else 0
+        chosen = choose_fit(fitted_laws[0].path, records, name, given_index)
         law, values, drawn = LAWS[chosen.model], np.array(chosen.values()), chosen.drawn(_DRAWS)
     currents_A = protocol_of(protocol).currents_A if isinstance(protocol, str | Path | Protocol) else protocol
     field_mT = coil_constant * np.asarray(currents_A, dtype=float)
@@ -120,7 +122,7 @@ def simulate(
 
 
 def _parameter_texts(model: str, parameter: Mapping[str, float] | Sequence[str]) -> list[str]:
-    """As `--parameter` takes them. Raises InputError for a name that the law does not have."""
+    """Return the parameters as texts in the syntax of `--parameter`. Raises InputError for an unknown name."""
     if not isinstance(parameter, Mapping):
         return several(parameter)
     law = LAWS[model]
@@ -141,46 +143,46 @@ def validate(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Validations:
-    """Compare fits with datasets that they have not seen, or with any others.
+    """Predict datasets with fits, and compare the predictions with the measured edges.
 
     Parameters
     ----------
     datasets : str, Path or Dataset, or a sequence of them
-        What was measured.
+        Measured datasets, preferably datasets that were not fitted.
     fit : FitRecord, Fits, str or Path, or a sequence of them
-        Fits, or files of them.
+        Fits, or paths of fits.json.
     section : "solid", "plane-strain" or "plane-stress"
-        In place of the specimen's.
+        Section model, instead of the specimen's.
     include_flagged : bool
-        Use flagged states too.
+        Use flagged states as well.
     output : str or Path
         A validation.json to write.
     force : bool
-        Replace a file that exists.
+        Replace an existing file.
 
     Returns
     -------
     Validations
-        A `Validation` for each dataset and fit, by its number; ``residuals()``, ``to_pandas()`` and ``plot()``.
+        One `Validation` for each dataset and fit, by index; ``residuals()``, ``to_pandas()`` and ``plot()``.
 
     Raises
     ------
     InputError
-        For a name that does not exist, and for a fit of this dataset under another section assumption.
+        If a name does not exist, or if a fit used one of these datasets with another section model.
     """
     chosen = check_section(section)
     fits = fits_of(fit)
-    found: list[Prediction[FittedLaw]] = []
+    predictions: list[Prediction[FittedLaw]] = []
     with closed_meanwhile(several(datasets)) as paths:
         check_distinct([*paths, *files(*several(fit))], [] if output is None else [Path(output)])
         if output is not None:
             refuse_existing(Path(output), force)
         evidence = [load_evidence(path, section=chosen, flagged=include_flagged) for path in paths]
         with progress("validate", len(evidence)) as report:
-            for seen in evidence:
-                found += predict([(law, seen) for law in fits])
-                report(f"{seen.path}, {len(fits)} fits")
-    validations = Validations(tuple(found))
+            for measured in evidence:
+                predictions += predict([(law, measured) for law in fits])
+                report(f"{measured.path}, {len(fits)} fits")
+    validations = Validations(tuple(predictions))
     if output is not None:
         validations.write(output, force)
     return validations
@@ -201,49 +203,50 @@ def plan(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Plan:
-    """Choose the states to measure next, and say how narrow an interval to expect of them.
+    """Choose the states to measure next, and predict the width of the interval that they will give.
 
     Parameters
     ----------
     fits : FitRecord, Fits, str or Path
-        Of an earlier run: its law and its noise.
+        Fits of an earlier run; its law and its noise are used.
     protocol : str, Path or Protocol
-        Whose limits, ramp and settling the new one takes.
+        Protocol whose limits, ramp and settling are used again.
     specimen : str, Path or SpecimenFile, or a sequence of them
-        Several, to have a choice.
+        Specimen to measure, or several specimens to compare.
     rig : str, Path or Rig
-        Its limits and uncertainties.
+        Rig whose limits and uncertainties are used.
     states : int
-        How many; without it as many as the protocol has.
+        Number of states. The default is the number of states of the protocol.
     goal : str
-        ``"modulus"``, a parameter to narrow down, or a law to rule out.
+        ``"modulus"``, the parameter to determine best, or the law to rule out.
     model : str
-        Which law of the fits, where there are several.
+        Law to use, if the fits have several.
     gravity_angle : float or sequence of float
-        Mountings to choose from, degrees in the beam frame; without it the rig's.
+        Directions of gravity to compare, degrees in the beam frame. The default is that of the rig.
     tip_weight : float or sequence of float
-        Weights at the tip to choose from, grams.
+        Weights at the tip to compare, grams.
     output : str or Path
         A protocol to write.
     force : bool
-        Replace a file that exists.
+        Replace an existing file.
 
     Returns
     -------
     Plan
-        ``protocol`` of the best run, and all runs with what to expect of them.
+        ``protocol`` of the best run, and all planned runs with their expected intervals.
 
     Raises
     ------
     InputError
-        For a name that does not exist, and where too few states have an equilibrium.
+        If a name does not exist, or if too few states have an equilibrium.
     """
-    base, bench, beams = protocol_of(protocol), rig_of(rig), [specimen_of(one) for one in several(specimen)]
+    base, bench = protocol_of(protocol), rig_of(rig)
+    beams = [specimen_of(specimen_or_path) for specimen_or_path in several(specimen)]
     check_distinct(files(fits, protocol, rig, *several(specimen)), [] if output is None else [Path(output)])
     if output is not None:
         refuse_existing(Path(output), force)
-    found = fits_of(fits)
-    aim = planning.Goal.of(found[0].path, [one.fit for one in found], model, goal)
+    fitted_laws = fits_of(fits)
+    aim = planning.Goal.of(fitted_laws[0].path, [fitted_law.fit for fitted_law in fitted_laws], model, goal)
     choice = planning.mountings(beams, bench, several(gravity_angle), several(tip_weight))
     runs = planning.plan(aim, choice, bench, base, states or len(base.currents_A))
     planned = Plan(aim, tuple(runs), base)
@@ -262,32 +265,34 @@ def report(
     workers: int = 1,
     force: bool = False,
 ) -> Report:
-    """Write one self-contained HTML file: the number and what limits it, laws, errors, frames, residuals, methods.
+    """Write a report as one HTML file, with all figures in it.
+
+    It shows the modulus and what limits its accuracy, the laws, errors, frames, residuals and methods.
 
     Parameters
     ----------
     datasets : str, Path or Dataset, or a sequence of them
-        What was measured.
+        Measured datasets.
     output : str or Path
-        The page to write.
+        HTML file to write.
     fit : FitRecord, Fits, str or Path, or a sequence of them
-        Fits to lay over the datasets.
+        Fits to compare with the datasets.
     assets : str or Path
-        A folder for each figure as SVG and PDF, each table as CSV and LaTeX.
+        Folder for every figure as SVG and PDF and every table as CSV and LaTeX.
     workers : int
-        Processes that share the work on several datasets.
+        Number of processes that share several datasets.
     force : bool
-        Replace files that exist.
+        Replace existing files.
 
     Returns
     -------
     Report
-        The path of the page.
+        Paths of the HTML file and of the folder.
 
     Raises
     ------
     InputError
-        For files that cannot be used.
+        If a file cannot be used.
     """
     from eimi_lab.process.workers import executor_for
     from eimi_lab.reporting.page import write_report
@@ -296,7 +301,8 @@ def report(
     folder = None if assets is None else Path(assets)
     with closed_meanwhile(several(datasets)) as paths, TemporaryDirectory() as memory:
         stored = files(*given)
-        loaded = [one.fit for one in fits_of([one for one in given if not isinstance(one, str | Path)])]
+        in_memory = fits_of([source for source in given if not isinstance(source, str | Path)])
+        loaded = [fitted_law.fit for fitted_law in in_memory]
         check_distinct([*paths, *stored], [Path(output)])
         if loaded:
             stored.append(Fits.of(loaded).write(Path(memory) / "fits.json"))
@@ -317,24 +323,27 @@ def export(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> str:
-    """Return a fit as a material card of another finite-element program.
+    """Return a fit as a material card for another finite-element program.
 
     Parameters
     ----------
     fits : FitRecord, Fits, str or Path
-        Of datasets or of a tensile test.
+        Fits of datasets or of a tensile test.
     model : str
-        A law; not needed for a single fit.
+        A law. It is not needed for a single fit.
     to : str
-        The program: ``"abaqus"``, ``"calculix"``, ``"ansys"``, ``"comsol"``, ``"febio"`` or ``"sofa"``.
+        Program that reads the card: ``"abaqus"``, ``"calculix"``, ``"ansys"``, ``"comsol"``, ``"febio"`` or
+        ``"sofa"``.
     index : int
-        Which fit, where several have the law.
-    bulk_modulus_kPa, bulk_ratio : float
-        One of the two: the bulk modulus, which no fit identifies, or its ratio to the initial shear modulus.
+        Index of the fit, from 0, if several fits have this law.
+    bulk_modulus_kPa : float
+        Bulk modulus of the card, kPa. It is never taken from a fit.
+    bulk_ratio : float
+        Instead of the bulk modulus: bulk modulus divided by initial shear modulus.
     output : str or Path
-        A file to write as well.
+        File to which the card is also written.
     force : bool
-        Replace a file that exists.
+        Replace an existing file.
 
     Returns
     -------
@@ -344,13 +353,13 @@ def export(
     Raises
     ------
     InputError
-        For a name that does not exist, and for a law that the program does not have.
+        If a name does not exist, or if the program does not have the law.
     """
-    solver, found = check_solver(to), fits_of(fits)
-    every = [one.fit for one in found]
-    (name,) = check_models([model or every[0].model])
-    chosen = choose_fit(found[0].path, every, name, index)
-    text = card(found[0].path, chosen, solver, bulk_modulus_Pa(chosen, bulk_modulus_kPa, bulk_ratio))
+    solver, fitted_laws = check_solver(to), fits_of(fits)
+    records = [fitted_law.fit for fitted_law in fitted_laws]
+    (name,) = check_models([model or records[0].model])
+    chosen = choose_fit(fitted_laws[0].path, records, name, index)
+    text = card(fitted_laws[0].path, chosen, solver, bulk_modulus_Pa(chosen, bulk_modulus_kPa, bulk_ratio))
     if output is not None:
         write_file(Path(output), text, force)
     return text

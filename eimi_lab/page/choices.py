@@ -6,7 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from eimi_lab.acquisition.dry_run import dry_run
-from eimi_lab.acquisition.playback import pictures_needed
+from eimi_lab.acquisition.playback import describe_recording_length
 from eimi_lab.acquisition.run import check_request
 from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.rig import load_rig
@@ -77,7 +77,7 @@ def dry(protocol: str, specimen: str, rig: str) -> list[str]:
     """
     asked, beam, bench = load_protocol(protocol), load_specimen(specimen), load_rig(rig)
     check_request(asked, beam, bench)
-    lines = [words] if (words := pictures_needed(asked, bench)) else []
+    lines = [length] if (length := describe_recording_length(asked, bench)) else []
     dry_run(asked, beam, bench, lines.append)
     if len(lines) > MOST_LINES:
         left_out = len(lines) - MOST_LINES
