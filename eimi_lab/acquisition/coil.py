@@ -1,4 +1,4 @@
-"""The supply as a coil wants it: current moves in ramps, and is what was asked for."""
+"""A coil on a supply: change its current in ramps, and check the measured current against the set-point."""
 
 from __future__ import annotations
 
@@ -11,37 +11,61 @@ from eimi_drivers.interfaces import Clock, InstrumentError, Off, PowerSupply, Re
 from eimi_drivers.supplies.off import off_limit_A, switch_off
 from eimi_lab.config.protocol import Ramp
 
-REACHED_WITHIN_S = 3.0  # supplies measure a few times a second, and coils are slow
+REACHED_WITHIN_S = 3.0
+"""Longest time until the measured current reaches its set-point: supplies measure a few times a second."""
+
 POLL_S = 0.1
 SIMULATED_CHECK_EVERY_S, SIMULATED_CHECK_AT_ZERO_EVERY_S = 2.0, 8.0
-"""How often a simulated supply is asked for faults while it carries a current, and at zero."""
+"""Interval between two checks of a simulated supply for faults: with current, and at zero current."""
 
 WATCH_EVERY_S = 1.5
-"""The current is measured, and the supply asked for faults, so often, whatever the run waits for."""
+"""Interval at which the current is measured and the supply is checked for faults, during every operation of a run."""
 
 FOLLOWS_WITHIN_S = 1.5
 """The measured current lags behind a ramp by less than this time."""
 
 MEASURED_AGAIN_AFTER_S = 0.2
-"""A current that is wrong is measured again before the run ends because of it."""
+"""A wrong current is measured again after this time; only a second wrong value ends the run."""
 
 
 def without_contact(supply: object) -> str:
-    """What becomes of the coil when the cable is pulled or the computer dies, as the driver has it."""
+    """Return what the driver says about the coil after the cable is pulled or the computer fails."""
     return str(getattr(supply, "without_contact", "not known of this driver"))
 
 
 def never() -> None:
-    """For a ramp that nothing may stop."""
+    """Do nothing; the `stop_if_asked` of a ramp that must not be interrupted."""
 
 
 class Coil:
-    """A coil on a supply, set to `asked_A` since `changed_s` on the clock.
+    """A coil on a supply.
 
-    `stop_if_asked` is called between operations, never within one, and may raise.
+    Parameters
+    ----------
+    supply : PowerSupply
+        The supply. Its limits apply.
+    clock : Clock
+        Clock of the ramps and waits.
+    rule : Ramp
+        Rate, step and tolerance of the current.
+    asked_A : float
+        Present set-point of the supply, A.
+    simulated : bool
+        Whether the supply is simulated in this process. Its current is then not measured between the operations: no
+        unit can fail, and a measurement would change the simulated time and the noise of every run.
 
-    simulated: the supply is simulated in this process. Its current is then not measured between the operations: no
-    unit can fail, and a measurement would change the simulated time and the noise of every run.
+    Attributes
+    ----------
+    asked_A : float
+        Present set-point, A.
+    changed_s : float
+        Time at which the set-point last changed, s on the clock.
+    out_of_control : bool
+        Whether `watch` measured a current that differs from its set-point.
+
+    Notes
+    -----
+    Methods with a parameter `stop_if_asked` call it between two operations, never during one. It may raise.
     """
 
     def __init__(
@@ -58,22 +82,22 @@ class Coil:
         self._stepping = threading.Lock()
 
     def switch_off(self) -> Off | None:
-        """Switch off and measure, see `eimi_drivers.supplies.off.switch_off`."""
+        """Switch the supply off and measure the current, see `eimi_drivers.supplies.off.switch_off`."""
         self.asked_A = 0.0
         self._recent.append((self._clock.now(), 0.0))
         return switch_off(self.supply, self._clock)
 
     def watch(self) -> None:
-        """Measure the current and ask the supply for faults if that was not done for `WATCH_EVERY_S`.
+        """Measure the current and check the supply for faults, at most once in `WATCH_EVERY_S`.
 
-        The run calls it between its operations, whatever it does: in ramps, while the beam settles, in a pause. Nothing
-        is asked while another thread sets a current, because two exchanges at once would mix.
+        The run calls this between its operations: during ramps, while the beam settles, and in a pause. The call
+        returns at once while another thread sets a current, because two exchanges on one line would mix.
 
         Raises
         ------
         InstrumentError
-            The current is above the limit of the supply or differs from every set-point of the last `FOLLOWS_WITHIN_S`
-            by more than the tolerance, in two measurements; or what `PowerSupply.check` and `measure` raise.
+            If two measurements in a row are above the limit of the supply, or differ from every set-point of the last
+            `FOLLOWS_WITHIN_S` by more than the tolerance; or for the reasons of `PowerSupply.check` and `measure`.
         """
         every_s = WATCH_EVERY_S
         if self._simulated:
@@ -112,7 +136,7 @@ class Coil:
         self.changed_s = self._clock.now()
 
     def ramp_to(self, current_A: float, stop_if_asked: Callable[[], None] = never) -> None:
-        """Ramp to a current. Raises what `PowerSupply.set_current` raises."""
+        """Ramp to a current. Raises the errors of `PowerSupply.set_current`."""
         start = self.asked_A
         steps = math.ceil(round(abs(current_A - start) / self._rule.step_A, 6))
         pause = self._rule.step_A / self._rule.rate_A_per_s
@@ -123,13 +147,11 @@ class Coil:
             self._pause(pause - (self._clock.now() - began), stop_if_asked)
 
     def ramp_down(self, stop_if_asked: Callable[[], None] = never) -> None:
-        """Ramp to zero within `ramp.down_within_s`, in larger steps where the supply is too slow for the rule's.
+        """Ramp to zero within `ramp.down_within_s`, in larger steps than the rule's if the supply is slow.
 
-        A current that `watch` found out of control is not ramped.
-
-        Raises what `PowerSupply.set_current` raises.
+        There is no ramp if `out_of_control` is set. Raises the errors of `PowerSupply.set_current`.
         """
-        if self.out_of_control:  # its set-point does not matter any more
+        if self.out_of_control:  # the current does not follow the set-point
             return
         start = self.asked_A
         seconds = min(abs(start) / self._rule.rate_A_per_s, self._rule.down_within_s)
@@ -142,19 +164,25 @@ class Coil:
 
     def _pause(self, seconds: float, stop_if_asked: Callable[[], None]) -> None:
         until = self._clock.now() + seconds
-        while (left := until - self._clock.now()) > POLL_S:
+        while (remaining_s := until - self._clock.now()) > POLL_S:
             self._clock.sleep(POLL_S)
             stop_if_asked()
-        self._clock.sleep(max(0.0, left))
+        self._clock.sleep(max(0.0, remaining_s))
 
     def step_to(self, current_A: float) -> None:
-        """Set a current at once, without a ramp; in another thread, perhaps. Raises as `PowerSupply.set_current`."""
+        """Set a current in one step, without a ramp.
+
+        Another thread may call this. Raises the errors of `PowerSupply.set_current`.
+        """
         with self._stepping:
             self._set(current_A)
             self._watched_s = self.changed_s
 
     def wait_until_reached(self, stop_if_asked: Callable[[], None] = never) -> None:
-        """Wait until the measured current is the one asked for. Raises InstrumentError when it stays away."""
+        """Wait until the measured current is at the set-point.
+
+        Raises InstrumentError if that takes longer than `REACHED_WITHIN_S`.
+        """
         began = self._clock.now()
         while abs((measured := self.supply.measure().current_A) - self.asked_A) > self._rule.tolerance_A:
             stop_if_asked()
@@ -164,7 +192,7 @@ class Coil:
             self._clock.sleep(POLL_S)
 
     def measured_A(self) -> float:
-        """The measured current. Raises InstrumentError when it is not the one asked for."""
+        """Return the measured current, A. Raises InstrumentError if it differs from the set-point."""
         measured = self.supply.measure().current_A
         if abs(measured - self.asked_A) > self._rule.tolerance_A:
             raise self._off_target(measured)
@@ -172,7 +200,7 @@ class Coil:
 
     def _off_target(self, measured: float) -> InstrumentError:
         return InstrumentError(
-            f"{self.supply.identify().address}: {measured:.3f} A measured at a set-point of {self.asked_A:g} A, "
-            f"further off than ramp.tolerance_A = {self._rule.tolerance_A:g}; is the coil connected, the voltage "
-            "limit high enough?"
+            f"{self.supply.identify().address}: {measured:.3f} A measured at a set-point of {self.asked_A:g} A; the "
+            f"difference is more than ramp.tolerance_A = {self._rule.tolerance_A:g}; check that the coil is connected "
+            "and that the voltage limit is high enough"
         )

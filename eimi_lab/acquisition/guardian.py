@@ -1,9 +1,10 @@
-"""A process that switches the coil off when the run dies or stands still: the run's side of it.
+"""Start the guardian process, and exchange messages with it during a run.
 
-A pipe leads to it whose writing end only the run has: that end closes with the run, however the run ends. While it is
-armed the run beats on that pipe with every step that it takes; a run that lives and does not move on is as bad as one
-that died. On another pipe the guardian says that it is there, since a run goes on only under guard. What it does is in
-`guardian_process`.
+The guardian process switches the coil off if the run dies or stands still; its code is in `guardian_process`. The run
+holds the only writing end of a pipe to the guardian. The system closes this end when the run ends, in whatever way.
+While the guardian is armed, every step of the run writes a beat to the pipe, so that the guardian also notices a run
+that stands still. On a second pipe the guardian reports that it is alive. Without these reports the run ends, because a
+run without a guardian is not allowed.
 """
 
 from __future__ import annotations
@@ -23,31 +24,31 @@ from eimi_drivers.interfaces import Identity, InstrumentError, Limits
 
 READY_WITHIN_S = 120.0
 STILL_FOR_S = 5.0
-"""A run that has not beaten for so long is taken for one that stands still."""
+"""Time without a beat after which the guardian takes the run to stand still."""
 
 SILENT_FOR_S = 1.5
-"""A guardian that has said nothing for so long is taken for one that is gone; it says something every quarter of it."""
+"""Time without a report after which the run takes the guardian to be gone; it reports four times as often."""
 
 BEAT_EVERY_S = 0.1
 LONGEST_GAP_S = 10.0
-"""A run that did nothing for longer was stopped, or the computer slept: it does not go on."""
+"""Longest time between two beats. A longer gap means the process was stopped or the computer slept: the run ends."""
 TAKING_OVER_WITHIN_S = 10.0
 
-READY, HERE, TAKING_OVER = b"ready\n", b".\n", b"taking over\n"  # of the guardian
+READY, HERE, TAKING_OVER = b"ready\n", b".\n", b"taking over\n"  # messages of the guardian
 ARM, BEAT, DISARM, TAKE_OVER, ALLOW, SUPPLY = b"on", b".", b"off", b"take over", b"allow ", b"supply "  # of the run
 
 
 def awake_s() -> float:
-    """Return seconds of a clock that also counts while the computer sleeps, where the system has one."""
+    """Return the time of a clock that also counts while the computer sleeps, if the system has one."""
     return time.clock_gettime(time.CLOCK_BOOTTIME) if hasattr(time, "CLOCK_BOOTTIME") else time.monotonic()
 
 
 @dataclass(frozen=True)
 class Ward:
-    """The supply to switch off: driver, address and limits, as the rig has them.
+    """The supply that the guardian switches off: driver, address and limits of the rig.
 
-    packed: the driver itself, if this program added it; see `added_driver.pack`. identity: text and serial number of
-    the supply that the run uses; None before the run has asked.
+    packed: the code of a driver that this program added, see `added_driver.pack`. identity: text and serial number of
+    the supply that the run uses; None until the run has read them.
     """
 
     driver: str
@@ -60,20 +61,29 @@ class Ward:
 
     @property
     def limits(self) -> Limits:
-        """The limits that the driver is opened with."""
+        """Current limit, voltage limit and off limit for opening the driver."""
         return Limits(self.current_A, self.voltage_V, self.off_below_A)
 
 
 class Guardian:
-    """A process that is armed while the output may be on. See `guarding`."""
+    """The run's connection to its guardian process, which is armed while the output may be on; see `guarding`.
+
+    Parameters
+    ----------
+    ward : Ward
+        The supply to switch off.
+    events : int or None
+        File descriptor to which the guardian writes its events, as lines of JSON.
+
+    Notes
+    -----
+    The constructor starts the process and does not wait until it is ready. The process has its own session, so that
+    Ctrl-C on the terminal does not reach it.
+    """
 
     def __init__(self, ward: Ward, events: int | None = None) -> None:
-        """Start the process; it gets ready while the run goes on. A session of its own keeps Ctrl-C away from it.
-
-        events: a descriptor that it writes its events to, as lines of JSON.
-        """
         self._ward = ward
-        inherited = [] if events is None else [os.dup(events)]  # above 2: standard output is its pipe to the run
+        inherited = [] if events is None else [os.dup(events)]  # not 1: standard output is the pipe to the run
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", f"{__name__}_process", json.dumps(asdict(ward)), *map(str, inherited)],
             pass_fds=inherited,
@@ -95,7 +105,10 @@ class Guardian:
         self._beaten_s, self._gap_s = awake_s(), 0.0
 
     def arm(self) -> None:
-        """From here on the end of the run switches the coil off. Raises InstrumentError when nobody is on guard."""
+        """Arm the guardian: if the run ends before `disarm`, the guardian switches the coil off.
+
+        Raises InstrumentError if the guardian process did not start.
+        """
         until = time.monotonic() + READY_WITHIN_S
         while READY not in self._said and self._process.poll() is None and time.monotonic() < until:
             select.select([self._from], [], [], 0.2)
@@ -107,30 +120,30 @@ class Guardian:
         self._beaten_s, self._gap_s = awake_s(), 0.0
 
     def expect(self, identity: Identity) -> None:
-        """Say which supply the run uses, so that the guardian believes and touches no other one at its address."""
+        """Send the identity of the run's supply, so that the guardian uses no other supply at the same address."""
         self._send(SUPPLY + json.dumps([identity.text, identity.serial_number]).encode())
 
     def beat(self) -> None:
-        """The run moves on. Never waits, raises nothing."""
+        """Report that the run has taken a step. Never waits, raises nothing."""
         if self._armed and awake_s() - self._beaten_s > BEAT_EVERY_S:
             self._note_the_gap()
             self._beaten_s = awake_s()
             self._send(BEAT)
 
     def allow(self, seconds: float) -> None:
-        """The next beat may take so long; never waits, raises nothing."""
+        """Allow this time (s) until the next beat. Never waits, raises nothing."""
         if self._armed:
             self._note_the_gap()
             self._beaten_s = awake_s() + seconds
             self._send(ALLOW + f"{seconds:.1f}".encode())
 
     def refuse_a_gap(self) -> None:
-        """Raise InstrumentError if the run did nothing for longer than `LONGEST_GAP_S` while the coil was on."""
+        """Raise InstrumentError if the run stood still for longer than `LONGEST_GAP_S` while the coil was on."""
         self._note_the_gap()
         if self._armed and self._gap_s:
             raise InstrumentError(
-                f"{self._ward.address}: the run stood still for {self._gap_s:.0f} s with the coil on: the computer "
-                "slept, or the process was stopped; a run does not go on after that"
+                f"{self._ward.address}: the run stood still for {self._gap_s:.0f} s with the coil on, because the "
+                "computer slept or the process was stopped; the run ends"
             )
 
     def _note_the_gap(self) -> None:
@@ -139,7 +152,7 @@ class Guardian:
             self._gap_s = max(self._gap_s, gap_s)
 
     def check(self) -> None:
-        """Raise InstrumentError when the guardian is gone, stopped, or has taken over: the run has to end."""
+        """Raise InstrumentError, which ends the run, if the guardian process ended, was stopped or has taken over."""
         if not self._armed:
             return
         self.refuse_a_gap()
@@ -149,28 +162,28 @@ class Guardian:
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(TAKING_OVER_WITHIN_S)
             raise InstrumentError(
-                f"{place}: the run stood still for more than {STILL_FOR_S:g} s, and its guardian process took over to "
-                "switch the coil off"
+                f"{place}: the run stood still for more than {STILL_FOR_S:g} s, and its guardian process took over and "
+                "switches the coil off"
             )
         if self._process.poll() is not None:
             raise InstrumentError(
-                f"{place}: the guardian process ended (status {self._process.returncode}); a run goes on only under "
-                "guard"
+                f"{place}: the guardian process ended (status {self._process.returncode}); the run ends, because it "
+                "needs a guardian"
             )
         if time.monotonic() - self._heard_s > SILENT_FOR_S:
             raise InstrumentError(
-                f"{place}: the guardian process does not answer any more; a run goes on only under guard"
+                f"{place}: the guardian process does not answer any more; the run ends, because it needs a guardian"
             )
 
     def disarm(self) -> None:
-        """The coil is known to be off; one whose guardian is gone needs none any more."""
+        """Disarm the guardian, after the coil was confirmed off. A guardian that is gone raises no error."""
         self._armed = False
         self._send(DISARM)
 
     def dismiss(self) -> None:
-        """Close the pipe. One that is armed sets to work now, and is not waited for."""
+        """Close the pipes. An armed guardian now switches the coil off; this method does not wait for it."""
         if self._armed:
-            self._process.send_signal(signal.SIGCONT)  # it may have been stopped
+            self._process.send_signal(signal.SIGCONT)  # the guardian may have been stopped
             self._send(TAKE_OVER)
         else:
             self._process.kill()
@@ -180,21 +193,21 @@ class Guardian:
 
     def _listen(self) -> None:
         with suppress(BlockingIOError):
-            while heard := os.read(self._from.fileno(), 4096):
+            while received := os.read(self._from.fileno(), 4096):
                 self._heard_s = time.monotonic()
-                self._said = (self._said + heard).replace(HERE, b"")
+                self._said = (self._said + received).replace(HERE, b"")
 
     def _send(self, message: bytes) -> bool:
         try:
             os.write(self._to.fileno(), message + b"\n")
-        except OSError:  # it is gone, or stopped for so long that the pipe is full
+        except OSError:  # the guardian is gone, or was stopped for so long that the pipe is full
             return False
         return True
 
 
 @contextmanager
 def guarding(ward: Ward, events: int | None = None) -> Iterator[Guardian]:
-    """A guardian for one run. One that was armed and not disarmed switches off when the context is left.
+    """Start a guardian for one run. If it is still armed at the end of the context, it switches the coil off.
 
     events: see `Guardian`.
     """

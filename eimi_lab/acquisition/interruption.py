@@ -1,8 +1,8 @@
-"""What a run does about signals while one of its operations is under way.
+"""React to signals during an operation of a run.
 
-An `Interruption` belongs to a bench. What takes long is given one of its methods when it is made, and calls it where it
-may be broken off: the line to the supply between two messages, the camera while a call of its driver lasts, the writer
-of the dataset while it stores a state. Outside `heeding` these calls do nothing.
+An `Interruption` belongs to a bench. Long operations call its methods at points where they can be interrupted: the line
+to the supply between two messages, the camera while it waits for its driver, the writer of the dataset while it stores
+a state. These calls do nothing unless a run is inside `heeding`.
 """
 
 from __future__ import annotations
@@ -13,27 +13,27 @@ from typing import Protocol
 
 
 class Heeded(Protocol):
-    """A run that heeds signals. Each method may raise `Stopped`."""
+    """A run that reacts to signals. The first two methods may raise `Stopped` and InstrumentError."""
 
     def stop_if_asked(self) -> None:
-        """Leave what is under way after the first signal."""
+        """Interrupt the present operation if a signal has come."""
 
     def leave_in_haste(self) -> None:
-        """Leave what is under way after the second signal."""
+        """Interrupt the present operation if a second signal has come, or if the run stood still for too long."""
 
     def switch_off_in_haste(self) -> None:
-        """Switch the coil off after the second signal, once, and go on with what is under way. Raises nothing."""
+        """Switch the coil off, once, if a second signal has come; the operation continues. Raises nothing."""
 
 
 class Interruption:
-    """Passes what a bench's instruments and files ask on to the run that is under way, if one is."""
+    """Passes the calls of the bench's instruments and files to the run that uses them, if there is one."""
 
     def __init__(self) -> None:
         self._run: Heeded | None = None
 
     @contextmanager
     def heeding(self, run: Heeded) -> Iterator[None]:
-        """Ask this run while the context lasts."""
+        """Pass calls to this run within the context."""
         self._run = run
         try:
             yield
@@ -41,21 +41,23 @@ class Interruption:
             self._run = None
 
     def between_messages(self) -> None:
-        """For the line to the supply, before each message: a second signal leaves the rest of the exchanges out.
+        """Interrupt the exchange with the supply after a second signal, or if the run stood still for too long.
 
-        A run that stood still for long does not send another set-point either.
-
-        On a slow line the read-backs of a set-point are most of what it takes.
+        The line to the supply calls this before each message, because the read-backs of a set-point take long on a
+        slow line.
         """
         if self._run:
             self._run.leave_in_haste()
 
     def while_waiting(self) -> None:
-        """For the camera, again and again while a call lasts: the run moves on, and a signal ends the wait."""
+        """End the wait for the camera after a signal, and report to the guardian that the run is alive.
+
+        The camera calls this repeatedly while it waits for its driver.
+        """
         if self._run:
             self._run.stop_if_asked()
 
     def while_storing(self) -> None:
-        """For the writer: a state is stored to its end, with the coil switched off meanwhile after a second signal."""
+        """Switch the coil off after a second signal, while the writer finishes storing a state."""
         if self._run:
             self._run.switch_off_in_haste()
