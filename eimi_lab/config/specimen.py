@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 import eimi_fitting.beam.specimen as mechanics
 from eimi_fitting.inference.evidence.sources import StatedSource
@@ -16,6 +16,21 @@ from eimi_lab.config.uncertainty import OfSpecimen, check_sizes, stated_sources
 STRONGEST_kA_PER_M = 1600.0  # a remanence of 2 T, more than that of any magnetic powder
 
 
+LEAST_SIZE_MM = 0.05
+"""A smaller size is assumed to be given in metres: no beam of silicone is cast so thin."""
+
+
+def _in_millimetres(size_mm: float) -> float:
+    if size_mm < LEAST_SIZE_MM:
+        raise ValueError(
+            f"is below {LEAST_SIZE_MM:g} mm; the unit is millimetres, and in metres this would be {1e3 * size_mm:g} mm"
+        )
+    return size_mm
+
+
+Size = Annotated[float, Field(gt=0), AfterValidator(_in_millimetres)]
+
+
 class Beam(Table):
     """The beam as cast."""
 
@@ -23,11 +38,11 @@ class Beam(Table):
     """Name of the specimen; datasets with the same name share its dimensions and their errors."""
     material: str = Field(min_length=1)
     """Material of the beam; the protocol's material must be the same."""
-    length_mm: float = Field(gt=0)
+    length_mm: Size
     """Length from the clamp to the tip, including a magnet."""
-    width_mm: float = Field(gt=0)
+    width_mm: Size
     """Width across the beam, as the camera sees it; the bending stiffness grows with its cube."""
-    depth_mm: float = Field(gt=0)
+    depth_mm: Size
     """Depth along the camera's line of sight."""
     density_kg_m3: float = Field(gt=0)
     """Density of the silicone."""
@@ -42,11 +57,11 @@ class Beam(Table):
 class Magnet(Table):
     """A block magnet at the tip or ``tip_offset_mm`` before it, magnetised along the beam toward the tip."""
 
-    length_mm: float = Field(gt=0)
+    length_mm: Size
     """Length along the beam."""
-    width_mm: float = Field(gt=0)
+    width_mm: Size
     """Width across the beam; at most that of the specimen."""
-    depth_mm: float = Field(gt=0)
+    depth_mm: Size
     """Depth along the camera's line of sight; at most that of the specimen."""
     remanence_T: float = Field(gt=0, le=2.0)
     """Remanence from the data sheet: 1.17 to 1.21 T for N35, 1.32 to 1.37 T for N45."""

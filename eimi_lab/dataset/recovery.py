@@ -26,7 +26,7 @@ from eimi_lab.dataset.repair.mended_file import MendedFile
 from eimi_lab.dataset.repair.metadata import mend_metadata
 from eimi_lab.dataset.repair.superblock import close_superblock, is_hdf5
 from eimi_lab.process.errors import InputError, OwnFault, tell
-from eimi_lab.process.limits import limit_memory, obey_processor_limit, run_limited
+from eimi_lab.process.limits import child_arguments, limit_memory, obey_processor_limit, run_limited
 from eimi_lab.process.outputs import whole_file
 from eimi_lab.process.writer_lock import is_being_written
 from eimi_lab.vision.flags import judge
@@ -321,4 +321,5 @@ def _main(crashed: Path, path: Path, within_s: str) -> None:
 
 
 if __name__ == "__main__":
-    _main(Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3])
+    source, target, limit_s = child_arguments(3)
+    _main(Path(source), Path(target), limit_s)

@@ -80,7 +80,7 @@ def run_limited(path: Path, command: Sequence[str], within_s: float) -> subproce
     path
         The file, for messages.
     command
-        A Python command of this program, which calls `obey_processor_limit` with its last argument.
+        A Python command of this program, which calls `child_arguments`, and `obey_processor_limit` with the last one.
     within_s
         Limit of the processor time in seconds; where the system has no such limit, of the wall clock.
 
@@ -108,6 +108,19 @@ def run_limited(path: Path, command: Sequence[str], within_s: float) -> subproce
     if name in ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP"):
         raise InputError(f"{path}: the process that read it was ended by {name}; the memory may not suffice")
     raise InputError(f"{path}: is damaged: the process that read it crashed ({name})")
+
+
+def child_arguments(count: int) -> list[str]:
+    """Return the arguments that `run_limited` gave to this process, the limit of the processor time last.
+
+    If their number is another one, the program was replaced by another release after the command had started. The
+    process then ends with a line about it and the status 2.
+    """
+    arguments = sys.argv[1:]
+    if len(arguments) != count:
+        print("eimi-lab was replaced by another release while it ran; start the command again", file=sys.stderr)
+        sys.exit(2)
+    return arguments
 
 
 def obey_processor_limit(within_s: str) -> None:

@@ -1,4 +1,4 @@
-"""A standard error stream that never blocks the program.
+"""A standard error stream that never blocks the program, and the words that C libraries print there.
 
 If nobody reads standard error (a full pipe, or a terminal stopped with Ctrl-S), an ordinary write would block, and a
 coil might stay on. Here, text that cannot be written at once waits in memory for the next write. If too much text
@@ -12,6 +12,7 @@ import os
 import select
 import stat
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -119,6 +120,28 @@ def never_blocking() -> Iterator[None]:
     finally:
         sys.stderr = before
         stream.finish()
+
+
+_captured = threading.Lock()
+
+
+@contextmanager
+def library_words() -> Iterator[list[str]]:
+    """Yield a list that holds, after the context, the lines that C libraries printed on standard error within it.
+
+    None of these lines reaches the terminal. What Python prints within `never_blocking` is not affected.
+    """
+    lines: list[str] = []
+    with _captured, tempfile.TemporaryFile() as printed:
+        before = os.dup(2)
+        os.dup2(printed.fileno(), 2)
+        try:
+            yield lines
+        finally:
+            os.dup2(before, 2)
+            os.close(before)
+            printed.seek(0)
+            lines += printed.read().decode("utf-8", "replace").splitlines()
 
 
 def _reopened(descriptor: int) -> int:

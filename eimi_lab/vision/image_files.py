@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,17 @@ from numpy.typing import NDArray
 from eimi_drivers.cameras.image_series import natural_key
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.limits import refuse_unpacked
+from eimi_lab.process.stderr import library_words
 from eimi_lab.vision.image_sizes import MOST_PIXELS, claimed_size, is_stack, may_be_transparent
 from eimi_lab.vision.image_wholeness import is_whole
 from eimi_lab.vision.intensity import camera_grey
 
 ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm"})
 _BYTES_PER_PIXEL = 8  # of 4 channels of 16 bits
+_PADDING_BYTES = 16
+"""Webcams put up to about ten superfluous bytes before the marker that ends a scan; more are a sign of damage."""
+_DAMAGED_JPEG = re.compile(r"(Corrupt JPEG data|Premature end of JPEG)")  # libjpeg, jerror.h
+_PADDED = re.compile(r"Corrupt JPEG data: (\d+) extraneous bytes before marker")
 _HEIC, _HEIF, _AVIF = "a HEIC picture", "a HEIF picture", "an AVIF picture"
 _BRANDS = {b"heic": _HEIC, b"heix": _HEIC, b"mif1": _HEIF, b"msf1": _HEIF, b"avif": _AVIF}  # ISO/IEC 23008-12, annex B
 _OTHER_ENDINGS = frozenset(  # files of phones and browsers, and raw files of cameras
@@ -92,16 +98,24 @@ def read_image(path: Path) -> NDArray[Any]:
 
 
 def _decoded(raw: bytes, how: int) -> NDArray[Any] | None:
-    """Decode an image with OpenCV; return None if OpenCV cannot, and print nothing."""
+    """Decode an image with OpenCV; return None if it cannot, or if the data are damaged. Print nothing."""
     logging = cv2.utils.logging
     level = logging.getLogLevel()
     logging.setLogLevel(logging.LOG_LEVEL_SILENT)
     try:
-        return cv2.imdecode(np.frombuffer(raw, np.uint8), how)
+        with library_words() as words:
+            image = cv2.imdecode(np.frombuffer(raw, np.uint8), how)
     except cv2.error:
         return None
     finally:
         logging.setLogLevel(level)
+    return None if any(map(_states_damage, words)) else image
+
+
+def _states_damage(line: str) -> bool:
+    """Return whether a line that libjpeg printed says that pixels are wrong."""
+    padded = _PADDED.match(line)
+    return int(padded[1]) > _PADDING_BYTES if padded else bool(_DAMAGED_JPEG.match(line))
 
 
 def _is_transparent(image: NDArray[Any] | None) -> bool:

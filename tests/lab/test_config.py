@@ -122,6 +122,7 @@ def refuse(model: type[Document], shipped: Document, old: str, new: str) -> str:
         ("length_mm", "length_cm", "specimen.length_cm is not a known key; did you mean length_mm?"),
         ("[magnet]", "[magnt]", "magnt is not a known key; did you mean magnet?"),
         ("length_mm = 30.0", "length_mm = -30.0", "specimen.length_mm = -30.0 should be greater than 0"),
+        ("width_mm = 3.0", "width_mm = 0.003", "specimen.width_mm = 0.003 is below 0.05 mm; the unit is millimetres"),
         ("length_mm = 30.0", 'length_mm = "30"', "specimen.length_mm = '30' should be a valid number"),
         ("length_mm = 30.0", "length_mm = true", "specimen.length_mm = true should be a valid number"),
         ("length_mm = 30.0", "length_mm = inf", "specimen.length_mm = inf should be a finite number"),

@@ -41,6 +41,20 @@ def test_an_appended_film_and_a_thumbnail_do_not_hide_a_truncated_jpeg(
         read_image(path)
 
 
+def test_a_jpeg_whose_pixels_are_damaged_is_refused_and_nothing_else_is_printed(
+    tmp_path: Path, frame: Callable[..., np.ndarray], capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "image.jpg"
+    whole = cv2.imencode(".jpg", frame(1))[1].tobytes()
+    middle = len(whole) // 2
+    path.write_bytes(whole[:middle] + bytes(64) + whole[middle + 64 :])
+    with pytest.raises(InputError, match="truncated or damaged"):
+        read_image(path)
+    path.write_bytes(whole[:-2] + b"\xa5" * 4 + whole[-2:])  # as some webcams pad a picture
+    assert read_image(path).shape == (96, 128)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_a_heic_picture_is_refused_with_its_format(tmp_path: Path) -> None:
     heic = b"\0\0\0\x18ftypheic" + bytes(100)
     (tmp_path / "IMG_1.HEIC").write_bytes(heic)

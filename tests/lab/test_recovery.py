@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -176,3 +178,10 @@ def test_a_message_of_recover_does_not_advise_to_use_recover(two: dict[str, Path
     with pytest.raises(InputError, match="the readable part of it is not a dataset") as told:
         recover(two["finished"], two["crashed"].with_name("out.h5"))
     assert "eimi recover" not in str(told.value)
+
+
+def test_a_program_that_was_replaced_while_it_ran_is_told_in_one_line(two: dict[str, Path]) -> None:
+    command = [sys.executable, "-m", "eimi_lab.dataset.recovery", two["crashed"], "copy.h5"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.count("\n"), done.stdout) == (2, 1, "")
+    assert "replaced by another release while it ran" in done.stderr

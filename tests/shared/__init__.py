@@ -8,7 +8,7 @@ real_pictures         photographs of other people with traced edges
 solid_cases           cases of the solid with known answers
 virtual_measurements  measurements with every stated uncertainty drawn; planned_states, before and after a plan
 hidden_laws           laws of terms drawn at random
-mutated_files         datasets and TOML files changed at random
+mutated_files         files of every format that is read, changed at random
 processes             whether processes live
 outside               a package outside of this project, with a supply and a camera
 """

@@ -1,15 +1,19 @@
-"""Datasets, TOML, JSON and CSV files and images changed at random, each read to its end or refused in one line.
+"""Files of every format that is read, changed at random: each is read to its end or refused in one line.
 
 A process reads many files; one that dies or takes more than 10 s of processor time for a file is counted and replaced.
+The program reads a C3D file in a process of its own. To save time, that is done here only for the files that end the
+process which reads many.
 """
 
 from __future__ import annotations
 
 import collections
 import multiprocessing
+import os
 import shutil
 import signal
 import tempfile
+from importlib.util import find_spec
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -26,6 +30,7 @@ from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recordings import Moment
 from eimi_lab.dataset.recovery import MEMORY_BYTES, copy_readable
+from eimi_lab.dataset.tracked.c3d import bound_memory, read_c3d, read_in_this_process
 from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.fits.fits_file import read_fits_file, write_fits
 from eimi_lab.fits.tensile_files import read_tensile
@@ -51,6 +56,7 @@ READERS = {
     ".tif": "image",
     ".bmp": "image",
     ".pgm": "image",
+    ".c3d": "motion capture",
 }
 
 
@@ -78,7 +84,7 @@ def sources(folder: Path) -> list[Path]:
         shutil.copyfile(shipped, folder / f"{name}.toml")
     shutil.copyfile(locate("bench_example_calibration", "rigs"), folder / "bench_example_calibration.toml")
     configured = [folder / name for name in ("finished.h5", "crashed.h5", *list(READERS)[1:5])]
-    return [*configured, *_tables_and_pictures(folder)]
+    return [*configured, *_tables_and_pictures(folder), *_motion_capture(folder)]
 
 
 def _tables_and_pictures(folder: Path) -> list[Path]:
@@ -91,6 +97,21 @@ def _tables_and_pictures(folder: Path) -> list[Path]:
     for picture in pictures:
         cv2.imwrite(str(picture), image[..., 0] if picture.suffix == ".pgm" else image)
     return [folder / "curve.csv", folder / "fits.json", *pictures]
+
+
+def _motion_capture(folder: Path) -> list[Path]:
+    """Write four markers in three frames, if the package that reads them is installed."""
+    if find_spec("ezc3d") is None:
+        return []
+    import ezc3d
+
+    capture = ezc3d.c3d()
+    capture["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    capture["parameters"]["POINT"]["RATE"]["value"] = [100.0]
+    capture["parameters"]["POINT"]["LABELS"]["value"] = ("root", "middle", "tip", "lost")
+    capture["data"]["points"] = np.random.default_rng(2).uniform(0.0, 500.0, (4, 4, 3))
+    capture.write(str(folder / "capture.c3d"))
+    return [folder / "capture.c3d"]
 
 
 def mutated(raw: bytes, random: np.random.Generator) -> bytes:
@@ -148,6 +169,8 @@ def read(path: Path) -> str:
                 read_tensile(path)
             case "image":
                 read_image(path)
+            case "motion capture":
+                read_in_this_process(path)
             case _:
                 load_calibration(path)
     except InputError as error:
@@ -156,15 +179,38 @@ def read(path: Path) -> str:
 
 
 def serve(pipe: Connection, recover: bool) -> None:
-    """Read, or recover, files as they are named, and say what came of each."""
+    """Read, or recover, files as they are named, and say what came of each.
+
+    A library that prints something is a fault, since the refusal is then not the only line.
+    """
     if recover:
         limit_memory(MEMORY_BYTES)
-    while (path := pipe.recv()) is not None:
-        signal.setitimer(signal.ITIMER_PROF, WITHIN_S)  # whose signal ends a process, wherever it is
-        try:
-            pipe.send((recovered(path) if recover else read(path), ""))
-        except Exception as error:
-            pipe.send(("traceback", f"{type(error).__name__}: {error}"))
+    else:
+        bound_memory()
+    with tempfile.TemporaryFile() as printed:
+        for descriptor in (1, 2):
+            os.dup2(printed.fileno(), descriptor)
+        while (path := pipe.recv()) is not None:
+            signal.setitimer(signal.ITIMER_PROF, WITHIN_S)  # whose signal ends a process, wherever it is
+            try:
+                outcome, words = recovered(path) if recover else read(path), ""
+            except Exception as error:
+                outcome, words = "traceback", f"{type(error).__name__}: {error}"
+            if size := printed.seek(0, os.SEEK_END):
+                printed.seek(0)
+                outcome, words = f"{outcome} with words printed", str(printed.read(size))
+                printed.seek(0)
+                printed.truncate()
+            pipe.send((outcome, words))
+
+
+def read_guarded(path: Path) -> str:
+    """How the program takes a C3D file, which it reads in a process of its own."""
+    try:
+        read_c3d(path)
+    except InputError as error:
+        return "refused" if "\n" not in str(error) else "refused in several lines"
+    return "read"
 
 
 def fuzz(files: int, seed: int, recover: bool = False) -> collections.Counter[str]:
@@ -192,13 +238,15 @@ def fuzz(files: int, seed: int, recover: bool = False) -> collections.Counter[st
                 except EOFError:
                     process.join()
                     outcome = "hang" if process.exitcode == -signal.SIGPROF else "died"
-            counts[outcome] += 1
-            if outcome not in ("read", "refused"):
-                print(f"file {number}, seed {seed}, {path.name}: {outcome} {said}", flush=True)
             if outcome in ("hang", "died"):
                 process.kill()
                 process.join()
                 process = None
+                if path.suffix == ".c3d":
+                    outcome = read_guarded(path)
+            counts[outcome] += 1
+            if outcome not in ("read", "refused"):
+                print(f"file {number}, seed {seed}, {path.name}: {outcome} {said}", flush=True)
         if process is not None and pipe is not None:
             pipe.send(None)
             process.join()

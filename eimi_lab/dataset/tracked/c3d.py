@@ -17,7 +17,14 @@ import numpy as np
 from eimi_lab.dataset.tracked.numbers_table import refused
 from eimi_lab.dataset.tracked.tracks import Tracks
 from eimi_lab.process.errors import InputError
-from eimi_lab.process.limits import SHARE_OF_FREE, free_memory_bytes, limit_memory, obey_processor_limit, run_limited
+from eimi_lab.process.limits import (
+    SHARE_OF_FREE,
+    child_arguments,
+    free_memory_bytes,
+    limit_memory,
+    obey_processor_limit,
+    run_limited,
+)
 
 OWN_BYTES = 2 << 30
 """Address space that the libraries take before a file is read."""
@@ -47,9 +54,9 @@ def read_c3d(path: Path) -> Tracks:
 def _main(path: Path, within_s: str) -> None:
     """Read a file in this process with limits of memory and time, and write its tracks to standard output."""
     obey_processor_limit(within_s)
-    limit_memory(OWN_BYTES + free_memory_bytes() // SHARE_OF_FREE)
+    bound_memory()
     try:
-        tracks = _read(path)
+        tracks = read_in_this_process(path)
     except MemoryError:
         sys.exit(f"{path}: reading it takes more than a quarter of the free memory")
     except InputError as error:
@@ -57,7 +64,13 @@ def _main(path: Path, within_s: str) -> None:
     sys.stdout.buffer.write(pickle.dumps(tracks))
 
 
-def _read(path: Path) -> Tracks:
+def bound_memory() -> None:
+    """Let this process take no more than a quarter of the free memory beside its libraries."""
+    limit_memory(OWN_BYTES + free_memory_bytes() // SHARE_OF_FREE)
+
+
+def read_in_this_process(path: Path) -> Tracks:
+    """Read as `read_c3d` does, in a process that damage in the file can end. Raises InputError, MemoryError."""
     import ezc3d
 
     try:
@@ -91,4 +104,5 @@ def _read(path: Path) -> Tracks:
 
 
 if __name__ == "__main__":
-    _main(Path(sys.argv[1]), sys.argv[2])
+    source, limit_s = child_arguments(2)
+    _main(Path(source), limit_s)
