@@ -1,6 +1,6 @@
-"""Events as lines of JSON: one object a line, with the name of the event under the key `event`.
+"""Write and read events as lines of JSON: one object per line, with the name of the event under the key `event`.
 
-A thread writes them, so that a reader who is slow or gone never holds up a run.
+A thread writes the lines, so that a slow or missing reader never delays a run.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ from typing import Any
 from eimi_lab.acquisition.events import EVENTS, Event, OnEvent
 
 LAST_LINES_S = 1.0
-"""At the end the reader has so long to take what is left."""
+"""Time that the reader has at the end to take the remaining lines."""
 
 _log = logging.getLogger(__name__)
 
 
 def to_line(event: Event) -> str:
-    """Return the event as one line of JSON without a line end. A number that is not finite becomes null."""
+    """Return the event as one line of JSON, without a newline. A number that is not finite becomes null."""
     return json.dumps({"event": event.event, **_finite(asdict(event))}, ensure_ascii=False)
 
 
 def from_line(line: str | bytes) -> Event | None:
-    """Return the event of a line; None for an event that this release does not have.
+    """Return the event of a line, or None if this release has no event of that name.
 
     Keys that this release does not have are ignored.
 
     Raises
     ------
     ValueError
-        The line is not a JSON object of an event, or a field has the wrong type.
+        If the line is not a JSON object of an event, or if a field has the wrong type.
     """
     from pydantic import TypeAdapter  # slow to import, and the guardian, which starts with every run, only writes
 
     fields = json.loads(line)
     if not isinstance(fields, dict) or not isinstance(fields.get("event"), str):
-        raise ValueError(f"{line!r} is no event: a JSON object with the key 'event' would be")
+        raise ValueError(f"{line!r} is no event; it should be a JSON object with the key 'event'")
     kind = EVENTS.get(fields.pop("event"))
     return None if kind is None else TypeAdapter(kind).validate_python(fields)
 
@@ -57,21 +57,23 @@ def _finite(value: Any) -> Any:
 
 
 class EventLines:
-    """Writes events to a file descriptor in a thread of its own: whoever sends one never waits."""
+    """Writes events to a file descriptor in a thread, so that the sender never waits.
+
+    The thread closes the descriptor at the end.
+    """
 
     def __init__(self, descriptor: int) -> None:
-        """Start the thread, which closes the descriptor at the end."""
         self._descriptor = descriptor
         self._waiting: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._writer = threading.Thread(target=self._write, name="events", daemon=True)
         self._writer.start()
 
     def __call__(self, event: Event) -> None:
-        """Send an event; returns at once."""
+        """Send an event. Returns at once."""
         self._waiting.put(to_line(event) + "\n")
 
     def finish(self) -> None:
-        """Send what is left, for a moment at most."""
+        """Write the remaining events, for at most `LAST_LINES_S`."""
         self._waiting.put(None)
         self._writer.join(LAST_LINES_S)
 
@@ -82,22 +84,30 @@ class EventLines:
                     lines.write(line)
                     lines.flush()
         except OSError as error:
-            _log.info("nobody reads the events any more: %s", error)
+            _log.info("the reader of the events is gone: %s", error)
 
 
 @contextmanager
-def heard_by(listener: OnEvent, descriptor: int | None) -> Iterator[OnEvent]:
-    """Yield where to send events: to `listener`, and as lines to a copy of `descriptor`, unless that is None."""
+def sending_events(listener: OnEvent, descriptor: int | None) -> Iterator[OnEvent]:
+    """Yield a function that sends an event to `listener` and writes it as a line of JSON.
+
+    Parameters
+    ----------
+    listener : OnEvent
+        Receives every event.
+    descriptor : int or None
+        File descriptor to whose copy the lines are written. None writes no lines.
+    """
     if descriptor is None:
         yield listener
         return
     lines = EventLines(os.dup(descriptor))
 
-    def heard(event: Event) -> None:
+    def send(event: Event) -> None:
         lines(event)
         listener(event)
 
     try:
-        yield heard
+        yield send
     finally:
         lines.finish()

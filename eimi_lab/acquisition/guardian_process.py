@@ -1,7 +1,7 @@
-"""The guardian process itself: it waits for the end or the standstill of the run, and then switches off.
+"""The guardian process: wait until the run dies or stands still, and then switch the coil off.
 
-Until then it touches no port. What it needs it has imported before it says that it is ready, and the run switches the
-output on only after that.
+Before that, the process opens no port. It reports that it is ready after it has imported all its modules, and the run
+switches the output on only after this report.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from eimi_drivers.supplies.off import measured_off, off_limit_A, switch_off
 from eimi_drivers.supplies.supply_names import open_supply
 from eimi_drivers.supplies.transport import share_ports
 from eimi_lab.acquisition.added_driver import unpack
-from eimi_lab.acquisition.event_lines import heard_by
+from eimi_lab.acquisition.event_lines import sending_events
 from eimi_lab.acquisition.event_words import in_words
 from eimi_lab.acquisition.events import (
     EmulatedSupplyGone,
@@ -55,9 +55,9 @@ from eimi_lab.process.stderr import never_blocking
 
 _log = logging.getLogger("eimi_lab.acquisition.guardian_process")  # the process runs this module as __main__
 
-TRY_FOR_S = 3600.0  # a cable may be put back; a person who was told will have come by then
+TRY_FOR_S = 3600.0  # time for a person to reconnect a cable or to come to the bench
 TRY_AGAIN_AFTER_S, TRY_AGAIN_LATER_S = 0.1, 1.0
-TELL_EVERY_S = 60.0
+REPORT_EVERY_S = 60.0
 FROM_RUN, TO_RUN = 0, 1
 
 DIED: Takeover = "run_died"
@@ -66,8 +66,8 @@ ASKED: Takeover = "run_could_not_switch_off"
 
 
 def stand_guard(ward: Ward, on_event: OnEvent) -> None:
-    """Wait until it is needed, if ever, and switch off."""
-    for name in ("SIGINT", "SIGHUP", "SIGTERM", "SIGPIPE"):  # it ends when the run does, no sooner
+    """Wait for the run to end; if the coil may still be on, switch it off."""
+    for name in ("SIGINT", "SIGHUP", "SIGTERM", "SIGPIPE"):  # the guardian must not end before the run
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     run = os.getppid()
@@ -77,14 +77,14 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
     if takeover:
         ward = replace(ward, identity=identity)
         if takeover == STANDS_STILL:
-            share_ports()  # the run has them locked
+            share_ports()  # the run holds the locks of the ports
             _say(TAKING_OVER)
         on_event(GuardianTookOver(takeover=takeover, address=ward.address))
         switch_off_for_the_run(ward, takeover, run, on_event)
 
 
 def _wait_until_needed() -> tuple[Takeover | None, tuple[str, str] | None]:
-    """Return why the coil has to be switched off, None if the run ended well; and the identity of its supply."""
+    """Return the reason for switching off (None if the run ended with the coil off) and the identity of its supply."""
     identity: tuple[str, str] | None = None
     armed, patience_s, heard_s, unfinished = False, STILL_FOR_S, time.monotonic(), b""
     while True:
@@ -114,20 +114,20 @@ def _wait_until_needed() -> tuple[Takeover | None, tuple[str, str] | None]:
 
 
 def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: int, on_event: OnEvent) -> None:
-    """Ramp down, zero, off, verify, measure, again and again until no current is measured.
+    """Ramp down, switch off and measure, repeatedly, until no current is measured or `TRY_FOR_S` has passed.
 
-    A run that stands still keeps its connection, and some supplies serve one at a time: where the first attempt fails,
-    that process, `run`, is ended.
+    A run that stands still keeps its connection, and some supplies serve only one connection at a time. If the first
+    attempt fails, the guardian therefore kills the process of the run, whose number is `run`.
     """
     began = time.monotonic()
-    told_s = began - TELL_EVERY_S + 2.0
+    reported_s = began - REPORT_EVERY_S + 2.0
     pause_s = TRY_AGAIN_AFTER_S
     killed = False
     was_on: set[bool] = set()
     while True:
         try:
             off, remark = _try_once(ward, was_on)
-        except Exception as error:  # a library's mistake must not leave the coil on
+        except Exception as error:  # an error in a library must not leave the coil on
             measured_A = error.current_A if isinstance(error, SwitchOffFailed) else None
             limit_A = error.limit_A if isinstance(error, SwitchOffFailed) else None
             why = " ".join((str(error) if measured_A is not None else f"{type(error).__name__}: {error}").split())
@@ -157,20 +157,33 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: int, on_event: O
         if time.monotonic() - began > TRY_FOR_S:
             on_event(replace(not_off, trying_process=None))
             return
-        if time.monotonic() - told_s > TELL_EVERY_S:
-            told_s = time.monotonic()
+        if time.monotonic() - reported_s > REPORT_EVERY_S:
+            reported_s = time.monotonic()
             on_event(not_off)
         time.sleep(pause_s)
         pause_s = min(2 * pause_s, TRY_AGAIN_LATER_S)
 
 
 def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
-    """Open, compare the identity, half way toward zero, off, measure, close.
+    """Open the supply, compare its identity, ramp down, switch off, measure and close.
 
-    was_on: holds True once the run's supply was found on, as the run left it. One that is found off at the first look
-    may be another one of the same kind, unless it has a serial number or its line is a pseudo-terminal.
+    Parameters
+    ----------
+    was_on
+        Contains True after an attempt saw the output on, as the run left it. A supply whose output is off in the first
+        attempt may be another one of the same model, unless it has a serial number or is on a pseudo-terminal.
 
-    Returns what was measured, and in words what did not go well. Raises whatever went wrong before the supply was off.
+    Returns
+    -------
+    off : Off or None
+        The measured current; None if the supply cannot measure.
+    remark : str
+        Failures that did not prevent the switching off, in words.
+
+    Raises
+    ------
+    Exception
+        If the supply was not confirmed off, the error that prevented it.
     """
     clock = WallClock()
     supply = open_supply(ward.driver, ward.address, ward.limits, clock)
@@ -182,8 +195,8 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
             if found_off and not (ward.identity and ward.identity[1]) and "/dev/pts/" not in ward.address:
                 measured = f", {off.current_A:.2f} A measured" if off else ""
                 raise SwitchOffFailed(
-                    f"{ward.address}: the supply there was found off{measured}, but it has no serial number: it may be "
-                    "another supply than the coil's"
+                    f"{ward.address}: the output of the supply was already off{measured}, but the supply has no serial "
+                    "number, so that it may not be the supply of the coil"
                 )
             return (replace(off, found_off=found_off) if off else off), without_ramp
         except SwitchOffFailed as error:
@@ -197,17 +210,17 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
 
 
 def _found_off(ward: Ward, supply: PowerSupply, was_on: set[bool]) -> bool:
-    """Return whether the run's supply is off at the first look. Raises AnotherSupply if another one answers."""
+    """Return whether the output is off before the first attempt. Raises AnotherSupply if another supply answers."""
     if ward.identity is None:
         return False
     try:
         answered = supply.identify()
-    except InstrumentError:  # switching off is tried all the same
+    except InstrumentError:  # try to switch off anyway
         return False
     if (answered.text, answered.serial_number) != ward.identity:
         raise AnotherSupply(
-            f"{ward.address}: the coil's supply is not there: {answered.text!r} {answered.serial_number} answers in "
-            f"place of {' '.join(ward.identity)!r}"
+            f"{ward.address}: another supply answers: {answered.text!r} {answered.serial_number} instead of "
+            f"{' '.join(ward.identity)!r}"
         )
     with suppress(InstrumentError):
         if supply.output_on():
@@ -217,29 +230,33 @@ def _found_off(ward: Ward, supply: PowerSupply, was_on: set[bool]) -> bool:
 
 
 def _ramp_down(supply: PowerSupply) -> str:
-    """Half way toward zero. The beam's swing no longer matters and time does: the supply is spared half the leap."""
+    """Set half the measured current, and return a remark if that failed.
+
+    A full ramp would take time, and the motion of the beam does not matter any more. One intermediate step halves the
+    jump of the supply.
+    """
     try:
         supply.set_current(supply.measure().current_A / 2)
-    except Exception as error:  # as above; the stages that follow matter more
-        return f", straight to zero ({' '.join(str(error).split())})"
+    except Exception as error:  # an error in a library must not prevent the next stages
+        return f", straight to zero without an intermediate step ({' '.join(str(error).split())})"
     return ""
 
 
 def _say(message: bytes) -> None:
-    with suppress(OSError):  # the run is gone, or does not listen
+    with suppress(OSError):  # the run is gone or does not read
         os.write(TO_RUN, message)
 
 
-def _tell(event: Event) -> None:
-    """Say on standard error what came of it."""
+def _print(event: Event) -> None:
+    """Print an event in words on standard error."""
     if not isinstance(event, GuardianTookOver):
         with suppress(OSError):  # the terminal may be gone with the run
             print(f"eimi guardian: {in_words(event)}", file=sys.stderr, flush=True)
 
 
 def main(ward: str, events: str | None = None) -> None:
-    """Stand guard over a supply, given as JSON. events: the number of a descriptor that somebody may read."""
-    with never_blocking(), heard_by(_tell, None if events is None else int(events)) as on_event:
+    """Guard a supply, a `Ward` as JSON. events: number of a file descriptor for events, if a program reads them."""
+    with never_blocking(), sending_events(_print, None if events is None else int(events)) as on_event:
         log_to_stderr(os.environ.get(VARIABLE, ""))
         guarded = Ward(**json.loads(ward))
         unpack(guarded.driver, guarded.packed)

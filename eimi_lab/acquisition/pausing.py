@@ -1,9 +1,9 @@
-"""A run that waits for a person: `p` and Enter on its terminal.
+"""Pause a run when a person types `p` and Enter on its terminal.
 
-It pauses between two states, since one that was broken off would have to be taken again, and the coil would be warmer
-by that than `heating` counts. Meanwhile the coil is off: a pause may last for as long as it likes, and nobody can say
-what is done at the bench in it. The run then comes back through the states before, as one that is resumed does. Who
-cannot wait for the end of a state has Ctrl-C and --resume.
+The run pauses between two states. A pause within a state would mean that the state has to be taken again, and the coil
+would become warmer than `heating` computes. The coil is off during the pause, because a pause may last for any time and
+a person may work at the bench. Afterwards the run passes through the previous states again, as a resumed run does.
+Ctrl-C and --resume interrupt a run within a state.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ PAUSE_KEY = "p"
 LOOK_EVERY_S = 0.1
 
 
-def nobody_types() -> str | None:
-    """For a run without a terminal."""
+def no_input() -> str | None:
+    """Return None; the input of a run without a terminal."""
     return None
 
 
 def typed_line() -> str | None:
-    """The line that was typed on the terminal; None for none yet. Never waits.
+    """Return the line that was typed on the terminal, or None if there is none. Never waits.
 
-    In the background of a terminal nothing is read: that would stop the program.
+    A process in the background of a terminal reads nothing, because reading would stop it.
     """
     try:
         terminal = sys.stdin.fileno()
@@ -41,15 +41,27 @@ def typed_line() -> str | None:
 
 
 class Pauses:
-    """Whether a person asked for a pause, and the pause itself."""
+    """The pauses of a run.
+
+    Parameters
+    ----------
+    typed : callable
+        Returns the next line that a person typed, or None.
+    on_event : OnEvent
+        Receives the events of the pause.
+
+    Attributes
+    ----------
+    asked : bool
+        Whether a person has asked for a pause that has not begun yet.
+    """
 
     def __init__(self, typed: Callable[[], str | None], on_event: OnEvent) -> None:
-        """typed: gives the next line that a person typed, or None. on_event: hears of the pause."""
         self._typed, self._on_event = typed, on_event
         self.asked = False
 
     def heeded_by(self, stop_if_asked: Callable[[], None]) -> Callable[[], None]:
-        """What to call between the operations of a state, in place of `stop_if_asked`: hears what is typed, too."""
+        """Return a function that reads the typed lines and then calls `stop_if_asked`."""
 
         def move_on() -> None:
             if self._typed() == PAUSE_KEY and not self.asked:
@@ -60,7 +72,7 @@ class Pauses:
         return move_on
 
     def wait(self, run: Stepping, state: int, stop_if_asked: Callable[[], None]) -> None:
-        """Switch the coil off until a line is typed, then come back to where `state` begins.
+        """Switch the coil off until a line is typed, then return to the beginning of `state`.
 
         Raises Stopped, InstrumentError, SwitchOffFailed, StorageFailed.
         """

@@ -32,7 +32,7 @@ from eimi_lab.acquisition.heating import hottest, refuse_overheating
 from eimi_lab.acquisition.interruption import Interruption
 from eimi_lab.acquisition.live_view import Show, WatchedCamera, show_nobody
 from eimi_lab.acquisition.open_bench import Bench
-from eimi_lab.acquisition.pausing import Pauses, nobody_types
+from eimi_lab.acquisition.pausing import Pauses, no_input
 from eimi_lab.acquisition.playback import NOISE_FRAMES
 from eimi_lab.acquisition.resuming import UnfinishedRun, refuse_taken, take_up
 from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S
@@ -99,7 +99,7 @@ def acquire(
     take_over: bool = False,
     note: str = "",
     show: Show = show_nobody,
-    typed: Callable[[], str | None] = nobody_types,
+    typed: Callable[[], str | None] = no_input,
 ) -> Path:
     """Run the protocol on an open bench into the dataset `path`; `on_event` hears everything that happens.
 

@@ -1,4 +1,4 @@
-"""Every way out of a run ends with the coil off: return, error, Ctrl-C, termination, hang-up."""
+"""Switch the coil off at the end of every run: after the last state, an error, Ctrl-C, termination or hang-up."""
 
 from __future__ import annotations
 
@@ -27,33 +27,33 @@ from eimi_lab.process.stopping import TERMINATION, Stopped, raise_if_asked
 SIGNALS = (signal.SIGINT, *TERMINATION)
 SUSPEND = getattr(signal, "SIGTSTP", None)
 OFF_WITHIN_S = 30.0
-"""Switching off may take so long where the line is bad; then the guardian tries, too."""
+"""Longest time for switching off on a bad line; after it the guardian tries as well."""
 
 _log = logging.getLogger(__name__)
 
 
 class _InHaste(Exception):
-    """Asked to stop once more: the ramp down is left out."""
+    """A second signal came: leave out the ramp down."""
 
 
 class _SignalsHeeded:
-    """The signals that came during a run, and what each step of the run does about them; see `switching_off`."""
+    """The signals that came during a run, and the reaction of each step of the run to them; see `switching_off`."""
 
     def __init__(self, coil: Coil, guardian: Guardian | None, on_event: OnEvent) -> None:
         self._coil, self._guardian, self._on_event = coil, guardian, on_event
         self._noted: list[int] = []
-        self._suspended = self._stop_told = self._off = False
+        self._suspended = self._stop_reported = self._off = False
         self._fault: InstrumentError | None = None
 
     def note(self, number: int, frame: FrameType | None) -> None:
-        """Handle a signal: remember it, and do no more."""
+        """Handle a signal: store its number and do nothing else."""
         if number == SUSPEND:
             self._suspended = True
         else:
             self._noted.append(number)
 
     def move_on(self) -> None:
-        """Let the guardian hear that the run moves on, and refuse Ctrl-Z."""
+        """Report to the guardian that the run is alive, and refuse Ctrl-Z."""
         if self._guardian:
             self._guardian.beat()
         if self._suspended:
@@ -65,7 +65,7 @@ class _SignalsHeeded:
         self.move_on()
         raise_if_asked()
         if self._noted:
-            self._tell_of_the_stop()
+            self._report_the_stop()
             raise Stopped(self._noted[0])
         if self._fault:
             raise self._fault
@@ -74,13 +74,13 @@ class _SignalsHeeded:
         self._coil.watch()
 
     def go_on_down(self) -> None:
-        """Between the steps of the ramp down: raise _InHaste after a second signal."""
+        """Raise _InHaste after a second signal; called between the steps of the ramp down."""
         self.move_on()
         if len(self._noted) > 1:
             raise _InHaste
 
     def leave_in_haste(self) -> None:
-        """See `Heeded.leave_in_haste`. Signals do not interrupt a thread beside the main one."""
+        """See `Heeded.leave_in_haste`. Only the main thread is interrupted."""
         if self._guardian and not self._off:
             self._guardian.refuse_a_gap()
         if len(self._noted) > 1 and not self._off and threading.current_thread() is threading.main_thread():
@@ -90,26 +90,26 @@ class _SignalsHeeded:
         """See `Heeded.switch_off_in_haste`."""
         if not self._off and (len(self._noted) > 1 or self._current_is_wrong()):
             self._off = True
-            _log.info("a second signal, or a wrong current, while a state is stored: the coil is switched off first")
+            _log.info("a second signal or a wrong current while a state is stored: the coil is switched off at once")
             if self._guardian:
                 self._guardian.allow(OFF_WITHIN_S)
             try:
                 off = self._coil.switch_off()
-            except InstrumentError as error:  # it is tried again on the way out, and told of there
+            except InstrumentError as error:  # the end of the run tries again and reports the failure
                 _log.info("switching off failed: %s", error)
             else:
-                _tell_that_it_is_off(off, self._on_event)
+                _report_off(off, self._on_event)
 
     def _current_is_wrong(self) -> bool:
         try:
             self._coil.watch()
-        except InstrumentError as error:  # it ends the run as soon as the state is stored
+        except InstrumentError as error:  # raised by `stop_if_asked` once the state is stored
             self._fault = error
         return self._fault is not None
 
-    def _tell_of_the_stop(self) -> None:
-        if not self._stop_told:
-            self._stop_told = True
+    def _report_the_stop(self) -> None:
+        if not self._stop_reported:
+            self._stop_reported = True
             self._on_event(StopRequested(signal=signal.Signals(self._noted[0]).name))
 
 
@@ -120,19 +120,24 @@ def switching_off(
     interruption: Interruption | None = None,
     on_event: OnEvent = unheard,
 ) -> Iterator[Callable[[], None]]:
-    """Yield `stop_if_asked`; on leaving, ramp the coil down and switch it off.
+    """Yield `stop_if_asked`; at the end of the context, ramp the coil down and switch it off.
 
-    `stop_if_asked` is for every step that the run takes: the guardian hears that it moves on, and takes over where it
-    does not; the supply is asked for faults now and then. It raises Stopped once a signal has come, and InstrumentError
-    where the guardian is gone or the supply reports a fault.
+    The run calls `stop_if_asked` in every step. It sends a beat to the guardian and watches the supply. It raises
+    Stopped if a signal has come, and InstrumentError if the guardian is gone, the supply reports a fault or the current
+    is wrong.
 
-    The guardian is armed meanwhile, and disarmed only once the supply says that it is off.
+    The guardian is armed within the context. It is disarmed only after the supply was confirmed off.
 
-    A signal is only noted when it arrives and acted on between operations, so that no exchange with an instrument
-    and no write to a file is cut in two; a second one leaves out the ramp down, and is heeded within an operation, too,
-    where `interruption` allows it. Ctrl-Z is refused: a run that is suspended would leave the coil on. The handlers
-    that were there before are put back afterwards. Outside the main thread, where Python delivers no signals, only the
-    switching off is left. Raises SwitchOffFailed where that failed.
+    The handler of a signal only stores its number. The run reacts between two operations, so that no exchange with an
+    instrument and no write to a file is cut in two. After a second signal the ramp down is left out, and operations
+    that support `interruption` end early. Ctrl-Z is refused, because a suspended run would leave the coil on. The
+    previous handlers are restored at the end. Python delivers signals only to the main thread: in another thread the
+    context only switches off.
+
+    Raises
+    ------
+    SwitchOffFailed
+        If the coil could not be confirmed off.
     """
     heeded = _SignalsHeeded(coil, guardian, on_event)
     with _noting(heeded):
@@ -150,7 +155,7 @@ def switching_off(
 def _noting(heeded: _SignalsHeeded) -> Iterator[None]:
     previous = {}
     if threading.current_thread() is threading.main_thread():
-        # What is ignored stays ignored: a run under nohup outlives its terminal.
+        # An ignored signal stays ignored: a run under nohup outlives its terminal.
         numbers = [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
         if SUSPEND is not None:
             numbers.append(SUSPEND)
@@ -168,7 +173,7 @@ def ramp_down_and_switch_off(
     go_on_down: Callable[[], None] = never,
     on_event: OnEvent = unheard,
 ) -> None:
-    """Ramp down, then zero, off and verify, which the driver does; each is tried whatever became of the others."""
+    """Ramp the coil down and switch it off; it is switched off even if the ramp fails."""
     try:
         coil.ramp_down(go_on_down)
     except _InHaste:
@@ -176,7 +181,7 @@ def ramp_down_and_switch_off(
         _off(coil, guardian, on_event)
     except InstrumentError as error:
         _off(coil, guardian, on_event)
-        raise InstrumentError(f"the coil is off, but could not be ramped down before: {error}") from error
+        raise InstrumentError(f"the coil is off, but the ramp down before it failed: {error}") from error
     except BaseException:
         _off(coil, guardian, on_event)
         raise
@@ -193,14 +198,14 @@ def _off(coil: Coil, guardian: Guardian | None, on_event: OnEvent) -> None:
         measured_A, limit_A = getattr(error, "current_A", None), getattr(error, "limit_A", None)
         on_event(OffNotConfirmed(by="run", reason=str(error), current_A=measured_A, limit_A=limit_A))
         if guardian:
-            with suppress(InstrumentError):  # it tries on; in a pause it was disarmed
+            with suppress(InstrumentError):  # the guardian continues to try; in a pause it was disarmed
                 guardian.arm()
         raise
     if guardian:
         guardian.disarm()
-    _tell_that_it_is_off(off, on_event)
+    _report_off(off, on_event)
 
 
-def _tell_that_it_is_off(off: Off | None, on_event: OnEvent) -> None:
+def _report_off(off: Off | None, on_event: OnEvent) -> None:
     on_event(OutputSwitched(on=False))
     on_event(off_confirmed(off, "run"))

@@ -197,7 +197,7 @@ def run_protocol(
     InputError, InstrumentError
         For the reasons given in `acquire`.
     """
-    from eimi_lab.acquisition.event_lines import heard_by
+    from eimi_lab.acquisition.event_lines import sending_events
     from eimi_lab.acquisition.event_words import on_terminal
     from eimi_lab.acquisition.open_bench import open_bench
     from eimi_lab.acquisition.playback import describe_recording_length
@@ -232,7 +232,7 @@ def run_protocol(
     with (
         only_writer(output),
         progress("acquire", len(protocol.currents_A)) as report,
-        heard_by(on_terminal(report), events_descriptor) as on_event,
+        sending_events(on_terminal(report), events_descriptor) as on_event,
         open_bench(
             rig, specimen, protocol.limits, transcript, on_event=on_event, guardian_events=events_descriptor
         ) as bench,
