@@ -1,7 +1,7 @@
-"""All benchmarks with one command: ``python -m benchmarks [--short] [-o docs/benchmarks.md]``.
+"""Run all benchmarks with one command: ``python -m benchmarks [--short] [-o docs/benchmarks.md]``.
 
-Each runs in a process of its own, one after another; what it prints is its table. ``--short`` takes reduced sizes, for
-a look within a quarter of an hour; ``--only NAME`` one of them, and the page keeps the tables of the others.
+Each benchmark runs in a separate process, one after another, and prints its table. ``--short`` uses reduced sizes and
+takes about a quarter of an hour. ``--only NAME`` runs one benchmark; the page keeps the tables of the others.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Benchmark:
-    """One script.
+    """One benchmark script.
 
-    words: what its table shows; page: the page that explains its figures; arguments: of every run; short: further
-    arguments of a short run.
+    words: what its table shows; page: the page that explains its figures; arguments: those of a full run; short: those
+    of a short run.
     """
 
     name: str
@@ -93,17 +93,17 @@ ALL = (
 
 
 def section(benchmark: Benchmark, short: bool) -> tuple[str, bool]:
-    """A benchmark's part of the page, and whether it ended well."""
-    own = benchmark.short if short else benchmark.arguments
-    command = ["-m", f"benchmarks.{benchmark.script}", *own]
+    """Run a benchmark; return its section of the page and whether it succeeded."""
+    arguments = benchmark.short if short else benchmark.arguments
+    command = ["-m", f"benchmarks.{benchmark.script}", *arguments]
     print(f"{benchmark.name}: python {' '.join(command)}", flush=True)
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     done = subprocess.run([sys.executable, *command], capture_output=True, text=True, check=False)
-    print(f"{done.stdout}{done.stderr}  ({time.perf_counter() - begun:.0f} s)\n", flush=True)
+    print(f"{done.stdout}{done.stderr}  ({time.perf_counter() - start_s:.0f} s)\n", flush=True)
     table = done.stdout.strip()
     shown = table if table.startswith("|") else f"```text\n{table}\n```"
-    said = f"{benchmark.words} `python {' '.join(command)}`; {environment()}"
-    return f"## {benchmark.name}\n\n{said}\n\n{shown}\n", done.returncode == 0
+    caption = f"{benchmark.words} `python {' '.join(command)}`; {environment()}"
+    return f"## {benchmark.name}\n\n{caption}\n\n{shown}\n", done.returncode == 0
 
 
 def sections_of(page: Path) -> dict[str, str]:
@@ -134,6 +134,7 @@ def environment() -> str:
 
 
 def main() -> int:
+    """Run the chosen benchmarks; return 1 if one failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--short", action="store_true")
     parser.add_argument("--only", choices=[benchmark.name for benchmark in ALL], action="append")
@@ -146,8 +147,8 @@ def main() -> int:
         parts[benchmark.name], well = section(benchmark, options.short)
         failed += [] if well else [benchmark.name]
         if options.output:  # after each: the whole takes long, and may be stopped
-            own = [parts[b.name] for b in ALL if b.name in parts]
-            options.output.write_text("\n".join([heading(), *own]), encoding="utf-8")
+            finished = [parts[b.name] for b in ALL if b.name in parts]
+            options.output.write_text("\n".join([heading(), *finished]), encoding="utf-8")
     if failed:
         print(f"failed: {', '.join(failed)}")
     return 1 if failed else 0

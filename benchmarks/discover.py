@@ -1,22 +1,24 @@
-"""Does `eimi discover` find the terms of hidden laws, and does it say so where the data do not tell?
+"""Measure how often `eimi discover` identifies the terms of hidden laws, and how often it is wrong.
 
 python -m benchmarks.discover [--laws 100] [--seed 2] [--workers 2]
 
 Each hidden law has one, two or three terms of the library, drawn at random, and an initial shear modulus between 15 and
-60 kPa. Every term carries at least 15 % of the stress at the end of the tensile test. The evidence of each:
+60 kPa. Every term carries at least 15 % of the stress at the end of the tensile test. The evidence for each law is
 
-- a tensile test to 300 % in 150 rows, with normal noise of 0.2 % of its largest stress;
-- type 1, 2 or 3 bent in six states, on a finer mesh than any of the fit's, with 0.4 µm of noise on its edge points; its
-  lot is stiffer or softer than the other by 2 % (one standard deviation), which the discovery is told.
+- a tensile test to 300 % strain in 150 rows, with normal noise of 0.2 % of its largest stress;
+- a beam of type 1, 2 or 3 bent in six states, simulated on a finer mesh than that of the fit, with 0.4 µm of noise on
+  its edge points. Its material lot is stiffer or softer than that of the tensile test by 2 % (one standard deviation);
+  the discovery knows this uncertainty.
 
-Hidden beams and fits are in plane stress, which costs a quarter of the solid; ``--solid`` takes both as solids. The
-search for the modulus with which a discovery begins is left out: it begins within 10 % of it.
+Hidden beams and fits are in plane stress, which costs a quarter of the solid; ``--solid`` uses solids for both. The
+search for the modulus at the beginning of a discovery is left out: the discovery starts within 10 % of the true value.
 
-``--off 1.3`` hides laws whose Jm, b and alpha are up to so many times those of the library, or a part of them; terms
-are compared by their kinds.
+``--off 1.3`` hides laws whose Jm, b and alpha differ from those of the library by a factor of up to 1.3; the terms are
+then compared by their kinds.
 
-Counted are laws whose terms are all found and no others (right), those for which the answer is "not identifiable"
-(open), and those with other terms than the true ones (wrong); from both together, and from bending alone.
+The table counts the laws for which exactly the true terms are identified (right), those for which the answer is "not
+identifiable" (open), and those for which other terms are named (wrong), from both kinds of evidence together and from
+bending alone.
 """
 
 from __future__ import annotations
@@ -42,7 +44,11 @@ BOTH, BENDING, TENSION = "bending and tension", "bending alone", "tension alone"
 
 @dataclass(frozen=True)
 class Case:
-    """One hidden law; noise: of the tensile test; off: see `_elsewhere`; evidence: kinds of it, each for itself."""
+    """One hidden law.
+
+    noise: of the tensile test, as a share of the largest stress; off: largest factor on Jm, b and alpha; evidence: the
+    kinds of evidence, each of which is used separately.
+    """
 
     seed: int
     number: int
@@ -54,7 +60,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What was hidden, and what was found of it by kind of evidence; None where it was refused."""
+    """A hidden law and its discovery from each kind of evidence; None if the discovery found no equilibrium."""
 
     number: int
     hidden: Hidden
@@ -62,30 +68,30 @@ class Outcome:
 
 
 def outcome(case: Case) -> Outcome | None:
-    """None where the hidden beam finds no equilibrium."""
+    """Hide and discover one law; return None if the hidden beam has no equilibrium."""
     rng = np.random.default_rng([case.seed, case.number])
     hidden = Hidden.drawn(rng, case.off)
     curve = hidden.curve(case.noise, rng)
     try:
-        seen = [] if case.evidence == (TENSION,) else [hidden.bent(case.solid, rng)]
+        bent = [] if case.evidence == (TENSION,) else [hidden.bent(case.solid, rng)]
     except NoEquilibrium:
         return None
     modulus_Pa = hidden.modulus_Pa * np.exp(rng.uniform(-BEGUN_WITHIN, BEGUN_WITHIN))
-    found: dict[str, Discovery | None] = {}
+    discoveries: dict[str, Discovery | None] = {}
     for kind in case.evidence:
-        beams, curves = [] if kind == TENSION else seen, [] if kind == BENDING else [curve]
+        beams, curves = [] if kind == TENSION else bent, [] if kind == BENDING else [curve]
         try:
-            found[kind] = discover(beams, curves, modulus_Pa=modulus_Pa)
+            discoveries[kind] = discover(beams, curves, modulus_Pa=modulus_Pa)
         except NoEquilibrium:
-            found[kind] = None
-    return Outcome(case.number, hidden, found)
+            discoveries[kind] = None
+    return Outcome(case.number, hidden, discoveries)
 
 
-def judged(found: Discovery | None, hidden: Hidden) -> str:
-    """In a word."""
-    if found is None or not found.identified:
+def judged(discovery: Discovery | None, hidden: Hidden) -> str:
+    """Return "right", "open" or "wrong" for a discovery."""
+    if discovery is None or not discovery.identified:
         return "open"
-    return "right" if _kinds(found.alternatives[0].terms) == _kinds(hidden.terms) else "wrong"
+    return "right" if _kinds(discovery.alternatives[0].terms) == _kinds(hidden.terms) else "wrong"
 
 
 def _kinds(terms: Sequence[Term]) -> list[tuple[str, bool]]:
@@ -93,13 +99,13 @@ def _kinds(terms: Sequence[Term]) -> list[tuple[str, bool]]:
 
 
 def row(name: str, words: Sequence[str]) -> str:
-    """Of the table."""
+    """Return a row of the table in Markdown."""
     counts = " | ".join(str(words.count(word)) for word in ("right", "open", "wrong"))
     return f"| {name} | {len(words)} | {counts} |"
 
 
 def main() -> int:
-    """Print the table; status 1 for fewer than 90 % right, or more than 5 % wrong from bending alone."""
+    """Print the table; return 1 if fewer than 90 % are right, or if more than 5 % are wrong from bending alone."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--laws", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, help="number of the first of them")
@@ -110,29 +116,29 @@ def main() -> int:
     parser.add_argument("--from", dest="evidence", choices=[BOTH, BENDING, TENSION], action="append", default=[])
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--each", action="store_true", help="print what was found of each")
-    asked = parser.parse_args()
-    numbers = range(asked.first, asked.first + asked.laws)
-    kinds = tuple(asked.evidence) or (BOTH, BENDING)
-    cases = [Case(asked.seed, number, asked.noise, asked.solid, asked.off, kinds) for number in numbers]
+    options = parser.parse_args()
+    numbers = range(options.first, options.first + options.laws)
+    kinds = tuple(options.evidence) or (BOTH, BENDING)
+    cases = [Case(options.seed, number, options.noise, options.solid, options.off, kinds) for number in numbers]
     done: list[Outcome] = []
-    with ProcessPoolExecutor(asked.workers) as pool:
+    with ProcessPoolExecutor(options.workers) as pool:
         for one in pool.map(outcome, cases):
             if one is None:
                 print("a hidden beam finds no equilibrium: not counted")
                 continue
             done.append(one)
-            if asked.each:
+            if options.each:
                 names = " + ".join(term.name for term in one.hidden.terms)
-                for found in one.found.values():
-                    told = found.statement if found else "no equilibrium"
-                    print(one.number, judged(found, one.hidden), f"[{names}]", told, flush=True)
+                for discovery in one.found.values():
+                    statement = discovery.statement if discovery else "no equilibrium"
+                    print(one.number, judged(discovery, one.hidden), f"[{names}]", statement, flush=True)
     words = {name: [judged(o.found[name], o.hidden) for o in done] for name in done[0].found}
     print("| evidence | laws | right | not identifiable | wrong |\n| --- | --- | --- | --- | --- |")
-    for name, own in words.items():
-        print(row(name, own))
+    for name, verdicts in words.items():
+        print(row(name, verdicts))
         if name != BENDING:
             for count in range(1, MOST_TERMS + 1):
-                some = [word for word, o in zip(own, done, strict=True) if len(o.hidden.terms) == count]
+                some = [word for word, o in zip(verdicts, done, strict=True) if len(o.hidden.terms) == count]
                 print(row(f"of these, {count} term{'s' if count > 1 else ''}", some))
     both, alone = words.get(BOTH, []), words.get(BENDING, [])
     return 0 if both.count("right") >= 0.9 * len(both) and alone.count("wrong") <= 0.05 * len(alone) else 1

@@ -1,4 +1,4 @@
-"""Error of the edges on rendered beams of known shape: ``python -m benchmarks.edges``.
+"""Measure the error of the edges on rendered beams of known shape: ``python -m benchmarks.edges``.
 
 A beam is a circular arc with a straight magnet block at its end, so that its outline is known exactly.
 """

@@ -1,12 +1,12 @@
-"""An emulated supply in a process of its own, whose coil can be watched and whose line can be spoilt from outside.
+"""Serve an emulated supply from a separate process, which reports its coil and can be given faults.
 
     python -m benchmarks.emulated_supply korad pty
 
-It prints its address, then a line for every change of output, set-point or true current: seconds of the monotonic
-clock, which all processes of a machine share, 1 or 0, the set-point and the true current in amperes. A line on its
-standard input spoils the line to it: `silence`, `late` (every answer by 0.4 s), `cut` (at the next message, once); or
-its coil: `shorted` (0.8 A whatever is set), `drift` (to 2.4 A), `fallen` (no current with the output on). `none` ends
-the fault.
+It prints its address, then a line for every change of output, set-point or true current: the time in seconds of the
+monotonic clock, which all processes of a machine share; 1 or 0 for the output; the set-point and the true current in
+amperes. A word on its standard input causes a fault of the line: `silence`, `late` (every answer is delayed by 0.4 s)
+or `cut` (the line closes once, at the next message). Three words cause a fault of the coil: `shorted` (0.8 A for every
+set-point), `drift` (to 2.4 A) and `fallen` (no current although the output is on). `none` ends the fault.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SERVE = {"pty": serve_pty, "tcp": serve_tcp, "hislip": serve_hislip}
 
 
 def main() -> None:
-    """Serve until standard input ends."""
+    """Serve the supply until standard input ends."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("driver")
     parser.add_argument("transport", choices=SERVE)
@@ -44,8 +44,8 @@ def main() -> None:
     threading.Thread(target=_watch, args=(coil, getattr(instrument, "watch", None)), daemon=True).start()
     with SERVE[chosen.transport](line) as address:
         print(address, flush=True)
-        for said in sys.stdin:
-            match said.strip():
+        for word in sys.stdin:
+            match word.strip():
                 case "silence":
                     line.inject(Fault.SILENCE)
                 case "late":

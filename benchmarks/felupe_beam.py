@@ -1,9 +1,9 @@
-"""The magnet-tipped beam in FElupe (Dutzler, github.com/adtzlr/felupe), set up as well as its elements allow.
+"""Model the magnet-tipped beam in FElupe (Dutzler, github.com/adtzlr/felupe), as well as its elements allow.
 
-FElupe assembles forces and tangents of the flexible part; the magnet is exact here as in `eimi_fitting`: the last
-column of points is condensed onto two translations and a rotation, with their geometric stiffness. Newton's method is
-the ordinary one, each state starts from the one before (polynomial extrapolation makes it diverge), and a state that
-does not converge is reached in halves.
+FElupe assembles the forces and tangents of the flexible part. The magnet is a rigid body as in `eimi_fitting`: the last
+column of points is condensed onto two translations and a rotation, including their geometric stiffness. Newton's method
+is the ordinary one. Each state starts from the previous one, because polynomial extrapolation diverges. If a state does
+not converge, the load step is halved.
 """
 
 from __future__ import annotations
@@ -29,8 +29,11 @@ _MOST_ITERATIONS, _MOST_HALVINGS = 30, 4
 
 @dataclass(frozen=True)
 class Elements:
-    """kind: "bilinear" (mean dilatation, `SolidBodyNearlyIncompressible`, which FElupe's documentation advises) or
-    "serendipity" (eight points, 2 x 2 Gauss points); along x across of them; graded as `eimi_fitting` grades its own.
+    """The elements of a mesh.
+
+    kind: "bilinear" (mean dilatation, `SolidBodyNearlyIncompressible`, which FElupe's documentation recommends) or
+    "serendipity" (eight points, 2 x 2 Gauss points); along, across: their numbers; graded: whether the mesh is graded
+    as in `eimi_fitting`.
     """
 
     kind: str
@@ -40,24 +43,24 @@ class Elements:
 
     @property
     def text(self) -> str:
-        """For a table."""
+        """The elements in words, for a table."""
         return f"{self.kind} {self.along} x {self.across}, {'graded' if self.graded else 'equal'}"
 
 
 @dataclass(frozen=True)
 class Curve:
-    """tip: (K, 2) mm; iterations: tangents in all."""
+    """The places (K, 2) of the tip in mm, and the number of Newton iterations in all states together."""
 
     tip: Array
     iterations: int
 
 
 class NoEquilibrium(Exception):
-    """Newton's method failed, cuts included."""
+    """Newton's method failed, even with halved load steps."""
 
 
 def _points(elements: Elements, length: float, width: float) -> tuple[Array, NDArray[np.intp]]:
-    """Points and cells in FElupe's order."""
+    """Return points and cells in FElupe's order."""
     finer = (10.0, 5.0) if elements.graded else (0.0, 0.0)
     x = graded(length, elements.along, 0.5 * width, *finer)
     mesh = grid_mesh(x, np.linspace(-0.5 * width, 0.5 * width, elements.across + 1))
@@ -68,7 +71,7 @@ def _points(elements: Elements, length: float, width: float) -> tuple[Array, NDA
 
 
 def _material(law: str, parameters: Array) -> tuple[Any, float]:
-    """Isochoric material (MPa) and its initial shear modulus. Raises ValueError for a law that is not compared."""
+    """Return the isochoric material (MPa) and its initial shear modulus; raise ValueError for any other law."""
     if law == "neo-hookean":
         return felupe.NeoHooke(mu=parameters[0]), float(parameters[0])
     if law == "ogden":  # FElupe's moduli are mu_p alpha_p / 2
@@ -78,7 +81,7 @@ def _material(law: str, parameters: Array) -> tuple[Any, float]:
 
 
 class Beam:
-    """A specimen with a magnet and one material, gravity along the beam, field (mT) across it."""
+    """A specimen with a magnet and one material; gravity acts along the beam, and the field (mT) across it."""
 
     def __init__(self, specimen: Specimen, elements: Elements, law: str, parameters_MPa: Array) -> None:
         magnet = specimen.magnet
@@ -102,8 +105,12 @@ class Beam:
         weight = felupe.SolidBodyForce(self.field, values=[1e-9 * specimen.density_kg_m3 * STANDARD_GRAVITY, 0.0])
         self.weight = weight.assemble.vector().toarray().ravel()
         block = magnet.length_mm * specimen.width_mm * specimen.depth_mm
-        own = magnet.length_mm * magnet.width_mm * magnet.depth_mm
-        mass = 1e-9 * (own * magnet.density_kg_m3 + (block - own) * specimen.density_kg_m3) / specimen.depth_mm
+        magnet_mm3 = magnet.length_mm * magnet.width_mm * magnet.depth_mm
+        mass = (
+            1e-9
+            * (magnet_mm3 * magnet.density_kg_m3 + (block - magnet_mm3) * specimen.density_kg_m3)
+            / specimen.depth_mm
+        )
         self.magnet_weight = mass * STANDARD_GRAVITY
         self.magnet_length = magnet.length_mm
         self.moment = magnet.moment_A_m2 / specimen.depth_mm  # N mm per mm of depth and mT
@@ -117,6 +124,7 @@ class Beam:
         self.selection = sparse.csr_matrix((np.ones(self.n), (dofs, np.arange(self.n))), shape=shape)
 
     def _place(self, x: Array) -> Array:
+        """Return the displacements of all points for the unknowns."""
         displacement = np.zeros((self.count, 2))
         displacement[self.free] = x[: self.n].reshape(-1, 2)
         c, s = np.cos(x[-1]), np.sin(x[-1])
@@ -124,7 +132,7 @@ class Beam:
         return displacement
 
     def _step(self, x: Array, field_mT: float) -> Array:
-        """One Newton step at ``x``, which the field container already holds."""
+        """Return the Newton step from ``x``, and leave ``x`` in the field container."""
         self.field[0].values[:] = self._place(x)
         out_of_balance = self.weight - self.body.assemble.vector(self.field).toarray().ravel()
         stiffness = self.body.assemble.matrix()
@@ -150,6 +158,7 @@ class Beam:
         return np.asarray(spsolve((tie.T @ stiffness @ tie).tocsc() + added, right))
 
     def _equilibrium(self, x: Array, field_mT: float, tolerance_mm: float) -> tuple[Array | None, int]:
+        """Iterate Newton's method; return the solution or None, and the number of iterations."""
         for iteration in range(_MOST_ITERATIONS):
             step = self._step(x, field_mT)
             largest = np.abs(step).max()
@@ -161,22 +170,22 @@ class Beam:
         return None, _MOST_ITERATIONS
 
     def curve(self, fields_mT: Array, tolerance_mm: float) -> Curve:
-        """Through the fields in order, until no unknown moves by the tolerance. Raises NoEquilibrium."""
+        """Solve the states in order to a tolerance of the Newton step; raise NoEquilibrium on failure."""
         x, before, spent, tips = np.zeros(self.n + 3), 0.0, 0, []
         for target in fields_mT:
             size = target - before
             now = before
             while True:
-                kept = self.body.checkpoint()
-                found, iterations = self._equilibrium(x, now + size, tolerance_mm)
+                checkpoint = self.body.checkpoint()
+                solution, iterations = self._equilibrium(x, now + size, tolerance_mm)
                 spent += iterations
-                if found is None:
-                    self.body.restore(kept)
+                if solution is None:
+                    self.body.restore(checkpoint)
                     size /= 2
                     if size < (target - before) / 2**_MOST_HALVINGS:
                         raise NoEquilibrium(f"at {now + size:g} mT")
                     continue
-                x, now = found, now + size
+                x, now = solution, now + size
                 if now >= target - 1e-12:
                     break
             before = target

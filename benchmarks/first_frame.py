@@ -1,4 +1,4 @@
-"""From the start of the program to the first frame of the virtual rig: `python -m benchmarks.first_frame`."""
+"""Measure the time from the start of the program to the first frame: `python -m benchmarks.first_frame`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ with open_bench(rig, specimen, protocol.limits) as bench:
 
 
 def seconds_to_first_frame() -> float:
-    """Of one start."""
+    """Return the seconds of one start."""
     began = time.perf_counter()
     with subprocess.Popen([sys.executable, "-c", FIRST_FRAME], stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
@@ -34,7 +34,7 @@ def seconds_to_first_frame() -> float:
 
 
 def main() -> None:
-    """Print the seconds of a few starts."""
+    """Print the seconds of several starts."""
     seconds = [seconds_to_first_frame() for _ in range(REPEATS)]
     print(f"start to first frame: {min(seconds):.2f} to {max(seconds):.2f} s in {REPEATS} starts")
 

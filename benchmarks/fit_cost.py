@@ -1,7 +1,8 @@
-"""What `eimi fit` costs as a person starts it, and how time, memory and what is sent to workers grow with the states.
+"""Measure time and memory of `eimi fit`, and how they and the data sent to workers grow with the number of states.
 
-A shipped specimen on the virtual rig's calibration, its edges simulated as those of a neo-hookean solid with normal
-noise of 2 µm. Each fit is a process of its own: its processor seconds and its largest memory are the system's account.
+The specimen and the calibration of the virtual rig are shipped files. The edges are simulated as those of a Neo-Hookean
+solid with normal noise of 2 µm. Each fit runs in a separate process; the operating system reports its processor time
+and its largest memory.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ POINTS, POINT_STATES = 60, (16, 64, 256)
 
 
 def dataset(path: Path, states: int) -> Path:
-    """So many states up to the largest current, with edges, and frames of no account."""
+    """Write a dataset with states up to the largest current, with edges and with placeholder frames."""
     specimen, calibration = load_specimen("type1"), load_rig("virtual").calibration
     frame = BeamFrame(calibration)
     current_A = np.linspace(0.0, LARGEST_A, states)
@@ -60,18 +61,20 @@ def dataset(path: Path, states: int) -> Path:
     edges = points_on(curves, 4)[:, :, 4:-4]
     edges = edges + np.random.default_rng(0).normal(0.0, NOISE_MM, edges.shape)
     sigma, corners = np.full(edges.shape[2], 1.5 * NOISE_MM), np.full((4, 2), np.nan)
-    found = [EdgeSet(*(EdgePoints(side, sigma) for side in own), (), corners, calibration.digest) for own in edges]
+    edge_sets = [
+        EdgeSet(*(EdgePoints(side, sigma) for side in sides), (), corners, calibration.digest) for sides in edges
+    ]
     pixels = np.zeros((16, 16), np.uint8)
     with DatasetWriter(path, Header(specimen, calibration), Frame(pixels, 0, 0.0)) as writer:
         for k in range(states):
-            taken = [Frame(pixels, k, float(k))]
-            writer.append_state(taken, current_A=float(current_A[k]), field_mT=float(field_mT[k]))
-    write_edges(path, found)
+            frames = [Frame(pixels, k, float(k))]
+            writer.append_state(frames, current_A=float(current_A[k]), field_mT=float(field_mT[k]))
+    write_edges(path, edge_sets)
     return path
 
 
 def spent(*arguments: str) -> tuple[float, float]:
-    """Processor seconds of `eimi` with arguments, and its largest memory, MB."""
+    """Run `eimi`; return its processor time in seconds and its largest memory in MB."""
     command = [sys.executable, "-c", _STARTED, sys.executable, "-m", "eimi_lab", *arguments]
     alone = os.environ | dict.fromkeys(THREADS, "1")
     run = subprocess.run(command, env=alone, capture_output=True, text=True, check=True)
@@ -80,7 +83,7 @@ def spent(*arguments: str) -> tuple[float, float]:
 
 
 def fit_cost(path: Path, section: str, laws: tuple[str, ...], repeats: int = 1) -> tuple[float, float]:
-    """Processor seconds of the fastest of several runs of `eimi fit`, and the largest memory of any, MB."""
+    """Return the shortest processor time (s) and the largest memory (MB) of several runs of `eimi fit`."""
     models = [word for law in laws for word in ("--model", law)]
     fit = ("fit", str(path), "--force", "--section", section, "-o", str(path.with_suffix(".json")), *models)
     seconds, largest = zip(*(spent(*fit) for _ in range(repeats)), strict=True)
@@ -88,22 +91,22 @@ def fit_cost(path: Path, section: str, laws: tuple[str, ...], repeats: int = 1) 
 
 
 def task_kB(path: Path, section: str) -> float:
-    """What a worker is sent for one fit: the function and its arguments."""
+    """Return the size of the task that a worker receives for one fit: the function and its arguments."""
     evidence = load_evidence(path, section=section)
     task = {"model": "ogden", "experiments": [evidence.experiment], "seed": 1}
     return len(pickle.dumps((identify, task))) / 1e3
 
 
 def points_ms(states: int) -> float:
-    """Milliseconds for the misfit of eight candidates to points that were tracked through so many states."""
+    """Return the milliseconds for the misfit of eight candidates to points that were tracked through the states."""
     model = BeamModel(replace(load_specimen("type1").mechanics(), section="plane-stress"))
     ends = (1.0, model.specimen.length_mm - 1.0)
     rest = np.column_stack([np.linspace(*ends, POINTS), np.zeros(POINTS)])
     loads = Loads.along(np.linspace(0.0, 7.0, states))
     shapes = model.solve(LAWS["neo-hookean"], np.full((8, 1), MODULUS_PA), loads, tolerance_mm=1e-2)
     moved = model.positions(shapes, rest)[0]
-    seen = PointObservation(np.tile(rest, (states, 1, 1)), moved, np.full((states, POINTS), 0.01))
-    return 1e3 * fastest(lambda: seen.misfit(model, shapes), 5)[0]
+    observed = PointObservation(np.tile(rest, (states, 1, 1)), moved, np.full((states, POINTS), 0.01))
+    return 1e3 * fastest(lambda: observed.misfit(model, shapes), 5)[0]
 
 
 def main() -> None:
@@ -119,7 +122,9 @@ def main() -> None:
         print("\n| states | " + " | ".join(f"{section}, s | MB" for section in SECTIONS) + " | sent to a worker, kB |")
         print("| --- " * (2 * len(SECTIONS) + 2) + "|")
         for states, path in paths.items():
-            costs = [f"{s:.1f} | {mb:.0f}" for s, mb in (fit_cost(path, own, ("neo-hookean",)) for own in SECTIONS)]
+            costs = [
+                f"{s:.1f} | {mb:.0f}" for s, mb in (fit_cost(path, section, ("neo-hookean",)) for section in SECTIONS)
+            ]
             print(f"| {states} | {' | '.join(costs)} | {task_kB(path, 'solid'):.0f} |", flush=True)
     tracked = [(states, points_ms(states)) for states in POINT_STATES]
     exponent = np.polyfit(*np.log(np.array(tracked)).T, 1)[0]

@@ -1,8 +1,7 @@
-"""A rendered picture for every flag, to show what it means: ``python -m benchmarks.flag_pictures FILE.jpg``.
+"""Draw a rendered picture for every flag: ``python -m benchmarks.flag_pictures FILE.jpg``.
 
-Prints the table of flags as docs/why/edges.md has it. NOT_SETTLED, DROPPED and DUPLICATE speak of several frames of
-a state:
-their picture is the frames' mean, as in a run.
+The script prints the table of flags of docs/why/edges.md. NOT_SETTLED, DROPPED and DUPLICATE concern several frames of
+a state; their pictures show the mean of the frames, as a run stores it.
 """
 
 from __future__ import annotations

@@ -1,12 +1,15 @@
-"""Mutated files, each read to its end or refused in one line: `python -m benchmarks.fuzz_files --files 2000`.
+"""Read mutated files: each must be read completely or refused in one line.
 
-Datasets (finished, and as a crash leaves them), TOML files, fits.json, tensile curves and images are changed at random:
-bits, bytes, blocks, lengths. Every file is read as the suite's commands read it, and the outcomes are counted. A
-process reads many files; one that dies or takes more than 10 s of processor time for a file is counted and replaced.
+    python -m benchmarks.fuzz_files --files 2000
 
-With --recover datasets alone are mutated, and each goes through what `eimi recover` does in a process of its own,
-within the same limits of memory and time. A process that dies or hangs there is no fault: `recover` tells it in one
-line.
+Datasets (finished ones, and ones as a crash leaves them), TOML files, fits.json, tensile curves and images are changed
+at random: bits, bytes, blocks, lengths. Every file is read by the functions of the suite's commands, and the outcomes
+are counted. One process reads many files. A process that dies, or that takes more than 10 s of processor time for a
+file, is counted and replaced.
+
+With --recover, only datasets are mutated. A separate process then recovers each dataset as `eimi recover` does, with
+the same limits of memory and time. A process that dies or exceeds the time limit there is not a fault, because
+`recover` reports it in one line.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ from tests.shared.mutated_files import fuzz
 
 
 def main() -> None:
-    """Print how many were read, refused, or worse."""
+    """Print the numbers of files that were read, refused, or handled wrongly."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--files", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=0)

@@ -1,4 +1,4 @@
-"""Fits of solids hidden on a finer mesh: what each section makes of the modulus, and what was foretold for it.
+"""Fit solids that are hidden on a finer mesh: the bias of the modulus under each section, and the predicted bias.
 
 python -m benchmarks.hidden_solids [--short] [--solid] [NAME...]
 """
@@ -42,7 +42,7 @@ SPECIMENS = {
 
 
 def seen(specimen: Specimen, law: str, sigma_mm: float = 0.001) -> EdgeObservation:
-    """The outline of a hidden solid in every state, with noise."""
+    """Return the measured outline of a hidden solid in every state, with noise."""
     model = SolidBeside(specimen, *MESH)
     shapes = model.solve(LAWS[law], np.array([HIDDEN[law]]), LOADS, tolerance_mm=1e-3)
     curves = points_on(outline(model, shapes)[0], 2)[:, :, 4:-2]
@@ -53,18 +53,18 @@ def seen(specimen: Specimen, law: str, sigma_mm: float = 0.001) -> EdgeObservati
 
 
 def fitted(specimen: Specimen, law: str, observed: EdgeObservation, true_Pa: float) -> str:
-    """Bias and interval in per cent, mean error in µm, and what the solid changed."""
+    """Return bias and interval of the modulus in per cent, mean error in µm, and the change by the solid."""
     flat = BeamModel(specimen, plane=specimen.planar_section).refined()
     fit = identify(law, [Experiment(flat, LOADS, observed)])
     modulus = fit.initial_shear_modulus
     value, low, high = (100 * (v / true_Pa - 1) for v in (modulus.value, *modulus.interval_95))
     change = fit.corrections.get("section")
-    told = f", the solid changed {change.change_percent:+.2f} %" if change and change.change_percent else ""
-    return f"{value:+7.2f} % [{low:+.2f}, {high:+.2f}]  {1e3 * fit.mean_error_mm:6.2f} µm{told}"
+    change_words = f", the solid changed {change.change_percent:+.2f} %" if change and change.change_percent else ""
+    return f"{value:+7.2f} % [{low:+.2f}, {high:+.2f}]  {1e3 * fit.mean_error_mm:6.2f} µm{change_words}"
 
 
 def main() -> None:
-    """Every specimen and hidden law; with --short the first alone, with --solid under that section alone."""
+    """Print every specimen and hidden law; --short takes the first specimen only, --solid the solid section only."""
     names = [a for a in sys.argv[1:] if not a.startswith("-")] or list(SPECIMENS)
     for name in names[:1] if "--short" in sys.argv else names:
         specimen = SPECIMENS[name]
@@ -72,9 +72,11 @@ def main() -> None:
             true_Pa = float(LAWS[law].initial_shear_modulus(np.array(values)))
             observed = seen(specimen, law)
             for section in ("plane-strain", "plane-stress", "solid")[2 if "--solid" in sys.argv else 0 :]:
-                own = replace(specimen, section=section)
-                expected = "" if section == "solid" else f"  (foretold {100 * expected_bias(own):+.1f} %)"
-                print(f"{name:8s} {law:12s} {section:12s} {fitted(own, law, observed, true_Pa)}{expected}", flush=True)
+                variant = replace(specimen, section=section)
+                expected = "" if section == "solid" else f"  (foretold {100 * expected_bias(variant):+.1f} %)"
+                print(
+                    f"{name:8s} {law:12s} {section:12s} {fitted(variant, law, observed, true_Pa)}{expected}", flush=True
+                )
 
 
 if __name__ == "__main__":

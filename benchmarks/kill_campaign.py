@@ -1,10 +1,11 @@
-"""Kills acquisitions at random moments and counts what became of the coil and of the data.
+"""Kill acquisitions at random moments, and check the coil and the data afterwards.
 
     python -m benchmarks.kill_campaign --runs 500
 
-Each run is a whole `eimi acquire` on an emulated supply behind a pseudo-terminal, with a recording as its camera. The
-emulator lives in this process, so that it outlives the run and its coil can be watched. TERM, HUP, INT or KILL comes at
-a random moment between the run's first message to the supply and its end. Exit status 0 when nothing was found wrong.
+Each run is a complete `eimi acquire` on an emulated supply behind a pseudo-terminal, with a recording as its camera.
+The emulator is in this process, so that it outlives the run and its coil can be observed. TERM, HUP, INT or KILL is
+sent at a random moment between the first message of the run to the supply and the end of the run. The exit status is 0
+if there was no fault.
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ settle = {{ noise_ratio = 1.5, pairs = 2, drift_window_s = 0.02, timeout_s = 5.0
 
 
 class Heard:
-    """An emulated instrument that notes when it was spoken to first."""
+    """An emulated instrument that notes when it receives its first message."""
 
     def __init__(self, instrument: Responder) -> None:
         self._instrument = instrument
@@ -86,7 +87,10 @@ class Heard:
 
 @dataclass
 class RunEnd:
-    """How a run ended. on_for_s: how long after the signal the output was last seen on, 0 when it never was."""
+    """The end of a run.
+
+    on_for_s: how long after the signal the output was still on, 0 if it was off.
+    """
 
     status: int
     lines: list[str]
@@ -95,6 +99,7 @@ class RunEnd:
 
     @property
     def acknowledged(self) -> int:
+        """The number of states that the run acknowledged."""
         return sum(line.startswith("acquire ") for line in self.lines)
 
 
@@ -116,7 +121,7 @@ def make_bench(folder: Path) -> None:
 def run(
     folder: Path, address: str, heard: Heard, coil: CoilSupply, driver: str, kill: tuple[int, float] | None, *more: str
 ) -> RunEnd:
-    """Acquire; `kill` is a signal and the seconds after the first message at which it is sent."""
+    """Run `eimi acquire`; `kill` is a signal and the time in seconds after the first message at which it is sent."""
     (folder / "rig.toml").write_text(f"""
 name = "emulated"
 calibration = "calibration.toml"
@@ -155,7 +160,7 @@ camera = {{ driver = "opencv", source = "recording" }}
 
 
 def stored(path: Path) -> list[float | None]:
-    """The currents of a dataset's states; every frame is read against its checksum."""
+    """Return the currents of the states of a dataset, after reading every frame and its checksum."""
     with open_dataset(path) as dataset:
         for state in dataset.states:
             assert dataset.images(state.index).shape == (FRAMES, HEIGHT, WIDTH)
@@ -163,7 +168,7 @@ def stored(path: Path) -> list[float | None]:
 
 
 def faults_of(ended: RunEnd, coil: CoilSupply, folder: Path, off_within_s: float) -> list[str]:
-    """What was wrong after a killed run."""
+    """Return the faults after a killed run."""
     faults = []
     if coil.state.output or coil.state.set_current_A:
         faults.append("the coil was left on")
@@ -173,14 +178,14 @@ def faults_of(ended: RunEnd, coil: CoilSupply, folder: Path, off_within_s: float
     if not path.exists():
         return faults + (["acknowledged states have no file"] if ended.acknowledged else [])
     recover(path, whole)
-    found = stored(whole)
-    if found != CURRENTS_A[: len(found)] or len(found) < ended.acknowledged:
-        faults.append(f"{ended.acknowledged} states acknowledged, {found} recovered")
+    recovered = stored(whole)
+    if recovered != CURRENTS_A[: len(recovered)] or len(recovered) < ended.acknowledged:
+        faults.append(f"{ended.acknowledged} states acknowledged, {recovered} recovered")
     return faults
 
 
 def campaign(runs: int, resumed: float, seed: int, off_within_s: float) -> int:
-    """Do it, print the figures, and return the number of runs with a fault."""
+    """Kill the runs, print the figures, and return the number of runs with a fault."""
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):  # a run heeds no signal that it finds ignored
         signal.signal(number, signal.SIG_DFL)
     random = np.random.default_rng(seed)
@@ -236,7 +241,7 @@ def campaign(runs: int, resumed: float, seed: int, off_within_s: float) -> int:
 
 
 def main() -> None:
-    """Do what was asked for and exit."""
+    """Run the campaign with the options of the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=500)
     parser.add_argument("--resumed", type=float, default=0.5, help="the share of runs with a file that are resumed")

@@ -1,12 +1,14 @@
-"""What photographs from benches have, one difficulty a picture: ``python -m benchmarks.lab_photographs``.
+"""Measure edges in rendered photographs with one difficulty each: ``python -m benchmarks.lab_photographs``.
 
-Rendered beams of known shape, random colour and bend, each with one thing that real pictures have: glare, a ruler
-beside it, a second beam, a hand, a hard shadow, motion. ``--pictures N`` (6) of each kind, ``--seed``,
-``--kind NAME`` (one or more), ``--draw FOLDER`` writes an overlay of each.
+The beams have a known shape, a random colour and a random bend. Each picture has one difficulty of real photographs:
+glare, a ruler beside the beam, a second beam, a hand, a hard shadow, motion. ``--pictures N`` (6) sets the number of
+each kind, ``--seed`` the seed, ``--kind NAME`` (one or more) selects kinds, ``--draw FOLDER`` writes an overlay of each
+picture.
 
-A picture is *good* (within 0.07 of the beam's width, root mean square, as the beams of `photographs` count), *doubted*
-(worse, and a doubtful flag says so), *refused*, or *silent*: wrong without a flag, of which there is to be none. With
-``lookalike`` there is no beam, and every picture that gives points without a doubt is silent.
+A picture is *good* if the error is within 0.07 of the beam's width (root mean square), as for `photographs`. It is
+*doubted* if the error is larger and a doubtful flag is set, *refused* if the picture is refused, and *silent* if the
+result is wrong without a flag; there must be no silent picture. With ``lookalike`` there is no beam, and every picture
+that gives points without a doubt is silent.
 """
 
 from __future__ import annotations
@@ -47,16 +49,16 @@ def main() -> None:
             begin = time.process_time()
             edges = find_edges(image, calibration, specimen)
             seconds.append(time.process_time() - begin)
-            found, error = verdict(name, scene, edges, calibration)
-            counts[found] += 1
-            if found == "good":
+            judgement, error = verdict(name, scene, edges, calibration)
+            counts[judgement] += 1
+            if judgement == "good":
                 errors.append(error * scene.width_px)
-            if found == "silent":
+            if judgement == "silent":
                 silent.append(f"{number} ({error:.2f})")
             if options.draw:
                 options.draw.mkdir(parents=True, exist_ok=True)
                 drawn = draw_overlay(image, edges, calibration)
-                cv2.imwrite(str(options.draw / f"{name.replace(' ', '_')}_{number}_{found}.jpg"), drawn)
+                cv2.imwrite(str(options.draw / f"{name.replace(' ', '_')}_{number}_{judgement}.jpg"), drawn)
         figures = " | ".join(str(counts[key]) for key in ("good", "doubted", "refused", "silent"))
         median = float(np.median(errors)) if errors else np.nan
         print(

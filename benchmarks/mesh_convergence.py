@@ -1,4 +1,4 @@
-"""The tip's place at 15 mT against the mesh: the mesh-dependency study of the method's paper, for this model.
+"""Measure the place of the tip at 15 mT against the mesh, as in the mesh study of the method's paper.
 
 python -m benchmarks.mesh_convergence [FIGURE.png]
 """
@@ -34,14 +34,14 @@ FINEST = (80, 10)
 
 
 def tip(mesh: tuple[int, int]) -> np.ndarray:
-    """Tip (2,) in mm at 15 mT."""
+    """Return the place (2,) of the tip in mm at 15 mT."""
     model = BeamModel(SPECIMEN, *mesh)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(np.linspace(0, 15, 6)))
     return model.positions(shapes, np.array([[30.0, 0.0]]))[0, -1, 0]
 
 
 def main() -> None:
-    """Print the table, draw the figure where a name is given."""
+    """Print the table, and draw the figure if a file name is given."""
     reference = tip(FINEST)
     deflection = np.linalg.norm(reference - [30.0, 0.0])
     print(f"{FINEST[0]} x {FINEST[1]} elements: tip at ({reference[0]:.4f}, {reference[1]:.4f}) mm")
@@ -54,7 +54,7 @@ def main() -> None:
 
 
 def draw(percent: np.ndarray, path: str) -> None:
-    """Error (n,) of MESHES against their number of elements."""
+    """Draw the errors (n,) of MESHES against the number of elements."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, NullFormatter
 

@@ -1,11 +1,11 @@
-"""Small mistakes put into a copy of the project, one at a time: which of them the tests notice.
+"""Put small mistakes into a copy of the project, one at a time, and report which of them the tests detect.
 
 ``python -m benchmarks.mutants [--room NAME] [--only N] [--jobs N] [--results FILE]``
 
-The mistakes stand in ``benchmarks/mistakes/ROOM.toml``: the file, the fragment that is right, what it becomes, and the
-tests that concern it, which run until one fails: the mistake is caught then. One that hangs is caught only where the
-test's own limit ends it. With ``--results`` a run goes on where an earlier one ended; mistakes that lived are tried
-again.
+The mistakes are listed in ``benchmarks/mistakes/ROOM.toml``. An entry has the file, the right fragment, the wrong
+fragment that replaces it, and the tests that concern it. These tests run until one fails; the mistake is then caught. A
+mistake that makes a test hang is caught only if the time limit of that test ends it. With ``--results`` a run continues
+where an earlier one ended, and tries mistakes that survived again.
 """
 
 from __future__ import annotations
@@ -46,9 +46,10 @@ _OUTCOMES = {0: SURVIVED, 1: CAUGHT}  # of pytest's exit status; any other is a 
 
 @dataclass(frozen=True)
 class Mutant:
-    """One mistake. file: in the project; right: a fragment that is there once; wrong: what stands in its place.
+    """One mistake.
 
-    tests: files or node identifiers of pytest; number: its place among all, from 1.
+    file: path in the project; right: a fragment that occurs once; wrong: its replacement; tests: files or pytest node
+    identifiers; number: place among all mistakes, from 1.
     """
 
     number: int
@@ -61,28 +62,28 @@ class Mutant:
 
     @property
     def key(self) -> str:
-        """The same mistake against the same tests has the same one, wherever it stands in the list."""
+        """An identifier of the mistake and its tests that does not depend on the place in the list."""
         return sha256("\0".join((self.file, self.right, self.wrong, *self.tests)).encode()).hexdigest()[:16]
 
     def applied(self, text: str) -> str:
-        """The file's text with the mistake in it. Raises ValueError where the fragment is not there once."""
+        """Return the text with the mistake; raise ValueError unless the fragment occurs exactly once."""
         if text.count(self.right) != 1:
             raise ValueError(f"{self.room}: {self.says}: {self.file} has {self.right!r} {text.count(self.right)} times")
         return text.replace(self.right, self.wrong)
 
 
 def every_mutant() -> list[Mutant]:
-    """All of the lists, room by room."""
-    found: list[Mutant] = []
+    """Return the mistakes of all lists, file by file."""
+    mutants: list[Mutant] = []
     for path in sorted(LISTS.glob("*.toml")):
         for row in tomllib.loads(path.read_text(encoding="utf-8"))["mistake"]:
             row["tests"] = tuple(row["tests"])
-            found.append(Mutant(number=len(found) + 1, room=path.stem, **row))
-    return found
+            mutants.append(Mutant(number=len(mutants) + 1, room=path.stem, **row))
+    return mutants
 
 
 def copied(project: Path, folder: Path) -> Path:
-    """A copy of the project to put mistakes into, compiled, so that no run has to."""
+    """Return a compiled copy of the project."""
     left_out = shutil.ignore_patterns(".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "site")
     copy = folder / project.name
     shutil.copytree(project, copy, ignore=left_out, symlinks=True)
@@ -91,7 +92,7 @@ def copied(project: Path, folder: Path) -> Path:
 
 
 def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
-    """Whether the tests notice the mistake in this copy, and the last line they print. The copy is left as it was."""
+    """Return whether the tests detect the mistake in this copy, and their last line; restore the copy."""
     file = copy / mutant.file
     right, stat = file.read_bytes(), file.stat()
     file.write_text(mutant.applied(right.decode("utf-8")), encoding="utf-8")
@@ -104,22 +105,22 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
 
 
 def run_tests(tests: Sequence[str], copy: Path) -> tuple[str, str]:
-    """Run tests in a copy until one fails: the outcome, and the last line that they print."""
-    said = copy.with_suffix(".txt")
-    child = _PROCESSES.Process(target=_pytest, args=(copy, said, tuple(tests)))
+    """Run tests in a copy until one fails; return the outcome and the last line of their output."""
+    transcript = copy.with_suffix(".txt")
+    child = _PROCESSES.Process(target=_pytest, args=(copy, transcript, tuple(tests)))
     child.start()
     child.join(RUN_LIMIT_S)
     if child.exitcode is None:
         os.killpg(child.pid or 0, signal.SIGKILL)
         child.join()
         return SURVIVED, f"no end within {RUN_LIMIT_S} s"
-    lines = said.read_text(encoding="utf-8", errors="replace").strip().splitlines() or [""]
+    lines = transcript.read_text(encoding="utf-8", errors="replace").strip().splitlines() or [""]
     failed = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
     return _OUTCOMES.get(child.exitcode, BROKEN), (failed or lines)[-1]
 
 
-def _pytest(copy: Path, said: Path, tests: Sequence[str]) -> None:
-    """In a process of its own, with what is not of the project loaded already: the project is the copy from here on."""
+def _pytest(copy: Path, transcript: Path, tests: Sequence[str]) -> None:
+    """Run pytest on the copy in this new process, which has loaded third-party packages only."""
     os.setsid()
     folders = [str(copy), str(copy / "drivers"), str(copy / "fitting")]
     sys.path[:] = [*folders, *(path for path in sys.path if path not in ("", str(PROJECT)))]
@@ -128,7 +129,7 @@ def _pytest(copy: Path, said: Path, tests: Sequence[str]) -> None:
     sys.dont_write_bytecode = True
     os.environ |= {"PYTHONPATH": os.pathsep.join(folders), "PYTHONDONTWRITEBYTECODE": "1"}
     os.chdir(copy)
-    with said.open("wb") as output:
+    with transcript.open("wb") as output:
         os.dup2(output.fileno(), 1)
         os.dup2(output.fileno(), 2)
     import pytest
@@ -138,12 +139,12 @@ def _pytest(copy: Path, said: Path, tests: Sequence[str]) -> None:
 
 
 def table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
-    """Lines of Markdown: by room how many there are and how many were caught."""
+    """Return lines of Markdown with the number of mistakes and of caught ones in each list."""
     lines = ["| room | mistakes | caught | share |", "| --- | ---: | ---: | ---: |"]
 
-    def row(name: str, own: Sequence[Mutant]) -> str:
-        caught = sum(outcomes[m.key] == CAUGHT for m in own)
-        return f"| {name} | {len(own)} | {caught} | {100 * caught / max(len(own), 1):.0f} % |"
+    def row(name: str, group: Sequence[Mutant]) -> str:
+        caught = sum(outcomes[m.key] == CAUGHT for m in group)
+        return f"| {name} | {len(group)} | {caught} | {100 * caught / max(len(group), 1):.0f} % |"
 
     run = [m for m in mutants if m.key in outcomes]
     for room in dict.fromkeys(m.room for m in run):
@@ -169,8 +170,8 @@ def main() -> int:
     if options.list:
         print("\n".join(f"{m.number:4d} {m.room:12s} {m.says} ({m.file})" for m in chosen))
         return 0
-    known = json.loads(options.results.read_text()) if options.results and options.results.exists() else {}
-    outcomes = {m.key: known[m.key] for m in chosen if m.key in known}
+    earlier = json.loads(options.results.read_text()) if options.results and options.results.exists() else {}
+    outcomes = {m.key: earlier[m.key] for m in chosen if m.key in earlier}
     due = [m for m in chosen if outcomes.get(m.key) != CAUGHT]
     with tempfile.TemporaryDirectory(prefix="mutants") as folder, ThreadPoolExecutor(options.jobs) as pool:
         copies: queue.SimpleQueue[Path] = queue.SimpleQueue()
@@ -178,19 +179,19 @@ def main() -> int:
             copies.put(copied(PROJECT, Path(folder) / str(job)))
 
         def one(mutant: Mutant) -> tuple[Mutant, str, str, float]:
-            copy, begun = copies.get(), time.perf_counter()
+            copy, start_s = copies.get(), time.perf_counter()
             try:
-                return mutant, *tried(mutant, copy), time.perf_counter() - begun
+                return mutant, *tried(mutant, copy), time.perf_counter() - start_s
             finally:
                 copies.put(copy)
 
         for mutant, outcome, line, seconds in pool.map(one, due):
-            outcomes[mutant.key] = known[mutant.key] = outcome
+            outcomes[mutant.key] = earlier[mutant.key] = outcome
             print(f"{mutant.number:4d} {mutant.room:12s} {outcome:8s} {mutant.says} ({seconds:.0f} s)", flush=True)
             if outcome != CAUGHT:
                 print(f"     {line}", flush=True)
             if options.results:
-                options.results.write_text(json.dumps(known, indent=1))
+                options.results.write_text(json.dumps(earlier, indent=1))
     print("\n".join(table(chosen, outcomes)))
     return int(any(outcomes[m.key] != CAUGHT for m in chosen))
 

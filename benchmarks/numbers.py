@@ -1,13 +1,13 @@
-"""The results of the demonstration and of eight end-to-end cases, to be the same before and after a change.
+"""Compare the results of the demonstration and of eight complete cases before and after a change.
 
     python -m benchmarks.numbers -o before.json [--quick]
     python -m benchmarks.numbers --against before.json [--rtol 1e-9] [--quick] [-o after.json]
 
-The cases are four specimens, once of a hidden Neo-Hookean material with all laws fitted, once of a hidden Yeoh material
-with Yeoh and Ogden. Of each it keeps the edges, every number and word of fits.json and the errors that `eimi validate`
-finds. Against an earlier file it prints each quantity's largest relative difference, the quantities that only one of
-both has and the words that differ. Exit status 1 when anything differs by more than --rtol or is gone, 0 when not.
---quick is the quick demonstration alone; otherwise it takes some minutes.
+The cases are four specimens, each with two hidden materials: a Neo-Hookean one, fitted with all laws, and a Yeoh
+material, fitted with Yeoh and Ogden. The results are the edges, every number and word of fits.json, and the errors of
+`eimi validate`. In the comparison the script prints the largest relative difference of each quantity, the quantities
+that only one of the two files has, and the words that differ. The exit status is 1 if a difference is larger than
+--rtol or a quantity is missing. --quick runs the quick demonstration only; otherwise the script takes some minutes.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Json = Any
 
 
 def eimi(folder: Path, *arguments: str | Path) -> None:
-    """Run a command of the suite in a folder; ends the script where that fails."""
+    """Run a command of the suite in a folder; end the script if the command fails."""
     command = [sys.executable, "-m", "eimi_lab", *map(str, arguments)]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -44,13 +44,13 @@ def eimi(folder: Path, *arguments: str | Path) -> None:
 
 
 def demonstration(folder: Path, *more: str) -> dict[str, Json]:
-    """Results of `eimi demo`."""
+    """Return the results of `eimi demo`."""
     eimi(folder, "demo", "-o", "demo", *more)
     return results(folder, Path("demo") / "dataset.h5", Path("demo") / "fits.json")
 
 
 def case(folder: Path, specimen: str, hidden: str) -> dict[str, Json]:
-    """Results of a protocol taken with a hidden material and fitted."""
+    """Acquire a protocol with a hidden material, fit it, and return the results."""
     parameters, models = HIDDEN[hidden]
     for file in RIGS.glob("virtual*.toml"):
         (folder / file.name).write_bytes(file.read_bytes())
@@ -63,26 +63,26 @@ def case(folder: Path, specimen: str, hidden: str) -> dict[str, Json]:
 
 
 def results(folder: Path, dataset: Path, fits: Path) -> dict[str, Json]:
-    """Edges of a dataset, fits and validations, as JSON holds them; fits by their laws."""
+    """Return edges, fits (by law) and validations of a dataset as JSON values."""
     eimi(folder, "validate", dataset, "--fit", fits, "-o", "validation.json")
     with open_dataset(folder / dataset) as opened:
         edges = [
-            {side: getattr(found, side).points_mm.tolist() for side in ("left", "right")}
-            for found in opened.edges() or ()
+            {side: getattr(edge_set, side).points_mm.tolist() for side in ("left", "right")}
+            for edge_set in opened.edges() or ()
         ]
-    told = json.loads((folder / fits).read_text(encoding="utf-8"))
+    fits_file = json.loads((folder / fits).read_text(encoding="utf-8"))
     validations = json.loads((folder / "validation.json").read_text(encoding="utf-8"))["validations"]
-    fits_of_file = {fit["model"]: fit for fit in told.pop("fits")}
+    fits_of_file = {fit["model"]: fit for fit in fits_file.pop("fits")}
     return {
         "edges": edges,
         "fits": fits_of_file,
-        **told,
+        **fits_file,
         "validations": dict(zip(fits_of_file, validations, strict=True)),
     }
 
 
 def measure(quick: bool) -> dict[str, Json]:
-    """Results of every case, by its name."""
+    """Return the results of every case by its name."""
     every: dict[str, Json] = {}
     for case_name, options in {"quick demonstration": ["--quick"], "demonstration": []}.items():
         if options or not quick:
@@ -97,7 +97,7 @@ def measure(quick: bool) -> dict[str, Json]:
 
 
 def leaves(node: Json, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Json]]:
-    """Every number or word with the keys that lead to it; a list of numbers is one leaf, for it has one scale."""
+    """Yield every number or word with its path of keys; a list of numbers is one leaf."""
     if isinstance(node, dict):
         for key, value in node.items():
             if key not in OF_THE_RUN:
@@ -110,7 +110,7 @@ def leaves(node: Json, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, 
 
 
 def difference(before: Json, after: Json) -> float:
-    """The largest, relative to the largest number of a list; infinite between words or lists that are not alike."""
+    """Return the largest difference, relative to the largest number of a list; infinite for words or unequal shapes."""
     if before == after:
         return 0.0
     one, other = (value if isinstance(value, list) else [value] for value in (before, after))
@@ -121,47 +121,47 @@ def difference(before: Json, after: Json) -> float:
 
 
 def quantity(path: tuple[str, ...]) -> str:
-    """What the numbers of all cases, laws and states are listed under: the path without these."""
+    """Return the name under which the numbers of all cases, laws and states are listed: the path without these keys."""
     rest = path[1:]
     named = rest[:1] + rest[2:] if rest[0] in ("fits", "validations") else rest
     return ".".join(key for key in named if not key.isdigit())
 
 
 def compare(before: dict[str, Json], after: dict[str, Json], rtol: float) -> bool:
-    """Print what differs; whether nothing is gone or differs by more than rtol."""
+    """Print the differences; return whether no quantity is missing and none differs by more than rtol."""
     first, second = dict(leaves(before)), dict(leaves(after))
     largest: dict[str, tuple[float, tuple[str, ...]]] = {}
     for path in first.keys() & second.keys():
-        found = difference(first[path], second[path])
-        if found >= largest.get(quantity(path), (-1.0, path))[0]:
-            largest[quantity(path)] = found, path
-    for name, (found, path) in sorted(largest.items(), key=lambda item: (-item[1][0], item[0])):
-        where = f"  {', '.join(path)}: {first[path]} and {second[path]}"[:160] if found > rtol else ""
-        print(f"{found:9.1e}  {name}{where}")
+        relative = difference(first[path], second[path])
+        if relative >= largest.get(quantity(path), (-1.0, path))[0]:
+            largest[quantity(path)] = relative, path
+    for name, (relative, path) in sorted(largest.items(), key=lambda item: (-item[1][0], item[0])):
+        where = f"  {', '.join(path)}: {first[path]} and {second[path]}"[:160] if relative > rtol else ""
+        print(f"{relative:9.1e}  {name}{where}")
     for words, paths in (("gone", first.keys() - second.keys()), ("new", second.keys() - first.keys())):
         for name in sorted({quantity(path) for path in paths}):
             print(f"{words:>9}  {name}")
-    return first.keys() <= second.keys() and all(found <= rtol for found, _ in largest.values())
+    return first.keys() <= second.keys() and all(relative <= rtol for relative, _ in largest.values())
 
 
 def main() -> None:
-    """Measure, write, compare."""
+    """Measure, write and compare."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--against", type=Path)
     parser.add_argument("--rtol", type=float, default=1e-9)
     parser.add_argument("--quick", action="store_true")
-    asked = parser.parse_args()
-    if asked.output is None and asked.against is None:
+    options = parser.parse_args()
+    if options.output is None and options.against is None:
         parser.error("give -o FILE, --against FILE or both")
-    before = json.loads(asked.against.read_text(encoding="utf-8")) if asked.against else None
-    after = measure(asked.quick)
-    if asked.output:
-        asked.output.write_text(json.dumps(after), encoding="utf-8")
+    before = json.loads(options.against.read_text(encoding="utf-8")) if options.against else None
+    after = measure(options.quick)
+    if options.output:
+        options.output.write_text(json.dumps(after), encoding="utf-8")
     if before is not None:
-        if asked.quick:
+        if options.quick:
             before = {name: before[name] for name in after}
-        sys.exit(0 if compare(before, json.loads(json.dumps(after)), asked.rtol) else 1)
+        sys.exit(0 if compare(before, json.loads(json.dumps(after)), options.rtol) else 1)
 
 
 if __name__ == "__main__":

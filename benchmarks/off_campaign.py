@@ -1,12 +1,12 @@
-"""Every way in which a run can be kept from switching its coil off, tried on runs at full current, and timed.
+"""Measure how quickly the coil is switched off after every fault that can prevent it, at full current.
 
     python -m benchmarks.off_campaign --trials 5
 
-Each trial is a whole `eimi acquire` with the ramp, settling and limits of a shipped protocol, at its full 1.5 A, on an
-emulated supply in another process, behind a pseudo-terminal, TCP or HiSLIP. Once the current is set, at a random
-moment, the fault comes. Told are how long the output stayed on from then, or from when the supply answered again; the
-states that were acknowledged and are not in the file; and whether it was said in words. Exit status 0 when no trial
-went wrong. `--fault NAME` tries one alone, `--list` tells them.
+Each trial is a complete `eimi acquire` with the ramp, settling and limits of a shipped protocol, at its full 1.5 A, on
+an emulated supply in another process, behind a pseudo-terminal, TCP or HiSLIP. The fault is caused at a random moment
+after the current is set. The table shows how long the output stayed on after the fault, or after the supply answered
+again; the states that were acknowledged but are not in the file; and whether the run reported the fault. The exit
+status is 0 if no trial had a fault. `--fault NAME` runs one fault only, `--list` prints their names.
 """
 
 from __future__ import annotations
@@ -31,10 +31,11 @@ from eimi_lab.dataset.recovery import recover
 
 @dataclass(frozen=True)
 class Fault:
-    """act: brings it about, and gives the moment from which the time to off counts.
+    """One fault.
 
-    said: what has to stand in the run's words. off_within_s: what is promised. unread: see `Trial`. flows_on: the
-    current does not end with the output, so that nobody may call the coil off while it flows.
+    act: causes the fault and returns the moment from which the time is counted; said: pattern that the messages of the
+    run must contain; off_within_s: promised time; unread: see `Trial`; flows_on: the current does not end with the
+    output, so that no message may call the coil off while the current flows.
     """
 
     name: str
@@ -205,7 +206,7 @@ FAULTS = (
 
 @dataclass
 class Outcome:
-    """What became of a trial: seconds with the output on, states acknowledged and lost, and what was wrong."""
+    """The result of a trial: seconds with the output on, numbers of acknowledged and lost states, and faults."""
 
     on_for_s: float
     acknowledged: int
@@ -214,7 +215,7 @@ class Outcome:
 
 
 def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
-    """One trial."""
+    """Run one trial."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         make_bench(folder)
@@ -258,7 +259,7 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 
 
 def _called_off(trial: Trial) -> list[str]:
-    """Wait until the coil is said to be on; give what called it off before."""
+    """Wait for the message that the coil may be on; return the messages that call the coil off."""
     wait_until(lambda: any("MAY STILL BE ON" in line for line in trial.lines), "no word of a coil that may be on")
     off = re.compile("the coil (is|was switched) off")
     return [line for line in trial.lines if off.search(line)]
@@ -276,7 +277,7 @@ def _stored(folder: Path) -> int:
 
 
 def campaign(faults: list[Fault], trials: int, seed: int, patience: float) -> int:
-    """Try each so often, print the figures, and return the number of trials that went wrong."""
+    """Try each fault, print the figures, and return the number of trials with a fault."""
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM, signal.SIGTSTP):
         signal.signal(number, signal.SIG_DFL)  # a run heeds no signal that it finds ignored
     random = np.random.default_rng(seed)
@@ -306,7 +307,7 @@ def _row(name: str, outcomes: list[Outcome]) -> str:
 
 
 def main() -> None:
-    """Do what was asked for and exit."""
+    """Run the campaign with the options of the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", type=int, default=5, help="of each fault")
     parser.add_argument("--fault", action="append", help="one by its name; may be repeated")
@@ -317,10 +318,10 @@ def main() -> None:
     if chosen.list:
         print("\n".join(fault.name for fault in FAULTS))
         return
-    known = {fault.name: fault for fault in FAULTS}
-    if unknown := set(chosen.fault or []) - known.keys():
+    by_name = {fault.name: fault for fault in FAULTS}
+    if unknown := set(chosen.fault or []) - by_name.keys():
         parser.error(f"there is no {', '.join(unknown)}; see --list")
-    faults = [known[name] for name in chosen.fault] if chosen.fault else list(FAULTS)
+    faults = [by_name[name] for name in chosen.fault] if chosen.fault else list(FAULTS)
     sys.exit(1 if campaign(faults, chosen.trials, chosen.seed, chosen.patience) else 0)
 
 

@@ -1,10 +1,10 @@
-"""Figures of the live page: from a frame to the screen, from STOP to the coil's being off, memory while it streams.
+"""Measure the live page: delay from a frame to the screen, from STOP to the coil off, and memory while it streams.
 
-`python -m benchmarks.page_delays` measures the first two on an emulated supply, with every core kept busy beside it,
-and takes some minutes; `--stream 20` streams for so many minutes and tells every process's memory each minute. Needs
-the
-extras `page` and `test`, and a Chromium. Times are by one clock: a frame's when the run gets it, the screen's when the
-server hears that the browser has drawn it; STOP's when the key goes down, and off when the emulated output is.
+`python -m benchmarks.page_delays` measures the two delays on an emulated supply while every processor core is kept
+busy; it takes some minutes. `--stream 20` streams for 20 minutes and prints the memory of every process each minute.
+The script needs the extras `page` and `test`, and Chromium. All times are of one clock. A frame counts from the moment
+when the run receives it to the moment when the server hears that the browser has drawn it. A stop counts from the key
+press to the moment when the emulated output is off.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ field_angle_deg = 0.0
 
 
 def draw(number: int) -> np.ndarray:
-    """A dark beam of the width of type1 below a clamp, before a bright noisy background, bent a little by number."""
+    """Draw a dark beam below a clamp on a bright noisy background; the bend grows with the number."""
     rng = np.random.default_rng(number)
     wide, high = SIZE_PX
     y, x = np.mgrid[0:high, 0:wide].astype(np.float32)
@@ -59,7 +59,7 @@ def draw(number: int) -> np.ndarray:
 
 
 def write_bench(folder: Path, driver: str, address: str, states: int) -> None:
-    """A rig of an emulated supply and a camera that plays pictures, and a protocol of so many states at 1.5 A."""
+    """Write a rig with an emulated supply and a camera that plays pictures, and a protocol of states at 1.5 A."""
     (folder / "shots").mkdir(exist_ok=True)
     for number in range(PICTURES):
         cv2.imwrite(str(folder / "shots" / f"f_{number}.png"), draw(number))
@@ -83,7 +83,7 @@ playback = {{ picture_a_state = true, loop = true }}
 
 @contextmanager
 def busy(processes: int) -> Iterator[None]:
-    """So many processes that want a core each."""
+    """Start processes that each use one processor core."""
     workers = [multiprocessing.get_context("spawn").Process(target=_spin, daemon=True) for _ in range(processes)]
     for worker in workers:
         worker.start()
@@ -101,7 +101,7 @@ def _spin() -> None:
 
 @contextmanager
 def opened(folder: Path) -> Iterator[tuple[Any, subprocess.Popen[str]]]:
-    """The page of a folder in a headless browser."""
+    """Open the page of a folder in a headless browser."""
     from playwright.sync_api import sync_playwright
 
     command = [sys.executable, "-m", "eimi_lab", "dashboard", str(folder)]
@@ -110,9 +110,9 @@ def opened(folder: Path) -> Iterator[tuple[Any, subprocess.Popen[str]]]:
     address = server.stdout.readline().strip()
     try:
         with sync_playwright() as driver:
-            own = shutil.which("chromium") or shutil.which("chromium-browser")
+            chromium = shutil.which("chromium") or shutil.which("chromium-browser")
             args = ["--no-sandbox"] if os.geteuid() == 0 else []
-            page = driver.chromium.launch(executable_path=own, args=args).new_page()
+            page = driver.chromium.launch(executable_path=chromium, args=args).new_page()
             page.set_default_timeout(120_000)
             page.goto(address)
             yield page, server
@@ -122,7 +122,7 @@ def opened(folder: Path) -> Iterator[tuple[Any, subprocess.Popen[str]]]:
 
 
 def start(page: Any, dataset: str) -> None:
-    """Begin a run, and wait until it has a current."""
+    """Start a run, and wait until it has a current."""
     page.locator("#protocol option").first.wait_for(state="attached")
     page.get_by_label("Dataset to write").fill(dataset)
     page.get_by_role("button", name="Start").click()
@@ -130,13 +130,13 @@ def start(page: Any, dataset: str) -> None:
 
 
 def frame_to_screen_s(page: Any) -> list[float]:
-    """Of the last frames, as the server has it."""
+    """Return the delays of the last frames as the server measured them."""
     headers = {"X-Eimi-Token": page.evaluate("sessionStorage.getItem('token')")}
     return page.request.get(f"{page.url.partition('#')[0]}api/figures", headers=headers).json()["frame_to_screen_s"]
 
 
 def stops(driver: str, runs: int) -> tuple[list[float], list[float]]:
-    """Seconds from the key to the output's being off, and from a frame to the screen."""
+    """Return the seconds from the key to the output off, and those from a frame to the screen."""
     coil, off = CoilSupply(WallClock()), list[float]()
     switch: Callable[[bool], bool] = coil.switch
 
@@ -169,23 +169,23 @@ def stops(driver: str, runs: int) -> tuple[list[float], list[float]]:
 
 
 def memory_MB(server: int) -> dict[str, float]:
-    """Resident memory of the server and of each process that it began, MB."""
-    found = {}
+    """Return the resident memory of the server and of each process that it started, in MB."""
+    memory = {}
     for status in Path("/proc").glob("[0-9]*/status"):
         try:
             lines = dict(line.split(":", 1) for line in status.read_text().splitlines() if ":" in line)
             command = status.with_name("cmdline").read_bytes().replace(b"\0", b" ").decode()
         except OSError:  # it ended meanwhile
             continue
-        own = int(lines["Pid"]) == server
-        if own or int(lines["PPid"]) == server:
-            what = "server" if own else next((w for w in ("acquire", "eye", "spawn") if w in command), "other")
-            found[what] = int(lines.get("VmRSS", "0 kB").split()[0]) / 1e3
-    return found
+        is_server = int(lines["Pid"]) == server
+        if is_server or int(lines["PPid"]) == server:
+            what = "server" if is_server else next((w for w in ("acquire", "eye", "spawn") if w in command), "other")
+            memory[what] = int(lines.get("VmRSS", "0 kB").split()[0]) / 1e3
+    return memory
 
 
 def stream(minutes: float) -> None:
-    """Tell memory once a minute while a run goes on and its pictures are shown."""
+    """Print the memory once a minute during a run whose pictures are shown."""
     coil = CoilSupply(WallClock())
     with TemporaryDirectory() as name, serve_tcp(emulate("scpi", coil)) as address:
         folder = Path(name)
@@ -195,12 +195,14 @@ def stream(minutes: float) -> None:
             until = time.monotonic() + 60 * minutes
             while True:
                 ages = frame_to_screen_s(page)
-                told = ", ".join(f"{what} {size:.0f}" for what, size in sorted(memory_MB(server.pid).items()))
-                left = (until - time.monotonic()) / 60
-                print(f"{minutes - left:5.1f} min: {told} MB; {len(ages)} frames kept for the figures", flush=True)
-                if left <= 0:
+                memory = ", ".join(f"{what} {size:.0f}" for what, size in sorted(memory_MB(server.pid).items()))
+                remaining = (until - time.monotonic()) / 60
+                print(
+                    f"{minutes - remaining:5.1f} min: {memory} MB; {len(ages)} frames kept for the figures", flush=True
+                )
+                if remaining <= 0:
                     break
-                page.wait_for_timeout(1000 * min(60, max(1, 60 * left)))
+                page.wait_for_timeout(1000 * min(60, max(1, 60 * remaining)))
             page.keyboard.press("Escape")
             page.get_by_text("confirmed after").wait_for()
 
@@ -210,12 +212,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=6, help="that are stopped, for each supply")
     parser.add_argument("--stream", type=float, default=0.0, help="minutes of streaming, in place of that")
-    asked = parser.parse_args()
-    if asked.stream:
-        stream(asked.stream)
+    options = parser.parse_args()
+    if options.stream:
+        stream(options.stream)
         return
     for driver in SUPPLIES:
-        took, ages = stops(driver, asked.runs)
+        took, ages = stops(driver, options.runs)
         print(
             f"{driver}: STOP to off, {len(took)} runs: median {statistics.median(took):.3f} s, most {max(took):.3f} s"
         )

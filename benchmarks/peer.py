@@ -1,9 +1,9 @@
-"""The same curve in FElupe and in `eimi_fitting`: seconds and errors against one fine reference, and their ratio.
+"""Compare the same curve in FElupe and in `eimi_fitting`: time and error against one fine reference, and their ratio.
 
     pip install -e '.[bench]'; python -m benchmarks.peer [--short]
 
-One process, one thread, the same beam, material and 16 field states. The reference is `eimi_fitting` on 80 x 10
-elements; the finest FElupe mesh of the table shows that FElupe goes to the same limit.
+Both run in one process with one thread, on the same beam, material and 16 field states. The reference is `eimi_fitting`
+on 80 x 10 elements. The finest FElupe mesh of the table shows that FElupe converges to the same limit.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ FELUPE_TOLERANCE_MM = 1e-3
 
 
 def errors(tip: Array, reference: Array) -> tuple[float, float]:
-    """Tip error in % of the last state's deflection: at the last state, and the largest of all states."""
+    """Return the tip error of the last state, and the largest one, in % of the deflection of the last state."""
     off = np.linalg.norm(tip - reference, axis=1)
     deflection = np.linalg.norm(reference[-1] - TIP[0])
     return 100 * off[-1] / deflection, 100 * off.max() / deflection
 
 
 def main() -> None:
-    """Print every figure; with --short one coarse mesh, once."""
+    """Print every figure; --short uses one coarse mesh, once."""
     try:
         import felupe
 
@@ -56,8 +56,8 @@ def main() -> None:
         fine = BeamModel(SPECIMEN, *((26, 3) if short else (80, 10)))
         reference = fine.positions(fine.solve(law, parameters[None], loads), TIP)[0, :, 0]
         model, candidates = BeamModel(SPECIMEN), population(name, 16)
-        own = model.solve(law, parameters[None], loads, tolerance_mm=TOLERANCE_MM)
-        last, ours = errors(model.positions(own, TIP)[0, :, 0], reference)
+        shapes = model.solve(law, parameters[None], loads, tolerance_mm=TOLERANCE_MM)
+        last, ours = errors(model.positions(shapes, TIP)[0, :, 0], reference)
         repeats, in_MPa = (1 if short else 15), moduli_in_MPa(parameters, law.units)
         batch = cost_s(model, law, candidates, loads, repeats) / 16
         alone = cost_s(model, law, parameters, loads, repeats)

@@ -1,7 +1,8 @@
-"""Edges in rendered photographs of coloured beams, whose outline is known: ``python -m benchmarks.photographs``.
+"""Measure edges in rendered photographs of coloured beams with a known outline: ``python -m benchmarks.photographs``.
 
-A beam of random colour and bend in front of clutter, lit from the front unevenly, with its shadow beside or under it,
-as a JPEG of quality 80. ``--pictures N`` (200) says how many, each ``--kind`` (all five) in turn.
+Each picture shows a beam of random colour and bend before a cluttered background, with uneven light from the front and
+a shadow beside or under the beam, as a JPEG of quality 80. ``--pictures N`` (200) sets their number; the ``--kind``s
+(all five) alternate.
 """
 
 from __future__ import annotations
@@ -27,17 +28,17 @@ def main() -> None:
     print(f"| kind | pictures | used | wrong | silent | beyond {_OFF_PX} px, no doubt | RMS px | worst | pull | ms |")
     print("| --- " * 10 + "|")
     for kind in (*options.kind, "all"):
-        own = [outcome for outcome in outcomes if kind in (outcome.kind, "all")]
-        used = [outcome for outcome in own if outcome.usable]
+        group = [outcome for outcome in outcomes if kind in (outcome.kind, "all")]
+        used = [outcome for outcome in group if outcome.usable]
         wrong = sum(outcome.rms_px > WRONG_PX for outcome in used)
         silent = sum(outcome.rms_px > WRONG_PX and not outcome.doubtful for outcome in used)
         right = [outcome for outcome in used if outcome.rms_px <= WRONG_PX]
         rms = np.sqrt(np.mean([outcome.rms_px**2 for outcome in right])) if right else np.nan
         pull = np.sqrt(np.mean([outcome.pull**2 for outcome in right])) if right else np.nan
         worst = max((outcome.rms_px for outcome in right), default=np.nan)
-        ms = 1e3 * np.median([outcome.seconds for outcome in own])
+        ms = 1e3 * np.median([outcome.seconds for outcome in group])
         off = sum(outcome.rms_px > _OFF_PX and not outcome.doubtful for outcome in used)
-        counts = f"{len(own)} | {len(used)} | {wrong} | {silent} | {off}"
+        counts = f"{len(group)} | {len(used)} | {wrong} | {silent} | {off}"
         print(f"| {kind} | {counts} | {rms:.3f} | {worst:.2f} | {pull:.2f} | {ms:.0f} |")
 
 

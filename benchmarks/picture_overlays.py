@@ -1,7 +1,8 @@
-"""Pictures of edges for the docs: ``python -m benchmarks.picture_overlays docs/pictures``.
+"""Draw pictures of edges for the docs: ``python -m benchmarks.picture_overlays docs/pictures``.
 
-``real_pictures.png``: traced and found edges of other people's photographs, on an empty ground, for the photographs are
-not ours to ship; it is left out where they are not at hand. ``benches.jpg``: rendered photographs with what was found.
+``real_pictures.png`` shows traced and detected edges of other people's photographs without the photographs, which may
+not be distributed; it is left out if they are not available. ``benches.jpg`` shows rendered photographs with the
+detected edges.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ _SEED = 1
 
 
 def draw_real(axes: Axes, picture: Picture) -> None:
-    """One photograph's traced edges (grey, as wide as they are uncertain by eye), found ones, and the stated clamp."""
+    """Draw the traced edges (grey, as wide as their uncertainty), the detected edges and the stated clamp."""
     reference = json.loads((picture.folder / "reference.json").read_text())
     edges = picture.edges()
     scored = picture.score(edges, picture.calibration)
@@ -51,7 +52,7 @@ def draw_real(axes: Axes, picture: Picture) -> None:
 
 
 def real_sheet(shown: list[Picture], file: Path) -> None:
-    """All of them on one sheet."""
+    """Draw all photographs on one sheet."""
     rows = -(-len(shown) // _COLUMNS)
     figure, places = plt.subplots(rows, _COLUMNS, figsize=(11.0, 2.5 * rows), layout="constrained")
     for axes, picture in zip(places.ravel(), shown, strict=False):
@@ -63,7 +64,7 @@ def real_sheet(shown: list[Picture], file: Path) -> None:
 
 
 def bench_sheet(file: Path) -> None:
-    """A picture of each kind of `lab_photographs`."""
+    """Draw a picture of each kind of `lab_photographs`."""
     drawn = []
     for index, name in enumerate(KINDS):
         rng = np.random.default_rng([_SEED, index, 0])

@@ -1,11 +1,12 @@
-"""What a planned choice of states is worth: `eimi plan` before virtual experiments, and what then comes out.
+"""Compare planned states with equally spaced ones, and the predicted with the resulting interval, in experiments.
 
     python -m benchmarks.plan [--experiments 6] [--states 6] [--seed 1]
 
-Each experiment is one of `benchmarks.coverage`: every source that the bench examples state is drawn, the true beam is
-simulated on a finer mesh, edges get white and correlated noise, and what is fitted knows the nominal numbers alone. A
-first run has equally spaced fields; the plan knows its fit and nothing else. Then both choices are measured anew, as
-many states each, and the half-widths of the 95 % intervals of the initial shear modulus are compared.
+The experiments are those of `benchmarks.coverage`: every source that the bench examples state is drawn at random, the
+true beam is simulated on a finer mesh, edges get white and correlated noise, and the fit knows the nominal values only.
+A first run has equally spaced fields, and the plan uses the fit of this run only. The planned and the equally spaced
+states, equal in number, are then measured again, and the half-widths of the 95 % intervals of the initial shear modulus
+are compared.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from tests.shared.virtual_measurements import stated
 def row(
     name: str, before: Setting, after: Sequence[Setting], bench: Bench, *, states: int, runs: int, seed: int
 ) -> None:
-    """Plan and measure; prints the means over the runs."""
+    """Plan and measure several runs; print the means over the runs."""
     every: list[tuple[float, float, float, float]] = []
     chosen = ""
     for number in range(runs):
@@ -42,17 +43,20 @@ def row(
         setting, plan = plans[best]
         choice = choices[best]
         loads = plan.loads.take(choice)
-        came = half_percent(fitted(measured(setting, loads, bench, rng)))
+        resulting = half_percent(fitted(measured(setting, loads, bench, rng)))
         again = half_percent(fitted(measured(before, spaced, bench, rng)))
-        every.append((again, plan.half_width_percent(choice), came, plan.least_percent(states)))
+        every.append((again, plan.half_width_percent(choice), resulting, plan.least_percent(states)))
         chosen = f"{setting.name}: {', '.join(f'{1e3 * b:.2f}' for b in loads.field_T[:, 1])} mT"
-    again, foretold, came, least = np.mean(every, axis=0)
+    again, foretold, resulting, least = np.mean(every, axis=0)
     worst = max(abs(e[1] / e[2] - 1) for e in every)
-    widths = f"{again:.2f} | {foretold:.2f} | {came:.2f} | {came / again:.2f} | {100 * worst:.0f} % | {least:.2f}"
+    widths = (
+        f"{again:.2f} | {foretold:.2f} | {resulting:.2f} | {resulting / again:.2f} | {100 * worst:.0f} % | {least:.2f}"
+    )
     print(f"| {name} | {widths} | {chosen} |", flush=True)
 
 
 def main() -> None:
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=6)
     parser.add_argument("--states", type=int, default=6)

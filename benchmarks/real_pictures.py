@@ -1,10 +1,10 @@
-"""The edges of other people's photographs against traced ones: ``python -m benchmarks.real_pictures``.
+"""Compare the edges of other people's photographs with traced ones: ``python -m benchmarks.real_pictures``.
 
-The pictures lie in ``../shared/data/pictures``, beside the checkout, with their own way of scoring; they are not ours
-to ship. ``--draws 5`` states clamp, axis, width and length wrongly at random, five times: by up to 4 px, 4 degrees, 8 %
-and 10 %.
-``--overlay FOLDER`` draws what was found. ``--chance DRAWS`` prints for each edge the range (95 %) of stated over
-seen deviation by chance, and the median of stated over true: for scatter of the same correlation, drawn at random.
+The pictures and the rules for scoring them are in ``../shared/data/pictures``, beside the checkout; they may not be
+distributed. ``--draws 5`` states clamp, axis, width and length wrongly at random, five times: by up to 4 px, 4 degrees,
+8 % and 10 %. ``--overlay FOLDER`` draws the detected edges. ``--chance DRAWS`` draws scatter of the same correlation at
+random, and prints for each edge the 95 % range of the ratio of stated to observed deviation, and the median of the
+ratio of stated to true deviation.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _DEGREE = 7  # of the polynomial off which an edge scatters
 
 
 def stated_over_seen(edge: EdgePoints) -> float:
-    """An edge's stated deviation over that from a polynomial of its arc length, both root mean squares."""
+    """Return the ratio of the stated deviation to that from a polynomial of the arc length, both root mean squares."""
     if len(edge.points_mm) < 2 * _DEGREE:
         return math.nan
     return math.sqrt(float((edge.sigma_mm**2).mean())) / _SeenScatter(edge.points_mm).deviation
@@ -40,7 +40,7 @@ def stated_over_seen(edge: EdgePoints) -> float:
 
 @dataclass(frozen=True)
 class _SeenScatter:
-    """What a polynomial of their arc length leaves of an edge's points (n, 2)."""
+    """The scatter of an edge's points (n, 2) about a polynomial of their arc length."""
 
     points: Array
 
@@ -68,27 +68,28 @@ class _SeenScatter:
 
 
 def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Stated over seen deviation (2.5 and 97.5 %) and the median of stated over true, of scatter drawn at random.
+    """Return the 95 % range of stated over observed deviation, and the median of stated over true, for random scatter.
 
-    points_px: (n, 2) an edge, whose places and line are kept. Its scatter is drawn as a process that decays
-    exponentially along it, with as much in common from neighbour to neighbour as in what is seen.
+    points_px: (n, 2) an edge, whose places and line are kept. The scatter is drawn as a process with exponential
+    correlation along the edge; neighbouring points have the observed correlation.
     """
-    seen = _SeenScatter(points_px)
-    shared = float((seen.across[1:] * seen.across[:-1]).sum() / (seen.across**2).sum())
-    length = -seen.along[-1] / (len(seen.along) - 1) / math.log(min(max(shared, 0.01), 0.95))
-    decay = np.exp(-np.abs(seen.along[:, None] - seen.along) / length)
-    root = seen.deviation * np.linalg.cholesky(decay + 1e-9 * np.eye(len(decay)))
+    scatter = _SeenScatter(points_px)
+    shared = float((scatter.across[1:] * scatter.across[:-1]).sum() / (scatter.across**2).sum())
+    length = -scatter.along[-1] / (len(scatter.along) - 1) / math.log(min(max(shared, 0.01), 0.95))
+    decay = np.exp(-np.abs(scatter.along[:, None] - scatter.along) / length)
+    root = scatter.deviation * np.linalg.cholesky(decay + 1e-9 * np.eye(len(decay)))
     over_seen, over_true = [], []
     for _ in range(draws):
-        drawn = seen.line + (root @ rng.normal(size=len(root)))[:, None] * seen.normal
-        points, sigma, kept = estimate_scatter(drawn, np.ones(len(drawn)))
-        over_seen.append(stated_over_seen(EdgePoints(points[kept], sigma[kept])))
-        over_true.append(float(np.median(sigma)) / seen.deviation)
+        drawn = scatter.line + (root @ rng.normal(size=len(root)))[:, None] * scatter.normal
+        points, sigma, inliers = estimate_scatter(drawn, np.ones(len(drawn)))
+        over_seen.append(stated_over_seen(EdgePoints(points[inliers], sigma[inliers])))
+        over_true.append(float(np.median(sigma)) / scatter.deviation)
     low, high = np.percentile(over_seen, (2.5, 97.5))
     return float(low), float(high), float(np.median(over_true))
 
 
 def main() -> None:
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=0)
     parser.add_argument("--chance", type=int, default=0, metavar="DRAWS")

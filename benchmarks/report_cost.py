@@ -1,7 +1,8 @@
-"""What `eimi report` costs: three datasets with twenty fits, four laws in bending and each in four tensile windows.
+"""Measure the cost of `eimi report` for three datasets with twenty fits.
 
-The shipped specimens type1 to type3 on the virtual rig, 16 states each. The tensile test is `--curve`, or without it a
-curve of Yeoh's law, which no law of two terms follows to its end.
+Four laws are fitted in bending and in four tensile windows. The datasets are the shipped specimens type1 to type3 on
+the virtual rig, with 16 states each. The tensile test is `--curve`, or by default a curve of Yeoh's law, which no law
+of two terms follows to its end.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ _LARGEST_STRAIN, _ROWS = 4.0, 200
 
 
 def curve(path: Path) -> Path:
-    """Strain and stress of a tensile test."""
+    """Return strain and stress of a tensile test."""
     strain = np.linspace(0.0, _LARGEST_STRAIN, _ROWS + 1)[1:]
     stress_kPa = 1e-3 * engineering_stress(LAWS["yeoh"], np.array([_YEOH_PA]), strain)[0]
     rows = [f"{e:.4f},{s:.5f}" for e, s in zip(strain, stress_kPa, strict=True)]
@@ -36,7 +37,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--curve", type=Path, help="a tensile test of your own")
     parser.add_argument("--repeats", type=int, default=3, help="the fastest of so many runs counts")
-    given = parser.parse_args()
+    options = parser.parse_args()
     laws = [word for law in LAWS for word in ("--model", law)]
     with tempfile.TemporaryDirectory(prefix="report_cost") as name:
         folder = Path(name)
@@ -45,16 +46,16 @@ def main() -> None:
             spent("acquire", "dragon_skin_10", "--specimen", specimen, "--rig", "virtual", "-o", path)
         bending, tensile, page = (str(folder / file) for file in ("fits.json", "tensile.json", "report.html"))
         spent("fit", datasets[0], *laws, "-o", bending)
-        spent("tensile", str(given.curve or curve(folder / "curve.csv")), *laws, "-o", tensile)
+        spent("tensile", str(options.curve or curve(folder / "curve.csv")), *laws, "-o", tensile)
         print("| datasets | fits | processor, s | MB | by the clock, shared out by itself, s |")
         print("| --- | --- | --- | --- | --- |")
         for paths, fits in ((datasets[:1], [bending]), (datasets, [bending]), (datasets, [bending, tensile])):
             shown = [word for path in fits for word in ("--fit", path)]
             report = ("report", *paths, *shown, "-o", page, "--force")
-            seconds, megabytes = zip(*(spent(*report, "--workers", "1") for _ in range(given.repeats)), strict=True)
-            begun = time.perf_counter()
+            seconds, megabytes = zip(*(spent(*report, "--workers", "1") for _ in range(options.repeats)), strict=True)
+            start_s = time.perf_counter()
             spent(*report)
-            clock = time.perf_counter() - begun
+            clock = time.perf_counter() - start_s
             count = {1: len(LAWS), 2: 5 * len(LAWS)}[len(fits)]
             print(f"| {len(paths)} | {count} | {min(seconds):.1f} | {max(megabytes):.0f} | {clock:.1f} |", flush=True)
 

@@ -1,8 +1,8 @@
-"""Pictures of a report, to be looked at: ``python -m benchmarks.report_pictures report.html -o FOLDER``.
+"""Draw pictures of a report for inspection: ``python -m benchmarks.report_pictures report.html -o FOLDER``.
 
-Headless Chromium takes the whole page 1400 and 800 px wide and prints it on A4; `pdftoppm` (poppler) makes a picture of
-every printed page. Look for: a heading without its figure, a table or figure that is cut, text that is too small at 800
-px, colours that mean something by themselves.
+Headless Chromium draws the whole page 1400 and 800 px wide and prints it on A4; `pdftoppm` (poppler) makes a picture of
+every printed page. Look for a heading without its figure, a table or figure that is cut, text that is too small at 800
+px, and information that only a colour shows.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ _TIMEOUT_S = 300
 
 
 def browser() -> str:
-    """The path of a Chromium. Exits with a line where there is none."""
-    found = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
-    if found is None:
+    """Return the path of Chromium; exit with a message if it is not installed."""
+    path_of_browser = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
+    if path_of_browser is None:
         sys.exit(f"needs one of {', '.join(_BROWSERS)}")
-    return found
+    return path_of_browser
 
 
 def chromium(page: Path, *how: str) -> None:
-    """One run of the browser on a page, with a profile of its own."""
+    """Run the browser once on a page, with a new profile."""
     with tempfile.TemporaryDirectory() as profile:
         plain = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--user-data-dir={profile}")
         line = [browser(), *plain, *how, page.resolve().as_uri()]
@@ -39,7 +39,7 @@ def chromium(page: Path, *how: str) -> None:
 
 
 def screen(page: Path, folder: Path, width: int) -> Path:
-    """The whole page as wide as a window, without the empty part below."""
+    """Draw the whole page at the width of a window, without the empty part at the bottom."""
     path = folder / f"{page.stem}_{width}.png"
     chromium(page, f"--window-size={width},{_TALL_PX}", f"--screenshot={path}")
     with Image.open(path) as whole:
@@ -50,7 +50,7 @@ def screen(page: Path, folder: Path, width: int) -> Path:
 
 
 def printed(page: Path, folder: Path) -> list[Path]:
-    """The page on A4, and a picture of every sheet where `pdftoppm` is installed."""
+    """Print the page on A4, and draw every sheet if `pdftoppm` is installed."""
     pdf = folder / f"{page.stem}.pdf"
     chromium(page, "--no-pdf-header-footer", f"--print-to-pdf={pdf}")
     if not shutil.which("pdftoppm"):
@@ -64,11 +64,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("page", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True, help="a folder, made where it is missing")
-    given = parser.parse_args()
-    given.output.mkdir(parents=True, exist_ok=True)
+    options = parser.parse_args()
+    options.output.mkdir(parents=True, exist_ok=True)
     for width in WIDTHS_PX:
-        print(screen(given.page, given.output, width))
-    print(*printed(given.page, given.output), sep="\n")
+        print(screen(options.page, options.output, width))
+    print(*printed(options.page, options.output), sep="\n")
 
 
 if __name__ == "__main__":

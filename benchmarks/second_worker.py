@@ -1,8 +1,8 @@
-"""What a second worker brings: a grid of fits by one process and by two, in turn.
+"""Measure the gain in time by a second worker: a grid of fits in one process and in two, alternately.
 
     python -m benchmarks.second_worker DATASET.h5 [--fits 48]
 
-The time of the two counts their start.
+The time with two processes includes their start.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="fits by one process and by two")
     parser.add_argument("dataset")
     parser.add_argument("--fits", type=int, default=48)
-    asked = parser.parse_args()
-    tasks = grid(["neo-hookean"], [load_evidence(asked.dataset)], [1], bootstrap=asked.fits - 1)
+    options = parser.parse_args()
+    tasks = grid(["neo-hookean"], [load_evidence(options.dataset)], [1], bootstrap=options.fits - 1)
     seconds: dict[int, list[float]] = {1: [], 2: []}
     results = []
     for _ in range(ROUNDS):

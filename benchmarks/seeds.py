@@ -1,9 +1,9 @@
-"""How near the identified initial shear modulus comes to the truth, for every law, from five seeds.
+"""Measure the error of the identified initial shear modulus for every law and five seeds.
 
     python -m benchmarks.seeds
 
-Each seed is that of the noise and of the search. Edges of a 30 x 3 mm beam with a magnet in 16 field states, simulated
-on 80 x 10 elements, 100 points an edge, with normal noise of 1 µm on each coordinate.
+The same seed is used for the noise and the search. The edges are those of a 30 x 3 mm beam with a magnet in 16 field
+states, simulated on 80 x 10 elements, with 100 points on an edge and normal noise of 1 µm on each coordinate.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ TRUTH = {
 
 
 def measured(model: str, seed: int) -> Experiment:
-    """Noisy edges of a beam of a known law."""
+    """Return the noisy edges of a beam with a known law."""
     fine = BeamModel(SPECIMEN, 80, 10)
     shapes = fine.solve(LAWS[model], np.array([TRUTH[model]]), LOADS)
     sides = points_on(edge_curves(fine, shapes)[0], 3)
@@ -43,7 +43,7 @@ def measured(model: str, seed: int) -> Experiment:
 
 
 def main() -> None:
-    """Print a line a law: how far the modulus is from the truth, in per cent, by seed."""
+    """Print a line for each law: the error of the modulus in per cent, by seed."""
     print("law            off by, % of the truth, seeds 1 to 5        largest")
     for model, truth in TRUTH.items():
         expected = float(LAWS[model].initial_shear_modulus(np.array(truth)))

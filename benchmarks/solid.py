@@ -1,4 +1,4 @@
-"""The solid element and the solid model against exact solutions, plane strain and FElupe.
+"""Compare the solid element and the solid model with exact solutions, plane strain and FElupe.
 
 python -m benchmarks.solid [--short]
 """

@@ -1,4 +1,4 @@
-"""What the mesh leaves in the modulus, of the solid alone and with the change of the plane's mesh added to it.
+"""Measure the error of the modulus due to the mesh of the solid, with and without the correction by the planar mesh.
 
 python -m benchmarks.solid_mesh [--short] [NAME...]
 """
@@ -25,19 +25,19 @@ MESHES = ((20, 2, 0), (20, 3, 0), (26, 2, 0), (26, 3, 0), (26, 3, 1))
 
 
 def planar(specimen: Specimen, along: int, across: int, factor: float = 1.0) -> np.ndarray:
-    """(K,): how far the tip is turned in plane stress."""
+    """Return the rotations (K,) of the tip in plane stress."""
     model = BeamModel(replace(specimen, section="plane-stress"), along, across)
     return model.tip_angle_deg(model.solve(LAW, factor * PARAMETERS, LOADS))[0]
 
 
 def solid(specimen: Specimen, mesh: tuple[int, int, int]) -> np.ndarray:
-    """(K,): likewise of the solid."""
+    """Return the rotations (K,) of the tip of the solid."""
     model = SolidBeside(specimen, *mesh)
     return model.tip_angle_deg(model.solve(LAW, PARAMETERS, LOADS, tolerance_mm=1e-4))[0]
 
 
 def main() -> None:
-    """In per cent of the modulus, in the state that turns it farthest; with --short one specimen and mesh."""
+    """Print the error in per cent of the modulus in the state with the largest rotation; --short takes one case."""
     short = "--short" in sys.argv
     names = [a for a in sys.argv[1:] if not a.startswith("-")] or list(SPECIMENS)
     for name in names[:1] if short else names:
@@ -46,9 +46,9 @@ def main() -> None:
         a_percent = (planar(specimen, 26, 3, 1.01) - planar(specimen, 26, 3))[-1]
         reference = solid(specimen, (26, 3, 0) if short else FINEST)
         for mesh in MESHES[:1] if short else MESHES:
-            own = solid(specimen, mesh)
-            summed = own + finer - planar(specimen, *mesh[:2])
-            alone, both = ((turn - reference)[-1] / a_percent for turn in (own, summed))
+            turn_deg = solid(specimen, mesh)
+            summed = turn_deg + finer - planar(specimen, *mesh[:2])
+            alone, both = ((turn - reference)[-1] / a_percent for turn in (turn_deg, summed))
             print(f"{name:8s} {mesh}  the solid alone {alone:+.3f} %, with the plane's mesh {both:+.3f} %", flush=True)
 
 

@@ -1,9 +1,10 @@
-"""What one simulated curve and one fit cost, and how cost grows.
+"""Measure the cost of one simulated curve and of one fit, and how the cost grows.
 
     python -m benchmarks.speed [FIGURE.png]
 
-One thread, processor time. A 30 x 3 mm beam with a 4 mm magnet through 16 field states: a batch of candidates, one
-candidate, many candidates, states and elements. Then whole fits (`benchmarks.fit_cost`).
+The figures are processor time of one thread. The curve is that of a 30 x 3 mm beam with a 4 mm magnet in 16 field
+states: for a batch of candidates, for one candidate, and for growing numbers of candidates, states and elements. Whole
+fits follow (`benchmarks.fit_cost`).
 """
 
 from __future__ import annotations
@@ -33,14 +34,14 @@ TOLERANCE_MM = 1e-2  # as the identification uses it
 
 
 def population(name: str, size: int) -> np.ndarray:
-    """Candidates about an example, moduli spread by a third."""
+    """Return candidates around an example, with moduli spread by a third."""
     spread = np.exp(0.3 * np.random.default_rng(0).standard_normal((size, 1)))
     unit = np.array([u == "Pa" for u in LAWS[name].units])
     return np.where(unit, np.array(EXAMPLES[name]) * spread, EXAMPLES[name])
 
 
 def cost_s(model: BeamModel, law: Law, candidates: np.ndarray, loads: Loads, repeats: int = 7) -> float:
-    """Processor seconds of one batch, after a first that sets tables up."""
+    """Return the processor time of one batch, after a first one that computes tables."""
 
     def solve() -> Shapes:
         return model.solve(law, candidates, loads, tolerance_mm=TOLERANCE_MM)
@@ -50,7 +51,7 @@ def cost_s(model: BeamModel, law: Law, candidates: np.ndarray, loads: Loads, rep
 
 
 def batch_ms(model: BeamModel, law: Law, size: int, loads: Loads) -> float:
-    """Milliseconds of a candidate in a batch of so many."""
+    """Return the milliseconds for a candidate in a batch of this size."""
     return 1e3 * cost_s(model, law, population(law.name, size), loads) / size
 
 
@@ -85,12 +86,12 @@ def main() -> None:
 
 
 def slope(points: list[tuple[int, float]]) -> float:
-    """Of the logarithm of the cost against the logarithm of the number, over the last three points."""
+    """Return the slope of log cost against log number over the last three points."""
     return float(np.polyfit(*np.log(np.array(points[-3:])).T, 1)[0])
 
 
 def draw(curves: dict[str, list[tuple[int, float]]], path: str) -> None:
-    """The three curves of growth side by side, each with a line of slope 1."""
+    """Draw the three curves of growth side by side, each with a line of slope 1."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 3.1), layout="constrained")
@@ -106,7 +107,7 @@ def draw(curves: dict[str, list[tuple[int, float]]], path: str) -> None:
 
 
 def cost(model: BeamModel, size: int, states: int) -> float:
-    """Milliseconds of a batch of Neo-Hookean candidates through so many states."""
+    """Return the milliseconds for a batch of Neo-Hookean candidates in this number of states."""
     candidates, loads = population("neo-hookean", size), Loads.along(np.linspace(0, 7.05, states))
     return 1e3 * cost_s(model, LAWS["neo-hookean"], candidates, loads, 3)
 

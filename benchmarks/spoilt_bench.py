@@ -1,4 +1,4 @@
-"""A whole run at full current on an emulated supply in another process, for `off_campaign` to spoil."""
+"""Start a complete run at full current on an emulated supply in another process, for `off_campaign`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NAMES = 6000
 
 
 class Supply:
-    """An emulated supply in a process of its own, and what it told of its coil."""
+    """An emulated supply in a separate process, and the changes of its coil that it reported."""
 
     def __init__(self, driver: str, transport: str) -> None:
         self._process = subprocess.Popen(
@@ -52,20 +52,20 @@ class Supply:
             self.told.append((float(at), on == "1", float(set_A), float(true_A)))
 
     def tell(self, word: str) -> None:
-        """Spoil the line, or mend it."""
+        """Cause a fault, or end it."""
         assert self._process.stdin is not None
         print(word, file=self._process.stdin, flush=True)
 
     def on(self) -> bool:
-        """Whether the output is on."""
+        """Return whether the output is on."""
         return bool(self.told) and self.told[-1][1]
 
     def at_full(self) -> bool:
-        """Whether the full current is set, and on."""
+        """Return whether the output is on with the full current."""
         return self.on() and self.told[-1][2] >= FULL_A - 1e-6
 
     def off_s(self) -> float:
-        """When it was switched off last."""
+        """Return the time at which the output was switched off last."""
         off_s = self.told[-1][0]
         for at, on, _, _ in reversed(self.told):
             if on:
@@ -82,7 +82,10 @@ class Supply:
 
 @dataclass
 class Trial:
-    """A run on its bench. unread: standard error goes into a pipe that is full and that nobody reads."""
+    """A run on its bench.
+
+    unread: whether standard error goes into a full pipe that nobody reads.
+    """
 
     folder: Path
     supply: Supply
@@ -102,7 +105,7 @@ class Trial:
         self.guardian = self._find_guardian()
 
     def start(self, output: str, unread: bool = False) -> subprocess.Popen[str]:
-        """Another run on the same supply."""
+        """Start another run on the same supply."""
         at = f'driver = "{self.supply.driver}", address = "{self.supply.address}"'
         (self.folder / "rig.toml").write_text(f"""
 name = "emulated"
@@ -139,7 +142,7 @@ camera = {{ driver = "opencv", source = "recording" }}
             self.lines.append(line.rstrip())
 
     def send(self, *numbers: signal.Signals, pause_s: float = 0.0) -> float:
-        """Send signals to the run; when the first was sent."""
+        """Send signals to the run; return the time of the first one."""
         began = time.monotonic()
         for number in numbers:
             self.process.send_signal(number)
@@ -147,7 +150,7 @@ camera = {{ driver = "opencv", source = "recording" }}
         return began
 
     def spoil(self, name: str) -> float:
-        """Let the camera or the clock go wrong; when it did."""
+        """Cause a fault of the camera or the clock; return its time."""
         (self.folder / name).touch()
         began = time.monotonic()
         if name not in {"clock", "close"}:
@@ -159,11 +162,11 @@ camera = {{ driver = "opencv", source = "recording" }}
         return next(int(c) for c in children if b"guardian_process" in Path(f"/proc/{c}/cmdline").read_bytes())
 
     def acknowledged(self) -> int:
-        """The states that the run told of."""
+        """Return the number of states that the run acknowledged."""
         return sum(line.startswith("acquire ") for line in self.lines)
 
     def end(self) -> int:
-        """Let the run end, one that cannot by SIGKILL, and its guardian after it; its status."""
+        """Wait for the end of the run and its guardian, killing the run if necessary; return its exit status."""
         try:
             status = self.process.wait(20)
         except subprocess.TimeoutExpired:
@@ -178,7 +181,7 @@ camera = {{ driver = "opencv", source = "recording" }}
 
 
 def make_bench(folder: Path) -> None:
-    """A specimen, a calibration, the shipped protocol at its full current alone, and a recording of a beam at rest."""
+    """Write a specimen, a calibration, a protocol at full current only, and a recording of a beam at rest."""
     text = load_protocol(SHIPPED).text
     begin, end = text.index("[current]"), text.index("[ramp]")
     currents = f"[current]\nvalues_A = {[0.0] + [FULL_A] * (STATES - 1)}\n\n"

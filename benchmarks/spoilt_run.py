@@ -1,9 +1,9 @@
-"""`eimi` with a camera of 30 frames a second that can be spoilt from outside, by files beside the recording.
+"""Run `eimi` with a camera of 30 frames per second that gets faults from files beside the recording.
 
     python -m benchmarks.spoilt_run acquire protocol.toml …
 
-`grab`, `flush` or `close` as a file's name: that call never comes back. `grab-locked`: nor does it, and it keeps
-Python's lock, so that nothing else of the program runs either. `clock`: the wall clock steps back by two minutes.
+If a file `grab`, `flush` or `close` exists, that call never returns. With `grab-locked` the call also keeps Python's
+lock, so that nothing else of the program runs. With `clock` the wall clock steps back by two minutes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ FOR_EVER_S = 3600
 
 
 def spoil(beside: Path) -> None:
-    """Put the faults into the camera's class and the clock."""
+    """Add the faults to the camera class and the clock."""
     grab, flush, close, wall = OpenCVCamera.grab, OpenCVCamera.flush, OpenCVCamera.close, time.time
 
     def block(what: str) -> None:

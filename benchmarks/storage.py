@@ -1,6 +1,6 @@
-"""Frames stored per second, and what limits it: `python -m benchmarks.storage`.
+"""Measure the frames stored per second, and what limits the rate: `python -m benchmarks.storage`.
 
-Frames of the virtual camera's size, with its noise, which is what bounds their compression.
+The frames have the size and the noise of the virtual camera; the noise limits their compression.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NOISE_GREY = 1.3
 
 
 def frames(count: int) -> list[Frame]:
-    """A dark beam before a bright background, with noise."""
+    """Return frames of a dark beam on a bright background, with noise."""
     random = np.random.default_rng(0)
     across = np.abs(np.arange(WIDTH) - WIDTH / 2)
     still = np.tile(30 + 170 / (1 + np.exp(-(across - 50) / 1.0)), (HEIGHT, 1))
@@ -36,21 +36,21 @@ def frames(count: int) -> list[Frame]:
 
 def main() -> None:
     """Print the figures."""
-    taken = frames(FRAMES_PER_STATE)
+    images = frames(FRAMES_PER_STATE)
     header = Header(load_specimen("type1"), load_calibration("virtual_calibration"))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "benchmark.h5"
-        with DatasetWriter(path, header, taken[0]) as writer:
+        with DatasetWriter(path, header, images[0]) as writer:
             began = time.perf_counter()
             for state in range(STATES):
-                writer.append_state(taken, current_A=0.1 * state, field_mT=0.47 * state)
+                writer.append_state(images, current_A=0.1 * state, field_mT=0.47 * state)
             stored_s = time.perf_counter() - began
         size = path.stat().st_size
     count = STATES * FRAMES_PER_STATE
     began = time.perf_counter()
-    for frame in taken:
+    for frame in images:
         zlib.compress(frame.image.tobytes(), 1)
-    compressing_s = (time.perf_counter() - began) / len(taken)
+    compressing_s = (time.perf_counter() - began) / len(images)
     print(f"{count} frames of {WIDTH} x {HEIGHT} in {STATES} states, gzip 1 and fletcher32, synchronised every state")
     print(f"{count / stored_s:.1f} frames/s, {1e3 * stored_s / count:.1f} ms a frame")
     print(f"compression {HEIGHT * WIDTH * count / size:.2f}; zlib alone takes {1e3 * compressing_s:.1f} ms a frame")

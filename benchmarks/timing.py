@@ -1,4 +1,4 @@
-"""Seconds of something that is run: once, or the fastest of several."""
+"""Measure the duration of a function: once, or the shortest of several runs."""
 
 from __future__ import annotations
 
@@ -10,16 +10,13 @@ T = TypeVar("T")
 
 
 def timed(run: Callable[[], T], clock: Callable[[], float] = time.perf_counter) -> tuple[float, T]:
-    """Seconds of one run, and what it gave."""
+    """Return the seconds of one run, and its result."""
     began = clock()
     result = run()
     return clock() - began, result
 
 
 def fastest(run: Callable[[], T], repeats: int) -> tuple[float, T]:
-    """Processor seconds of the fastest of several runs, which is what a machine with nothing else to do takes.
-
-    Also gives what the last run gave.
-    """
+    """Return the shortest processor time of several runs, as on an idle machine, and the last result."""
     runs = [timed(run, time.process_time) for _ in range(repeats)]
     return min(seconds for seconds, _ in runs), runs[-1][1]

@@ -60,13 +60,13 @@ def started_in(test: str) -> list[int]:
     Processes of multiprocessing are left out: they end with theirs, and may be another test's as well.
     """
     marks = (f"PYTEST_CURRENT_TEST={test} (call)\0".encode(), f"EIMI_TESTS_OF={os.getpid()}\0".encode())
-    found = []
+    processes = []
     for process in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
             environment, command = (process / "environ").read_bytes(), (process / "cmdline").read_bytes()
             if all(mark in environment for mark in marks) and b"multiprocessing" not in command:
-                found.append(int(process.name))
-    return found
+                processes.append(int(process.name))
+    return processes
 
 
 @pytest.hookimpl(wrapper=True)

@@ -22,8 +22,8 @@ REMEDY = f"would be tested in place of {ROOT}; install that one: pip install -e 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_what_the_tests_import_is_the_checkout(package: str) -> None:
-    found = Path(str(importlib.import_module(package).__file__)).parent
-    assert found == PACKAGES[package], f"{found} {REMEDY}"
+    folder = Path(str(importlib.import_module(package).__file__)).parent
+    assert folder == PACKAGES[package], f"{folder} {REMEDY}"
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -31,8 +31,8 @@ def test_what_a_command_imports_is_the_checkout(package: str, tmp_path: Path) ->
     script = f"import {package}; print({package}.__file__)"
     done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    found = Path(done.stdout.strip()).parent
-    assert found == PACKAGES[package], f"{found} {REMEDY}"
+    folder = Path(done.stdout.strip()).parent
+    assert folder == PACKAGES[package], f"{folder} {REMEDY}"
 
 
 def test_every_room_is_installed() -> None:

@@ -52,8 +52,8 @@ class Block:
 
 def blocks(page: Path) -> list[Block]:
     """Commands and files of a page, in order."""
-    found = BLOCK.finditer(page.read_text(encoding="utf-8"))
-    every = [(match["kind"], Block(match["note"] or "", match["title"] or "", match["text"])) for match in found]
+    matches = BLOCK.finditer(page.read_text(encoding="utf-8"))
+    every = [(match["kind"], Block(match["note"] or "", match["title"] or "", match["text"])) for match in matches]
     return [block for kind, block in every if kind == "sh" or block.title]
 
 
@@ -83,8 +83,8 @@ def follow(page: Path, folder: Path, shortened: bool) -> None:
                 timeout=PATIENCE_S,
                 check=False,
             )
-            told = f"{page.name}:\n{script}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
-            assert done.returncode == (2 if block.note == "refused" else 0), told
+            transcript = f"{page.name}:\n{script}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+            assert done.returncode == (2 if block.note == "refused" else 0), transcript
 
 
 def shorten(folder: Path) -> None:
@@ -146,10 +146,10 @@ def test_a_notebook_runs(path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
     monkeypatch.setenv("MPLBACKEND", "agg")
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
     code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
-    found: dict[str, object] = {}
-    exec(compile(code, str(path), "exec"), found)
-    if "fit" in found:
-        assert found["fit"].initial_shear_modulus.value == pytest.approx(46e3, rel=0.02)  # type: ignore[attr-defined]
+    namespace: dict[str, object] = {}
+    exec(compile(code, str(path), "exec"), namespace)
+    if "fit" in namespace:
+        assert namespace["fit"].initial_shear_modulus.value == pytest.approx(46e3, rel=0.02)  # type: ignore[attr-defined]
     assert capsys.readouterr().out
 
 

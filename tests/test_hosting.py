@@ -47,9 +47,9 @@ def test_the_workflow_and_the_hooks_check_what_the_script_checks() -> None:
 
 @pytest.mark.parametrize("form", [form for form in FORMS if form.name != "config.yml"], ids=lambda form: form.name)
 def test_an_issue_form_asks_for_what_it_labels(form: Path) -> None:
-    asked = yaml.safe_load(form.read_text(encoding="utf-8"))
-    assert {"name", "description", "body"} <= asked.keys()
-    fields = [field for field in asked["body"] if field["type"] != "markdown"]
+    form_fields = yaml.safe_load(form.read_text(encoding="utf-8"))
+    assert {"name", "description", "body"} <= form_fields.keys()
+    fields = [field for field in form_fields["body"] if field["type"] != "markdown"]
     assert len({field["id"] for field in fields}) == len(fields)
     assert all(field["attributes"]["label"] for field in fields)
 

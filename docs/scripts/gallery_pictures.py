@@ -113,9 +113,9 @@ def drive_an_emulated_supply(axes: Axes) -> None:
     supply.set_voltage(12.0)
     supply.set_current(0.7)
     supply.set_output(True)
-    begun, rows = clock.now(), []
+    start_s, rows = clock.now(), []
     for _ in range(25):
-        rows.append((clock.now() - begun, supply.measure().current_A))
+        rows.append((clock.now() - start_s, supply.measure().current_A))
         clock.sleep(0.02)
     supply.safe_off()
     axes.plot(*zip(*rows, strict=True), "o-", ms=3)

@@ -211,13 +211,13 @@ class SolidBeside:
         places = turn if by_turn else along
         effect = DepthEffect((), (), by_turn, _base(places, by_turn, options.similar))
         same = _SAME * max(float(np.ptp(places)), _LEAST_TURN)
-        left = np.arange(len(places))
+        unsolved = np.arange(len(places))
         for place in effect.places_of_base:
-            left = left[np.abs(places[left] - place) > same]
-        while len(left):
+            unsolved = unsolved[np.abs(places[unsolved] - place) > same]
+        while len(unsolved):
             solved = np.array([*effect.places, *effect.places_of_base])
-            distance = np.abs(places[left, None] - solved).prod(axis=1) if len(solved) else np.abs(places[left])
-            k = int(left[np.argmax(distance)])
+            distance = np.abs(places[unsolved, None] - solved).prod(axis=1) if len(solved) else np.abs(places[unsolved])
+            k = int(unsolved[np.argmax(distance)])
             predicted = effect.at(places[k]) if len(solved) > 1 or effect.base else None
             lifted = self._lifted(lift, flat, np.array([k]))
             difference = self._difference(
@@ -226,7 +226,7 @@ class SolidBeside:
             if difference is None:
                 return None
             effect = effect.with_one(float(places[k]), difference)
-            left = left[np.abs(places[left] - places[k]) > same]
+            unsolved = unsolved[np.abs(places[unsolved] - places[k]) > same]
             if predicted and len(solved):
                 error_mm = np.abs(predicted.displacement - difference.displacement).max()
                 if error_mm < options.accuracy_mm:

@@ -141,9 +141,9 @@ def candidates(
     if bulk_modulus_Pa is not None:
         if section == "plane-stress":
             raise ValueError("plane stress is incompressible here: it takes no bulk modulus")
-        given = np.broadcast_to(np.asarray(bulk_modulus_Pa, float) * MPA_PER_PA, bulk.shape)
-        sound = sound & np.isfinite(given) & (given > 0)
-        bulk = np.where(sound, np.minimum(given, _MOST_BULK_RATIO * mu), bulk)
+        bulk_MPa = np.broadcast_to(np.asarray(bulk_modulus_Pa, float) * MPA_PER_PA, bulk.shape)
+        sound = sound & np.isfinite(bulk_MPa) & (bulk_MPa > 0)
+        bulk = np.where(sound, np.minimum(bulk_MPa, _MOST_BULK_RATIO * mu), bulk)
     factor = None
     if field_factor is not None:
         factor = np.broadcast_to(np.asarray(field_factor, float), sound.shape)
@@ -283,24 +283,24 @@ def _advance(
     status = np.full(len(rows), Status.DIVERGED, np.int8)
     lost = np.zeros(len(rows), bool)  # whether a candidate surely buckled in steps of the last size
     iterations = np.zeros(len(rows), np.intp)
-    left = np.arange(len(rows))  # places in ``rows`` that have not arrived
+    unfinished = np.arange(len(rows))  # places in ``rows`` that have not arrived
     for cuts in _CUTS if near is None else (0, *_CUTS):
         way = [(load, near)] if near is not None and cuts == 0 else path
         part, outcome, spent, sure = _divided(
-            solid, loads_at, chosen, rows[left], way, load, max(cuts, 1), tolerance_mm, cuts == 0
+            solid, loads_at, chosen, rows[unfinished], way, load, max(cuts, 1), tolerance_mm, cuts == 0
         )
         arrived = np.flatnonzero(outcome == Status.CONVERGED)
-        now.put(rows[left[arrived]], part.take(arrived))
-        iterations[left] += spent
-        status[left] = np.where(sure | (outcome != Status.CONVERGED), outcome, Status.ASTRAY)
-        failed = status[left] != Status.CONVERGED
+        now.put(rows[unfinished[arrived]], part.take(arrived))
+        iterations[unfinished] += spent
+        status[unfinished] = np.where(sure | (outcome != Status.CONVERGED), outcome, Status.ASTRAY)
+        failed = status[unfinished] != Status.CONVERGED
         if not failed.any():
             break
         lost_now = sure & (outcome == Status.BUCKLED) & (cuts > 0)
-        ended = lost_now & lost[left]
-        lost[left] = lost_now
-        left = left[failed & ~ended]
-        if not len(left):
+        ended = lost_now & lost[unfinished]
+        lost[unfinished] = lost_now
+        unfinished = unfinished[failed & ~ended]
+        if not len(unfinished):
             break
     return status, iterations
 

@@ -75,10 +75,10 @@ def _loads(planar: BeamModel) -> Loads:
     stiffness_N = 1e-6 * _MODULUS_PA * specimen.width_mm**3 * specimen.depth_mm / specimen.length_mm**2
 
     def of(share: Array) -> Loads:
-        given = Loads.along(
+        loads = Loads.along(
             share if magnetic else 0 * share, gravity_angle_deg=90.0, tip_force_N=0 * share if magnetic else share
         )
-        return replace(given, gravity=0 * given.gravity)
+        return replace(loads, gravity=0 * loads.gravity)
 
     little = 1e-3 if magnetic else 1e-3 * stiffness_N
     turn = planar.tip_angle_deg(planar.solve(law, modulus, of(np.array([little])), tolerance_mm=1e-9))[0, 0]

@@ -223,7 +223,7 @@ def search(
     for first_step, size, most in _runs(rng, population or (8 if n == 1 else 8 + 2 * n), restarts, bipop, log.runs):
         start = rng.uniform(size=n) if log.runs else np.full(n, 0.5)
         strategy = _strategy(rng, start, first_step, size, min(most, most_generations))
-        begun = len(log.history)
+        first_generation = len(log.history)
         values: list[Array] = []
         reasons: list[str] = []
         while not reasons:
@@ -234,7 +234,7 @@ def search(
             log.add(strategy, candidates, objectives)
             reasons = [str(reason) for reason in strategy.stop()] + _reason_of_population(values[-1], enough_mm)
         best = float(np.min(values))
-        log.runs.append(Run(size, first_step, len(log.history) - begun, best, ", ".join(reasons)))
+        log.runs.append(Run(size, first_step, len(log.history) - first_generation, best, ", ".join(reasons)))
     return log.result()
 
 
