@@ -1,4 +1,4 @@
-"""A run: take the protocol through the bench, and store every state before the next one begins.
+"""Acquire a dataset: run a protocol on a bench, and store every state before the next one begins.
 
 run               the run itself
 stepping          one state after another
@@ -6,12 +6,12 @@ coil              ramps, and a measured current that agrees with the set-point
 settling          decide from consecutive frames whether the beam is at rest
 capture           the frames of one state and their flags
 transients        frames that are kept while the beam settles or rings
-conditioning      cycles before the run, and how far they changed the beam
+conditioning      load cycles before the run, and the change of the beam that they cause
 pausing           wait for a person
 resuming          continue a run that ended early
 supply_lock       one run at a time for each supply
 open_bench        open the instruments that a rig names
-added_driver      carry a driver of this program to the guardian process
+added_driver      send a driver that this program added to the guardian process
 cameras           the camera that a rig names: a device, a recording or a virtual beam
 playback          a recording in place of a camera
 live_view         show the frames during a run
@@ -23,5 +23,5 @@ guardian_process  the process that switches off if the run dies or stands still
 events            one dataclass for each thing that happens in a run
 event_words       events in English, for a person
 event_lines       events as lines of JSON, for a program
-dry_run           what a run would do, with the exact messages to the supply
+dry_run           print the steps of a run, with the exact messages to the supply
 """

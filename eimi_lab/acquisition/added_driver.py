@@ -1,8 +1,8 @@
-"""A supply driver that this program added, taken along to the guardian process.
+"""Send a supply driver that this program added to the guardian process.
 
-The guardian switches the coil off if the run dies, in a process of its own: there `SUPPLIES` has the drivers of this
-package and of installed packages alone. A class of a module is imported there; one of a script or a notebook is
-carried over with its code (cloudpickle).
+The guardian process switches the coil off if the run dies. Its `SUPPLIES` contains only the drivers of this package and
+of installed packages. cloudpickle sends other drivers: a class from a module is imported again in the guardian, and
+the code of a class from a script or a notebook is sent.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def pack(name: str) -> str:
     Raises
     ------
     UnusableDriver
-        The driver cannot be carried over, since it holds an open port, for example.
+        If the driver cannot be pickled, for example because it holds an open port.
     """
     if name not in SUPPLIES.added():
         return ""
@@ -32,15 +32,15 @@ def pack(name: str) -> str:
         pickled = cloudpickle.dumps(SUPPLIES[name])
     except (pickle.PicklingError, TypeError, AttributeError, ValueError) as error:
         raise UnusableDriver(
-            f"the supply driver {name!r} cannot be carried over to the process that switches the coil off if the run "
-            f"dies: {error}; write it as a class in a module of its own"
+            f"the supply driver {name!r} cannot be sent to the process that switches the coil off if the run dies: "
+            f"{error}; write it as a class in a module of its own"
         ) from error
     return json.dumps({"path": sys.path, "driver": base64.b64encode(pickled).decode("ascii")})
 
 
 def unpack(name: str, packed: str) -> None:
-    """Add the driver that `pack` made a text of to `SUPPLIES` of this process."""
+    """Add the driver in the text from `pack` to `SUPPLIES` of this process."""
     if packed:
-        carried = json.loads(packed)
-        sys.path.extend(folder for folder in carried["path"] if folder not in sys.path)
-        SUPPLIES[name] = pickle.loads(base64.b64decode(carried["driver"]))
+        content = json.loads(packed)
+        sys.path.extend(folder for folder in content["path"] if folder not in sys.path)
+        SUPPLIES[name] = pickle.loads(base64.b64decode(content["driver"]))

@@ -1,4 +1,4 @@
-"""The camera that a rig names: a device, a recording, or the virtual beam in the coil of an emulated supply."""
+"""Open the camera of a rig: a device, a recording, or a virtual beam in the coil of an emulated supply."""
 
 from __future__ import annotations
 
@@ -10,9 +10,25 @@ from eimi_lab.config.specimen import SpecimenFile
 
 
 def open_rig_camera(rig: Rig, specimen: SpecimenFile, clock: Clock, cue: Cue) -> Camera:
-    """Open it and set it up. cue: tells a recording which state the run is at.
+    """Open the camera of a rig and apply its settings.
 
-    Raises InstrumentError, and InputError for a specimen that the virtual beam cannot be.
+    Parameters
+    ----------
+    rig : Rig
+        Names the camera and its settings.
+    specimen : SpecimenFile
+        The specimen, for a virtual beam.
+    clock : Clock
+        Clock of a virtual beam.
+    cue : Cue
+        Holds the present state of the run, for a recording with one picture for each state.
+
+    Raises
+    ------
+    InstrumentError
+        If the camera cannot be opened or set up.
+    InputError
+        If a virtual beam cannot represent the specimen.
     """
     chosen = rig.camera
     if rig.virtual:

@@ -1,4 +1,4 @@
-"""The frames of one state, and what is wrong with them."""
+"""Take the frames of one state, and flag those with defects."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eimi_lab.vision.settling_statistic import Noise
 
 @dataclass(frozen=True)
 class Capture:
-    """Frames with the current measured (A) and the time on the run's clock (s) of each."""
+    """Frames, the measured current (A) and the time on the run's clock (s) of each frame, and the flags of all."""
 
     frames: tuple[Frame, ...]
     measured_A: tuple[float, ...]
@@ -30,7 +30,28 @@ def capture(
     noise: Noise,
     stop_if_asked: Callable[[], None],
 ) -> Capture:
-    """Take `count` frames, none of them exposed before this call. Raises what camera and `measured_A` raise."""
+    """Take `count` frames that are exposed after this call.
+
+    Parameters
+    ----------
+    camera : Camera
+        Takes the frames.
+    clock : Clock
+        Gives the time of each frame.
+    count : int
+        Number of frames.
+    measured_A : callable
+        Measures the current, A; called once after each frame.
+    noise : Noise
+        Noise of the camera, for the flags.
+    stop_if_asked : callable
+        Called before each frame; it may raise.
+
+    Returns
+    -------
+    Capture
+        The frames with their currents, times and flags.
+    """
     camera.flush()
     frames, currents, times = [], [], []
     for _ in range(count):

@@ -1,7 +1,8 @@
-"""Cycles before the run, in which a silicone that was never stretched so far softens (Mullins), and what they changed.
+"""Apply load cycles before a run, and measure how far they changed the shape of the beam.
 
-The first time that a filled rubber or a silicone is stretched it is stiffer than ever after, up to that stretch
-(L. Mullins, Rubber Chem. Technol. 42 (1969) 339). A run whose specimen had no cycles before measures a mixture.
+A filled rubber or a silicone is stiffer when it is stretched for the first time. Afterwards it is softer up to the
+largest stretch reached so far (Mullins effect; L. Mullins, Rubber Chem. Technol. 42 (1969) 339). Without cycles, a run
+measures some states before and some after this softening.
 """
 
 from __future__ import annotations
@@ -20,13 +21,14 @@ from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.intensity import mean_grey
 
 Shape = tuple[int, Moment]
-"""The cycle, counted from 1, and the frame of the beam at rest in it."""
+"""Number of a cycle, from 1, and the frame of the beam at rest in this cycle."""
 
 
 def condition(run: Stepping, rule: Conditioning, stop_if_asked: Callable[[], None]) -> None:
-    """Go through the cycles; store the beam at rest before them, loaded in the first and last, and after.
+    """Carry out the cycles, and store frames of the beam at rest.
 
-    Sends `ConditioningDone`. Raises InstrumentError, StorageFailed, Stopped.
+    The stored frames show the unloaded beam before the cycles, the loaded beam in the first and in the last cycle, and
+    the unloaded beam after the cycles. Sends `ConditioningDone`. Raises InstrumentError, StorageFailed, Stopped.
     """
     shapes = [(1, _at_rest(run, stop_if_asked))]
     for cycle in range(1, rule.cycles + 1):
@@ -49,7 +51,10 @@ def _at_rest(run: Stepping, stop_if_asked: Callable[[], None]) -> Moment:
 
 
 def _changes(run: Stepping, shapes: list[Shape], stop_if_asked: Callable[[], None]) -> Iterator[ShapeChange]:
-    """Compare the last shape with the first at each current: by the tip, and by the whole image where there is none."""
+    """Yield the change of shape between the first and the last frame at each current.
+
+    The tips are compared; if no tip is visible, the whole images.
+    """
     for current_A in sorted({moment.set_A for _, moment in shapes}, key=abs, reverse=True):
         of_current = [(cycle, moment.frame) for cycle, moment in shapes if moment.set_A == current_A]
         if len(of_current) < 2:

@@ -1,4 +1,4 @@
-"""What a run would do, down to the bytes on the wire: the run itself on an emulated supply, in simulated seconds."""
+"""List the steps of a run and the bytes sent to the supply, by running it on an emulated supply in simulated time."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from eimi_lab.config.specimen import SpecimenFile
 
 STAND_IN, BIPOLAR_STAND_IN = "korad", "kepco-bop"  # for a supply that has no wire or no emulator
 FRAME_S = 1 / 30
-ABOVE_LIMITS = 1.2  # what the stand-in is made for, since protections are set above the limits
-GENESYS_V = 30.0  # the rating that the emulated Genesys names
-RESISTANCE_OHM = 0.01  # the coil's is not known; so small a one is never in the way of the voltage limit
+ABOVE_LIMITS = 1.2  # rating of the emulated supply over the limits, because protections are set above the limits
+GENESYS_V = 30.0  # voltage rating of the emulated Genesys
+RESISTANCE_OHM = 0.01  # assumed resistance of the coil; so small that the voltage limit is never reached
 
 
 class _Wire(InProcessTransport):
-    """A transport that tells every message as it is sent."""
+    """A transport that passes every message to a function before it is sent."""
 
     def __init__(self, responder: Responder, clock: Clock, address: str, say: Callable[[str], None]) -> None:
         super().__init__(responder, clock, address)
@@ -45,7 +45,7 @@ class _Wire(InProcessTransport):
 
 
 class _BeamAtRest:
-    """A camera in front of a beam that never moves."""
+    """A camera that shows a beam at rest."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -53,14 +53,14 @@ class _BeamAtRest:
         self._number = 0
 
     def identify(self) -> Identity:
-        """No camera."""
+        """Return an identity that says that there is no camera."""
         return Identity("dry run", "no camera", "none")
 
     def flush(self) -> None:
-        """Nothing is buffered."""
+        """Do nothing, because no frames are buffered."""
 
     def grab(self, timeout_s: float) -> Frame:
-        """The next frame, a frame's time later."""
+        """Return a frame after `FRAME_S` of simulated time."""
         self._clock.sleep(FRAME_S)
         self._number += 1
         image = np.full((32, 32), 200.0)
@@ -69,21 +69,27 @@ class _BeamAtRest:
         return Frame(image.astype(np.uint8), self._number, self._clock.now())
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Do nothing, because there is nothing to release."""
 
 
 def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[[str], None]) -> None:
-    """Tell every step of a run and every message to the supply, with the time at which it would come.
+    """Pass every step of a run and every message to the supply to `say`, each with its simulated time.
 
-    The beam settles at once, so that the duration is the shortest possible; the longest is told beside it. A driver of
-    another package has no emulator here: its messages are not told, and the times are those of a stand-in.
+    The simulated beam settles at once, so that the computed duration is the shortest possible. The longest possible
+    duration is printed beside it. There is no emulator for a driver of another package: its messages are not printed,
+    and the times are those of a stand-in.
 
-    Raises InputError as the run would, InstrumentError for a channel that the supply does not have.
+    Raises
+    ------
+    InputError
+        If the run would be refused for protocol, specimen or rig.
+    InstrumentError
+        If the supply does not have the channel of the address.
     """
     clock = SimulatedClock()
     limits = rig.supply.limits.stricter(protocol.limits)
     driver, address = rig.supply.driver, rig.supply.address
-    told = driver in DIALECTS or rig.simulated
+    shows_messages = driver in DIALECTS or rig.simulated
     stand_in = BIPOLAR_STAND_IN if min(protocol.currents_A) < 0 else STAND_IN
     language, place = (driver, address) if driver in DIALECTS else (stand_in, "dry run")
     coil = CoilSupply(
@@ -94,7 +100,7 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
     )
 
     def say_message(message: str) -> None:
-        if told:
+        if shows_messages:
             say(f"{clock.now():9.2f} s  > {message}")
 
     wire = _Wire(emulate(language, coil, place), clock, place, say_message)
@@ -106,7 +112,7 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
     say(f"limits: {limits.current_A:g} A, {limits.voltage_V:g} V; ramps of {protocol.ramp.rate_A_per_s:g} A/s")
     if rig.coil:
         worst = hottest(protocol, rig.coil)
-        say(f"coil: at most {100 * worst.share:.0f} % of the heat that it bears, at the end of {worst.stage}")
+        say(f"coil: at most {100 * worst.share:.0f} % of its allowed heat, at the end of {worst.stage}")
     cycles = protocol.conditioning.cycles if protocol.conditioning else 0
     if protocol.conditioning:
         say(f"conditioning: {cycles} cycles to {protocol.conditioning.current_A:g} A and back to 0")
@@ -118,12 +124,12 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
         say(f"release: to zero in one step, recorded for {protocol.release.seconds:g} s")
     if not rig.virtual:
         say(f"if the cable is pulled or the computer dies: {without_contact(supply_driver(driver))}")
-    if told:
-        because = ", as the virtual supply has no wire" if rig.simulated else ""
+    if shows_messages:
+        because = ", because the virtual supply exchanges no messages" if rig.simulated else ""
         say(f"messages to the supply, in the language of {language}{because}:")
     else:
         say(
-            f"messages to the supply: not shown, since the driver {driver} comes from another package and has no "
+            f"messages to the supply: not shown, because the driver {driver} comes from another package and has no "
             f"emulator here; the times are those of {language}"
         )
 
@@ -137,4 +143,4 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
     shortest = clock.now()
     settled = len(currents) + (min(cycles, 2) + 2 if cycles else 0)
     longest = shortest + settled * (protocol.settle.timeout_s - protocol.settle.drift_window_s)
-    say(f"duration: {shortest:.0f} s where the beam rests at once, {longest:.0f} s where it never does")
+    say(f"duration: {shortest:.0f} s if the beam is at rest at once, {longest:.0f} s if it never comes to rest")

@@ -1,10 +1,13 @@
-"""What a run does to the coil's temperature, before it begins.
+"""Predict the heat of the coil during a run, and refuse a protocol that would overheat it.
 
-The coil's heat is I² smoothed over its thermal time constant, and the coil bears its continuous current for ever. So a
-protocol is refused when smoothed I² would pass continuous_current_A².
+The coil is modelled as a body of first order, which loses heat in proportion to its temperature rise, and its
+resistance is assumed constant. Its temperature rise is then proportional to h, with
 
-This is the first-order model of a body that loses heat in proportion to its temperature; resistance is taken as
-constant. Every state is counted as long as it can last.
+    τ dh/dt = I² − h,
+
+where I is the current and τ the thermal time constant. With its continuous current I₀, which the coil bears for any
+time, h approaches I₀². A protocol is refused if h would exceed I₀² = continuous_current_A². Every state is assumed to
+take its longest possible time.
 """
 
 from __future__ import annotations
@@ -18,20 +21,23 @@ from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import CoilRating
 from eimi_lab.process.errors import InputError
 
-FRAME_WITHIN_S = 0.5  # a frame and the current measured beside it
-STORED_WITHIN_S = 0.1  # a frame of a transient, while the coil waits
+FRAME_WITHIN_S = 0.5  # longest time for one frame and the measurement of its current
+STORED_WITHIN_S = 0.1  # longest time for storing one frame of a transient
 
 
 @dataclass(frozen=True)
 class Heating:
-    """The hottest moment of a run: at the end of which stage, in words, and smoothed I² there over what is allowed."""
+    """The hottest moment of a run: the stage at whose end it occurs, in words, and the heat h / I₀² there."""
 
     stage: str
     share: float
 
 
 def hottest(protocol: Protocol, rating: CoilRating) -> Heating:
-    """Where the coil is hottest, when everything takes as long as it may; a ramp counts as its mean square."""
+    """Return the hottest moment of a run in which every stage takes its longest time.
+
+    The current of a ramp is replaced by its root mean square.
+    """
     heat_A2, before_A, worst = 0.0, 0.0, Heating("the beginning", 0.0)
     for stage, current_A, held_s in _stages(protocol):
         ramp_s = abs(current_A - before_A) / protocol.ramp.rate_A_per_s
@@ -46,13 +52,13 @@ def hottest(protocol: Protocol, rating: CoilRating) -> Heating:
 
 
 def _stages(protocol: Protocol) -> Iterator[tuple[str, float, float]]:
-    """What the coil goes through: in words, the current (A) and for how long at most it is held (s)."""
+    """Yield the stages of a run: the name, the current (A) and the longest time for which it is held (s)."""
     at_rest_s = protocol.settle.timeout_s + REACHED_WITHIN_S
     if rule := protocol.conditioning:
         for cycle in range(1, rule.cycles + 1):
-            seen = cycle in (1, rule.cycles)
+            is_recorded = cycle in (1, rule.cycles)
             for current_A in (rule.current_A, 0.0):
-                held_s = at_rest_s + FRAME_WITHIN_S if seen else REACHED_WITHIN_S
+                held_s = at_rest_s + FRAME_WITHIN_S if is_recorded else REACHED_WITHIN_S
                 yield f"conditioning cycle {cycle} ({current_A:g} A)", current_A, held_s
     taken_s = protocol.frames_per_state * FRAME_WITHIN_S + protocol.transients.frames_per_state * STORED_WITHIN_S
     for state, current_A in enumerate(protocol.currents_A):
@@ -60,7 +66,7 @@ def _stages(protocol: Protocol) -> Iterator[tuple[str, float, float]]:
 
 
 class Warming:
-    """How warm a coil is while a current flows, by the model above; cold at the first reading."""
+    """The heat of a coil during a run, by the model of this module; the coil is cold at the first reading."""
 
     def __init__(self, rating: CoilRating) -> None:
         self._rating = rating
@@ -68,11 +74,11 @@ class Warming:
         self._since_s: float | None = None
 
     def flows(self, now_s: float, current_A: float) -> None:
-        """From now on this current flows; `now_s` is on any clock that does not go back."""
+        """Record that this current flows from now on; `now_s` is the time (s) of any monotonic clock."""
         self._heat_A2, self._since_s, self._current_A = self._heat(now_s), now_s, current_A
 
     def share(self, now_s: float) -> float:
-        """Smoothed I² over what the coil bears for ever."""
+        """Return the heat h / I₀² at the time `now_s`."""
         return self._heat(now_s) / self._rating.continuous_current_A**2
 
     def _heat(self, now_s: float) -> float:
@@ -82,11 +88,11 @@ class Warming:
 
 
 def refuse_overheating(protocol: Protocol, rating: CoilRating) -> None:
-    """Raise InputError when the coil could become hotter than it bears."""
+    """Raise InputError if the coil could become hotter than with its continuous current."""
     worst = hottest(protocol, rating)
     if worst.share > 1:
         raise InputError(
             f"protocol {protocol.name}: could overheat the coil at {worst.stage}: {100 * worst.share:.0f} % of the "
-            f"heat of coil.continuous_current_A = {rating.continuous_current_A:g}; lower the currents, "
+            f"heat at coil.continuous_current_A = {rating.continuous_current_A:g}; reduce the currents, "
             "settle.timeout_s or the number of states or cycles"
         )

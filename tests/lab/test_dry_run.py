@@ -101,8 +101,8 @@ class Ours(KoradSupply):
     assert messages(told) == []
     stand_in = "kepco-bop" if bipolar else "korad"
     assert (
-        "messages to the supply: not shown, since the driver ours comes from another package and has no emulator here; "
-        f"the times are those of {stand_in}"
+        "messages to the supply: not shown, because the driver ours comes from another package and has no emulator "
+        f"here; the times are those of {stand_in}"
     ) in told
     assert sum(" stored: " in line for line in told) == len(setup.protocol.currents_A)
     assert told[-1].startswith("duration: ")

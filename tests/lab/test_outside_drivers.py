@@ -162,7 +162,7 @@ def test_a_driver_that_the_guardian_cannot_have_is_refused() -> None:
 
     lock = threading.Lock()
     SUPPLIES["mine"] = lambda link, limits, clock: lock
-    with pytest.raises(UnusableDriver, match=r"'mine' cannot be carried over .* in a module of its own"):
+    with pytest.raises(UnusableDriver, match=r"'mine' cannot be sent .* in a module of its own"):
         pack("mine")
 
 
