@@ -58,7 +58,7 @@ def fitted(specimen: Specimen, law: str, observed: EdgeObservation, true_Pa: flo
     fit = identify(law, [Experiment(flat, LOADS, observed)])
     modulus = fit.initial_shear_modulus
     value, low, high = (100 * (v / true_Pa - 1) for v in (modulus.value, *modulus.interval_95))
-    change = fit.corrections.get("section")
+    change = fit.section_change
     change_words = f", the solid changed {change.change_percent:+.2f} %" if change and change.change_percent else ""
     return f"{value:+7.2f} % [{low:+.2f}, {high:+.2f}]  {1e3 * fit.mean_error_mm:6.2f} µm{change_words}"
 

@@ -116,10 +116,7 @@ def demo(
         ],
         {
             "truth": {"model": done.true_model, "parameters": done.true_parameters, "shear_modulus_Pa": first.truth_Pa},
-            "fits": [
-                {**score.fit.model_dump(mode="json"), "difference_percent": score.difference_percent}
-                for score in done.scores
-            ],
+            "fits": [{**score.fit.content(), "difference_percent": score.difference_percent} for score in done.scores],
             "files": files,
         },
     )

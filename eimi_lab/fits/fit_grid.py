@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from eimi_fitting.inference.identification import Fit, identify
+from eimi_fitting.inference.fit import Fit
+from eimi_fitting.inference.identification import identify
 from eimi_fitting.inference.interval.bootstrap import resampled
 from eimi_fitting.inference.searching.search import Generation, Objectives, OtherSearch
 from eimi_lab.fits.bootstrap_record import BootstrapRecord, ReplicateRecord
@@ -182,4 +183,4 @@ def _with_replicates(tasks: Sequence[Task], done: Mapping[int, FitRecord | Repli
         else:
             fits.append((record, []))
     for fit, replicates in fits:
-        yield fit.model_copy(update={"bootstrap": BootstrapRecord.of(replicates)}) if replicates else fit
+        yield replace(fit, bootstrap=BootstrapRecord.of(replicates)) if replicates else fit

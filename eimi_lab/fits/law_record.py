@@ -6,7 +6,8 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, field_serializer, model_validator
+from pydantic import BaseModel, ConfigDict, TypeAdapter, field_serializer, model_validator
+from pydantic.dataclasses import dataclass
 
 from eimi_fitting.inference.doubts.checks import Doubt
 from eimi_fitting.inference.evidence.quantity import Quantity
@@ -16,6 +17,10 @@ from eimi_fitting.units import in_words
 from eimi_lab.showing.tables import data_frame, html_table
 
 Array = NDArray[np.float64]
+
+
+STRICT = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
+"""Unknown keys of a result file are errors; an array is a value that no file holds."""
 
 
 class Record(BaseModel):
@@ -36,7 +41,8 @@ HELD = "not measured"  # the mark of a value that the data do not determine
 _HELD_BY = "not measured (their intervals contain zero or are determined by the bounds of the search)"
 
 
-class LawRecord(Record):
+@dataclass(config=STRICT, frozen=True, kw_only=True, repr=False)
+class LawRecord:
     """The result of a fit, to bending or to tension.
 
     Attributes
@@ -77,6 +83,11 @@ class LawRecord(Record):
             if not np.isfinite(quantity.value):
                 raise ValueError(f"{name} {quantity.value} should be a finite number")
         return self
+
+    def content(self) -> dict[str, Any]:
+        """Return the fit as fits.json contains it: numbers, texts, lists and dictionaries."""
+        content: dict[str, Any] = TypeAdapter(type(self)).dump_python(self, mode="json")
+        return content
 
     def values(self) -> list[float]:
         """Return the parameters in the order of the law."""

@@ -9,29 +9,23 @@ from __future__ import annotations
 import hashlib
 import platform
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, fields, replace
 from importlib.metadata import version
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import PrivateAttr, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, SkipValidation, model_serializer, model_validator
+from pydantic.dataclasses import dataclass
 
 from eimi_fitting.inference.doubts.checks import Doubt
-from eimi_fitting.inference.evidence.parameter_priors import Prior
-from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_fitting.inference.evidence.tensile_curves import TensileEvidence
-from eimi_fitting.inference.identification import Fit
-from eimi_fitting.inference.interval.budget import BudgetEntry, MeasureNext
-from eimi_fitting.inference.interval.estimate import CorrectionEffect, FreedNuisance
-from eimi_fitting.inference.interval.identifiability import Identifiability
-from eimi_fitting.inference.searching.polish import Polish
-from eimi_fitting.inference.searching.search import Discards, Generation, Run
+from eimi_fitting.inference.fit import Fit, IdentifiedLaw
 from eimi_fitting.laws import LAWS
 from eimi_lab.fits.bootstrap_record import BootstrapRecord
 from eimi_lab.fits.evidence import WHOLE_FILES, Evidence
-from eimi_lab.fits.law_record import LawRecord, Record, Stability
+from eimi_lab.fits.law_record import STRICT, LawRecord, Record, Stability
 from eimi_lab.fits.residuals import Residuals
 from eimi_lab.fits.states_used import StatesUsed
 from eimi_lab.fits.tensile_files import FileCurve
@@ -137,66 +131,31 @@ class DatasetReference(Record):
         return f"{self.path}: {self.states.in_words()}"
 
 
-class FitRecord(LawRecord):
-    """A law identified from datasets of a bending beam. Lengths are in mm.
+@dataclass(config=STRICT, frozen=True, kw_only=True, repr=False)
+class FitRecord(IdentifiedLaw, LawRecord):
+    """A law identified from datasets of a bending beam: the `IdentifiedLaw`, with its files, currents and versions.
 
     Attributes
     ----------
-    mean_error_mm, mean_deviation_mm : float
-        Mean over the states of the error and of its standard deviation along the edges.
     by_state : tuple of StateError
-    identifiability : Identifiability
-        What the data determine.
-    freed : tuple of FreedNuisance
-        Uncertain inputs that were fitted too.
-    priors : tuple of Prior
-        Priors on parameters of the law; a file without priors does not have the key.
     tensile : tuple of CurveRecord
-    mesh : CorrectionEffect or None
-        Change of the result by a mesh twice as fine; null if all datasets have the solid section.
-    section_change : CorrectionEffect or None
-        Change of the result by the solid section; null if all datasets have a planar section.
-    held_out_error_mm : float or None
-        Mean error of states left out of the fit.
     taken_as_exact : tuple of str
         Keys without a stated uncertainty; `dimensions` or `calibration` if none of their keys has one.
-    budget : tuple of BudgetEntry
-        Sources of uncertainty, the largest first.
-    measure_next : MeasureNext
     datasets : tuple of DatasetReference
-    runs : tuple of Run
-        Runs of the search: the first and its restarts.
-    history : tuple of Generation
     bootstrap : BootstrapRecord or None
+    distances : tuple of Residuals
+        The residuals of each dataset, which a file does not hold; see `residuals`.
     """
 
     kind: Literal["bending"] = "bending"
-    mean_error_mm: float
-    mean_deviation_mm: float
     by_state: tuple[StateError, ...]
-    evaluations: int
-    generations: int
-    discarded: Discards
-    polish: Polish
-    stop: str
-    wall_s: float
-    identifiability: Identifiability
-    bulk_modulus: Quantity | None
-    freed: tuple[FreedNuisance, ...]
-    priors: tuple[Prior, ...] = ()
     tensile: tuple[CurveRecord, ...]
-    mesh: CorrectionEffect | None
-    section_change: CorrectionEffect | None = None
-    held_out_error_mm: float | None
     taken_as_exact: tuple[str, ...]
-    budget: tuple[BudgetEntry, ...]
-    measure_next: MeasureNext
     datasets: tuple[DatasetReference, ...]
-    seed: int
-    runs: tuple[Run, ...]
-    history: tuple[Generation, ...]
     bootstrap: BootstrapRecord | None = None
-    _residuals: tuple[Residuals, ...] = PrivateAttr(default=())
+    distances: Annotated[SkipValidation[tuple[Residuals, ...]], Field(exclude=True)] = field(default=(), compare=False)
+
+    __repr__ = LawRecord.__repr__
 
     def residuals(self, dataset: int = 0) -> Residuals:
         """Return the distances of the measured places from the simulated ones, by state, edge and arc length.
@@ -211,12 +170,12 @@ class FitRecord(LawRecord):
         InputError
             If the fit was read from a file, because files do not hold the distances.
         """
-        if not self._residuals:
+        if not self.distances:
             raise InputError(
                 f"residuals of {self.model}: fits.json does not hold them; eimi.validate(DATASET, fit).residuals() "
                 "simulates the fit again"
             )
-        return self._residuals[dataset]
+        return self.distances[dataset]
 
     def to_xarray(self) -> Any:
         """Return an xarray.Dataset of the parameters with their intervals and draws, and of the errors of all states.
@@ -251,22 +210,19 @@ class FitRecord(LawRecord):
         """Return the record of a fit to these datasets, with the residuals, which a file does not hold."""
         ends = np.cumsum([len(e.states) for e in evidence])[:-1]
         errors, deviations = np.split(fit.error_mm, ends), np.split(fit.deviation_mm, ends)
-        # What the mathematics calls by the same name is written as it is, and the rest in the words of the file.
-        of_fit = {name: getattr(fit, name) for name in FitRecord.model_fields if hasattr(fit, name)}
-        of_file = dict[str, Any](
+        identified = {of_both.name: getattr(fit, of_both.name) for of_both in fields(IdentifiedLaw)}
+        doubts = (
+            *(Doubt(words, index, kind="perspective") for index, e in enumerate(evidence) for words in e.doubts),
+            *(_with_dataset_index(doubt, evidence) for doubt in fit.doubts),
+        )
+        return FitRecord(
+            **{**identified, "doubts": doubts},
             model=fit.law.name,
             by_state=tuple(
                 state for d, e in enumerate(evidence) for state in StateError.of(e, errors[d], deviations[d], d)
             ),
-            generations=len(fit.history),
-            mesh=fit.corrections.get("mesh"),
-            section_change=fit.corrections.get("section"),
             tensile=tuple(
                 CurveRecord.of(curve, rmse) for curve, rmse in zip(fit.curves, fit.curve_rmse_Pa, strict=True)
-            ),
-            doubts=(
-                *(Doubt(words, index, kind="perspective") for index, e in enumerate(evidence) for words in e.doubts),
-                *(_with_dataset_index(doubt, evidence) for doubt in fit.doubts),
             ),
             stability=Stability(
                 criterion="Drucker",
@@ -285,16 +241,16 @@ class FitRecord(LawRecord):
             ),
             taken_as_exact=tuple(dict.fromkeys(word for e in evidence for word in e.taken_as_exact)),
             versions=package_versions(),
+            distances=tuple(Residuals.of(e, r) for e, r in zip(evidence, fit.residuals_mm, strict=True)),
         )
-        record = FitRecord(**{**of_fit, **of_file})
-        record._residuals = tuple(Residuals.of(e, r) for e, r in zip(evidence, fit.residuals_mm, strict=True))
-        return record
 
     @model_serializer(mode="wrap")
-    def _without_absent_priors(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Write a fit without priors exactly as releases before priors did."""
+    def _in_the_order_of_the_file(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Write the keys in the order of all releases, and a fit without priors as releases before priors did."""
         written: dict[str, Any] = serialize(self)
-        return written if self.priors else {key: value for key, value in written.items() if key != "priors"}
+        if not self.priors:
+            del written["priors"]
+        return {key: written[key] for key in sorted(written, key=_ORDER.index)}
 
     @model_validator(mode="after")
     def _is_stiff(self) -> Self:
@@ -359,6 +315,15 @@ class FitRecord(LawRecord):
         ]
 
 
+_ORDER = (
+    *("model", "parameters", "initial_shear_modulus", "max_stretch", "stability", "doubts", "draws", "versions"),
+    *("kind", "mean_error_mm", "mean_deviation_mm", "by_state", "evaluations", "generations", "discarded", "polish"),
+    *("stop", "wall_s", "identifiability", "bulk_modulus", "freed", "priors", "tensile", "mesh", "section_change"),
+    *("held_out_error_mm", "taken_as_exact", "budget", "measure_next", "datasets", "seed", "runs", "history"),
+    "bootstrap",
+)
+
+
 def _with_dataset_index(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:
     """Return a doubt with the index of its state in the dataset instead of that among the used states."""
     if doubt.dataset is None or doubt.state is None:
@@ -374,6 +339,7 @@ class TensileSource(Record):
     material: str | None
 
 
+@dataclass(config=STRICT, frozen=True, kw_only=True, repr=False)
 class TensileRecord(LawRecord):
     """A law fitted to a window of a tensile test.
 

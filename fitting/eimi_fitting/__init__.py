@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from eimi_fitting.inference.evidence.quantity import Quantity
     from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
     from eimi_fitting.inference.evidence.unknowns import NuisancePrior
-    from eimi_fitting.inference.identification import Fit, identify
+    from eimi_fitting.inference.fit import Fit
+    from eimi_fitting.inference.identification import identify
     from eimi_fitting.inference.planning.sensitivity import edge_sensitivity
     from eimi_fitting.laws import LAWS
     from eimi_fitting.laws.cards import Material, material_card
@@ -40,7 +41,7 @@ _HOMES = {
     "BeamModel": "beam.model",
     "EdgeObservation": "inference.evidence.measurements",
     "Experiment": "inference.evidence.experiment",
-    "Fit": "inference.identification",
+    "Fit": "inference.fit",
     "Loads": "beam.loads",
     "Magnet": "beam.specimen",
     "Material": "laws.cards",

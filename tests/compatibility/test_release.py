@@ -25,7 +25,7 @@ from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.reading import open_dataset
-from eimi_lab.fits.fits_file import read_any_fits
+from eimi_lab.fits.fits_file import read_any_fits, read_fits_file
 from eimi_lab.fits.records import package_versions
 
 RELEASE = Path(__file__).parent / "release"
@@ -99,6 +99,12 @@ def test_its_results_are_read(release: Path) -> None:
     (bending,) = read_any_fits(release / "fits.json")
     assert bending.initial_shear_modulus.value == pytest.approx(48245.45371789243)
     assert {fit.model for fit in read_any_fits(release / "tensile.json")} == {"neo-hookean", "yeoh"}
+
+
+@pytest.mark.parametrize("name", ["fits.json", "tensile.json"])
+def test_its_results_are_written_as_they_were(release: Path, name: str) -> None:
+    read_fits_file(release / name).write(release / "again.json")
+    assert (release / "again.json").read_text() == (release / name).read_text()
 
 
 def test_its_dataset_is_fitted_to_the_same_numbers(release: Path, eimi: Callable[[str], None]) -> None:

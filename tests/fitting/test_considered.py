@@ -10,12 +10,14 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.corrected_optimum import refine
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation, edge_curves, points_on
 from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Unknowns
-from eimi_fitting.inference.identification import Fit, identify, refine
+from eimi_fitting.inference.fit import Fit
+from eimi_fitting.inference.identification import identify
 from eimi_fitting.inference.interval.estimate import Estimate
 from eimi_fitting.inference.planning.choice_of_law import Candidate, choose
 from eimi_fitting.laws import LAWS

@@ -11,7 +11,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.correlation import correlation_length
-from eimi_fitting.inference import identification
+from eimi_fitting.inference import corrected_optimum
 from eimi_fitting.inference.evidence.corrections import FINER_MESH, correction
 from eimi_fitting.inference.evidence.experiment import DISCARDED_MM, Experiment, compare
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation, edge_curves, points_on
@@ -56,9 +56,9 @@ def test_neo_hookean_within_a_per_cent_and_its_interval(neo_hookean):
 
 
 def test_without_an_equilibrium_on_the_finer_mesh_there_is_a_doubt(neo_hookean, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(identification, "correction", lambda *_: None)
+    monkeypatch.setattr(corrected_optimum, "correction", lambda *_: None)
     fit = identify("neo-hookean", [neo_hookean], seed=3)
-    assert fit.corrections["mesh"].change_percent is None
+    assert fit.mesh.change_percent is None
     (doubt,) = fit.doubts
     assert (doubt.dataset, doubt.state) == (0, None)
     assert "finer mesh" in doubt.words

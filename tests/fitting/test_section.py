@@ -62,10 +62,10 @@ def test_a_solid_beams_modulus_is_found_where_planar_assumptions_miss_it():
     assert modulus.value == pytest.approx(TRUE_PA, rel=0.005)
     assert modulus.interval_95[0] < TRUE_PA < modulus.interval_95[1]
     assert solid.mean_error_mm < 0.003
-    assert solid.corrections["section"].change_percent < -1
+    assert solid.section_change.change_percent < -1
     assert strain.initial_shear_modulus.value < 0.82 * TRUE_PA
     assert strain.mean_error_mm > 5 * solid.mean_error_mm
-    assert "section" not in strain.corrections
+    assert strain.section_change is None
 
 
 @pytest.mark.parametrize("specimen", [BEAM, SHALLOW], ids=["a magnet over the depth", "a shallower one"])

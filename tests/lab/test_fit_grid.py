@@ -80,7 +80,7 @@ def read(path: Path) -> Any:
 
 
 def plain(fits: list[FitRecord]) -> Any:
-    return without_times([json.loads(fit.model_dump_json()) for fit in fits])
+    return without_times([fit.content() for fit in fits])
 
 
 def test_a_grid_is_the_same_with_one_and_with_two_workers(beams: Path, tmp_path: Path, run: Run) -> None:

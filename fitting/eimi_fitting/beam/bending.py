@@ -16,7 +16,7 @@ from eimi_fitting.beam.path import Shapes
 from eimi_fitting.beam.solid_model import SolidModel
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.beam.view import View
-from eimi_fitting.laws import named_law
+from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.law import Law
 
 Array = NDArray[np.float64]
@@ -196,11 +196,13 @@ class Beam:
 
         Raises
         ------
+        UnknownLaw
+            No law has the name; the message suggests the nearest one.
         ValueError
-            The name of the law is unknown, the number of parameters is wrong, a pressure is given but the specimen
-            has no face for it, or a bulk modulus is given in plane stress.
+            The number of parameters is wrong, a pressure is given but the specimen has no face for it, or a bulk
+            modulus is given in plane stress.
         """
-        chosen_law = named_law(law) if isinstance(law, str) else law
+        chosen_law = LAWS[law] if isinstance(law, str) else law
         candidates = np.asarray(parameters, float)
         names = chosen_law.parameter_names
         if candidates.ndim not in (1, 2) or candidates.shape[-1] != len(names):

@@ -19,8 +19,6 @@ To add a law from outside the package, assign it: ``LAWS[law.name] = law``.
 
 from __future__ import annotations
 
-import difflib
-
 from eimi_fitting.laws.cards import SOLVERS, Material, material_card
 from eimi_fitting.laws.invariants import InvariantLaw
 from eimi_fitting.laws.known_laws import KnownLaws, UnknownLaw
@@ -34,22 +32,6 @@ from eimi_fitting.laws.tensile import TensileFit, engineering_stress, fit_tensil
 from eimi_fitting.laws.yeoh import Yeoh
 
 LAWS = KnownLaws({law.name: law for law in (NeoHookean(), MooneyRivlin(), Yeoh(), Ogden())})
-
-
-def named_law(name: str) -> Law:
-    """Return the law of this name.
-
-    Raises
-    ------
-    ValueError
-        No law has the name; the message suggests the nearest one.
-    """
-    if name in LAWS:
-        return LAWS[name]
-    near = difflib.get_close_matches(name, LAWS, n=1)
-    suggestion = f"; did you mean {near[0]}?" if near else ""
-    raise ValueError(f"{name!r} is no law: the laws are {', '.join(LAWS)}{suggestion}")
-
 
 __all__ = [
     "LARGEST_STRETCH_CHECKED",
@@ -75,7 +57,6 @@ __all__ = [
     "engineering_stress",
     "fit_tensile",
     "material_card",
-    "named_law",
     "search_space",
     "stable_stretch",
     "stable_up_to",

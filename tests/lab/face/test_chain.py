@@ -13,6 +13,7 @@ import eimi_lab as eimi
 from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
+from eimi_lab.fits.fits_file import Fits
 
 
 def test_a_run_takes_texts_and_objects(bench, tmp_path):
@@ -84,7 +85,7 @@ def test_a_prior_is_in_the_fit_and_its_file_and_is_never_silent(bench, fitted, t
     text = Path(page).read_text(encoding="utf-8")
     assert "with 1 prior on its parameters" in text
     assert "Prior on mu:" in text
-    assert "priors" not in fitted.model_dump()
+    assert "priors" not in fitted.content()
 
 
 def test_residuals_are_arrays_by_state_edge_and_arc_length(bench, fitted):
@@ -105,8 +106,8 @@ def test_residuals_are_arrays_by_state_edge_and_arc_length(bench, fitted):
 
 
 def test_residuals_of_a_stored_fit_say_where_they_are_had(fitted, tmp_path):
-    (tmp_path / "fits.json").write_text("{}")
-    stored = type(fitted).model_validate_json(fitted.model_dump_json())
+    Fits.of([fitted]).write(tmp_path / "fits.json")
+    stored = eimi.open_fits(tmp_path / "fits.json")[0]
     with pytest.raises(eimi.InputError, match=r"eimi.validate\(DATASET, fit\).residuals\(\)"):
         stored.residuals()
 

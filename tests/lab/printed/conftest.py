@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -59,8 +60,9 @@ def fit(fitted: FitRecord) -> FitRecord:
     """Return the fit with replaced numbers."""
     entry = BudgetEntry("width", "width", 0.02, "mm", (0,), 3.0)
     small = [BudgetEntry("depth", "depth", 0.01, "mm", (0,), size) for size in (0.9, 0.8, 0.7, 0.6, 0.3, 0.4)]
-    return fitted.model_copy(
-        update={
+    return replace(
+        fitted,
+        **{
             "initial_shear_modulus": MODULUS,
             "parameters": {"mu": MODULUS},
             "bulk_modulus": Quantity(7e6, "Pa", (5e6, 9e6)),
@@ -92,7 +94,7 @@ def fit(fitted: FitRecord) -> FitRecord:
                 )
                 for k, field in enumerate(FIELD_MT)
             ),
-        }
+        },
     )
 
 
@@ -102,7 +104,7 @@ def tensile(tmp_path: Path) -> TensileRecord:
     rows = [f"{e},{60 * (1 + e - (1 + e) ** -2)}" for e in strain]
     (tmp_path / "curve.csv").write_text("\n".join(["strain,stress_kPa", *rows]) + "\n")
     record = fit_window(read_tensile(tmp_path / "curve.csv"), "neo-hookean", 50.0)
-    return record.model_copy(update={"rmse_Pa": 1234.0})
+    return replace(record, rmse_Pa=1234.0)
 
 
 @pytest.fixture

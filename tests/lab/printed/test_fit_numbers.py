@@ -31,7 +31,7 @@ OF_THE_RECORD = ("doubts", "stability", "model", "tensile", "by_state", "dataset
 def test_the_line_of_a_fit_has_the_modulus_with_its_interval_and_the_error_in_micrometres(fit: FitRecord) -> None:
     assert "initial shear modulus 50000 Pa [40000, 65000], mean error 12.30 µm" in fit.summary()
     assert "Mean error 12.3 µm, mean deviation 4.5 µm." in fit.notes()
-    large = fit.model_copy(update={"initial_shear_modulus": Quantity(50e6, "Pa", (40e6, 65e6))})
+    large = replace(fit, initial_shear_modulus=Quantity(50e6, "Pa", (40e6, 65e6)))
     assert "50.000 MPa [40.000, 65.000]" in large.summary()
 
 
@@ -50,7 +50,7 @@ def test_the_remarks_of_a_fit_have_the_right_units(fit: FitRecord) -> None:
     assert "noise and mesh alone: [49000, 52000] Pa at 95 %" in lines
     assert any("the interval would be [45000, 57000] Pa" in line for line in lines)
     in_degrees = replace(fit.freed[0], deviation=Quantity(0.2, "deg", (0.1, 0.4)), prior_standard_deviation=0.3)
-    lines = remarks(fit.model_copy(update={"freed": (in_degrees,)}))
+    lines = remarks(replace(fit, freed=(in_degrees,)))
     assert "moment: deviation 0.2 deg [0.1 deg, 0.4 deg], prior standard deviation 0.3 deg" in lines
 
 
@@ -64,9 +64,9 @@ def test_a_tensile_fit_s_misfit_is_in_kilopascal(tensile: TensileRecord) -> None
     assert "RMSE 1.23 kPa over" in tensile.summary()
     assert "RMSE 1.23 kPa over" in tensile.notes()[0]
     nowhere = tensile.stability.model_copy(update={"stable_up_to_stretch": 1.0})
-    assert "not stable at any stretch" in tensile.model_copy(update={"stability": nowhere}).summary()
+    assert "not stable at any stretch" in replace(tensile, stability=nowhere).summary()
     limited = tensile.stability.model_copy(update={"stable_up_to_stretch": 1.5})
-    assert "stable up to a stretch of 1.50 only" in tensile.model_copy(update={"stability": limited}).summary()
+    assert "stable up to a stretch of 1.50 only" in replace(tensile, stability=limited).summary()
 
 
 def test_the_interval_of_a_bootstrap_contains_95_per_cent_of_its_replicates() -> None:

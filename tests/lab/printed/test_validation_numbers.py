@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +79,7 @@ def _at_rest(evidence: Evidence) -> tuple[Any, ...]:
 def test_an_error_has_no_upper_end_if_a_draw_has_no_equilibrium(fitted: FitRecord, evidence: Evidence) -> None:
     sound = tuple((x,) for x in np.linspace(49e3, 51e3, 15).tolist())
     for draws, has_end in ((sound, True), ((*sound, (-5e3,)), False)):
-        with_draws = fitted.model_copy(update={"draws": Draws(1, ("mu",), draws)})
+        with_draws = replace(fitted, draws=Draws(1, ("mu",), draws))
         interval = validate(evidence, with_draws, Path("fits.json"), 0).mean_error_interval_mm
         assert interval is not None
         assert (interval[1] is not None) == has_end

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from scipy import special
+
+NORMAL_95 = float(special.ndtri(0.975))
+"""Half-width of a 95 % interval in standard deviations of a normal distribution."""
+
 
 @dataclass(frozen=True)
 class Quantity:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_fitting.inference.evidence.quantity import NORMAL_95, Quantity
 from eimi_fitting.inference.interval.profile_likelihood import Ends
 
 Array = NDArray[np.float64]
@@ -17,7 +17,6 @@ Rows = NDArray[np.intp]
 
 _DRAWN, _KEPT = 4000, 400
 _DIGITS = 7
-_NORMAL = float(special.ndtri(0.975))
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ def draw_noise(
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     drawn = normal_draws(rng, len(unit)) @ root.T
-    half_width = _NORMAL * np.sqrt(np.diag(covariance))
+    half_width = NORMAL_95 * np.sqrt(np.diag(covariance))
     for i in ends.profiled:  # two half-normal distributions, each scaled to its end
         below, above = (unit[i] - ends.low[i]) / half_width[i], (ends.high[i] - unit[i]) / half_width[i]
         drawn[:, i] *= np.where(drawn[:, i] < 0, below, above)
@@ -133,7 +132,7 @@ def draw_parameters(
     """
     eigenvalues, vectors = np.linalg.eigh(correlation)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
-    z = normal_draws(np.random.default_rng(seed), len(values)) @ root.T / _NORMAL
+    z = normal_draws(np.random.default_rng(seed), len(values)) @ root.T / NORMAL_95
     drawn = values + np.where(z < 0, z * (values - intervals[:, 0]), z * (intervals[:, 1] - values))
     kept = rounded(drawn[thinned(modulus(drawn))])
     return Draws(seed, tuple(names), tuple(map(tuple, kept.tolist())))

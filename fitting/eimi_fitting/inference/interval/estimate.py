@@ -21,15 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from eimi_fitting.inference.evidence.corrections import Correction
+from eimi_fitting.inference.evidence.corrections import FINER_MESH, SOLID
 from eimi_fitting.inference.evidence.experiment import DISCARDED_MM
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_fitting.inference.evidence.objective import Evaluation, Problem
-from eimi_fitting.inference.evidence.quantity import Quantity
-from eimi_fitting.inference.evidence.sources import SOURCES
+from eimi_fitting.inference.evidence.quantity import NORMAL_95, Quantity
 from eimi_fitting.inference.evidence.unknowns import Unknowns
 from eimi_fitting.inference.interval.budget import BudgetEntry, MeasureNext, Moves, budget
-from eimi_fitting.inference.interval.considered import ConsideredSources, considered, sources_of, steps_of
+from eimi_fitting.inference.interval.considered import ConsideredSources, steps_of
 from eimi_fitting.inference.interval.covariance import Linearisation
 from eimi_fitting.inference.interval.cross_validation import held_out_error_mm
 from eimi_fitting.inference.interval.draws import Draws, draw_noise, normal_draws, quantity, rounded, thinned
@@ -41,7 +40,7 @@ from eimi_fitting.inference.interval.identifiability import (
     is_open,
     statement,
 )
-from eimi_fitting.inference.interval.noise import Explained, linearise_noise
+from eimi_fitting.inference.interval.noise import Effect, Explained, Noise
 from eimi_fitting.inference.interval.profile_likelihood import Ends, interval_ends, moved_to
 from eimi_fitting.inference.searching.polish import Optimum
 from eimi_fitting.laws.law import Law
@@ -52,7 +51,6 @@ Array = NDArray[np.float64]
 # closed only if the deviance of the incompressible material exceeds this many times the deviance at an interval's end.
 # Measured on four virtual specimens of an incompressible material: 5.3, 3.1, 0.8 and 0.7 times.
 _APPARENT_COMPRESSIBILITY = 10.0
-_NORMAL = float(special.ndtri(0.975))
 _BULK = "bulk_modulus"
 _AT_BOUND = 1e-3  # distance from a bound, as a share of the coordinate's range
 _SLOPE_STEP = 1e-4  # step of a finite difference, as a share of the coordinate's range
@@ -81,33 +79,6 @@ class FreedNuisance:
 
 
 @dataclass(frozen=True)
-class Effect:
-    """The move of the optimum by a correction.
-
-    Parameters
-    ----------
-    correction : Correction
-        The correction.
-    moved : ndarray, shape (n,)
-        The move in unit coordinates.
-    share : float, optional
-        Share of the move that remains uncertain; that of the refinement by default.
-    least_percent : float
-        Smallest remaining uncertainty, in per cent of the modulus.
-    """
-
-    correction: Correction
-    moved: Array
-    share: float | None = None
-    least_percent: float = 0.0
-
-    @property
-    def remaining_share(self) -> float:
-        """Share of the move that remains uncertain."""
-        return self.correction.refinement.remaining_share if self.share is None else self.share
-
-
-@dataclass(frozen=True)
 class CorrectionEffect:
     """The effect of a correction on the initial shear modulus.
 
@@ -123,7 +94,7 @@ class CorrectionEffect:
     left_percent: float | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Estimate:
     """The unknowns with their 95 % intervals.
 
@@ -139,8 +110,8 @@ class Estimate:
         The freed nuisances.
     identifiability : Identifiability
         The combinations of unknowns that the data determine.
-    corrections : dict of str to CorrectionEffect
-        The effects of the corrections, by the name of the refinement.
+    mesh, section_change : CorrectionEffect or None
+        Effects of a mesh twice as fine and of the solid section; None where the model is refined in another way.
     held_out_error_mm : float or None
         Mean error of states that were left out of the fit; None if there is only one state. The sources have the
         deviations that explain the residuals best.
@@ -148,12 +119,9 @@ class Estimate:
         The share of each source in the interval of the modulus, the largest first.
     measure_next : MeasureNext
         The quantity to measure better next.
-    not_considered : tuple of str
-        One sentence for each source that is not in the intervals.
-    prior_distances : tuple of float
-        Distances of the priors on the law's parameters, see `Linearisation.prior_distances`.
-    draws : Draws
-        Draws from the joint distribution; the intervals are their quantiles.
+    draws : Draws or None
+        Draws from the joint distribution, of which the intervals are quantiles; None in result files of earlier
+        releases.
     """
 
     parameters: dict[str, Quantity]
@@ -161,17 +129,21 @@ class Estimate:
     bulk_modulus: Quantity | None
     freed: tuple[FreedNuisance, ...]
     identifiability: Identifiability
-    corrections: dict[str, CorrectionEffect]
+    mesh: CorrectionEffect | None
+    section_change: CorrectionEffect | None = None
     held_out_error_mm: float | None
     budget: tuple[BudgetEntry, ...]
     measure_next: MeasureNext
-    not_considered: tuple[str, ...]
-    prior_distances: tuple[float, ...]
-    draws: Draws
+    draws: Draws | None = None
 
 
 def estimate(
-    problem: Problem, optimum: Optimum[Evaluation], effects: Sequence[Effect], refinements: Sequence[str], seed: int
+    problem: Problem,
+    optimum: Optimum[Evaluation],
+    effects: Sequence[Effect],
+    noise: Noise,
+    refinements: Sequence[str],
+    seed: int,
 ) -> Estimate:
     """Estimate the unknowns of a problem and their intervals at its optimum.
 
@@ -183,6 +155,8 @@ def estimate(
         Its optimum.
     effects : sequence of Effect
         The moves of the optimum by the corrections in the problem.
+    noise : Noise
+        The evidence linearised at the optimum with these effects.
     refinements : sequence of str
         Names of all refinements that were tried.
     seed : int
@@ -194,57 +168,36 @@ def estimate(
         The estimate. Candidates are evaluated only for the ends of the intervals.
     """
     unknowns, unit = problem.unknowns, optimum.unit
-    sources = considered(problem, unit)
-    model_mm = _model_mm(optimum, effects) if sources else None
-    noise_evidence = linearise_noise(problem, optimum, sources, model_mm)
-    about, explained = noise_evidence.about, noise_evidence.explained
+    about, explained, sources = noise.about, noise.explained, noise.sources
     covariance = about.covariance(_widened(problem, about))
     spread = np.sqrt(np.diag(covariance))
     model_errors, modulus_errors = _model_error_bounds(unknowns, about, effects)
     checked = (spread * np.sqrt(unknowns.prior))[: unknowns.searched] <= NOT_FIXED
     if unknowns.space.has_bulk:  # its upper end may be infinite, and toward the lower end the response is not linear
         checked[-1] = True
-    ends = _ends(problem, about, optimum, _NORMAL * spread, tuple(int(i) for i in np.flatnonzero(checked)))
+    ends = _ends(problem, about, optimum, NORMAL_95 * spread, tuple(int(i) for i in np.flatnonzero(checked)))
     steps = steps_of(about, sources, covariance)
     everything = covariance + steps.sizes.T @ steps.sizes
     remaining = np.minimum(np.sqrt(np.diag(everything) * unknowns.prior), 1.0)
     if unknowns.space.has_bulk and ends.high[unknowns.searched - 1] >= 1.0:
         remaining[unknowns.searched - 1] = 1.0
     rng = np.random.default_rng(seed)
-    noise = draw_noise(rng, unit, covariance, ends, model_errors / _NORMAL, modulus_errors / _NORMAL)
-    moves = Moves(unit, noise, normal_draws(rng, len(sources)), steps)
+    moved = draw_noise(rng, unit, covariance, ends, model_errors / NORMAL_95, modulus_errors / NORMAL_95)
+    moves = Moves(unit, moved, normal_draws(rng, len(sources)), steps)
     entries, measure_next = budget(sources, moves, lambda units: _modulus(problem.law, unknowns, units))
     quantities = _quantities(problem.law, unknowns, moves, sources, seed)
     modulus = quantities["initial_shear_modulus"]
+    percent = _effects_percent(unknowns, effects, refinements, model_errors, modulus_errors)
     identifiability = _identifiability(problem, about, explained, everything, remaining, ends, modulus)
     return Estimate(
         **quantities,
-        identifiability=replace(identifiability, model_mm=float(np.concatenate(model_mm).mean()) if model_mm else 0.0),
-        corrections=_effects_percent(unknowns, effects, refinements, model_errors, modulus_errors),
+        identifiability=replace(identifiability, model_mm=noise.mean_model_mm),
+        mesh=percent.get(FINER_MESH.name),
+        section_change=percent.get(SOLID.name),
         held_out_error_mm=held_out_error_mm(explained.states, explained.hessian),
         budget=entries,
         measure_next=measure_next,
-        not_considered=tuple(
-            f"the model finds no equilibrium if the {SOURCES[group.source].words} deviates by its stated uncertainty: "
-            "that uncertainty is not in the intervals"
-            for group in sources_of(problem)
-            if group not in {source.shared for source in sources}
-        ),
-        prior_distances=about.prior_distances(),
     )
-
-
-def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[Array]:
-    """Return the standard deviation of the remaining model error in the residuals, (K,) in mm for each experiment."""
-    model_mm = []
-    for index, misfit in enumerate(optimum.evaluation.comparison.misfits):
-        counts = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
-        squares = [
-            (effect.remaining_share / _NORMAL) ** 2 * (effect.correction.changes[index] ** 2).sum(axis=(1, 2)) / counts
-            for effect in effects
-        ]
-        model_mm.append(np.sqrt(sum(squares, np.zeros(len(counts)))))
-    return model_mm
 
 
 def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
@@ -300,7 +253,7 @@ def _widened(problem: Problem, about: Linearisation) -> float:
         return 1.0
     edges = sum(states.residuals.shape[0] * states.residuals.shape[1] for states in about.states)
     freedom = max(min(about.noise_points - len(about.unit), edges - 1), 1.0)
-    return float(special.stdtrit(freedom, 0.975)) / _NORMAL
+    return float(special.stdtrit(freedom, 0.975)) / NORMAL_95
 
 
 def _ends(

@@ -23,10 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.inference.evidence._quadratic import step_to_minimum
+from eimi_fitting.inference.evidence.corrections import Correction
 from eimi_fitting.inference.evidence.measurements import Misfit
 from eimi_fitting.inference.evidence.objective import Evaluation, Problem
+from eimi_fitting.inference.evidence.quantity import NORMAL_95
+from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.inference.evidence.unknowns import RANGE, Unknowns
-from eimi_fitting.inference.interval.considered import ConsideredSources, changes_of
+from eimi_fitting.inference.interval.considered import ConsideredSources, changes_of, considered, sources_of
 from eimi_fitting.inference.interval.covariance import Linearisation, LinearStates, linearise, point_correlation
 from eimi_fitting.inference.searching.polish import Optimum, difference_batch
 
@@ -58,6 +61,33 @@ class Explained:
 
 
 @dataclass(frozen=True)
+class Effect:
+    """The move of the optimum by a correction.
+
+    Parameters
+    ----------
+    correction : Correction
+        The correction.
+    moved : ndarray, shape (n,)
+        The move in unit coordinates.
+    share : float, optional
+        Share of the move that remains uncertain; that of the refinement by default.
+    least_percent : float
+        Smallest remaining uncertainty, in per cent of the modulus.
+    """
+
+    correction: Correction
+    moved: Array
+    share: float | None = None
+    least_percent: float = 0.0
+
+    @property
+    def remaining_share(self) -> float:
+        """Share of the move that remains uncertain."""
+        return self.correction.refinement.remaining_share if self.share is None else self.share
+
+
+@dataclass(frozen=True)
 class Noise:
     """The evidence linearised at the optimum with the noise alone, and where the sources explain it best.
 
@@ -67,18 +97,28 @@ class Noise:
         The evidence at the optimum; its score variance is that of the noise alone.
     explained : Explained
         The evidence where unknowns and sources explain it best.
+    sources : tuple of ConsideredSources
+        The S uncertain numbers that are not fitted.
+    mean_model_mm : float
+        Mean over the states of the remaining error of the model in the residuals, in mm; 0 without sources.
     """
 
     about: Linearisation
     explained: Explained
+    sources: tuple[ConsideredSources, ...]
+    mean_model_mm: float = 0.0
+
+    def not_considered(self, problem: Problem) -> tuple[str, ...]:
+        """Return one sentence for each stated source of the problem that is not in the intervals."""
+        return tuple(
+            f"the model finds no equilibrium if the {SOURCES[group.source].words} deviates by its stated uncertainty: "
+            "that uncertainty is not in the intervals"
+            for group in sources_of(problem)
+            if group not in {source.shared for source in self.sources}
+        )
 
 
-def linearise_noise(
-    problem: Problem,
-    optimum: Optimum[Evaluation],
-    sources: Sequence[ConsideredSources],
-    model_mm: Sequence[Array] | None = None,
-) -> Noise:
+def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Sequence[Effect] = ()) -> Noise:
     """Linearise the evidence, with level and correlation of the noise from residuals that no source explains.
 
     Parameters
@@ -87,11 +127,9 @@ def linearise_noise(
         The problem of the fit.
     optimum : Optimum
         Its optimum.
-    sources : sequence of ConsideredSources
-        The S uncertain numbers.
-    model_mm : sequence of ndarray, shape (K,), optional
-        Standard deviation of the error of the model in each state of each experiment, in mm. It adds to the noise, so
-        that the sources do not explain residuals smaller than it. None by default.
+    effects : sequence of Effect
+        The moves of the optimum by corrections. The remaining error of the model adds to the noise, so that the sources
+        do not explain residuals smaller than it.
 
     Returns
     -------
@@ -103,10 +141,11 @@ def linearise_noise(
     With the N independent points and the mean error e of the noise, and the mean error E of all residuals, the
     likelihood takes N (E / e)^2 points. The weights are then those of the noise.
     """
-    about = linearise(problem, optimum)
+    about, sources = linearise(problem, optimum), considered(problem, optimum.unit)
     if not sources:
-        return Noise(about, Explained(about.states, about.hessian, float((about.priors**2).sum())))
-    explained = _explained(problem, about, sources, model_mm or [np.zeros(1)] * len(about.states))
+        return Noise(about, Explained(about.states, about.hessian, float((about.priors**2).sum())), ())
+    model_mm = _model_mm(optimum, effects)
+    explained = _explained(problem, about, sources, model_mm)
     points = _independent(problem, explained.states)
     noise_mm = _mean_mm(explained.states)
     about = linearise(problem, optimum, points * (_mean_mm(about.states) / noise_mm) ** 2)
@@ -114,7 +153,23 @@ def linearise_noise(
     for states, clean, experiment in zip(about.states, explained.states, problem.experiments, strict=True):
         noise = replace(states, residuals=clean.residuals, error_mm=clean.error_mm)
         variance = variance - states.score_variance(experiment.observed) + noise.score_variance(experiment.observed)
-    return Noise(replace(about, score_variance=variance, noise_points=points, noise_mm=noise_mm), explained)
+    about = replace(about, score_variance=variance, noise_points=points, noise_mm=noise_mm)
+    return Noise(about, explained, sources, float(np.concatenate(model_mm).mean()))
+
+
+def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[Array]:
+    """Return the standard deviation of the remaining model error in the residuals, (K,) in mm for each experiment."""
+    model_mm = []
+    for index, misfit in enumerate(optimum.evaluation.comparison.misfits):
+        counts = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
+        squares = [
+            (effect.remaining_share / NORMAL_95) ** 2
+            * (effect.correction.changes[index] ** 2).sum(axis=(1, 2))
+            / counts
+            for effect in effects
+        ]
+        model_mm.append(np.sqrt(sum(squares, np.zeros(len(counts)))))
+    return model_mm
 
 
 def _mean_mm(states: Sequence[LinearStates]) -> float:

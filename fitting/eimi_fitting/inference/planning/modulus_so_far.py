@@ -19,6 +19,7 @@ from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.unknowns import Unknowns, nuisances
 from eimi_fitting.inference.interval.estimate import estimate
+from eimi_fitting.inference.interval.noise import linearise_noise
 from eimi_fitting.inference.planning.section_bias import expected_bias
 from eimi_fitting.inference.searching.modulus_range import scanned, within
 from eimi_fitting.inference.searching.polish import polish
@@ -59,11 +60,6 @@ class ModulusSoFar:
     unit: Array
 
 
-def planar(specimen: Specimen) -> Specimen:
-    """Return the specimen with plane stress in place of a solid section, which takes longer to solve."""
-    return replace(specimen, section="plane-stress") if specimen.section == "solid" else specimen
-
-
 def modulus_so_far(
     experiment: Experiment, section_bias: float = 0.0, before: ModulusSoFar | None = None
 ) -> ModulusSoFar:
@@ -90,7 +86,8 @@ def modulus_so_far(
     NothingConverged
         If no candidate modulus has an equilibrium.
     """
-    flat = replace(experiment, model=BeamModel(planar(experiment.model.specimen)), solid=None, change=None)
+    model = BeamModel(_flat(experiment.model.specimen))
+    flat = replace(experiment, model=model, solid=None, change=None)
     law = LAWS[_LAW]
     problem = Problem(law, Unknowns(search_space(law), nuisances((), 1, [flat.stated])), (flat,), ())
     if before is None:
@@ -103,7 +100,8 @@ def modulus_so_far(
     problem = within(problem, bounds)
     whole = problem.unknowns.whole(unit)[0]
     optimum = polish(problem.nearby(1.0), whole)
-    modulus = estimate(problem, optimum, (), (), 1).initial_shear_modulus
+    noise = linearise_noise(problem, optimum)
+    modulus = estimate(problem, optimum, (), noise, (), 1).initial_shear_modulus
     share = 1.0 / (1.0 + section_bias)
     low_Pa, high_Pa = modulus.interval_95
     return ModulusSoFar(
@@ -118,4 +116,9 @@ def modulus_so_far(
 
 def section_bias_of(specimen: Specimen) -> float:
     """Return the expected bias of the planar section used here; 0 if the specimen itself has a planar section."""
-    return expected_bias(planar(specimen)) if specimen.section == "solid" else 0.0
+    return expected_bias(_flat(specimen)) if specimen.section == "solid" else 0.0
+
+
+def _flat(specimen: Specimen) -> Specimen:
+    """Return the specimen with a planar section in place of a solid one, which takes longer to solve."""
+    return replace(specimen, section=specimen.planar_section)
