@@ -1,4 +1,4 @@
-"""What single families do that the others do not."""
+"""Behaviour of single families of supplies."""
 
 from __future__ import annotations
 
@@ -9,7 +9,14 @@ from eimi_drivers.emulators import DIALECTS, emulate
 from eimi_drivers.emulators.faults import Fault
 from eimi_drivers.emulators.genesys import GenesysDialect
 from eimi_drivers.emulators.supply import CoilSupply
-from eimi_drivers.interfaces import InstrumentError, InstrumentTimeout, Limits, ProtectionTripped, SwitchOffFailed
+from eimi_drivers.interfaces import (
+    InstrumentError,
+    InstrumentTimeout,
+    Limits,
+    ProtectionTripped,
+    SetPointNotTaken,
+    SwitchOffFailed,
+)
 from eimi_drivers.supplies import SUPPLIES, open_supply
 from eimi_drivers.supplies.transport import InProcessTransport
 
@@ -57,7 +64,7 @@ def test_current_that_flows_on_at_a_kepcos_zero_is_reported(bench_of):
         bench.supply.safe_off()
 
 
-def test_genesys_is_addressed_again_after_it_was_silent():
+def test_a_genesys_is_addressed_again_after_it_did_not_answer():
     clock = SimulatedClock()
     coil = CoilSupply(clock)
     dialects = [GenesysDialect(coil), GenesysDialect(coil)]
@@ -75,7 +82,7 @@ def test_genesys_is_addressed_again_after_it_was_silent():
     assert coil.state.set_current_A == 0.2
 
 
-def test_genesys_is_switched_off_though_its_answers_are_lost(bench_of):
+def test_a_genesys_is_switched_off_even_if_its_answers_are_lost(bench_of):
     bench = bench_of("genesys in process")
     bench.energise()
     answers = bench.line.receive
@@ -85,7 +92,7 @@ def test_genesys_is_switched_off_though_its_answers_are_lost(bench_of):
     assert not bench.coil.state.output
 
 
-def test_genesys_faults_are_told_by_name(bench_of):
+def test_a_genesys_names_its_faults(bench_of):
     bench = bench_of("genesys in process")
     bench.energise()
     bench.coil.trip()
@@ -93,7 +100,7 @@ def test_genesys_faults_are_told_by_name(bench_of):
         bench.supply.check()
 
 
-def test_genesys_errors_are_reported(bench_of):
+def test_an_error_that_a_genesys_answers_is_raised(bench_of):
     bench = bench_of("genesys in process")
     supply = bench.supply
     answers = bench.line.receive
@@ -106,6 +113,7 @@ def test_genesys_errors_are_reported(bench_of):
     ("driver", "level_V"),
     [
         *((driver, 13.2) for driver in ("rigol-dp800", "rs-hmp", "keysight-e364x", "keysight-e3632a")),
+        *((driver, 13.2) for driver in ("keysight-e36312a", "keysight-n6700")),
         ("genesys", 13.53),  # 5 % of its 30 V above the limit
     ],
 )
@@ -120,10 +128,68 @@ def test_over_voltage_protection_lies_above_the_limits_and_trips_beyond(bench_of
         bench.supply.check()
 
 
+LEVELS = {
+    "keysight-e36312a": b"VOLT:PROT 13.20, (@1)\n",
+    "keysight-n6700": b"VOLT:PROT 13.20, (@1)\n",
+    "keysight-e3632a": b"CURR:PROT 1.100\n",
+    "keysight-e364x": b"VOLT:PROT 13.20\n",
+    "rigol-dp800": b":OUTP:OVP:VAL 13.20\n",
+    "rs-hmp": b"VOLT:PROT:LEV 13.20\n",
+    "kepco-bop": b"CURR:LIM:NEG 1.000\n",
+}
+"""The message that sets the level of a protection, for each SCPI family that has one."""
+
+SWITCHES = {
+    "keysight-e3632a": b"CURR:PROT:STAT ON\n",
+    "keysight-e364x": b"VOLT:PROT:STAT ON\n",
+    "rigol-dp800": b":OUTP:OVP:STAT ON\n",
+    "kepco-bop": b"VOLT:PROT:MODE FIX\n",
+}
+"""The message that switches a protection on."""
+
+
+def test_every_family_with_protections_is_covered():
+    armed = {driver for driver in SUPPLIES if getattr(SUPPLIES[driver], "protections", "")}
+    assert armed == {*LEVELS, "genesys"}
+
+
+@pytest.mark.parametrize(("driver", "message"), [*LEVELS.items(), *SWITCHES.items()])
+def test_a_protection_that_is_not_taken_is_an_error_and_the_output_stays_off(bench_of, driver, message):
+    bench = bench_of(f"{driver} in process")
+    if driver in {"keysight-e3632a", "keysight-e364x"} and message in SWITCHES.values():
+        for word in (b"CURR", b"VOLT"):
+            bench.line.receive(word + b":PROT:STAT OFF\n")  # on after power-up
+            bench.line.receive(b"*CLS\n")
+    bench.line.inject(Fault.SILENCE, lambda data: data == message)
+    with pytest.raises(SetPointNotTaken, match=r"its own protection|its voltage limit"):
+        bench.energise()
+    assert message not in bench.sent[-1:]
+    assert bench.coil.coil_current_A() == 0.0
+
+
+@pytest.mark.parametrize("answer", [b"31.0\r", b"12.0\r"])
+def test_a_genesys_whose_protection_reads_back_wrong_stays_off(bench_of, answer):
+    bench = bench_of("genesys in process")
+    answers = bench.line.receive
+    bench.line.receive = lambda data: answer if data == b"OVP?\r" else answers(data)
+    with pytest.raises(SetPointNotTaken, match=r"its own protection was set to 13\.53 but OVP\? is answered"):
+        bench.energise()
+    assert not bench.coil.state.output
+
+
+def test_an_e3631a_counts_as_off_below_60_mA():
+    coil = CoilSupply(SimulatedClock())
+    supply = SUPPLIES["keysight-e3631a"](
+        InProcessTransport(emulate("keysight-e3631a", coil), coil.clock), LIMITS, coil.clock
+    )
+    coil.offset_A = -0.055
+    assert supply.safe_off().limit_A == 0.06
+
+
 @pytest.mark.parametrize(
     ("driver", "address"), [("korad", "nowhere#2"), ("siglent-spd", "nowhere#3"), ("genesys", "nowhere#31")]
 )
-def test_a_channel_that_there_is_not_is_refused(driver, address):
+def test_a_channel_that_the_family_does_not_have_is_refused(driver, address):
     clock = SimulatedClock()
     with pytest.raises(InstrumentError, match=r"there is no channel .* has . to "):
         SUPPLIES[driver](InProcessTransport(CoilSupply(clock), clock, address), LIMITS, clock)
@@ -149,7 +215,7 @@ def test_the_coil_may_be_on_any_channel(driver):
 
 
 @pytest.mark.parametrize("driver", [driver for driver in DIALECTS if len(set(SUPPLIES[driver].channels)) > 1])
-def test_what_is_sent_to_another_channel_does_not_reach_the_coil(driver):
+def test_a_message_to_another_channel_does_not_reach_the_coil(driver):
     first, last = SUPPLIES[driver].channels
     clock = SimulatedClock()
     coil = CoilSupply(clock)
@@ -168,7 +234,7 @@ def test_a_refused_channel_leaves_the_port_free(bench_of):
 
 
 @pytest.mark.parametrize(("ovp_V", "set_V"), [(3.0, 1.0), (33.0, 28.0)])
-def test_a_genesys_takes_the_limits_whatever_its_protection_was_before(ovp_V, set_V):
+def test_a_genesys_accepts_the_limits_with_any_earlier_level_of_its_protection(ovp_V, set_V):
     clock = SimulatedClock()
     coil = CoilSupply(clock)
     dialect = GenesysDialect(coil)
@@ -188,7 +254,7 @@ def test_a_genesys_takes_the_limits_whatever_its_protection_was_before(ovp_V, se
     assert link.read(16, 1.0, b"\r") == b"E04\r"
 
 
-def test_a_genesys_that_refuses_says_why():
+def test_the_reason_of_a_refusal_by_a_genesys_is_in_the_message():
     clock = SimulatedClock()
     dialect = GenesysDialect(CoilSupply(clock))
     dialect.uvl_V = 13.0
@@ -199,7 +265,7 @@ def test_a_genesys_that_refuses_says_why():
         supply.set_voltage(12.0)
 
 
-def test_an_e364x_knows_no_over_current_protection():
+def test_an_e364x_refuses_commands_for_over_current_protection():
     clock = SimulatedClock()
     link = InProcessTransport(emulate("keysight-e364x", CoilSupply(clock)), clock)
     link.write(b"CURR:PROT:STAT ON\n")

@@ -44,7 +44,10 @@ def scpi(
     disarmed: tuple[tuple[str, str], ...] = (),
     **strings: str,
 ) -> list[tuple[str, str]]:
-    """The exchanges of a run with a one-channel SCPI supply, with the strings of its family and its watchdog."""
+    """Return the exchanges of a run with a one-channel SCPI supply, with the strings of its family and its watchdog.
+
+    protected?: the queries that read the protections back, each with its answer after an equals sign.
+    """
     family = {
         "volt": "VOLT 12.00",
         "volt?": "VOLT?",
@@ -57,6 +60,7 @@ def scpi(
         "is_on": "1",
         "is_off": "0",
         "protect": "",
+        "protected?": "",
         "meas_curr?": "MEAS:CURR?",
         "meas_volt?": "MEAS:VOLT?",
         "err?": "SYST:ERR?",
@@ -77,7 +81,8 @@ def scpi(
         *channel(family["curr"]),
         *no_error,
         *channel(family["curr?"], "0.700"),
-        *(channel(family["protect"]) if family["protect"] else []),
+        *([*channel(family["protect"]), *no_error] if family["protect"] else []),
+        *(exchange for pair in family["protected?"].split("|") if pair for exchange in channel(*pair.split("="))),
         *armed,
         *channel(family["on"]),
         *no_error,
@@ -85,7 +90,7 @@ def scpi(
         *channel(family["meas_curr?"], "0.6990"),
         *channel(family["meas_volt?"], "2.80"),
         *no_error,
-        *(channel(family["trip?"], family["no_trip"]) if family["trip?"] else []),
+        *(asked for query in family["trip?"].split("|") if query for asked in channel(query, family["no_trip"])),
         *channel(family["out?"], family["is_on"]),
         *channel(family["zero"]),
         *channel(family["off"]),
@@ -110,6 +115,9 @@ SCPI_TRANSCRIPTS = {
             "on": "OUTP 1, (@1)",
             "off": "OUTP 0, (@1)",
             "out?": "OUTP? (@1)",
+            "protect": "CURR:PROT:STAT 0, (@1)|VOLT:PROT 13.20, (@1)",
+            "protected?": "CURR:PROT:STAT? (@1)=0|VOLT:PROT? (@1)=+1.32000000E+01",
+            "trip?": "VOLT:PROT:TRIP? (@1)",
             "meas_curr?": "MEAS:CURR? (@1)",
             "meas_volt?": "MEAS:VOLT? (@1)",
             "none": '+0,"No error"',
@@ -131,6 +139,7 @@ SCPI_TRANSCRIPTS = {
             "zero": "CURR 0.000, (@1)",
             "curr?": "CURR? (@1)",
             "protect": "OUTP 0, (@1)|OUTP:PROT:CLE (@1)|CURR:PROT:STAT 0, (@1)|VOLT:PROT 13.20, (@1)",
+            "protected?": "CURR:PROT:STAT? (@1)=0|VOLT:PROT? (@1)=+1.32000000E+01",
             "on": "OUTP 1, (@1)",
             "off": "OUTP 0, (@1)",
             "out?": "OUTP? (@1)",
@@ -141,9 +150,11 @@ SCPI_TRANSCRIPTS = {
             "none": '+0,"No error"',
         },
     ),
+    "keysight-e3631a": scpi("INST:NSEL 1", **{"on": "OUTP ON", "off": "OUTP OFF", "none": '+0,"No error"'}),
     "keysight-e364x": scpi(
         **{
             "protect": "VOLT:PROT:CLE|VOLT:PROT 13.20|VOLT:PROT:STAT ON",
+            "protected?": "VOLT:PROT?=+1.32000000E+01|VOLT:PROT:STAT?=1",
             "trip?": "VOLT:PROT:TRIP?",
             "none": '+0,"No error"',
         }
@@ -152,6 +163,7 @@ SCPI_TRANSCRIPTS = {
         **{
             "protect": "CURR:PROT:CLE|CURR:PROT 1.100|CURR:PROT:STAT ON|"
             "VOLT:PROT:CLE|VOLT:PROT 13.20|VOLT:PROT:STAT ON",
+            "protected?": "CURR:PROT?=+1.10000000E+00|CURR:PROT:STAT?=1|VOLT:PROT?=+1.32000000E+01|VOLT:PROT:STAT?=1",
             "trip?": "CURR:PROT:TRIP?|VOLT:PROT:TRIP?",
             "none": '+0,"No error"',
         }
@@ -164,7 +176,8 @@ SCPI_TRANSCRIPTS = {
             "curr": ":SOUR:CURR 0.700",
             "zero": ":SOUR:CURR 0.000",
             "curr?": ":SOUR:CURR?",
-            "protect": ":OUTP:OVP:VAL 13.20|:OUTP:OCP:VAL 1.100|:OUTP:OCP:STAT ON",
+            "protect": ":OUTP:OVP:VAL 13.20|:OUTP:OVP:STAT ON|:OUTP:OCP:VAL 1.100|:OUTP:OCP:STAT ON",
+            "protected?": ":OUTP:OVP:VAL?=13.200|:OUTP:OVP:STAT?=ON|:OUTP:OCP:VAL?=1.1000|:OUTP:OCP:STAT?=ON",
             "on": ":OUTP ON",
             "off": ":OUTP OFF",
             "out?": ":OUTP?",
@@ -173,7 +186,7 @@ SCPI_TRANSCRIPTS = {
             "meas_curr?": ":MEAS:CURR?",
             "meas_volt?": ":MEAS:VOLT?",
             "err?": ":SYST:ERR?",
-            "trip?": ":OUTP:OCP:QUES?",
+            "trip?": ":OUTP:OVP:QUES?|:OUTP:OCP:QUES?",
             "no_trip": "NO",
         },
     ),
@@ -196,14 +209,21 @@ SCPI_TRANSCRIPTS = {
     ),
     "rs-hmp": scpi(
         "INST:NSEL 1",
-        **{"protect": "VOLT:PROT:LEV 13.20", "on": "OUTP ON|OUTP:GEN 1", "off": "OUTP OFF", "trip?": "VOLT:PROT:TRIP?"},
+        **{
+            "protect": "VOLT:PROT:LEV 13.20",
+            "protected?": "VOLT:PROT:LEV?=13.200",
+            "on": "OUTP ON|OUTP:GEN 1",
+            "off": "OUTP OFF",
+            "trip?": "VOLT:PROT:TRIP?",
+        },
     ),
     "kepco-bop": [
         ("*IDN?", "KEPCO,BOP 1KW 36-28,0,1"),
         *(("FUNC:MODE CURR", ""), ("VOLT:PROT:POS 12.00", ""), ("VOLT:PROT:NEG 12.00", "")),
         *(("SYST:ERR?", NONE), ("VOLT:PROT:POS?", "1.20E1")),
         *(("FUNC:MODE CURR", ""), ("CURR 0.70", ""), ("SYST:ERR?", NONE), ("CURR?", "7.0E-1")),
-        *(("CURR:LIM:POS 1.000", ""), ("CURR:LIM:NEG 1.000", "")),
+        *(("CURR:LIM:POS 1.000", ""), ("CURR:LIM:NEG 1.000", ""), ("VOLT:PROT:MODE FIX", ""), ("SYST:ERR?", NONE)),
+        *(("CURR:LIM:POS?", "1.000E0"), ("CURR:LIM:NEG?", "1.000E0"), ("VOLT:PROT:MODE?", "FIXED")),
         *(("OUTP 1", ""), ("SYST:ERR?", NONE), ("OUTP?", "1")),
         *(("MEAS:CURR?", "6.99E-1"), ("MEAS:VOLT?", "2.8E0")),
         *(("SYST:ERR?", NONE), ("OUTP?", "1")),
@@ -223,9 +243,11 @@ GENESYS = [
     *(("OVM", "OK"), ("PV 12.00", "OK"), ("PV?", "12.000"), ("PV?", "12.000")),
     *(("PC 0.70", "OK"), ("PC?", "00.700"), ("PC?", "00.700")),
     *(
-        ("FLD OFF", "OK"),
         ("IDN?", "LAMBDA,GEN40-38"),
+        ("FLD OFF", "OK"),
         ("OVP 14.04", "OK"),
+        ("OVP?", "14.040"),
+        ("FLD?", "OFF"),
         ("OUT ON", "OK"),
         ("OUT?", "ON"),
         ("OUT?", "ON"),

@@ -19,7 +19,10 @@ from eimi_lab.dataset.layout import append
 from eimi_lab.process.stopping import Stopped
 
 STAYS = "nothing switches the output off, it stays as it was set"
-WATCHDOG = "the supply's own watchdog switches every output off 10 s after the last message"
+WATCHDOG = (
+    "the supply's own watchdog switches every output off 10 s after the last message; "
+    "armed in the supply: over-voltage protection 10 % above the limit"
+)
 
 
 def restless(setup: Any) -> None:

@@ -1,14 +1,16 @@
 """Emulated coil supplies: one model of a supply with its coil, and a command language on top of it.
 
-supply          the model: set-points, output, protection, and a coil with a time constant
-korad           the language of Korad supplies
-genesys         the language of TDK-Lambda Genesys supplies
-scpi            the commands that all SCPI families share
-scpi_families   the commands that differ between SCPI families
-hislip          the HiSLIP protocol for an emulated SCPI supply
-faults          faults that can be added to an emulated instrument
-coil_line       a line on which an emulated coil reports its true current to a virtual beam
-serve           serve an emulator in the same process, on a pseudo-terminal or on a TCP port
+supply             the model: set-points, output, protection, and a coil with a time constant
+trip_level         a protection with a level and a switch
+korad              the language of Korad supplies
+genesys            the language of TDK-Lambda Genesys supplies
+scpi               the commands that all SCPI families share
+scpi_families      SCPI families with one channel, or with the channel in each message
+channel_selected   SCPI families in which one channel is selected at a time
+hislip             the HiSLIP protocol for an emulated SCPI supply
+faults             faults that can be added to an emulated instrument
+coil_line          a line on which an emulated coil reports its true current to a virtual beam
+serve              serve an emulator in the same process, on a pseudo-terminal or on a TCP port
 """
 
 from eimi_drivers.emulators.serve import DIALECTS, emulate, open_in_process, serve_pty, serve_tcp

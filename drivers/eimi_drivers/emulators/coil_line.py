@@ -1,7 +1,7 @@
-"""A line on which an emulated coil tells its true current, for a virtual beam that hangs in it.
+"""Send the true current of an emulated coil to a virtual beam in another process.
 
-It is apart from the supply's own line, which has one user at a time and shows what meters show. Every newline that
-comes is answered with the current in amperes and a newline.
+This line is separate from the supply's own line, which has one user at a time and gives the readings of the meters.
+Every received newline is answered with the current in amperes and a newline.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ from eimi_drivers.emulators.serve import serve_tcp
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentError, InstrumentTimeout, ReplyNotUnderstood
 
-ANSWER_WITHIN_S = 30.0  # a process that emulates a coil may get little of a busy machine
+ANSWER_WITHIN_S = 30.0
+"""Time limit (s) of an answer; on a busy machine the process with the coil may get little processor time."""
+
 ADDRESS = re.compile(r"TCPIP::(?P<host>[^:]+)::(?P<port>\d+)::SOCKET")
-"""Where an emulated coil is found, as `eimi emulate` tells it."""
+"""The form of the address that `eimi emulate` prints."""
 
 
-class _TellsCurrent:
+class _CurrentResponder:
     def __init__(self, coil: CoilSupply) -> None:
         self._coil = coil
 
@@ -28,26 +30,38 @@ class _TellsCurrent:
 
 
 def serve_coil(coil: CoilSupply) -> AbstractContextManager[str]:
-    """Tell the coil's current on a free TCP port while the context lasts; its value is the address, as `ADDRESS`."""
-    return serve_tcp(_TellsCurrent(coil))
+    """Serve the coil's current on a free TCP port while the context lasts; its value is the address, see `ADDRESS`."""
+    return serve_tcp(_CurrentResponder(coil))
 
 
 class RemoteCoil:
-    """An emulated coil in another process."""
+    """Read the current of an emulated coil in another process.
+
+    Parameters
+    ----------
+    address : str
+        The address that `eimi emulate` prints, see `ADDRESS`.
+
+    Raises
+    ------
+    InstrumentError
+        The address has another form.
+    InstrumentDisconnected
+        No emulated coil answers at the address.
+    """
 
     def __init__(self, address: str) -> None:
-        """Raises InstrumentError for an address of another form, InstrumentDisconnected where nothing answers."""
-        found = ADDRESS.fullmatch(address)
-        if found is None:
+        match = ADDRESS.fullmatch(address)
+        if match is None:
             raise InstrumentError(f"{address}: should be TCPIP::HOST::PORT::SOCKET, as `eimi emulate` tells it")
         self._address = address
         try:
-            self._line = socket.create_connection((found["host"], int(found["port"])), ANSWER_WITHIN_S)
+            self._line = socket.create_connection((match["host"], int(match["port"])), ANSWER_WITHIN_S)
         except (OSError, OverflowError) as error:
             raise InstrumentDisconnected(f"{address}: no emulated coil answers ({error})") from error
 
     def coil_current_A(self) -> float:
-        """The true current, A. Raises InstrumentDisconnected, InstrumentTimeout, ReplyNotUnderstood."""
+        """Return the true current, A. Raises InstrumentDisconnected, InstrumentTimeout, ReplyNotUnderstood."""
         answer = b""
         try:
             self._line.sendall(b"\n")
@@ -64,5 +78,5 @@ class RemoteCoil:
             raise ReplyNotUnderstood(f"{self._address}: the coil answers {answer!r}") from error
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._line.close()

@@ -1,4 +1,4 @@
-"""The language of TDK-Lambda Genesys on the emulated supply."""
+"""Emulate the command language of TDK-Lambda Genesys supplies."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ ILLEGAL_PARAMETER = "C03"
 
 _FIXED = {
     "REV?": "1U1K5:4.3",
-    "SN?": "0000000-0001",
     "DATE?": "2020/01/01",
     "AST?": "OFF",
     "FILTER?": "18",
@@ -25,12 +24,20 @@ _FIXED = {
 
 
 class GenesysDialect:
-    """Answers as one unit on a serial line does: silent until it is addressed, deaf to setters until remote.
+    """Answer as one unit on a serial line: silent until it is addressed, and in local mode it refuses commands.
 
-    Where the front panel is locked, setters are answered `OK` and not obeyed.
+    If the front panel is in use (`CoilSupply.locked`), commands are answered with ``OK`` but not obeyed.
+
+    Parameters
+    ----------
+    supply : CoilSupply
+        The emulated supply.
+    unit : int
+        The address of the unit on the line.
     """
 
     identification = "LAMBDA,GEN30-50"
+    serial_number = "0000000-0001"
 
     def __init__(self, supply: CoilSupply, unit: int = 6) -> None:
         self.supply = supply
@@ -43,7 +50,7 @@ class GenesysDialect:
         self._unfinished = b""
 
     def receive(self, data: bytes) -> bytes:
-        """Take bytes, return the answers to the lines that they complete."""
+        """Receive bytes and return the answers to the lines that they complete."""
         *lines, self._unfinished = (self._unfinished + data).split(b"\r")
         answers = (self._answer(line.decode("latin-1").strip()) for line in lines)
         return b"".join(answer.encode("ascii") + b"\r" for answer in answers if answer)
@@ -56,14 +63,16 @@ class GenesysDialect:
             return "OK" if self._addressed else ""
         if not self._addressed:
             return ""
-        return self._tell(header) if header.endswith("?") else self._obey(header, argument)
+        return self._reply(header) if header.endswith("?") else self._obey(header, argument)
 
-    def _tell(self, question: str) -> str:
+    def _reply(self, question: str) -> str:
         supply = self.supply
         state = supply.state
         match question:
             case "IDN?":
                 return self.identification
+            case "SN?":
+                return self.serial_number
             case "OUT?":
                 return "ON" if supply.output_on() else "OFF"
             case "MODE?":
@@ -85,7 +94,7 @@ class GenesysDialect:
             case "RMT?":
                 return self._mode
             case "DVC?":
-                return ", ".join(self._tell(part) for part in ("MV?", "PV?", "MC?", "PC?", "OVP?", "UVL?"))
+                return ", ".join(self._reply(part) for part in ("MV?", "PV?", "MC?", "PC?", "OVP?", "UVL?"))
             case "FLD?":
                 return "ON" if state.armed else "OFF"
             case _ if question in _FIXED:
@@ -129,7 +138,7 @@ class GenesysDialect:
         return "OK" if taken or supply.locked else OUT_OF_RANGE
 
     def _set(self, header: str, value: float) -> str:
-        """Take a set-point, unless another one is in its way (the user manual's table of programming errors)."""
+        """Take a set-point, or return the error if another set-point forbids it (user manual, programming errors)."""
         supply, set_V = self.supply, self.supply.state.set_voltage_V
         if header == "PV" and value > min(1.05 * supply.max_voltage_V, 0.95 * self.ovp_V):
             return ABOVE_RANGE

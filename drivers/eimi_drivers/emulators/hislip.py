@@ -1,4 +1,4 @@
-"""HiSLIP (IVI-6.1), as much of it as a message and its answer need, with any emulated supply behind it."""
+"""Serve an emulated supply over HiSLIP (IVI-6.1), reduced to messages and their answers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LARGEST_MESSAGE = 1 << 20
 def serve_hislip(instrument: Responder) -> Iterator[str]:
     """Serve on a TCP port while the context lasts; its value is the VISA address.
 
-    A cut line closes the connection of the channel that it came over.
+    A cut line closes the connection over which the message arrived.
     """
     lock = threading.Lock()
 

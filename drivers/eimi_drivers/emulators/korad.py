@@ -1,4 +1,4 @@
-"""The Korad language on the emulated supply."""
+"""Emulate the command language of Korad supplies."""
 
 from __future__ import annotations
 
@@ -10,13 +10,18 @@ _MESSAGE = re.compile(rb"\*IDN\?|STATUS\?|[VI](?:SET|OUT)1\?|[VI]SET1:\d{1,4}(?:
 
 
 class KoradDialect:
-    """Answers as a one-channel Korad does, its stray sixth byte after ISET1? included.
+    """Answer as a one-channel Korad, including the meaningless sixth byte after ``ISET1?``.
 
-    fuse_within_s: two messages closer together than this fuse, and both are lost: what the first one
-    changed is taken back. A pseudo-terminal does not carry the time between bytes, so that a busy machine
-    would fuse messages that were sent apart: leave it at 0 (never) where the dialect is served outside the
-    process.
-    protection_bit: the bit of the status byte that reports a trip, 0x20 or 0x80 by firmware.
+    Parameters
+    ----------
+    supply : CoilSupply
+        The emulated supply.
+    fuse_within_s : float
+        Two messages with a smaller gap (s) fuse: both are lost, and the change by the first one is undone. A
+        pseudo-terminal does not preserve the time between bytes, so that a busy machine would fuse messages that were
+        sent with a gap. Leave the value at 0 (never) if the dialect is served outside the process.
+    protection_bit : int
+        The bit of the status byte that reports a trip: 0x20 or 0x80, by firmware.
     """
 
     identification = b"KORADKA3005PV2.0"
@@ -29,7 +34,7 @@ class KoradDialect:
         self._state_before = supply.state
 
     def receive(self, data: bytes) -> bytes:
-        """Take bytes, return the answers. What is no message is ignored, as the supply does."""
+        """Receive bytes and return the answers. Bytes that are no message are ignored, as by the real supply."""
         now_s = self.supply.clock.now()
         too_soon, self._last_s = now_s - self._last_s < self._fuse_within_s, now_s
         if too_soon:
@@ -68,5 +73,5 @@ class KoradDialect:
 
     def _status(self) -> int:
         supply = self.supply
-        output = 0x40 if supply.output_on() else 0  # first: it lets a protection act
+        output = 0x40 if supply.output_on() else 0  # evaluated first, because it lets a protection act
         return output | int(supply.constant_voltage()) | (self._protection_bit if supply.state.tripped else 0)

@@ -1,4 +1,4 @@
-"""SCPI on the emulated supply: what the families have in common. `scpi_families` has what sets them apart."""
+"""Emulate the commands that all families of SCPI supplies share; `scpi_families` has the others."""
 
 from __future__ import annotations
 
@@ -16,29 +16,47 @@ _SHORT = {
     long.upper(): long.rstrip("abcdefghijklmnopqrstuvwxyz")
     for long in (
         *("SOURce", "VOLTage", "CURRent", "OUTPut", "MEASure", "SYSTem", "ERRor", "PROTection", "STATe", "TRIPped"),
-        *("CLEar", "INSTrument", "NSELect", "LEVel", "IMMediate", "AMPLitude", "FUNCtion", "LIMit", "POSitive"),
-        *("NEGative", "GENeral", "VALue", "SCALar", "STATus", "VERSion", "QUEStion"),
+        *("CLEar", "INSTrument", "NSELect", "SELect", "LEVel", "IMMediate", "AMPLitude", "FUNCtion", "LIMit"),
+        *("POSitive", "NEGative", "GENeral", "VALue", "SCALar", "STATus", "VERSion", "QUEStion", "APPLy", "TRACk"),
+        *("BEEPer", "LOCal", "REMote", "RWLock"),
     )
 }
 _OPTIONAL = frozenset({"SOUR", "LEV", "IMM", "AMPL", "SCAL", "DC", "NEXT", "STAT"})
-"""Words that a message may leave out, where the instrument knows it without them (SCPI-99, volume 1, 6.2.1)."""
+"""Words that a message may omit if the instrument knows the shorter header (SCPI-99, volume 1, 6.2.1)."""
 
 _SWITCH = {"1": True, "ON": True, "0": False, "OFF": False}
+_WITHOUT_EFFECT = ("SYST:LOC", "SYST:REM", "SYST:RWL", "SYST:BEEP", "SYST:BEEP:STAT")
+"""Commands for front panel and beeper, which the model does not have."""
 
 
 class Refused(Exception):
-    """A message that the instrument answers with an entry in its error queue."""
+    """Report a message that the instrument answers with an entry in its error queue."""
 
 
 class ScpiDialect:
-    """Answers lines as a one-channel SCPI supply does, error queue included (SCPI-99, volume 2, 21).
+    """Answer lines as a one-channel SCPI supply, with an error queue (SCPI-99, volume 2, 21).
 
-    channel: the one that the coil is on, of a supply that has several.
-    questions, commands: what each header does, in capitals and as short as the standard allows.
+    Several messages of a line are separated by ``;``. Each of them is understood from the root of the command tree, as
+    if it began with a colon.
+
+    Parameters
+    ----------
+    supply : CoilSupply
+        The emulated supply.
+    channel : int
+        The channel that feeds the coil.
+
+    Attributes
+    ----------
+    questions, commands : dict
+        The action of each header, in capitals and in the shortest form that the standard permits.
+    reset_current_A : float
+        The current set-point (A) after ``*RST``.
     """
 
     identification = "EIMI,EMULATED SUPPLY,0,1.0"
     no_error = '0,"No error"'
+    reset_current_A = 0.0
 
     def __init__(self, supply: CoilSupply, channel: int = 1) -> None:
         self.supply = supply
@@ -65,31 +83,37 @@ class ScpiDialect:
         }
         self.commands: dict[str, Callable[[str], bool]] = {
             "*CLS": self._clear_errors,
+            "*RST": lambda argument: supply.reset(self.reset_current_A),
             "VOLT": lambda argument: supply.set_voltage(number(argument)),
             "CURR": lambda argument: supply.set_current(number(argument)),
             "OUTP": lambda argument: supply.switch(switch(argument)),
+            **{header: lambda argument: True for header in _WITHOUT_EFFECT},
         }
         self._errors: list[str] = []
         self._unfinished = b""
 
     def receive(self, data: bytes) -> bytes:
-        """Take bytes, return the answers to the lines that they complete."""
+        """Receive bytes and return the answers to the lines that they complete."""
         *lines, self._unfinished = (self._unfinished + data).split(b"\n")
-        answers = (self._answer(line.decode("latin-1").strip().upper()) for line in lines)
-        return b"".join(answer.encode("ascii") + b"\n" for answer in answers if answer is not None)
+        replies = (self._reply_to_line(line.decode("latin-1").strip().upper()) for line in lines)
+        return b"".join(reply.encode("ascii") + b"\n" for reply in replies if reply)
+
+    def _reply_to_line(self, line: str) -> str:
+        answers = [self._answer(message.strip()) for message in line.split(";")]
+        return ";".join(answer for answer in answers if answer is not None)
 
     def _parse(self, line: str) -> tuple[str, str]:
-        """The header and the argument of a line, as the tables above know them."""
+        """Return the header and the argument of a message, as the tables contain them."""
         header, _, argument = line.partition(" ")
         return header, argument.strip()
 
     def _shortened(self, line: str) -> str:
-        """A line with its header as the tables know it: long words cut short, and those left out that may be."""
+        """Return a message with the header of the tables: words in short form, and without optional words."""
         header, space, argument = line.removeprefix(":").partition(" ")
         mark = "?" if header.endswith("?") else ""
         words = [_SHORT.get(word, word) for word in header.removesuffix("?").split(":")]
-        for known in (words, [word for word in words if word not in _OPTIONAL]):
-            if (short := ":".join(known) + mark) in self.questions or short in self.commands:
+        for candidate in (words, [word for word in words if word not in _OPTIONAL]):
+            if (short := ":".join(candidate) + mark) in self.questions or short in self.commands:
                 return short + space + argument
         return ":".join(words) + mark + space + argument
 
@@ -115,7 +139,7 @@ class ScpiDialect:
 
 
 def number(argument: str) -> float:
-    """A number. Raises Refused."""
+    """Return the number in an argument. Raises Refused."""
     try:
         return float(argument)
     except ValueError:
@@ -123,7 +147,7 @@ def number(argument: str) -> float:
 
 
 def switch(argument: str) -> bool:
-    """ON or OFF, 1 or 0. Raises Refused."""
+    """Return True for ON or 1, and False for OFF or 0. Raises Refused."""
     if argument not in _SWITCH:
         raise Refused(DATA_TYPE_ERROR)
     return _SWITCH[argument]

@@ -1,4 +1,4 @@
-"""Putting an emulated supply where the ordinary drivers find it."""
+"""Serve emulated supplies in the same process, on a pseudo-terminal or on a TCP port."""
 
 from __future__ import annotations
 
@@ -9,6 +9,11 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
+from eimi_drivers.emulators.channel_selected import (
+    KeysightE3631ADialect,
+    RigolDp800Dialect,
+    RohdeSchwarzHmpDialect,
+)
 from eimi_drivers.emulators.genesys import GenesysDialect
 from eimi_drivers.emulators.korad import KoradDialect
 from eimi_drivers.emulators.scpi import ScpiDialect
@@ -18,8 +23,6 @@ from eimi_drivers.emulators.scpi_families import (
     KeysightE3632ADialect,
     KeysightE36312ADialect,
     KeysightN6700Dialect,
-    RigolDp800Dialect,
-    RohdeSchwarzHmpDialect,
     SiglentSpdDialect,
 )
 from eimi_drivers.emulators.supply import CoilSupply
@@ -33,6 +36,7 @@ DIALECTS: dict[str, Callable[..., Responder]] = {
     "scpi": ScpiDialect,
     "keysight-e36312a": KeysightE36312ADialect,
     "keysight-n6700": KeysightN6700Dialect,
+    "keysight-e3631a": KeysightE3631ADialect,
     "keysight-e3632a": KeysightE3632ADialect,
     "keysight-e364x": KeysightE364xDialect,
     "rigol-dp800": RigolDp800Dialect,
@@ -41,14 +45,30 @@ DIALECTS: dict[str, Callable[..., Responder]] = {
     "genesys": GenesysDialect,
     "kepco-bop": KepcoBopDialect,
 }
-"""The dialect that each driver of the same name understands."""
+"""The dialect that the driver of the same name understands."""
 
 
 def emulate(dialect: str, supply: CoilSupply, address: str = "") -> Responder:
-    """Put a command language, one of `DIALECTS`, on a supply.
+    """Add a command language to a supply.
 
-    address: of the driver that will talk to it; the coil is on the channel, or the unit, that it names.
-    Raises InstrumentError for a name that is not in `DIALECTS`.
+    Parameters
+    ----------
+    dialect : str
+        A name in `DIALECTS`.
+    supply : CoilSupply
+        The supply.
+    address : str
+        The address that the driver will use; the coil is on the channel, or is the unit, that it names.
+
+    Returns
+    -------
+    Responder
+        The emulated instrument.
+
+    Raises
+    ------
+    InstrumentError
+        No dialect has this name.
     """
     if dialect not in DIALECTS:
         raise InstrumentError(
@@ -63,16 +83,16 @@ def emulate(dialect: str, supply: CoilSupply, address: str = "") -> Responder:
 
 
 def open_in_process(driver: str, supply: CoilSupply, limits: Limits) -> PowerSupply:
-    """The ordinary driver of that name on an emulated supply, in the time of the supply's clock."""
+    """Open the ordinary driver with this name on an emulated supply, in the time of the supply's clock."""
     link = InProcessTransport(emulate(driver, supply), supply.clock, address=f"emulated {driver}")
     return supply_driver(driver)(link, limits, supply.clock)
 
 
 @contextmanager
 def serve_pty(instrument: Responder) -> Iterator[str]:
-    """Serve on a pseudo-terminal while the context lasts; its value is the path of the port to open.
+    """Serve on a pseudo-terminal while the context lasts; its value is the path of the port.
 
-    A cut line closes the terminal. Raises InstrumentError where the operating system has no pseudo-terminals.
+    A cut line closes the terminal. Raises InstrumentError if the operating system has no pseudo-terminals.
     """
     try:
         import tty
@@ -83,8 +103,8 @@ def serve_pty(instrument: Responder) -> Iterator[str]:
     wake_read, wake_write = os.pipe()
 
     def answer_until_stopped() -> None:
-        # The driver's end stays open here as well, or the first driver to close it would hang the line up.
-        with suppress(OSError):  # the line was cut, by a fault or by the other side
+        # The driver's end also stays open here, because the line would hang up when the first driver closes it.
+        with suppress(OSError):  # a fault or the other side cut the line
             while wake_read not in (ready := select.select([device_end, wake_read], [], [])[0]):
                 if ready:
                     os.write(device_end, instrument.receive(os.read(device_end, 4096)))
@@ -106,14 +126,27 @@ def serve_pty(instrument: Responder) -> Iterator[str]:
 def serve_tcp(instrument: Responder, host: str = "127.0.0.1", port: int = 0) -> Iterator[str]:
     """Serve on a TCP port while the context lasts; its value is the VISA address of the socket.
 
-    port 0 takes any free one. A cut line closes the connection. Raises InstrumentError when the port is
-    taken.
+    A cut line closes the connection.
+
+    Parameters
+    ----------
+    instrument : Responder
+        The emulated instrument.
+    host : str
+        The address of the interface.
+    port : int
+        The port; 0 selects a free one.
+
+    Raises
+    ------
+    InstrumentError
+        The port is in use.
     """
     lock = threading.Lock()
 
     class Connection(socketserver.BaseRequestHandler):
         def handle(self) -> None:
-            with suppress(OSError):  # the line was cut, by a fault or by the other side
+            with suppress(OSError):  # a fault or the other side cut the line
                 while data := self.request.recv(4096):
                     with lock:
                         answer = instrument.receive(data)

@@ -1,4 +1,4 @@
-"""A supply in constant current with a coil on it, without any command language."""
+"""Model a supply that drives a coil with constant current, without a command language."""
 
 from __future__ import annotations
 
@@ -13,17 +13,32 @@ COPPER_PER_K = 0.00393
 """Temperature coefficient of the resistance of annealed copper at 20 °C (IEC 60028)."""
 
 HUNTING_HZ = 0.7
-LEAST_A = 1e-12  # below this the current has come to rest: no meter answers 1E-200
+"""Frequency (Hz) of the swings of `CoilSupply.hunting_A`."""
+
+LEAST_A = 1e-12
+"""A smaller difference (A) from the final current counts as zero, so that no meter answers 1E-200."""
 
 
 @dataclass(frozen=True)
 class SupplyState:
-    """Everything that a command can change.
+    """Hold everything that a command can change.
 
-    set_current_A, set_voltage_V: the set-points. armed: over-current protection acts at the current set-point.
-    trip_current_A, trip_voltage_V: protections with levels of their own. tripped: one of them has acted.
-    coil_current_A, heating_K, at_s: the coil's current and its temperature above that of the room when the
-    state came to be, and the clock's time then.
+    Parameters
+    ----------
+    set_current_A, set_voltage_V : float
+        The set-points.
+    output : bool
+        True if the output is on.
+    armed : bool
+        True if over-current protection trips at the current set-point.
+    tripped : bool
+        True if a protection has switched the output off.
+    coil_current_A, at_s : float
+        The coil's current (A) when this state began, and the clock's time (s) then.
+    trip_current_A, trip_voltage_V : float
+        The levels of the protections that have their own.
+    heating_K : float
+        The temperature of the coil above the room (K) when this state began.
     """
 
     set_current_A: float = 0.0
@@ -39,22 +54,46 @@ class SupplyState:
 
 
 class CoilSupply:
-    """A supply that feeds a copper coil of resistance R and inductance L through its regulator.
+    """Model a supply that feeds a copper coil of resistance R and inductance L through its regulator.
 
-    The current tends to min(set-point, voltage set-point / R) while the output is on and to zero otherwise,
-    as 1 - exp(-t/τ) with τ = L/R: computed from the clock when somebody asks, so that no thread is needed. The
-    voltage shown is R I + L dI/dt. Readings carry normal noise from a generator with a seed; the true current
-    does not. As on a bench supply, both set-points are zero at first, and over-current protection, where it is
-    armed, trips when the current reaches its set-point.
+    While the output is on, the current I tends to min(set-point, voltage set-point / R), otherwise to zero. It follows
+    1 - exp(-t/τ) with τ = L/R. It is computed from the clock on demand, so that no thread is needed. The voltage is
+    R I + L dI/dt. Readings have normal noise from a seeded generator; the true current has none. As on a bench supply,
+    both set-points are zero at first. Over-current protection, if armed, trips when the current reaches its set-point.
 
-    The coil warms up by thermal_resistance_K_per_W times R I² with the time constant thermal_time_constant_s
-    (first order, R taken cold in the heating), and its resistance grows as copper's does.
+    The coil warms up by `thermal_resistance_K_per_W` times R I², with a first-order time constant. R is the cold
+    resistance in this product. The resistance grows with the temperature as that of copper.
 
-    Things that go wrong: `locked`, somebody holds the front panel and no setter is obeyed; `hunting_A`, the current
-    swings by so much and never settles; `shorted_A`, the regulator is shorted and so much flows whatever is set, also
-    with the output off, while set-point and output read back as they were set; `drift`, the current departs from its
-    set-point; `fallen`, no current flows although the output says that it is on; `trip`. `offset_A` is what the meter
-    adds to every current.
+    Parameters
+    ----------
+    clock : Clock
+        The clock that the current follows.
+    resistance_ohm, time_constant_s : float
+        The cold resistance R and the time constant τ.
+    current_noise_A, voltage_noise_V : float
+        The standard deviations of the readings.
+    seed : int
+        The seed of the noise.
+    max_current_A, max_voltage_V : float
+        The largest set-points that the supply accepts.
+    thermal_resistance_K_per_W, thermal_time_constant_s : float
+        The heating per power, and its time constant.
+
+    Attributes
+    ----------
+    bipolar : bool
+        True if negative currents can be set.
+    locked : bool
+        True if a person uses the front panel: no command is obeyed.
+    hunting_A : float
+        The amplitude of an oscillation of the current that never ends.
+    shorted_A : float
+        The current through a shorted regulator, whatever is set and even if the output is off. Set-points and output
+        read back as they were set.
+    offset_A : float
+        The error that the meter adds to every current.
+    fallen : bool
+        True if no current flows although the output reads back as on.
     """
 
     def __init__(
@@ -91,11 +130,11 @@ class CoilSupply:
 
     @property
     def clock(self) -> Clock:
-        """The clock that the coil's current follows."""
+        """Return the clock that the coil's current follows."""
         return self._clock
 
     def coil_current_A(self) -> float:
-        """The true current in the coil now, A, without noise."""
+        """Return the true current (A) in the coil now, without noise."""
         energised = self.state.output and self.state.set_current_A
         swing_A = self.hunting_A * math.sin(2 * math.pi * HUNTING_HZ * self._clock.now()) if energised else 0.0
         current_A = 0.0 if self.fallen else self._settling_current_A() + swing_A
@@ -105,17 +144,17 @@ class CoilSupply:
         return max(current_A, self.shorted_A) if self.shorted_A else current_A
 
     def heating_K(self) -> float:
-        """How much warmer than the room the coil is now, K."""
+        """Return the temperature of the coil above the room now, K."""
         target_W = self._cold_ohm * self._target_A(self._cold_ohm) ** 2
         final_K = self._thermal_K_per_W * target_W
         return final_K + (self.state.heating_K - final_K) * math.exp(-self._age_s() / self._thermal_time_constant_s)
 
     def resistance_ohm(self) -> float:
-        """The coil's resistance at its present temperature, ohm."""
+        """Return the coil's resistance at its present temperature, ohm."""
         return self._cold_ohm * (1 + COPPER_PER_K * self.heating_K())
 
     def read(self) -> Reading:
-        """What the supply's own meters show: true values and noise."""
+        """Return the readings of the supply's own meters: true values, offset and noise."""
         self._protect()
         current_noise_A, voltage_noise_V = self._noise
         return Reading(
@@ -124,24 +163,24 @@ class CoilSupply:
         )
 
     def set_current(self, current_A: float) -> bool:
-        """Take a current set-point; False, and no change, when the supply cannot do it or is locked."""
+        """Take a current set-point; return False without a change if it is out of range or the supply is locked."""
         lowest = -self.max_current_A if self.bipolar else 0.0
         return lowest <= current_A <= self.max_current_A and self._obey(set_current_A=current_A)
 
     def set_voltage(self, voltage_V: float) -> bool:
-        """Take a voltage set-point; False, and no change, when the supply cannot do it or is locked."""
+        """Take a voltage set-point; return False without a change if it is out of range or the supply is locked."""
         return 0.0 <= voltage_V <= self.max_voltage_V and self._obey(set_voltage_V=voltage_V)
 
     def switch(self, on: bool) -> bool:
-        """Switch the output, unless locked; switching on clears a trip."""
+        """Switch the output, unless locked. Switching on clears a trip."""
         return self._obey(output=on, tripped=self.state.tripped and not on)
 
     def arm(self, armed: bool) -> bool:
-        """Arm over-current protection at the current set-point or disarm it, unless locked."""
+        """Arm or disarm over-current protection at the current set-point, unless locked."""
         return self._obey(armed=armed)
 
     def set_trip_levels(self, *, current_A: float | None = None, voltage_V: float | None = None) -> bool:
-        """Set the levels of protections that have their own, unless locked; None leaves one as it is."""
+        """Set the levels of the protections that have their own, unless locked; None leaves a level unchanged."""
         state = self.state
         return self._obey(
             trip_current_A=state.trip_current_A if current_A is None else current_A,
@@ -149,24 +188,40 @@ class CoilSupply:
         )
 
     def clear_trip(self) -> bool:
-        """Forget a trip, unless locked; the output stays off."""
+        """Clear a trip, unless locked; the output stays off."""
         return self._obey(tripped=False)
 
     def drift(self, to_A: float, rate_A_per_s: float = 1.0) -> None:
-        """Let the current rise to `to_A` at this rate from now on, as long as the output is on; a rate of 0 ends it."""
+        """Let the current rise to `to_A` at this rate from now on, while the output is on; a rate of 0 ends it."""
         self._drift_to_A, self._drift_A_per_s, self._drift_began_s = to_A, rate_A_per_s, self._clock.now()
 
     def trip(self) -> None:
-        """Let a protection switch the output off, whatever the reason."""
+        """Let a protection switch the output off."""
         self._change(output=False, tripped=True)
 
+    def reset(self, current_A: float = 0.0) -> bool:
+        """Switch off, set 0 V and this current, and clear a trip, unless locked (``*RST``)."""
+        return self._obey(output=False, set_voltage_V=0.0, set_current_A=current_A, tripped=False)
+
+    def restart(self) -> None:
+        """Return to the state after power-up: output off, set-points 0, no protection levels."""
+        self._change(
+            output=False,
+            set_voltage_V=0.0,
+            set_current_A=0.0,
+            tripped=False,
+            armed=False,
+            trip_current_A=math.inf,
+            trip_voltage_V=math.inf,
+        )
+
     def output_on(self) -> bool:
-        """Whether the output is on."""
+        """Return whether the output is on."""
         self._protect()
         return self.state.output
 
     def constant_voltage(self) -> bool:
-        """Whether the voltage set-point, not the current set-point, bounds the current."""
+        """Return whether the voltage set-point limits the current."""
         return self.state.set_voltage_V < abs(self.state.set_current_A) * self.resistance_ohm()
 
     def _age_s(self) -> float:
@@ -174,8 +229,8 @@ class CoilSupply:
 
     def _settling_current_A(self) -> float:
         target_A = self._target_A(self.resistance_ohm())
-        left_A = (self.state.coil_current_A - target_A) * math.exp(-self._age_s() / self._time_constant_s)
-        return target_A + (left_A if abs(left_A) > LEAST_A else 0.0)
+        remaining_A = (self.state.coil_current_A - target_A) * math.exp(-self._age_s() / self._time_constant_s)
+        return target_A + (remaining_A if abs(remaining_A) > LEAST_A else 0.0)
 
     def _target_A(self, resistance_ohm: float) -> float:
         if not self.state.output:

@@ -1,4 +1,4 @@
-"""What every supply driver shares: limits, read-back, protection, and switching off until no current is measured."""
+"""Implement what all supply drivers share: limits, read-back, protection, and switching off with a measurement."""
 
 from __future__ import annotations
 
@@ -29,40 +29,76 @@ from eimi_drivers.supplies.transport import Transport, split_address, usb_serial
 
 REPLY_TIMEOUT_S = 1.0
 READ_BACK_WITHIN_S = 0.6
-"""Some firmware needs 0.45 s before a new set-point reads back."""
+"""Time (s) within which a new set-point must read back; some Korad firmware needs 0.45 s."""
 
 LATE_ANSWER_S = 1.0
-"""After a question without an answer, the next one waits so long and throws away what has come until then."""
+"""Wait (s) before the query that follows an unanswered one; a late answer that arrives meanwhile is discarded."""
 
 PROTECTION_MARGIN = 1.1
-"""An instrument's own protection is set this far above the limits: it is for a regulator that has failed."""
+"""Ratio of the level of the instrument's own protection to the limit. The protection is for a failed regulator."""
 
 MEASURING_ATTEMPTS = 2
-"""A measurement that fails after the output was switched off is tried again so many times in all."""
+"""Number of attempts to measure the current after the output was switched off."""
 
 WATCHDOG_S = 10
-"""A supply's own watchdog switches off after so long without a message; a run sends one every 2 s at least."""
+"""Time (s) without a message after which the supply's own watchdog switches off; a run sends one every 2 s."""
 
 STAYS_ON = "nothing switches the output off, it stays as it was set"
+"""The text of `without_contact` for a supply without a watchdog."""
+
+
+def armed_in_words(protections: str) -> str:
+    """Return the end of `without_contact` that names the armed protections; empty if there are none."""
+    return f"; armed in the supply: {protections}" if protections else ""
+
 
 _NUMBER = re.compile(rb"[ \t\r\n]*[+-]?(\d{1,12}\.?\d{0,12}|\.\d{1,12})([eE][+-]?\d{1,2})?[ \t\r\n\0]*")
 _NOT_A_MEASUREMENT = 1e30
-"""SCPI answers 9.91E+37 for "not a number" and 9.9E+37 for infinity (SCPI-99, volume 1, 7.2.1)."""
+"""Larger numbers are no measurement: SCPI answers 9.91E+37 for "not a number" and 9.9E+37 for infinity (SCPI-99,
+volume 1, 7.2.1)."""
 
 _Value = TypeVar("_Value")
 
 
 class SupplyBase(ABC):
-    """A supply whose current runs from 0 to the limit, or from minus the limit where it is bipolar.
+    """Drive a supply within limits, read every set-point back, and switch off in stages.
 
-    A driver names itself, gives its steps and says how to send and ask eight things; see `korad` and
-    `genesys`. Set-points are rounded toward zero to the step, so that no rounding ever passes the limit.
+    The current may be set from 0 to the limit, and from minus the limit if the supply is bipolar. A driver names its
+    steps and implements the methods that send set-points and ask for values; `korad` and `genesys` are examples.
+    Set-points are rounded toward zero to the step, so that rounding never exceeds the limit.
 
-    bipolar: whether negative currents can be set.
-    channels: the first and the last channel that an address may name after `#`; default_channel: the one
-    used when it names none. read_backs: how often in a row a read-back must be right to be believed.
-    without_contact: what becomes of the output when the cable is pulled or the computer dies, in words.
-    reads_zero_within_A: the read-back accuracy at zero, see `PowerSupply`.
+    Parameters
+    ----------
+    link : Transport
+        The line to the instrument. Nothing is sent when the supply is opened.
+    limits : Limits
+        The largest permitted set-points.
+    clock : Clock
+        The clock of the rig.
+
+    Raises
+    ------
+    InstrumentError
+        The address names a channel that the family does not have.
+
+    Attributes
+    ----------
+    name : str
+        The name in a rig file.
+    current_step_A, voltage_step_V : str
+        The steps of the set-points as decimal text.
+    bipolar : bool
+        True if negative currents can be set.
+    channels : tuple of int
+        The lowest and the highest channel that an address may name after ``#``.
+    default_channel : int
+        The channel that is used if the address names none.
+    read_backs : int
+        The number of consecutive correct answers after which a read-back is accepted.
+    protections : str
+        The limits inside the supply that `set_output` arms and reads back, in words; empty if there are none.
+    without_contact : str
+        What the output does if the cable is pulled or the computer fails, in words.
     """
 
     name: ClassVar[str]
@@ -72,18 +108,18 @@ class SupplyBase(ABC):
     channels: ClassVar[tuple[int, int]] = (1, 1)
     default_channel: ClassVar[int] = 1
     read_backs: ClassVar[int] = 1
+    protections: ClassVar[str] = ""
     without_contact: str = STAYS_ON
 
     @property
     def reads_zero_within_A(self) -> float:
-        """The largest current (A) that a healthy unit of the family shows when none flows.
+        """Return the largest current (A) that a healthy unit of the family shows when no current flows.
 
-        0 stands for a family whose value is below `off.LEAST_OFF_A` or not stated here.
+        The value 0 means that it is below `off.LEAST_OFF_A`, or not stated here.
         """
         return 0.0
 
     def __init__(self, link: Transport, limits: Limits, clock: Clock) -> None:
-        """Sends nothing. Raises InstrumentError when the address names a channel that there is not."""
         self.limits = limits
         self._link = link
         self._clock = clock
@@ -101,19 +137,19 @@ class SupplyBase(ABC):
     @classmethod
     @abstractmethod
     def connect(cls, address: str) -> Transport:
-        """Open the transport that this driver speaks over."""
+        """Open the line to the instrument at this address."""
 
     @abstractmethod
     def identify(self) -> Identity:
-        """Ask the instrument who it is."""
+        """Ask the instrument for its identity. Raises AnotherSupply if it has changed."""
 
     @abstractmethod
     def output_on(self) -> bool:
-        """Whether the output is on, as the instrument says."""
+        """Ask the instrument whether its output is on."""
 
     @abstractmethod
     def measure(self) -> Reading:
-        """Measure the output."""
+        """Measure the output current and voltage."""
 
     @abstractmethod
     def _send_voltage(self, text: str) -> None: ...
@@ -131,24 +167,24 @@ class SupplyBase(ABC):
     def _current_set(self) -> float: ...
 
     def _raise_reported_errors(self) -> None:  # noqa: B027  an instrument without an error queue has none
-        """Raise InstrumentError with the errors in the instrument's own queue."""
+        """Raise InstrumentError with the errors in the instrument's error queue."""
 
     def _enabled(self) -> bool:
-        """Whether the output is switched on; differs from `output_on` where off is a current of zero."""
+        """Return whether the output is switched on; differs from `output_on` if "off" is a current of zero."""
         return self.output_on()
 
     def _trip(self) -> str:
-        """What tripped, in a few words, as the instrument itself reports it; empty when nothing did."""
+        """Return the protection that the instrument reports as tripped, in words; empty if there is none."""
         return ""
 
     def _protect(self) -> None:  # noqa: B027  not every instrument has protections to set
-        """Set the instrument's own protections; called before the output is switched on."""
+        """Set the instrument's own protections and read them back; called before the output is switched on."""
 
     def _arm_watchdog(self) -> None:  # noqa: B027  few instruments have one
-        """Let the instrument switch off by itself when nothing is heard for `WATCHDOG_S`; before the output is on."""
+        """Start the instrument's own watchdog with `WATCHDOG_S`; called before the output is switched on."""
 
     def _disarm_watchdog(self) -> None:  # noqa: B027
-        """The output is off: nobody has to be heard any more."""
+        """Stop the instrument's own watchdog; called after the output was switched off."""
 
     def set_voltage(self, voltage_V: float) -> None:
         """Set the compliance voltage and read it back. Raises SetPointRefused, SetPointNotTaken."""
@@ -165,7 +201,7 @@ class SupplyBase(ABC):
         self._verify_current(current_A)
 
     def set_output(self, on: bool) -> None:
-        """Switch the output and verify it. Raises SetPointNotTaken."""
+        """Switch the output and verify it; arm the protections before it is switched on. Raises SetPointNotTaken."""
         if on:
             self._protect()
             self._arm_watchdog()
@@ -177,7 +213,7 @@ class SupplyBase(ABC):
         self._switched_on = on
 
     def check(self) -> None:
-        """Raise InstrumentError for reported errors, ProtectionTripped for a trip or an output gone off."""
+        """Raise InstrumentError for reported errors, ProtectionTripped if a protection or a person switched off."""
         self._raise_reported_errors()
         if cause := self._trip():
             raise ProtectionTripped(f"{self._link.address}: {cause}")
@@ -188,22 +224,23 @@ class SupplyBase(ABC):
             )
 
     def safe_off(self) -> Off:
-        """Program zero, switch off, read both back, and measure until no current flows.
+        """Set zero current, switch off, read both back, and measure until no current flows.
 
-        Each stage is tried whatever became of the others. The output is switched off before zero is read back: on a
-        slow line that question takes longer than all the rest. If a stage fails, the line is opened anew and all are
-        tried again.
+        Every stage is tried even if an earlier one fails. The output is switched off before zero is read back, because
+        on a slow line this query takes longer than all other messages. If a stage fails, the line is reopened and all
+        stages are tried once more.
 
         Returns
         -------
         Off
-            The measured current and the limit that it is below, see `eimi_drivers.supplies.off`.
+            The measured current and the limit below which it lies, see `eimi_drivers.supplies.off`.
 
         Raises
         ------
         SwitchOffFailed
-            A stage failed twice, with the outcome of every stage; or a current above the limit still flows; or another
-            supply answers once the line is opened anew; or a supply without a serial number is then found off.
+            A stage failed twice; the message lists the outcome of every stage. Or a current above the limit still
+            flows. Or another supply answers on the reopened line. Or a supply without a serial number is off already
+            when the line is reopened.
         """
         found_off = False
         failed = self._try_to_switch_off()
@@ -219,10 +256,10 @@ class SupplyBase(ABC):
         return off
 
     def _reopen_and_compare(self) -> bool:
-        """Open the line anew and return whether the output is off already. Raises SwitchOffFailed for another supply.
+        """Reopen the line and return whether the output is off already. Raises SwitchOffFailed for another supply.
 
-        A name such as /dev/ttyUSB0 or an address in a network may belong to another supply by then. A line that cannot
-        be opened anew leads to the same supply as before.
+        A name such as /dev/ttyUSB0 or a network address may meanwhile belong to another supply. A line that cannot be
+        reopened still leads to the same supply.
         """
         try:
             if not self._link.reopen() or self._bound is None:
@@ -247,7 +284,7 @@ class SupplyBase(ABC):
                 return replace(off, found_off=found_off)
             except SwitchOffFailed:
                 raise
-            except Exception as error:  # as in _try_to_switch_off
+            except Exception as error:  # a fault of a driver must not end the attempts
                 failed = error
         raise SwitchOffFailed(
             f"{self._link.address}: zero: done; off: done; verify: done; measure: failed ({type(failed).__name__}: "
@@ -269,24 +306,24 @@ class SupplyBase(ABC):
             try:
                 act()
                 outcomes[stage] = "done"
-            except Exception as error:  # a mistake in a driver must not keep the stages after it from being tried
+            except Exception as error:  # a fault of a driver must not prevent the later stages
                 outcomes[stage] = f"failed ({type(error).__name__}: {error})"
                 first = first or error
         if first is None:
             return None
-        said = "; ".join(f"{stage}: {outcome}" for stage, outcome in outcomes.items())
-        failed = SwitchOffFailed(f"{self._link.address}: {said}")
+        listed = "; ".join(f"{stage}: {outcome}" for stage, outcome in outcomes.items())
+        failed = SwitchOffFailed(f"{self._link.address}: {listed}")
         failed.__cause__ = first
         return failed
 
     def close(self) -> None:
-        """Release the port. Does not switch off: safe_off does."""
+        """Release the line and leave the output as it is; `safe_off` switches it off."""
         self._link.close()
 
     def _question(self, message: bytes, size: int, end: bytes = b"", pause_s: float = 0.0) -> bytes:
-        """Send a question, wait `pause_s`, and read the answer as `Transport.read` does.
+        """Send a query, wait `pause_s` (s), and read the answer as `Transport.read` does.
 
-        An answer that comes after its time is up must not be taken for the answer to the next question.
+        If the previous query had no answer, wait first, so that its late answer is not used for this query.
         """
         if self._unanswered:
             self._clock.sleep(LATE_ANSWER_S)
@@ -298,7 +335,7 @@ class SupplyBase(ABC):
         return reply
 
     def _refuse_outside(self, quantity: str, value: float, lowest: float, limit: float, unit: str) -> None:
-        if not lowest <= value <= limit:  # so written, "not a number" is refused as well
+        if not lowest <= value <= limit:  # in this form the condition also refuses "not a number"
             raise SetPointRefused(
                 f"{self._link.address}: {quantity} {value:g} {unit} was refused, nothing was sent: "
                 f"it must be from {lowest:g} to {limit:g} {unit}"
@@ -308,12 +345,12 @@ class SupplyBase(ABC):
         self._verify("current", _text(current_A, self.current_step_A), self.current_step_A, "A", self._current_set)
 
     def _verify(self, quantity: str, sent: str, step: str, unit: str, ask: Callable[[], float]) -> None:
-        """What was sent, against the instrument's errors and what it reads back. Raises SetPointNotTaken."""
+        """Compare the text that was sent with the read-back. Raises SetPointNotTaken, InstrumentError."""
         self._raise_reported_errors()
-        found = self._read_back(ask, lambda answer: abs(answer - float(sent)) <= 1.001 * float(step))
-        if found is not None:
+        wrong_value = self._read_back(ask, lambda answer: abs(answer - float(sent)) <= 1.001 * float(step))
+        if wrong_value is not None:
             raise SetPointNotTaken(
-                f"{self._link.address}: {quantity} was set to {sent} {unit} but reads back {found:g} {unit}"
+                f"{self._link.address}: {quantity} was set to {sent} {unit} but reads back {wrong_value:g} {unit}"
             )
 
     def _verify_output(self, on: bool) -> None:
@@ -324,7 +361,7 @@ class SupplyBase(ABC):
             )
 
     def _read_back(self, ask: Callable[[], _Value], taken: Callable[[_Value], bool]) -> _Value | None:
-        """Ask until the answer is right `read_backs` times in a row: None then, or the last wrong answer."""
+        """Ask until `read_backs` consecutive answers are right; return None, or the last wrong answer."""
         deadline = self._clock.now() + READ_BACK_WITHIN_S
         right = 0
         while right < self.read_backs:
@@ -336,6 +373,16 @@ class SupplyBase(ABC):
             right = 0
             self._clock.sleep(0.05)
         return None
+
+    def _verify_level(self, question: str, level: float, limit: float, answer: float) -> None:
+        """Raise SetPointNotTaken if the level of a protection reads back further from `level` than the margin.
+
+        An instrument may round the level. The tolerance keeps it above the limit and below 1.2 times the limit.
+        """
+        if abs(answer - level) > (PROTECTION_MARGIN - 1) * limit:
+            raise SetPointNotTaken(
+                f"{self._link.address}: its own protection was set to {level:g} but {question} is answered {answer:g}"
+            )
 
     def _number(self, question: str, reply: bytes) -> float:
         if not _NUMBER.fullmatch(reply) or abs(number := float(reply.strip(b"\0 \t\r\n"))) > _NOT_A_MEASUREMENT:
@@ -371,10 +418,10 @@ class SupplyBase(ABC):
 
 
 def serial_number_in(text: str) -> str:
-    """Return the serial number in an answer to `*IDN?`, or "" if there is none.
+    """Return the serial number in an answer to ``*IDN?``, or "" if there is none.
 
-    It is the third of four fields (IEEE 488.2, 10.14), and "0" stands for none. Some Korad supplies add `SN:` and the
-    number instead.
+    The serial number is the third of four fields, and "0" means that there is none (IEEE 488.2, 10.14). Some Korad
+    supplies add ``SN:`` and the number instead.
     """
     if match := re.search(r"\bSN:\s*(\w+)", text):
         return match[1]
@@ -388,5 +435,8 @@ def _shown(identity: Identity) -> str:
 
 
 def _text(value: float, step: str) -> str:
-    """A value as it is sent, in whole steps. The rounding removes what binary fractions add: 0.7999999999999999."""
-    return str(Decimal(repr(round(float(value), 9))).quantize(Decimal(step), ROUND_DOWN) + 0)  # no minus zero
+    """Return a value as text in whole steps.
+
+    It is first rounded to 9 decimals, because a binary fraction such as 0.7999999999999999 would lose a whole step.
+    """
+    return str(Decimal(repr(round(float(value), 9))).quantize(Decimal(step), ROUND_DOWN) + 0)  # + 0: no minus zero

@@ -1,6 +1,7 @@
-"""TDK-Lambda Genesys over its serial line: lines ending with a carriage return, setters answered `OK`.
+"""Drive TDK-Lambda Genesys supplies over a serial line.
 
-The layout of `STT?` and the bits of its fault register are to be checked against the manual of the unit in hand.
+Every message ends with a carriage return, and every command is answered with ``OK``. Check the layout of ``STT?`` and
+the bits of its fault register against the manual of your unit.
 """
 
 from __future__ import annotations
@@ -15,12 +16,13 @@ from eimi_drivers.interfaces import (
     Limits,
     Reading,
 )
-from eimi_drivers.supplies.base import PROTECTION_MARGIN, STAYS_ON, SupplyBase
+from eimi_drivers.supplies.base import PROTECTION_MARGIN, STAYS_ON, SupplyBase, armed_in_words
+from eimi_drivers.supplies.scpi_profiles import OVER_VOLTAGE
 from eimi_drivers.supplies.transport import SerialTransport, Transport
 
 LONGEST_LINE = 128
 BLIND_GAP_S = 0.05
-"""Between messages that are sent without waiting for their answers."""
+"""Wait (s) between messages that are sent without reading their answers."""
 
 FAULTS = {
     0x02: "the mains failed",
@@ -30,7 +32,7 @@ FAULTS = {
     0x20: "it was shut off at its rear connector",
     0x80: "its enable contact is open",
 }
-"""Bits of the fault register, `FR` of `STT?`. Bit 0x40, the output being off, is no fault."""
+"""Bits of the fault register, ``FR`` in the answer to ``STT?``. Bit 0x40 (the output is off) is no fault."""
 
 REFUSALS = {
     "E01": "the voltage is above the range, or above 95 % of the over-voltage protection",
@@ -44,15 +46,18 @@ REFUSALS = {
     "C04": "the checksum is wrong",
     "C05": "it is out of range",
 }
-"""TDK-Lambda, Genesys user manual 83-507-013, tables 7-1 and 7-2; the same in those of the 2.4 kW (83-517-000), 3.3
-kW (83-503-001) and 10/15 kW series (83-532-002, tables 8-1 and 8-2).
+"""The meaning of each refusal.
 
-They give the order of voltage and over-voltage protection: E01 refuses a voltage above 95 % of the OVP, E04 one below
-the voltage set and 5 % of the rating. So a rising voltage wants the OVP out of its way first, and set after it.
+Source: TDK-Lambda, Genesys user manual 83-507-013, tables 7-1 and 7-2. The manuals of the 2.4 kW (83-517-000), 3.3 kW
+(83-503-001) and 10/15 kW series (83-532-002, tables 8-1 and 8-2) have the same tables.
+
+E01 refuses a voltage above 95 % of the over-voltage protection (OVP). E04 refuses an OVP that is not above the set
+voltage by 5 % of the rating. To raise the voltage, the driver therefore raises the OVP first and sets its final level
+afterwards.
 """
 
 READ_BACK_OF_RATING = 0.003
-"""See `GenesysSupply.reads_zero_within_A`."""
+"""Assumed read-back offset as a fraction of the rated current, see `GenesysSupply.reads_zero_within_A`."""
 
 _RATING = re.compile(r"GENH?(\d+(?:\.\d+)?)-(\d+(?:\.\d+)?)")
 _REFUSAL = re.compile(rb"[EC]\d\d\s*")
@@ -60,12 +65,12 @@ _FAULT_REGISTER = re.compile(rb".*\bFR\(([0-9a-fA-F]{1,2})\)\s*", re.DOTALL)
 
 
 class GenesysSupply(SupplyBase):
-    """TDK-Lambda Genesys. The channel of its address, `#6`, is the unit's own address on the line.
+    """Drive a TDK-Lambda Genesys; the channel in its address, such as ``#6``, is the unit's address on the line.
 
-    Foldback protection is switched off before the output is switched on: it trips in constant current, where
+    Foldback protection is switched off before the output is switched on, because it trips in constant current, in which
     a supply that feeds a coil always works. Over-voltage protection is set above the driver's limit.
 
-    Setters are answered `OK` by a unit whose front panel is held, too. So every read-back must be right twice.
+    A unit whose front panel is in use also answers commands with ``OK``. Every read-back must therefore be right twice.
     """
 
     name = "genesys"
@@ -73,8 +78,10 @@ class GenesysSupply(SupplyBase):
     read_backs = 2
     channels = (0, 30)
     default_channel = 6
+    protections = OVER_VOLTAGE
     without_contact = (
         f"{STAYS_ON}; a Genesys+ has a watchdog in its front panel's menu (manual GH10-100, 5.10), a run bears 10 s"
+        + armed_in_words(protections)
     )
 
     def __init__(self, link: Transport, limits: Limits, clock: Clock) -> None:
@@ -89,42 +96,42 @@ class GenesysSupply(SupplyBase):
         return SerialTransport(address)
 
     def identify(self) -> Identity:
-        """Ask IDN?, and SN? for the serial number; the unit's own address on the line is part of what is unique."""
+        """Ask ``IDN?`` and ``SN?``; the serial number of the identity also contains the unit's address on the line."""
         return self._bind(self._model(), f"{self._line('SN?', self._ask('SN?'))}#{self._channel}")
 
     @property
     def reads_zero_within_A(self) -> float:
-        """Return 0.3 % of the rated current: an assumed read-back offset, not checked against a manual.
+        """Return 0.3 % of the rated current (A). This read-back offset is assumed and was not found in a manual.
 
-        The rating is the second number of the model: 38 A of GEN40-38.
+        The rating is the second number of the model: 38 A for a GEN40-38.
         """
         if not self._rated_A:
             self._model()
         return READ_BACK_OF_RATING * self._rated_A
 
     def _model(self) -> str:
-        """Ask IDN?, and note the rated current if the answer has it."""
+        """Ask ``IDN?``, and store the rated current if the answer contains it."""
         model = self._line("IDN?", self._ask("IDN?"))
         if rating := _RATING.search(model):
             self._rated_A = float(rating[2])
         return model
 
     def output_on(self) -> bool:
-        """Whether the output is on: OUT?."""
+        """Ask ``OUT?`` whether the output is on."""
         reply = self._ask("OUT?")
         if reply.strip() not in {b"ON", b"OFF"}:
             raise self._not_understood("OUT?", reply, "ON or OFF")
         return reply.strip() == b"ON"
 
     def measure(self) -> Reading:
-        """Measure the output."""
+        """Measure the output current and voltage."""
         return Reading(current_A=self._ask_value("MC?"), voltage_V=self._ask_value("MV?"))
 
     def _exchange(self, message: str) -> bytes:
         try:
             return self._question(message.encode("ascii") + b"\r", LONGEST_LINE, end=b"\r")
         except InstrumentTimeout:
-            self._selected = False  # a unit that was switched off and on has forgotten that it was
+            self._selected = False  # a unit that lost its mains must be addressed again
             raise
 
     def _ask(self, question: str) -> bytes:
@@ -135,8 +142,8 @@ class GenesysSupply(SupplyBase):
         reply = self._exchange(question)
         if _REFUSAL.fullmatch(reply):
             text = reply.strip().decode("ascii")
-            means = f": {REFUSALS[text]}" if text in REFUSALS else ""
-            raise InstrumentError(f"{self._link.address}: the instrument answers {question} with error {text}{means}")
+            meaning = f": {REFUSALS[text]}" if text in REFUSALS else ""
+            raise InstrumentError(f"{self._link.address}: the instrument answers {question} with error {text}{meaning}")
         return reply
 
     def _raise_unless_ok(self, message: str, reply: bytes) -> None:
@@ -158,23 +165,27 @@ class GenesysSupply(SupplyBase):
         return ", ".join(text for bit, text in FAULTS.items() if register & bit)
 
     def _protect(self) -> None:
+        level_V = self._ovp_V()
         self._command("FLD OFF")
-        self._command(f"OVP {self._ovp_V():.2f}")
+        self._command(f"OVP {level_V:.2f}")
+        self._verify_level("OVP?", level_V, self.limits.voltage_V, self._ask_value("OVP?"))
+        if (reply := self._ask("FLD?").strip()) != b"OFF":
+            raise self._not_understood("FLD?", reply, "OFF")
 
     def _ovp_V(self) -> float:
-        """Above the limit by the margin, and by 5 % of the rating, below which the supply refuses it (E04)."""
+        """Return a level (V) above the limit by the margin, and by at least 5 % of the rating, see E04."""
         identity = self._model()
         rating = _RATING.search(identity)
         if rating is None:
             raise InstrumentError(
-                f"{self._link.address}: its rating is not to be read from {identity!r}, such as GEN40-38, and without "
-                "it the over-voltage protection cannot be set"
+                f"{self._link.address}: the answer to IDN? is {identity!r}, without a rating such as GEN40-38; the "
+                "over-voltage protection cannot be set without the rating"
             )
         limit_V = self.limits.voltage_V
         return max(PROTECTION_MARGIN * limit_V, limit_V + 0.051 * float(rating[1]))
 
     def _send_voltage(self, text: str) -> None:
-        self._command("OVM")  # a low OVP from before would refuse the voltage (E01); `_protect` sets it anew
+        self._command("OVM")  # highest OVP: a lower one would refuse the voltage (E01); `_protect` sets it again
         self._command(f"PV {text}")
 
     def _send_current(self, text: str) -> None:
@@ -185,15 +196,15 @@ class GenesysSupply(SupplyBase):
             self._command("OUT ON")
             return
         if self._unanswered:
-            self._say_off()  # before anything is waited for
+            self._send_off_unread()  # before any wait
         try:
             self._command("OUT OFF")
         except InstrumentError:
-            self._say_off()
+            self._send_off_unread()
             raise
 
-    def _say_off(self) -> None:
-        """Say it all without waiting for answers, since it may be they alone that are lost."""
+    def _send_off_unread(self) -> None:
+        """Address the unit and switch it off without reading answers, because only the answers may be lost."""
         for message in (*self._greeting, "OUT OFF"):
             self._link.write(message.encode("ascii") + b"\r")
             self._clock.sleep(BLIND_GAP_S)

@@ -1,4 +1,4 @@
-"""A line to an instrument that can be left between two messages, when no answer is under way."""
+"""Interrupt the messages to an instrument between two messages, when no answer is expected."""
 
 from __future__ import annotations
 
@@ -8,9 +8,16 @@ from eimi_drivers.supplies.transport import Transport
 
 
 class InterruptibleTransport:
-    """A transport that calls `between_messages` before it sends a message over another one.
+    """Call a function before each message is sent over another transport.
 
-    That function may raise: the message is not sent then, and the line can be used again at once.
+    If the function raises an error, the message is not sent. The line can then be used again at once.
+
+    Parameters
+    ----------
+    link : Transport
+        The line.
+    between_messages : callable
+        The function that is called before each message.
     """
 
     def __init__(self, link: Transport, between_messages: Callable[[], None]) -> None:

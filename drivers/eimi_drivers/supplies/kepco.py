@@ -1,8 +1,8 @@
-"""Kepco BOP bipolar supplies, in current mode, over SCPI.
+"""Drive Kepco BOP bipolar supplies in current mode over SCPI.
 
-Source: appendix B of the operator manuals of BOP-MG 1KW (firmware 2.01 to 4.11) and BOP-GL 1KW (3.05 and higher), whose
-commands VOLT:PROT and CURR:LIM are the same. It advises against `OUTP OFF` on inductive loads, since
-nothing then holds the load's current; and the power-up default of the output is on.
+Source: appendix B of the operator manuals of BOP-MG 1KW (firmware 2.01 to 4.11) and BOP-GL 1KW (firmware 3.05 and
+higher), whose commands VOLT:PROT and CURR:LIM are the same. The manuals advise against ``OUTP OFF`` on inductive loads,
+because then nothing controls the load's current. The output is on after power-up.
 """
 
 from __future__ import annotations
@@ -10,19 +10,21 @@ from __future__ import annotations
 from dataclasses import replace
 
 from eimi_drivers.interfaces import SetPointNotTaken
+from eimi_drivers.supplies.base import STAYS_ON, armed_in_words
 from eimi_drivers.supplies.scpi import ScpiSupply
 from eimi_drivers.supplies.scpi_profiles import GENERIC
 
 READS_ZERO_WITHIN_A = 0.05
-"""What the meter of a unit may show when no current flows. Assumed: 0.2 % of the 28 A of a BOP 36-28."""
+"""The largest current (A) that a meter may show when no current flows. Assumed: 0.2 % of the 28 A of a BOP 36-28."""
 
 
 class KepcoBopSupply(ScpiSupply):
-    """Kepco BOP: positive and negative currents; off is a current of zero, with the output left on.
+    """Drive a Kepco BOP, which has positive and negative currents and is switched off by setting zero.
 
-    So `output_on` says whether a current other than zero is set and let through. `set_voltage` bounds the
-    voltage either way (VOLT:PROT). The supply's own software limits of the current (CURR:LIM) are set to the
-    driver's before the output is switched on.
+    The output itself stays on. `output_on` therefore returns whether a current other than zero is set and the output
+    is on. `set_voltage` limits the voltage of both signs (VOLT:PROT). Before the output is switched on, the supply's
+    own limits of the current (CURR:LIM) are set to the driver's limit, and the voltage limit is put under the control
+    of these messages (VOLT:PROT:MODE FIX; BOP-GL 1KW manual, page B-29). All are read back.
     """
 
     name = "kepco-bop"
@@ -31,29 +33,42 @@ class KepcoBopSupply(ScpiSupply):
         driver=name,
         set_voltage="VOLT:PROT:POS {value}",
         voltage_set="VOLT:PROT:POS?",
-        protect=("CURR:LIM:POS {limit}", "CURR:LIM:NEG {limit}"),
+        protect=(*("CURR:LIM:POS {limit}", "CURR:LIM:NEG {limit}"), "VOLT:PROT:MODE FIX"),
+        armed=(("CURR:LIM:POS?", "{limit}"), ("CURR:LIM:NEG?", "{limit}")),
+        protections="its limits of current and voltage, equal to the limits of the run",
     )
+    protections = profile.protections
+    without_contact = STAYS_ON + armed_in_words(protections)
     bipolar = True
     current_step_A = "0.01"
 
     def output_on(self) -> bool:
-        """Whether the output is on with a current other than zero set."""
+        """Ask whether the output is on and a current other than zero is set."""
         return self._enabled() and abs(self._current_set()) > float(self.current_step_A)
 
     @property
     def reads_zero_within_A(self) -> float:
-        """Return an assumed offset of the family's meters, not checked against a manual."""
+        """Return `READS_ZERO_WITHIN_A`, which is assumed and was not found in a manual."""
         return READS_ZERO_WITHIN_A
 
     def _enabled(self) -> bool:
         return super().output_on()
+
+    def _protect(self) -> None:
+        super()._protect()
+        reply = self._line("VOLT:PROT:MODE?", self._ask("VOLT:PROT:MODE?"))
+        if not reply.startswith("FIX"):  # FIX or FIXED, by firmware
+            raise SetPointNotTaken(
+                f"{self._link.address}: its voltage limit should follow VOLT:PROT (FIX), but VOLT:PROT:MODE? is "
+                f"answered {reply}"
+            )
 
     def _send_voltage(self, text: str) -> None:
         self._send("FUNC:MODE CURR")
         self._send_channel("VOLT:PROT:POS {value}", "VOLT:PROT:NEG {value}", value=text)
 
     def _send_current(self, text: str) -> None:
-        self._send("FUNC:MODE CURR")  # in voltage mode the same CURR would be the bound of another quantity
+        self._send("FUNC:MODE CURR")  # in voltage mode CURR has another meaning
         super()._send_current(text)
 
     def _send_output(self, on: bool) -> None:
@@ -68,4 +83,4 @@ class KepcoBopSupply(ScpiSupply):
             return
         set_A = self._read_back(self._current_set, lambda answer: abs(answer) <= float(self.current_step_A))
         if set_A is not None:
-            raise SetPointNotTaken(f"{self._link.address}: zero was set but {set_A:g} A reads back")
+            raise SetPointNotTaken(f"{self._link.address}: the current was set to 0 A but reads back {set_A:g} A")

@@ -1,4 +1,4 @@
-"""Korad KA/KD supplies and what is sold of them as Tenma, RND and Velleman: 9600 baud, no terminator."""
+"""Drive Korad KA/KD supplies, also sold by Tenma, RND and Velleman; 9600 baud, messages without terminator."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from eimi_drivers.supplies.base import SupplyBase
 from eimi_drivers.supplies.transport import SerialTransport, Transport
 
 MESSAGE_GAP_S = 0.08
-"""Messages carry no terminator: two with no gap between them fuse, and the supply drops both."""
+"""Wait (s) after each message. Messages have no terminator: the supply drops two messages that follow without a gap."""
 
 OUTPUT_BIT = 0x40
 PROTECTION_BITS = 0x20 | 0x80
-"""Which one reports a trip depends on the firmware; on some these bits say that a protection is armed."""
+"""Bits that report a trip. Their meaning depends on the firmware: on some a bit means that protection is armed."""
 
 _VALUE_BYTES = 5
 _AMPERES = re.compile(rb"\d\.\d{3}|[1-9]\d\.\d{2}")
@@ -29,14 +29,14 @@ _VOLTS = re.compile(rb"\d{2}\.\d{2}")
 
 
 class KoradSupply(SupplyBase):
-    """One-channel Korad protocol, over a serial line.
+    """Drive a one-channel Korad supply over a serial line.
 
-    Over-current protection is switched off before the output is switched on: it trips at the current
-    set-point, which is where a supply that feeds a coil with constant current always works. The limits of
-    the driver and the constant-current regulator bound the current instead.
+    Over-current protection is switched off before the output is switched on. It trips at the current set-point, at
+    which a supply that feeds a coil with constant current always works. The limits of the driver and the
+    constant-current regulator limit the current instead.
 
-    No message is acknowledged and no answer has a checksum or an end. So a value must have the form that the supply
-    gives it, and every read-back must be right twice.
+    No message is acknowledged, and answers have neither a checksum nor a terminator. Every value must therefore have
+    the form that the supply uses, and every read-back must be right twice.
     """
 
     name = "korad"
@@ -52,7 +52,7 @@ class KoradSupply(SupplyBase):
         return SerialTransport(address)
 
     def identify(self) -> Identity:
-        """Ask *IDN?; the answer has no terminator and ends with silence."""
+        """Ask ``*IDN?``; the answer has no terminator and is complete after 50 ms without another byte."""
         reply = self._ask("*IDN?", 1)
         with suppress(InstrumentTimeout):
             while len(reply) < 64:
@@ -66,18 +66,18 @@ class KoradSupply(SupplyBase):
             self._armed_bits = self._status() & PROTECTION_BITS
 
     def output_on(self) -> bool:
-        """Whether the output is on, from the status byte."""
+        """Read from the status byte whether the output is on."""
         return bool(self._status() & OUTPUT_BIT)
 
     def measure(self) -> Reading:
-        """Measure the output, to 1 mA and 10 mV."""
+        """Measure the output current (to 1 mA) and voltage (to 10 mV)."""
         return Reading(
             current_A=self._ask_value("IOUT1?", _AMPERES, "amperes such as 0.700"),
             voltage_V=self._ask_value("VOUT1?", _VOLTS, "volts such as 12.00"),
         )
 
     def check(self) -> None:
-        """Raise ProtectionTripped when the output went off by itself or a protection bit has come since."""
+        """Raise ProtectionTripped if the output went off without a command, or a protection bit appeared."""
         if not self._switched_on:
             return
         status = self._status()
@@ -103,7 +103,7 @@ class KoradSupply(SupplyBase):
         return self._ask("STATUS?", 1)[0]
 
     def _ask_value(self, question: str, form: re.Pattern[bytes], expected: str) -> float:
-        # ISET1? is answered with a sixth byte that means nothing; the next write throws it away.
+        # The answer to ISET1? has a meaningless sixth byte; the next write discards it.
         reply = self._ask(question, _VALUE_BYTES)
         if not form.fullmatch(reply):
             raise self._not_understood(question, reply, expected)

@@ -1,4 +1,4 @@
-"""What goes over the wire, for a maintainer: each message in the log, and a summary when the line is closed."""
+"""Write each message on a line to the log, and a summary when the line is closed."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ _log = logging.getLogger(__name__)
 
 
 def is_logged() -> bool:
-    """Return whether anybody wants to see it."""
+    """Return whether the level of the log includes messages of this module."""
     return _log.isEnabledFor(logging.INFO)
 
 
 class LoggedTransport:
-    """A transport that logs what goes over another one: messages at level DEBUG, faults and the summary at INFO."""
+    """Log the messages of another transport at level DEBUG, and its faults and a summary at level INFO."""
 
     def __init__(self, link: Transport, clock: Clock) -> None:
         self.address = link.address

@@ -1,7 +1,8 @@
-"""Switching off, and measuring that no current flows any more.
+"""Switch a supply off and measure that no current flows.
 
-A supply may say that its output is off while its regulator, which has failed, lets a current through. So off is what
-was measured: the current is below a limit, which is the largest current that a healthy unit shows when none flows.
+A supply with a failed regulator may report that its output is off while a current flows. A supply therefore counts as
+off only if its measured current is below a limit. The limit is the largest current that a healthy unit shows when no
+current flows.
 """
 
 from __future__ import annotations
@@ -12,18 +13,19 @@ from math import isnan
 from eimi_drivers.interfaces import Clock, Off, PowerSupply, Reading, SwitchOffFailed
 
 LEAST_OFF_A = 0.02
-"""The limit is no smaller than this, unless `Limits.off_below_A` says so."""
+"""The smallest limit (A), unless `Limits.off_below_A` is set."""
 
 DECAYS_WITHIN_S = 2.0
-"""The current of a coil and the charge of a supply's output capacitor have gone after this time."""
+"""Time (s) in which the current of a coil and the charge of a supply's output capacitor decay."""
 
 MEASURE_EVERY_S = 0.05
+"""Wait (s) between two measurements of the decaying current."""
 
 
 def off_limit_A(supply: PowerSupply) -> float:
     """Return the current (A) below which a supply counts as off.
 
-    It is `Limits.off_below_A`, or else the larger of `LEAST_OFF_A` and what a healthy unit of the family reads at zero.
+    This is `Limits.off_below_A` if it is set. Otherwise it is the larger of `LEAST_OFF_A` and `reads_zero_within_A`.
     """
     if supply.limits.off_below_A is not None:
         return supply.limits.off_below_A
@@ -31,7 +33,7 @@ def off_limit_A(supply: PowerSupply) -> float:
 
 
 def measured_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, name: str = "the supply") -> Off:
-    """Measure until the current is below `limit_A`, for `DECAYS_WITHIN_S` at most.
+    """Measure until the current is at most `limit_A`, for at most `DECAYS_WITHIN_S`.
 
     Parameters
     ----------
@@ -40,21 +42,21 @@ def measured_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, n
     limit_A : float
         The current (A) below which the supply counts as off.
     clock : Clock
-        The time of the supply.
+        The clock of the supply.
     name : str
         The supply's address, for the message.
 
     Returns
     -------
     Off
-        The current that was measured last, and the limit.
+        The last measured current, and the limit.
 
     Raises
     ------
     SwitchOffFailed
-        A current above the limit still flows. The error has the current and the limit.
+        A current above the limit still flows. The error contains the current and the limit.
     InstrumentError
-        The supply cannot be asked.
+        The supply does not answer.
     """
     began_s = clock.now()
     while True:
@@ -72,19 +74,26 @@ def measured_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, n
 
 
 def switch_off(supply: PowerSupply, clock: Clock) -> Off | None:
-    """Switch a supply off and measure that it is off, also if its driver's `safe_off` does not measure.
+    """Switch a supply off and measure its current, even if its driver's `safe_off` does not measure.
+
+    Parameters
+    ----------
+    supply : PowerSupply
+        The open supply.
+    clock : Clock
+        The clock of the supply.
 
     Returns
     -------
     Off or None
-        What was measured; None if the supply cannot measure and was switched off as commanded.
+        The measured current and the limit; None if the supply cannot measure a current.
 
     Raises
     ------
     SwitchOffFailed
         The supply could not be switched off, or a current still flows.
     InstrumentError
-        The driver does not measure in `safe_off`, and the supply cannot be asked.
+        The driver does not measure in `safe_off`, and the supply does not answer.
     """
     off = supply.safe_off()
     if isinstance(off, Off):

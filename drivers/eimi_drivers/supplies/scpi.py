@@ -1,6 +1,6 @@
-"""Supplies that speak SCPI (SCPI-99, volume 2), each family with the strings of its profile.
+"""Drive supplies that use SCPI (SCPI-99, volume 2); the profile of a family states its messages.
 
-*RST is never sent: some LAN supplies hang on it, and it would switch an output that somebody else has set up.
+``*RST`` is never sent: some LAN supplies hang on it, and it would switch outputs that another person has set up.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import re
 from typing import ClassVar
 
 from eimi_drivers.interfaces import Identity, InstrumentError, Reading, SetPointNotTaken
-from eimi_drivers.supplies.base import PROTECTION_MARGIN, STAYS_ON, WATCHDOG_S, SupplyBase
+from eimi_drivers.supplies.base import PROTECTION_MARGIN, STAYS_ON, WATCHDOG_S, SupplyBase, armed_in_words
 from eimi_drivers.supplies.scpi_profiles import Profile
 from eimi_drivers.supplies.transport import Transport, open_visa
 
@@ -22,30 +22,30 @@ _YES_OR_NO = {b"1": True, b"ON": True, b"YES": True, b"0": False, b"OFF": False,
 
 
 class ScpiSupply(SupplyBase):
-    """SCPI over VISA: socket, VXI-11, HiSLIP, USB or serial line, lines ending with a newline.
+    """Drive an SCPI supply over a socket, VXI-11, HiSLIP, USB or a serial line; every message ends with a newline.
 
-    Errors that the instrument's queue holds are raised by the first message after they arose, one left over
-    from before the connection included.
+    The first command that reads the instrument's error queue raises all errors in it, including those that were there
+    before the supply was opened.
     """
 
     profile: ClassVar[Profile]
 
     @classmethod
     def connect(cls, address: str) -> Transport:
-        """Open the VISA resource, or the serial line."""
+        """Open the VISA resource or the serial line."""
         return open_visa(address)
 
     @property
     def reads_zero_within_A(self) -> float:
-        """See `Profile.reads_zero_within_A`."""
+        """Return `Profile.reads_zero_within_A` of the family."""
         return self.profile.reads_zero_within_A
 
     def identify(self) -> Identity:
-        """Ask *IDN?."""
+        """Ask ``*IDN?``. Raises AnotherSupply if the identity has changed."""
         return self._identity(self._ask("*IDN?"))
 
     def output_on(self) -> bool:
-        """Whether the output is on, as the instrument says."""
+        """Ask the instrument whether its output is on."""
         if not self.profile.output_bit:
             return self._ask_whether(self.profile.output)
         reply = self._ask_channel(self.profile.output)
@@ -54,7 +54,7 @@ class ScpiSupply(SupplyBase):
         return bool(int(reply, 16) & self.profile.output_bit << (self._channel - 1))
 
     def measure(self) -> Reading:
-        """Measure the output."""
+        """Measure the output current and voltage."""
         return Reading(
             current_A=self._ask_value(self.profile.measure_current),
             voltage_V=self._ask_value(self.profile.measure_voltage),
@@ -76,7 +76,7 @@ class ScpiSupply(SupplyBase):
         return self._question(question.encode("ascii") + b"\n", LONGEST_LINE, b"\n", self.profile.query_delay_s)
 
     def _select(self) -> None:
-        # Before every message: somebody may have chosen another channel at the front panel.
+        # Before every message, because a person may have selected another channel at the front panel.
         if self.profile.select:
             self._send(self._fill(self.profile.select))
 
@@ -123,8 +123,23 @@ class ScpiSupply(SupplyBase):
         return ", ".join(words for bit, words in self.profile.trip_bits if register & bit)
 
     def _protect(self) -> None:
-        if self.profile.protect:
-            self._send_channel(*self.profile.protect)
+        if not self.profile.protect:
+            return
+        self._send_channel(*self.profile.protect)
+        self._raise_reported_errors()
+        for question, expected in self.profile.armed:
+            self._verify_protection(question, self._fill(expected))
+
+    def _verify_protection(self, question: str, expected: str) -> None:
+        if expected in {"0", "1"}:
+            if self._ask_whether(question) != (expected == "1"):
+                raise SetPointNotTaken(
+                    f"{self._link.address}: its own protection was not switched {'on' if expected == '1' else 'off'} "
+                    f"({self._fill(question)})"
+                )
+            return
+        level = float(expected)
+        self._verify_level(self._fill(question), level, level / PROTECTION_MARGIN, self._ask_value(question))
 
     def _arm_watchdog(self) -> None:
         watchdog = self.profile.watchdog
@@ -163,17 +178,18 @@ class ScpiSupply(SupplyBase):
 
 
 def scpi_driver(family: Profile) -> type[ScpiSupply]:
-    """The driver of a family of supplies."""
+    """Return the driver of a family of supplies."""
 
     class FamilySupply(ScpiSupply):
         __doc__ = ScpiSupply.__doc__
         name = family.driver
         profile = family
         channels = family.channels
+        protections = family.protections
         without_contact = (
             f"the supply's own watchdog switches every output off {WATCHDOG_S} s after the last message"
             if family.watchdog
             else STAYS_ON
-        )
+        ) + armed_in_words(family.protections)
 
     return FamilySupply

@@ -1,7 +1,7 @@
-"""What tells one family of SCPI supplies from another: the strings, and nothing else.
+"""State the messages of each family of SCPI supplies.
 
-`{value}` is a set-point, `{channel}` the channel in use, `{limit}` the driver's limit of the current, `{voltage}`
-and `{current}` its limits with `PROTECTION_MARGIN`.
+In a message ``{value}`` is a set-point, ``{channel}`` the channel in use and ``{limit}`` the driver's limit of the
+current. ``{voltage}`` and ``{current}`` are the driver's limits times `PROTECTION_MARGIN`.
 """
 
 from __future__ import annotations
@@ -11,10 +11,16 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True)
 class Watchdog:
-    """A timer in the supply that switches the output off when no message has come for `{seconds}`.
+    """State the messages of a timer in the supply that switches the output off without messages.
 
-    arm: sent one after the other. verify: questions, and the number that each must be answered with; None stands for
-    the seconds. disarm: sent once the output is off.
+    Parameters
+    ----------
+    arm : tuple of str
+        Messages that start the timer, sent in this order; ``{seconds}`` is its time.
+    verify : tuple of (str, float or None)
+        Queries, each with the number that must be answered; None stands for the seconds.
+    disarm : str
+        Message that stops the timer, sent after the output was switched off.
     """
 
     arm: tuple[str, ...]
@@ -24,18 +30,45 @@ class Watchdog:
 
 @dataclass(frozen=True)
 class Profile:
-    """The messages of one family.
+    """State the messages of one family.
 
-    driver: the name in a rig file. channels: the first and the last.
-    select: sent before every message that concerns a channel, where the family selects one at a time.
-    on, off: sent one after the other. protect: sent before `on`.
-    output: the question whether the output is on, answered 1 or 0, ON or OFF; with output_bit, a hexadecimal
-    status word, in which the bit of channel 1 is output_bit, and that of channel 2 the next.
-    trip: the questions whether a protection tripped, answered 1 or 0, YES or NO; none where there are none.
-    trip_register: a question answered with a number, of whose bits `trip_bits` tells those that are trips, in words.
-    query_delay_s: to wait between a question and reading its answer.
-    reads_zero_within_A: the fixed part of the family's accuracy of measured current. It is used only if it is above
-    20 mA, see `eimi_drivers.supplies.off`. 0 stands for an offset that is smaller, or that was not looked up.
+    Parameters
+    ----------
+    driver : str
+        The name in a rig file.
+    channels : tuple of int
+        The lowest and the highest channel.
+    select : str
+        Message that selects the channel, sent before every message that concerns a channel; empty if the family names
+        the channel in each message or has one channel.
+    set_voltage, voltage_set, set_current, current_set, measure_voltage, measure_current : str
+        The commands that set a quantity, and the queries for the set-points and the measured values.
+    protect : tuple of str
+        Messages that arm the supply's own protections, sent before `on`.
+    armed : tuple of (str, str)
+        Queries that read the protections back, each with the level or the switch (0 or 1) that must be answered.
+    protections : str
+        The armed protections in words, for the user.
+    on, off : tuple of str
+        Messages that switch the output, sent in this order.
+    output : str
+        The query whether the output is on, answered by 1 or 0, ON or OFF.
+    output_bit : int
+        If it is not 0, `output` is answered by a hexadecimal status word. This bit belongs to channel 1, and the next
+        higher bit to channel 2.
+    trip : tuple of str
+        The queries whether a protection tripped, answered by 1 or 0, YES or NO.
+    trip_register : str
+        A query that is answered by a number; `trip_bits` lists the bits that are trips, in words.
+    errors : str
+        The query for the oldest entry of the error queue.
+    query_delay_s : float
+        Wait between a query and reading its answer, s.
+    watchdog : Watchdog, optional
+        The supply's own watchdog.
+    reads_zero_within_A : float
+        The largest current (A) that a healthy unit shows when no current is set. It is used only if it is above 20 mA,
+        see `eimi_drivers.supplies.off`. The value 0 means that it is smaller, or that it was not looked up.
     """
 
     driver: str
@@ -48,6 +81,8 @@ class Profile:
     measure_voltage: str = "MEAS:VOLT?"
     measure_current: str = "MEAS:CURR?"
     protect: tuple[str, ...] = ()
+    armed: tuple[tuple[str, str], ...] = ()
+    protections: str = ""
     on: tuple[str, ...] = ("OUTP 1",)
     off: tuple[str, ...] = ("OUTP 0",)
     output: str = "OUTP?"
@@ -63,7 +98,12 @@ class Profile:
 
 GENERIC = Profile("scpi")
 
+OVER_VOLTAGE = "over-voltage protection 10 % above the limit"
+OVER_BOTH = "over-voltage and over-current protection 10 % above the limits"
+
 KEYSIGHT_E36312A = Profile(
+    # Keysight E36300 Series Programming Guide (E36311-90008), subsystems OUTPut and SOURce. Over-current protection is
+    # switched off, because it trips in constant current, in which a supply that feeds a coil always works.
     "keysight-e36312a",
     channels=(1, 3),
     set_voltage="VOLT {value}, (@{channel})",
@@ -72,15 +112,18 @@ KEYSIGHT_E36312A = Profile(
     current_set="CURR? (@{channel})",
     measure_voltage="MEAS:VOLT? (@{channel})",
     measure_current="MEAS:CURR? (@{channel})",
+    protect=("CURR:PROT:STAT 0, (@{channel})", "VOLT:PROT {voltage}, (@{channel})"),
+    armed=(("CURR:PROT:STAT? (@{channel})", "0"), ("VOLT:PROT? (@{channel})", "{voltage}")),
+    protections=OVER_VOLTAGE,
     on=("OUTP 1, (@{channel})",),
     off=("OUTP 0, (@{channel})",),
     output="OUTP? (@{channel})",
+    trip=("VOLT:PROT:TRIP? (@{channel})",),
 )
 
 KEYSIGHT_N6700 = replace(
-    # Keysight N6700C Operating and Service Guide: watchdog page 158, status bits page 309. Its protections restore the
-    # output as they are cleared, so that it is switched off before. Over-current protection would trip in constant
-    # current, where a coil always works.
+    # Keysight N6700C Operating and Service Guide: watchdog page 158, status bits page 309. Clearing a protection
+    # restores the output, so the output is switched off first.
     KEYSIGHT_E36312A,
     driver="keysight-n6700",
     channels=(1, 4),
@@ -90,6 +133,7 @@ KEYSIGHT_N6700 = replace(
         "CURR:PROT:STAT 0, (@{channel})",
         "VOLT:PROT {voltage}, (@{channel})",
     ),
+    trip=(),
     trip_register="STAT:QUES:COND? (@{channel})",
     trip_bits=(
         (1, "over-voltage protection tripped"),
@@ -108,9 +152,23 @@ KEYSIGHT_N6700 = replace(
     ),
 )
 
+KEYSIGHT_E3631A = Profile(
+    # Agilent E3631A User's Guide (E3631-90002, October 2007): ranges page 72, selection page 74, outputs page 77. One
+    # switch serves all outputs. Disabled outputs carry up to 60 mA in the opposite direction through a short circuit
+    # (page 77). Output 3 is negative and is not supported. The supply has no protection with a level.
+    "keysight-e3631a",
+    channels=(1, 2),
+    select="INST:NSEL {channel}",
+    on=("OUTP ON",),
+    off=("OUTP OFF",),
+    reads_zero_within_A=0.06,
+)
+
 KEYSIGHT_E364X = Profile(
-    "keysight-e364x",  # E3640A to E3649A have no CURR:PROT (Agilent E3640-90001, page 80 and after)
+    "keysight-e364x",  # E3640A to E3649A have no CURR:PROT (Agilent E3640-90001, pages 80 and 81)
     protect=("VOLT:PROT:CLE", "VOLT:PROT {voltage}", "VOLT:PROT:STAT ON"),
+    armed=(("VOLT:PROT?", "{voltage}"), ("VOLT:PROT:STAT?", "1")),
+    protections=OVER_VOLTAGE,
     trip=("VOLT:PROT:TRIP?",),
 )
 
@@ -120,10 +178,17 @@ KEYSIGHT_E3632A = Profile(
         *("CURR:PROT:CLE", "CURR:PROT {current}", "CURR:PROT:STAT ON"),
         *("VOLT:PROT:CLE", "VOLT:PROT {voltage}", "VOLT:PROT:STAT ON"),
     ),
+    armed=(
+        *(("CURR:PROT?", "{current}"), ("CURR:PROT:STAT?", "1")),
+        *(("VOLT:PROT?", "{voltage}"), ("VOLT:PROT:STAT?", "1")),
+    ),
+    protections=OVER_BOTH,
     trip=("CURR:PROT:TRIP?", "VOLT:PROT:TRIP?"),
 )
 
 RIGOL_DP800 = Profile(
+    # Rigol DP800 Programming Guide: over-current protection pages 2-56 and 2-57 (edition for the DP832A), over-voltage
+    # protection page 2-35 (first edition). Both are off unless they are switched on.
     "rigol-dp800",
     channels=(1, 3),
     select=":INST:NSEL {channel}",
@@ -133,11 +198,19 @@ RIGOL_DP800 = Profile(
     current_set=":SOUR:CURR?",
     measure_voltage=":MEAS:VOLT?",
     measure_current=":MEAS:CURR?",
-    protect=(":OUTP:OVP:VAL {voltage}", ":OUTP:OCP:VAL {current}", ":OUTP:OCP:STAT ON"),
+    protect=(
+        *(":OUTP:OVP:VAL {voltage}", ":OUTP:OVP:STAT ON"),
+        *(":OUTP:OCP:VAL {current}", ":OUTP:OCP:STAT ON"),
+    ),
+    armed=(
+        *((":OUTP:OVP:VAL?", "{voltage}"), (":OUTP:OVP:STAT?", "1")),
+        *((":OUTP:OCP:VAL?", "{current}"), (":OUTP:OCP:STAT?", "1")),
+    ),
+    protections=OVER_BOTH,
     on=(":OUTP ON",),
     off=(":OUTP OFF",),
     output=":OUTP?",
-    trip=(":OUTP:OCP:QUES?",),
+    trip=(":OUTP:OVP:QUES?", ":OUTP:OCP:QUES?"),
     errors=":SYST:ERR?",
 )
 
@@ -162,12 +235,14 @@ ROHDE_SCHWARZ_HMP = Profile(
     channels=(1, 4),
     select="INST:NSEL {channel}",
     protect=("VOLT:PROT:LEV {voltage}",),
+    armed=(("VOLT:PROT:LEV?", "{voltage}"),),
+    protections=OVER_VOLTAGE,
     on=("OUTP ON", "OUTP:GEN 1"),
-    off=("OUTP OFF",),  # OUTP:GEN 0 would switch the other channels off, too
+    off=("OUTP OFF",),  # OUTP:GEN 0 would also switch the other channels off
     trip=("VOLT:PROT:TRIP?",),
 )
 
 PROFILES = (
-    *(GENERIC, KEYSIGHT_E36312A, KEYSIGHT_N6700, KEYSIGHT_E3632A, KEYSIGHT_E364X),
+    *(GENERIC, KEYSIGHT_E36312A, KEYSIGHT_N6700, KEYSIGHT_E3631A, KEYSIGHT_E3632A, KEYSIGHT_E364X),
     *(RIGOL_DP800, SIGLENT_SPD, ROHDE_SCHWARZ_HMP),
 )

@@ -1,4 +1,4 @@
-"""Opening a supply by the name of its driver."""
+"""Open a supply by the name of its driver."""
 
 from __future__ import annotations
 
@@ -31,18 +31,28 @@ _OWN: tuple[type[SupplyBase], ...] = (
 SUPPLIES: Drivers[SupplyDriver] = Drivers(
     "supply", "eimi_drivers.supplies", {driver.name: driver for driver in _OWN}, reserved=("virtual",)
 )
-"""Every supply driver by name: those of this package, those of other installed packages, and those that are added."""
+"""Supply drivers by name: those of this package, of other installed packages, and those added by a program."""
 
 
 def supply_driver(driver: str) -> SupplyDriver:
-    """Return the driver of that name, checked as far as it can be without an instrument.
+    """Return the driver with this name; check its members as far as possible without an instrument.
+
+    Parameters
+    ----------
+    driver : str
+        A name in `SUPPLIES`.
+
+    Returns
+    -------
+    SupplyDriver
+        The driver.
 
     Raises
     ------
     UnknownDriver
-        There is no driver of that name.
+        No driver has this name.
     UnusableDriver
-        It cannot be imported, or lacks a member of `PowerSupply`.
+        The driver cannot be imported, or lacks a member of `PowerSupply`.
     """
     chosen = SUPPLIES[driver]
     check_supply_driver(driver, chosen)
@@ -50,7 +60,7 @@ def supply_driver(driver: str) -> SupplyDriver:
 
 
 def is_bipolar(driver: str) -> bool:
-    """Return whether the supplies of that driver can reverse their current. Raises as `supply_driver` does."""
+    """Return whether the supplies of this driver can reverse their current. See `supply_driver` for the errors."""
     return bool(getattr(supply_driver(driver), "bipolar", False))
 
 
@@ -62,35 +72,35 @@ def open_supply(
     transcript: Path | None = None,
     between_messages: Callable[[], None] | None = None,
 ) -> PowerSupply:
-    """Open the supply at an address. Nothing is sent: a supply that is on stays on.
+    """Open the supply at an address. No message is sent, so that a supply that is on stays on.
 
     Parameters
     ----------
     driver : str
         A name in `SUPPLIES`.
     address : str
-        A serial port or a VISA resource, as the driver takes it; `#2` at its end names the channel.
+        A serial port or a VISA resource, in the form that the driver expects; ``#2`` at its end selects channel 2.
     limits : Limits
-        The largest current (A) and voltage (V) that the supply may ever be asked for.
+        The largest permitted current (A) and voltage (V).
     clock : Clock, optional
-        The wall clock unless given.
+        The clock of the rig; the default is the wall clock.
     transcript : Path, optional
-        A new file for every exchange, see `transcript`.
+        A new file that records every message, see `eimi_drivers.supplies.transcript`.
     between_messages : callable, optional
-        Is called before each message to a supply whose driver has `connect`, and may raise, see
-        `InterruptibleTransport`. A supply without `connect` is never interrupted within a call.
+        Is called before each message to a supply whose driver has `connect`, and may raise an error, see
+        `InterruptibleTransport`. A call of a supply without `connect` is never interrupted.
 
     Returns
     -------
     PowerSupply
-        The open supply, which has every member of `PowerSupply`.
+        The open supply with every member of `PowerSupply`.
 
     Raises
     ------
     UnusableDriver
-        The driver is unknown, lacks a member, or has no `connect` where a transcript is asked for.
+        The driver is unknown or lacks a member; or a transcript is requested and the driver has no `connect`.
     InstrumentError
-        The address names a channel that there is not.
+        The family has no channel with the number in the address.
     InstrumentDisconnected
         The address cannot be opened.
     """
@@ -106,7 +116,7 @@ def open_with(
     transcript: Path | None = None,
     between_messages: Callable[[], None] | None = None,
 ) -> PowerSupply:
-    """Open a supply with a driver that needs no entry in `SUPPLIES`. See `open_supply`; `name` is for messages."""
+    """Open a supply with a driver that is not in `SUPPLIES`; `name` is used in messages. See `open_supply`."""
     check_supply_driver(name, driver)
     connect = getattr(driver, "connect", None)
     if connect is None and transcript is not None:

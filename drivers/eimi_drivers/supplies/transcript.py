@@ -1,13 +1,14 @@
-"""What went over the wire, written down as it happened, and played back in place of the instrument.
+r"""Record the messages on a line in a file, and play a recording back in place of the instrument.
 
-A line an event: seconds since the first, what it was, and the bytes as Python escapes them.
+Each line of the file is one event: the seconds since the first event, its kind, and the bytes in Python's escaped form.
 
     0.000000 open TCPIP::192.168.0.5::5025::SOCKET
-    0.000213 > MEAS:CURR?\\n
-    0.012400 < 0.7001\\n
+    0.000213 > MEAS:CURR?\n
+    0.012400 < 0.7001\n
     1.020113 <! InstrumentTimeout nothing came
 
-`>` is what was sent, `<` what was read, `>!` and `<!` the errors of either. So a lab can send us what its supply said.
+The kind is ``>`` for sent bytes, ``<`` for read bytes, and ``>!`` or ``<!`` for an error in that direction. A lab can
+attach such a file to a bug report.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ from eimi_drivers.supplies.transport import Transport
 
 
 class TranscriptMismatch(AssertionError):
-    """What a driver does is not what the transcript holds."""
+    """Report that a driver did something else than the transcript contains."""
 
 
 class RecordingTransport:
-    """A transport that writes down what goes over another one, each event on the disk before the next."""
+    """Record the messages of another transport; each event is on the disk before the next one."""
 
     def __init__(self, link: Transport, file: Path, clock: Clock) -> None:
-        """Begin a new file. Raises OSError."""
+        """Create the file, which must not exist. Raises OSError."""
         self.address = link.address
         self._link = link
         self._clock = clock
@@ -66,20 +67,20 @@ class RecordingTransport:
         return self._link.reopen()
 
     def close(self) -> None:
-        """Close both."""
+        """Close the line and the file."""
         self._link.close()
         self._file.close()
 
 
 class ReplayedTransport:
-    """A transport that answers from a transcript, in no time.
+    """Answer from a transcript without delay.
 
-    Raises TranscriptMismatch for a message that differs from the transcript's next, and for a read that it does not
-    hold; `assert_complete` for what is left over. A fault that it holds is raised again.
+    A message that differs from the next one of the transcript raises TranscriptMismatch, and so does a read that the
+    transcript does not contain. `assert_complete` reports events that did not happen. A recorded error is raised again.
     """
 
     def __init__(self, file: Path) -> None:
-        """Read a transcript. Raises ValueError naming a line that is none."""
+        """Read a transcript. Raises ValueError, which names the line that is no event."""
         self.address = ""
         self._events: list[tuple[int, str, str]] = []
         for number, line in enumerate(file.read_text(encoding="ascii").splitlines(), start=1):
@@ -93,11 +94,11 @@ class ReplayedTransport:
         self._next = 0
 
     def _take(self, kind: str, doing: str) -> tuple[int, str] | None:
-        """Line and text of the next event where it is of that kind."""
+        """Return line number and text of the next event; None if it is of another kind."""
         if self._next == len(self._events):
             raise TranscriptMismatch(f"{doing} after the end of the transcript")
-        number, found, text = self._events[self._next]
-        if found != kind:
+        number, next_kind, text = self._events[self._next]
+        if next_kind != kind:
             return None
         self._next += 1
         return number, text
@@ -130,25 +131,25 @@ class ReplayedTransport:
         return unescaped(received[1])
 
     def reopen(self) -> bool:
-        """See `Transport.reopen`. There is no other line."""
+        """Return False: a transcript cannot be reopened."""
         return False
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Do nothing: there is no line to release."""
 
     def assert_complete(self) -> None:
-        """Raise TranscriptMismatch where something of the transcript never happened."""
+        """Raise TranscriptMismatch if an event of the transcript did not happen."""
         if self._next < len(self._events):
             number, kind, text = self._events[self._next]
-            left = len(self._events) - self._next
-            raise TranscriptMismatch(f"{left} events never came, the first in line {number}: {kind} {text}")
+            count = len(self._events) - self._next
+            raise TranscriptMismatch(f"{count} events never came, the first in line {number}: {kind} {text}")
 
 
 def escaped(raw: bytes) -> str:
-    """Bytes on one line of ASCII."""
+    """Return bytes as one line of ASCII text."""
     return raw.decode("latin-1").encode("unicode_escape").decode("ascii")
 
 
 def unescaped(text: str) -> bytes:
-    """The inverse of `escaped`."""
+    """Return the bytes of a text that `escaped` returned."""
     return text.encode("ascii").decode("unicode_escape").encode("latin-1")

@@ -1,7 +1,7 @@
-"""How bytes reach an instrument: a serial line, VISA, or an emulator in the same process.
+"""Exchange bytes with an instrument over a serial line, over VISA, or with an emulator in the same process.
 
-Every failure of the operating system, of pyserial or of VISA comes out as one of the errors of
-`eimi_drivers.interfaces`, with the address in the message and the original as its cause.
+Every error of the operating system, of pyserial or of VISA is raised as an error of `eimi_drivers.interfaces`. Its
+message contains the address, and its cause is the original error.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _sharing = False
 
 
 def share_ports() -> None:
-    """From here on this process opens ports that another one has locked: for one that has to switch off."""
+    """Let this process open ports that another process has locked, so that it can switch a supply off."""
     global _sharing
     _sharing = True
 
@@ -39,31 +39,29 @@ OPEN_TIMEOUT_S = 3.0
 _VISA_SERIAL = re.compile(r"ASRL(.+?)(?:::INSTR)?", re.IGNORECASE)
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 SERIAL_URLS = ("socket://", "rfc2217://")
-"""The pyserial URLs that are opened. Others can do other things: `spy://` overwrites the file that it is given."""
+"""The permitted pyserial URLs. Others can do harm: ``spy://`` overwrites the file that it names."""
 _CHANNEL = re.compile(r"(.*)#(\d{1,3})")
 
 
 class Transport(Protocol):
-    """A two-way stream of bytes to one instrument.
-
-    address: as the rig file has it. A channel in it, `#2` at its end, is the driver's concern.
-    """
+    """Define a line that carries bytes to and from one instrument."""
 
     address: str
+    """The address in the rig file. A channel at its end, such as ``#2``, is evaluated by the driver."""
 
     def write(self, message: bytes) -> None:
-        """Throw away what earlier questions left unread, then send the whole message."""
+        """Discard all unread bytes, then send the whole message."""
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Read `size` bytes, or fewer when the byte `end` comes before.
+        """Read `size` bytes, or fewer if the byte `end` arrives first.
 
-        Raises InstrumentTimeout when neither has come within `timeout_s`.
+        Raises InstrumentTimeout if neither happens within `timeout_s`.
         """
 
     def reopen(self) -> bool:
-        """Close and open anew, for a line that has failed; False if it stays as it was. Raises InstrumentError.
+        """Close and reopen a line that has failed; return False if it cannot be reopened. Raises InstrumentError.
 
-        Whoever opens a line anew asks who is there: the address may lead to another instrument by then.
+        The address may meanwhile lead to another instrument. The caller must therefore ask for the identity again.
         """
 
     def close(self) -> None:
@@ -71,7 +69,7 @@ class Transport(Protocol):
 
 
 def split_address(address: str) -> tuple[str, int | None]:
-    """Where the instrument is, and the channel that `#2` at the end names; None without one."""
+    """Split an address into the place and the channel that ``#2`` at its end names, or None."""
     match = _CHANNEL.fullmatch(address)
     return (match[1], int(match[2])) if match else (address, None)
 
@@ -86,7 +84,7 @@ def usb_serial_number(address: str) -> str:
     name = f"COM{port}" if port.isdecimal() else os.path.realpath(port)
     if "://" in port or "::" in port or name.startswith("/dev/pts/"):
         return ""
-    return next((str(found.serial_number or "") for found in list_ports.comports() if found.device == name), "")
+    return next((str(device.serial_number or "") for device in list_ports.comports() if device.device == name), "")
 
 
 def check_address(address: str) -> None:
@@ -100,16 +98,22 @@ def check_address(address: str) -> None:
 
 
 def _no_answer(address: str, timeout_s: float, received: bytes = b"") -> InstrumentTimeout:
-    found = f"only {received!r} came" if received else "nothing came"
-    return InstrumentTimeout(f"{address}: no complete answer within {timeout_s:g} s ({found})")
+    detail = f"only {received!r} came" if received else "nothing came"
+    return InstrumentTimeout(f"{address}: no complete answer within {timeout_s:g} s ({detail})")
 
 
 class SerialTransport:
-    """A serial port (8 data bits, no parity, 1 stop bit) through pyserial.
+    """Exchange bytes over a serial port (8 data bits, no parity, 1 stop bit) with pyserial.
 
-    The address is a port such as `/dev/ttyUSB0` or `COM3`, the same as VISA writes it (`ASRL/dev/ttyUSB0::INSTR`,
-    `ASRL3::INSTR`), or a pyserial URL such as `socket://host:port`. The port is locked, so that two programs cannot
-    talk to one supply at once.
+    The port is locked, so that two programs cannot use one supply at the same time.
+
+    Parameters
+    ----------
+    address : str
+        A port such as ``/dev/ttyUSB0`` or ``COM3``, a port in the notation of VISA (``ASRL/dev/ttyUSB0::INSTR``,
+        ``ASRL3::INSTR``), or a pyserial URL such as ``socket://host:port``.
+    baud_rate : int
+        The speed of the line, bit/s.
     """
 
     def __init__(self, address: str, baud_rate: int = 9600) -> None:
@@ -132,7 +136,7 @@ class SerialTransport:
             )
 
     def reopen(self) -> bool:
-        """See `Transport.reopen`. Not a pseudo-terminal: one that is gone may be another program's by now."""
+        """See `Transport.reopen`. A pseudo-terminal is not reopened: its name may belong to another program by then."""
         if "/dev/pts/" in self.address:
             return False
         with suppress(InstrumentError):
@@ -146,9 +150,9 @@ class SerialTransport:
             yield
         except serial.SerialTimeoutException as error:
             raise InstrumentTimeout(f"{self.address}: the port takes no more bytes") from error
-        except (OSError, TerminalError) as error:  # SerialException is an OSError; termios' own error is none
+        except (OSError, TerminalError) as error:  # SerialException is an OSError; TerminalError is not
             raise InstrumentDisconnected(f"{self.address}: {error}") from error
-        except (TypeError, AttributeError) as error:  # what pyserial raises on a port that it could not open anew
+        except (TypeError, AttributeError) as error:  # pyserial raises them on a port that it could not reopen
             raise InstrumentDisconnected(f"{self.address}: the port is not open") from error
         except ValueError as error:
             raise InstrumentError(f"{self.address}: {error}") from error
@@ -156,8 +160,8 @@ class SerialTransport:
     def write(self, message: bytes) -> None:
         """See `Transport.write`."""
         with self._errors_named():
-            # Not reset_input_buffer(): it raises termios.error, which is no OSError, on a port that is gone.
-            while waiting := self._port.in_waiting:  # of a socket:// URL never more than 1
+            # Not reset_input_buffer(): on a port that no longer exists it raises termios.error, which is no OSError.
+            while waiting := self._port.in_waiting:  # at most 1 for a socket:// URL
                 self._port.read(waiting)
             self._port.write(message)
 
@@ -177,14 +181,14 @@ class SerialTransport:
 
 
 def visa_library() -> str:
-    """The VISA library to use, as PyVISA writes it."""
+    """Return the name of the VISA library in PyVISA's notation."""
     return os.environ.get("PYVISA_LIBRARY", "@py")
 
 
 def open_visa(address: str) -> Transport:
-    """A VISA resource, or a bare serial port. Raises InstrumentError.
+    """Open a VISA resource or a bare serial port. Raises InstrumentError.
 
-    A serial line needs no VISA where that is pyvisa-py, which does not lock it.
+    If the VISA library is pyvisa-py, which does not lock serial ports, a serial port is opened with pyserial instead.
     """
     place = split_address(address)[0]
     is_serial = "::" not in place or _VISA_SERIAL.fullmatch(place) is not None
@@ -192,11 +196,15 @@ def open_visa(address: str) -> Transport:
 
 
 class VisaTransport:
-    """Any VISA resource through PyVISA, with its backend in Python, `@py`: no vendor library is needed.
+    """Exchange bytes with a VISA resource through PyVISA.
 
-    Where one is installed, the environment variable PYVISA_LIBRARY (PyVISA's own) chooses it: `@ivi`.
-    `TCPIP::host::port::SOCKET`, `TCPIP::host::INSTR`, `USB0::…::INSTR` (needs PyUSB). A line that has failed stays
-    closed until `reopen`.
+    The default library is pyvisa-py (``@py``), which needs no library of a vendor. The environment variable
+    PYVISA_LIBRARY selects another one, such as ``@ivi``. A line that has failed stays closed until `reopen`.
+
+    Parameters
+    ----------
+    address : str
+        A resource such as ``TCPIP::host::port::SOCKET``, ``TCPIP::host::INSTR`` or ``USB0::…::INSTR`` (needs PyUSB).
     """
 
     def __init__(self, address: str) -> None:
@@ -213,15 +221,15 @@ class VisaTransport:
             self._resource: Any = pyvisa.ResourceManager(visa_library()).open_resource(
                 name, open_timeout=round(OPEN_TIMEOUT_S * 1000)
             )
-        except Exception as error:  # the backend raises bare Exception for a host that it cannot reach
+        except Exception as error:  # pyvisa-py raises a bare Exception for an unreachable host
             raise InstrumentDisconnected(
                 f"{self.address}: cannot be opened: {error or type(error).__name__}"
             ) from error
-        # Sockets and serial lines are streams: a late answer to an earlier question is still in there. The
-        # other resources keep messages apart, and reading when nothing was asked is an error to them.
+        # Sockets and serial lines are streams, in which a late answer to an earlier query remains. The other resources
+        # separate messages, and a read without a query is an error for them.
         self._is_stream = name.upper().startswith("ASRL") or name.upper().endswith("::SOCKET")
         try:
-            self._discard_unread()  # a refused TCP connection shows at the first transfer, not at opening
+            self._discard_unread()  # a refused TCP connection is reported at the first transfer
         except InstrumentError:
             with suppress(InstrumentError):
                 self.close()
@@ -246,7 +254,7 @@ class VisaTransport:
                 raise _no_answer(self.address, timeout_s) from error
             self._failed = True
             raise InstrumentDisconnected(f"{self.address}: {error}") from error
-        except Exception as error:  # a dropped HiSLIP link is a RuntimeError, VXI-11 has exceptions of its own
+        except Exception as error:  # HiSLIP raises RuntimeError, VXI-11 its own exceptions
             self._failed = True
             raise InstrumentDisconnected(f"{self.address}: {error or type(error).__name__}") from error
 
@@ -284,7 +292,10 @@ class VisaTransport:
 
 
 def _wait_by_the_monotonic_clock() -> None:
-    """pyvisa-py ends its waits by the wall clock: one that is set back makes them last as much longer."""
+    """Make pyvisa-py measure its timeouts with the monotonic clock.
+
+    It uses the wall clock. If that clock is set back, a timeout is extended by the same amount.
+    """
     from pyvisa_py import sessions, tcpip
     from pyvisa_py.protocols import rpc
 
@@ -293,16 +304,28 @@ def _wait_by_the_monotonic_clock() -> None:
 
 
 class Responder(Protocol):
-    """What plays an instrument: takes bytes and answers with bytes (none where an instrument is silent)."""
+    """Define an object that replaces an instrument: it receives bytes and returns the answer as bytes."""
 
     def receive(self, data: bytes) -> bytes:
-        """Take what was sent and return the answer. Raises ConnectionError when the line is cut."""
+        """Receive a message and return the answer, empty if there is none. Raises ConnectionError on a cut line."""
 
 
 class InProcessTransport:
-    """Straight to an emulator in the same process; waiting takes the clock's time, not real time.
+    """Exchange bytes with an emulator in the same process; waits use the time of the clock.
 
-    sent: every message so far, the exact bytes.
+    Parameters
+    ----------
+    responder : Responder
+        The emulator.
+    clock : Clock
+        The clock of the emulator.
+    address : str
+        The address in messages.
+
+    Attributes
+    ----------
+    sent : list of bytes
+        Every message that was sent.
     """
 
     def __init__(self, responder: Responder, clock: Clock, address: str = "in-process") -> None:
@@ -325,7 +348,7 @@ class InProcessTransport:
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
         """See `Transport.read`."""
-        if self._answered_after_s > timeout_s:  # it came, but too late
+        if self._answered_after_s > timeout_s:  # the answer arrived too late
             raise _no_answer(self.address, timeout_s)
         place = self._unread.find(end) if end else -1
         length = min(size, place + 1) if place >= 0 else size
@@ -336,8 +359,8 @@ class InProcessTransport:
         return received
 
     def reopen(self) -> bool:
-        """See `Transport.reopen`. There is no other line."""
+        """Return False: an emulator in the same process cannot be reopened."""
         return False
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Do nothing: there is no line to release."""
