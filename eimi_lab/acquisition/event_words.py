@@ -1,4 +1,4 @@
-"""Events in English, for a person: the one place where an event becomes words. No program reads them."""
+"""Describe events in English for a person. Programs use the fields of an event and never read these sentences."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ from eimi_lab.acquisition.events import (
 from eimi_lab.acquisition.guardian import STILL_FOR_S
 from eimi_lab.process.errors import tell
 
-SEEN_PX = 0.2
-"""A tip that moves by less is said to have stayed: its corners are found to about a tenth of a pixel."""
+VISIBLE_MOTION_PX = 0.2
+"""Smallest reported motion of the tip; its corners are located to about a tenth of a pixel."""
 
 _TAKEOVER: dict[Takeover, str] = {
     "run_died": "the run died",
@@ -48,9 +48,9 @@ _REMARKS = (ConditioningDone, PauseRequested, Paused, Resumed, SuspendRefused, P
 
 
 def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = tell) -> OnEvent:
-    """Return a listener that gives `report` the words of each state, and `remark` what else a person should know.
+    """Return a listener that passes the words of each state to `report`, and those of other events to `remark`.
 
-    An error that ends the run, and a coil that may be on, are told by whoever catches the exception.
+    It does not print an error that ends the run, or a coil that may be on: the caller that catches the exception does.
     """
 
     def listen(event: Event) -> None:
@@ -68,13 +68,13 @@ def _left_unfinished(event: Event) -> bool:
 
 @singledispatch
 def in_words(event: Event) -> str:
-    """Return a sentence, without a full stop, that says the event to a person."""
+    """Return a sentence, without a full stop, that describes the event."""
     raise TypeError(f"no words for {type(event).__name__}")
 
 
 @in_words.register
 def _(event: RunBegun) -> str:
-    how = "goes on" if event.resumes else "begins"
+    how = "continues" if event.resumes else "begins"
     return f"the run {how}: {event.protocol} on {event.specimen} with rig {event.rig}, {event.states} states"
 
 
@@ -92,13 +92,13 @@ def _change(change: ShapeChange) -> str:
     then = f"in cycle {change.since_cycle}" if change.since_cycle else "before cycle 1"
     if change.tip_moved_px is None:
         shape = (
-            f"no tip is found; the image differs from that {then} by {change.difference_ratio:.3g} times what noise "
-            "alone would"
+            f"no tip is visible; the image differs from the image {then} by {change.difference_ratio:.3g} times the "
+            "difference due to noise"
         )
-    elif change.tip_moved_px < SEEN_PX:
-        shape = f"the tip is where it was {then}, to {SEEN_PX} px"
+    elif change.tip_moved_px < VISIBLE_MOTION_PX:
+        shape = f"the tip is within {VISIBLE_MOTION_PX} px of its position {then}"
     else:
-        shape = f"the tip is {change.tip_moved_mm:.3g} mm ({change.tip_moved_px:.1f} px) from where it was {then}"
+        shape = f"the tip is {change.tip_moved_mm:.3g} mm ({change.tip_moved_px:.1f} px) from its position {then}"
     return f"at {change.current_A:g} A {shape}"
 
 
@@ -127,28 +127,28 @@ def _(event: PauseRequested) -> str:
 def _(event: Paused) -> str:
     return (
         f"paused before state {event.state}: the coil is off, and {event.state} of {event.states} states are in "
-        f"{event.dataset}; Enter goes on, Ctrl-C ends the run"
+        f"{event.dataset}; Enter continues the run, Ctrl-C ends it"
     )
 
 
 @in_words.register
 def _(event: Resumed) -> str:
-    return "the run goes on, through the states before"
+    return "the run continues; it first passes through the previous states"
 
 
 @in_words.register
 def _(event: StopRequested) -> str:
-    return f"asked to stop by {event.signal}"
+    return f"the run was asked to stop by {event.signal}"
 
 
 @in_words.register
 def _(event: SuspendRefused) -> str:
-    return "Ctrl-Z is refused, since the coil would stay on; Ctrl-C ends the run with the coil off"
+    return "Ctrl-Z is refused, because the coil would stay on; Ctrl-C ends the run with the coil off"
 
 
 @in_words.register
 def _(event: PageGone) -> str:
-    return "the page is gone; the run ends, coil off"
+    return "the page is gone; the run ends with the coil off"
 
 
 @in_words.register
@@ -177,41 +177,41 @@ def _(event: OffNotConfirmed) -> str:
     measured = "" if event.current_A is None else f": {event.current_A:.2f} A measured"
     words = f"{why}THE COIL MAY STILL BE ON{measured}, switch it off by hand"
     if event.trying_process is not None:
-        words += f"; process {event.trying_process} goes on trying"
+        words += f"; process {event.trying_process} continues to try"
     elif event.takeover:
-        words += ", nobody tries any more"
+        words += ", no process tries any more"
     return f"{words}: {event.reason}" if event.reason else words
 
 
 @in_words.register
 def _(event: GuardianTookOver) -> str:
-    return f"{_why(event.takeover)}; {event.address}: its guardian switches the coil off"
+    return f"{_why(event.takeover)}; {event.address}: the guardian process switches the coil off"
 
 
 @in_words.register
 def _(event: RunKilled) -> str:
-    return f"{_why('run_stood_still')} and holds the line to {event.address}: it is ended ({event.reason})"
+    return f"{_why('run_stood_still')} and holds the line to {event.address}; the run is killed ({event.reason})"
 
 
 @in_words.register
 def _(event: EmulatedSupplyGone) -> str:
-    return f"{_why(event.takeover)}; {event.address} is gone, and the emulated supply with it"
+    return f"{_why(event.takeover)}; {event.address} does not exist any more, nor does its emulated supply"
 
 
 @in_words.register
 def _(event: RunEnded) -> str:
     if not event.stored:
-        return "no state was stored yet, so that there is no file"
+        return "no state was stored, so there is no file"
     if event.stored == event.states:
         return f"all {event.states} states are in {event.dataset}"
     return (
-        f"{event.stored} of {event.states} states are in {event.dataset}, and the same command with --resume goes on "
-        "from there"
+        f"{event.stored} of {event.states} states are in {event.dataset}; the same command with --resume continues the "
+        "run"
     )
 
 
 def left_behind(off: OffConfirmed | None, ended: RunEnded) -> str:
-    """Return what a run that was asked to stop leaves behind, for the words of `Stopped`."""
+    """Return the state of coil and dataset after a run that was asked to stop, for the message of `Stopped`."""
     return f"{in_words(off)}; {in_words(ended)}" if off else in_words(ended)
 
 
@@ -224,7 +224,7 @@ def _how_off(event: OffConfirmed) -> str:
 
 
 def off_after(off: OffConfirmed | OffNotConfirmed | None, seconds: float) -> str:
-    """Return the answer to a person who asked for the coil to be switched off. off: the last event of the coil."""
+    """Return the confirmation for a person who switched the coil off. off: the last event of the coil."""
     how = f", {_how_off(off)}" if isinstance(off, OffConfirmed) else ""
     return f"the coil is off, confirmed after {seconds:.2f} s{how}"
 

@@ -1,8 +1,8 @@
-"""What happens in a run: one dataclass for each thing, sent by the run and its guardian to whoever listens.
+"""Events of a run: one dataclass for each kind of event, sent by the run and by its guardian to their listeners.
 
-Listeners decide by the type of an event and by its fields, never by words. `event_words` says an event in English;
-`event_lines` writes it as a line of JSON and reads it back. Units are in the names of the fields. Times are seconds
-since 1970-01-01 UTC by the clock of the computer. Currents are in ampere.
+Listeners use the type and the fields of an event, never its words. `event_words` describes an event in English, and
+`event_lines` writes and reads it as a line of JSON. Units are in the names of the fields. Times are seconds since
+1970-01-01 UTC, from the clock of the computer. Currents are in ampere.
 """
 
 from __future__ import annotations
@@ -20,28 +20,29 @@ Takeover = Literal["run_died", "run_stood_still", "run_could_not_switch_off"]
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that happened at `time_s`. event: its name in JSON, which never changes."""
+    """An event at `time_s`. event: its name in JSON, which never changes."""
 
     event: ClassVar[str]
     time_s: float = field(default_factory=time.time, compare=False)
 
 
-FOUND_OFF = "; the output was found off when the line was opened anew"
+FOUND_OFF = "; the output was already off when the connection was opened again"
 
 OnEvent = Callable[[Event], None]
-"""Is given every event, in the thread of the run: it has to return at once, and an error in it ends the run."""
+"""Receives every event in the thread of the run. It must return at once, and an error in it ends the run."""
 
 
-def unheard(event: Event) -> None:
-    """Listen to nothing."""
+def ignore_event(event: Event) -> None:
+    """Do nothing with an event."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunBegun(Event):
-    """A run begins; no instrument was asked yet.
+    """A run begins; it has not used any instrument yet.
 
-    without_contact: what becomes of the coil when the cable is pulled, in the driver's words; empty where the coil is
-    simulated. hottest_share: the most heat that the coil will hold, as a share of what it bears; null if not rated.
+    without_contact: state of the coil after its cable is pulled, in the words of the driver; empty if the coil is
+    simulated. hottest_share: largest predicted heat of the coil, as a fraction of the allowed heat; null if the rig
+    states no rating.
     """
 
     event: ClassVar[str] = "run_begun"
@@ -59,7 +60,7 @@ class RunBegun(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class OutputSwitched(Event):
-    """The output of the supply was switched on or off, and the supply read it back."""
+    """The output of the supply was switched on or off, and the read-back confirmed it."""
 
     event: ClassVar[str] = "output_switched"
     on: bool
@@ -67,10 +68,11 @@ class OutputSwitched(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class ShapeChange:
-    """How far a beam at rest moved from one conditioning cycle to the last, at one current.
+    """Motion of the beam at rest between an earlier conditioning cycle and the last one, at one current.
 
-    since_cycle: the cycle compared with; 0 is before the first. tip_moved_px, tip_moved_mm: null where no tip is found;
-    then difference_ratio is the difference of the images over what noise alone would make.
+    since_cycle: the earlier cycle; 0 means before the first cycle. tip_moved_px, tip_moved_mm: motion of the tip; null
+    if no tip is visible. difference_ratio: without a tip, the difference of the images divided by the difference due to
+    noise; otherwise null.
     """
 
     current_A: float
@@ -82,7 +84,7 @@ class ShapeChange:
 
 @dataclass(frozen=True, kw_only=True)
 class ConditioningDone(Event):
-    """The conditioning cycles are over; how far they changed the beam at each current."""
+    """The conditioning cycles are over. changes: the change of the beam at each current."""
 
     event: ClassVar[str] = "conditioning_done"
     cycles: int
@@ -91,7 +93,7 @@ class ConditioningDone(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Settled(Event):
-    """The wait for the beam of a state is over: it is at rest, or the time allowed was used up."""
+    """The wait for the beam of a state is over. at_rest: false if the beam was still moving then."""
 
     event: ClassVar[str] = "settled"
     state: int
@@ -101,7 +103,7 @@ class Settled(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class StateStored(Event):
-    """A state is in the dataset, on the disk. flags: the names of what is wrong with its frames."""
+    """A state was written to the dataset on the disk. flags: names of the defects of its frames."""
 
     event: ClassVar[str] = "state_stored"
     state: int
@@ -112,7 +114,7 @@ class StateStored(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class StateStoredBefore(Event):
-    """A resumed run found this state in the dataset and does not take it again."""
+    """The dataset of a resumed run contains this state already; it is not taken again."""
 
     event: ClassVar[str] = "state_stored_before"
     state: int
@@ -121,7 +123,7 @@ class StateStoredBefore(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class PauseRequested(Event):
-    """A person asked for a pause; it begins once the state under way is stored."""
+    """A person asked for a pause, which begins once the present state is stored."""
 
     event: ClassVar[str] = "pause_requested"
 
@@ -138,7 +140,7 @@ class Paused(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Resumed(Event):
-    """The pause is over; the run comes back to `state` through those before it."""
+    """The pause is over; the run returns to `state` through the states before it."""
 
     event: ClassVar[str] = "resumed"
     state: int
@@ -146,7 +148,7 @@ class Resumed(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class StopRequested(Event):
-    """A signal asked the run to stop, and the run heeds it. signal: its name, such as SIGINT."""
+    """A signal asked the run to stop, and the run stops. signal: its name, such as SIGINT."""
 
     event: ClassVar[str] = "stop_requested"
     signal: str
@@ -161,14 +163,14 @@ class SuspendRefused(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class PageGone(Event):
-    """The page that began the run is gone; the run stops."""
+    """The page that started the run is gone; the run stops."""
 
     event: ClassVar[str] = "page_gone"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Warned(Event):
-    """Something that a person should know and that does not end the run. message: in words, for a person alone."""
+    """A warning, which does not end the run. message: text for a person."""
 
     event: ClassVar[str] = "warned"
     message: str
@@ -176,7 +178,7 @@ class Warned(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Fault(Event):
-    """An error ends the run. kind: the type of the error. message: in words, for a person alone."""
+    """An error ends the run. kind: the type of the error. message: text for a person."""
 
     event: ClassVar[str] = "fault"
     kind: str
@@ -187,10 +189,11 @@ class Fault(Event):
 class OffConfirmed(Event):
     """The coil is off.
 
-    by: who switched it off. determined_by: "commanded" where the supply reads back zero and off, "measured" where a
-    measured current is below the limit as well. current_A, limit_A: that current and that limit; null if not measured.
-    takeover: why the guardian did it; null where the run did. run_killed: whether the guardian ended the run for that.
-    address: of the supply; empty where the run did it. remark: what did not go well on the way, in words; mostly empty.
+    by: the process that switched it off. determined_by: "commanded" if the supply reads back zero and off, "measured"
+    if a measured current is also below the limit. current_A, limit_A: this current and this limit; null if not
+    measured. takeover: reason why the guardian switched off; null if the run did. run_killed: whether the guardian
+    killed the run for this. address: address of the supply; empty if the run switched off. remark: failures on the way,
+    in words; usually empty.
     """
 
     event: ClassVar[str] = "off_confirmed"
@@ -212,7 +215,7 @@ def off_confirmed(
     address: str = "",
     remark: str = "",
 ) -> OffConfirmed:
-    """Return the event of a coil that is off. off: what was measured; None if the supply cannot measure."""
+    """Return the event of a coil that is off. off: the measured current; None if the supply cannot measure."""
     return OffConfirmed(
         by=by,
         determined_by="commanded" if off is None else "measured",
@@ -227,11 +230,11 @@ def off_confirmed(
 
 @dataclass(frozen=True, kw_only=True)
 class OffNotConfirmed(Event):
-    """Nobody knows that the coil is off: it may still be on.
+    """The coil could not be confirmed off: it may still be on.
 
-    reason: in words, for a person alone. current_A, limit_A: the current measured and the limit it was compared with;
-    null if not measured. trying_process: the process that goes on trying; null where nobody does. The other fields are
-    those of `off_confirmed`.
+    reason: text for a person. current_A, limit_A: the measured current and the limit with which it was compared; null
+    if not measured. trying_process: number of the process that continues to try; null if there is none. The other
+    fields are those of `off_confirmed`.
     """
 
     event: ClassVar[str] = "off_not_confirmed"
@@ -246,7 +249,7 @@ class OffNotConfirmed(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class GuardianTookOver(Event):
-    """The guardian begins to switch the coil off in place of the run."""
+    """The guardian begins to switch the coil off, instead of the run."""
 
     event: ClassVar[str] = "guardian_took_over"
     takeover: Takeover
@@ -255,7 +258,7 @@ class GuardianTookOver(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class RunKilled(Event):
-    """The guardian ends the run, which stands still and holds the line to the supply. reason: in words."""
+    """The guardian kills the run, which stands still and holds the line to the supply. reason: text for a person."""
 
     event: ClassVar[str] = "run_killed"
     address: str
@@ -264,7 +267,7 @@ class RunKilled(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class EmulatedSupplyGone(Event):
-    """The guardian found the emulated supply gone with its pseudo-terminal: there is nothing to switch off."""
+    """The emulated supply and its pseudo-terminal do not exist any more: the guardian has nothing to switch off."""
 
     event: ClassVar[str] = "emulated_supply_gone"
     takeover: Takeover
@@ -275,8 +278,8 @@ class EmulatedSupplyGone(Event):
 class RunEnded(Event):
     """The run is over.
 
-    reason: the name of the signal that stopped it or the type of the error; empty for "completed". stored: the states
-    in the dataset, of `states`; null where the run failed before its first state could be taken.
+    reason: the name of the signal that stopped it or the type of the error; empty for "completed". stored: number of
+    states in the dataset, out of `states`; null if the run failed before its first state could be taken.
     """
 
     event: ClassVar[str] = "run_ended"

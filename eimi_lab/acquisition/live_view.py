@@ -1,4 +1,4 @@
-"""A look at what the camera sees while a run goes on."""
+"""Show the frames of the camera during a run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from eimi_lab.acquisition.playback import Cue
 
 @dataclass(frozen=True)
 class Live:
-    """The latest frame, and the state and current (A) that the run is at; None before the first."""
+    """The latest frame, with the present state and set-point (A) of the run; None before the first state."""
 
     frame: Frame
     state: int | None
@@ -22,14 +22,22 @@ class Live:
 Show = Callable[[Live], None]
 
 
-def show_nobody(live: Live) -> None:
-    """For a run that nobody watches."""
+def show_nothing(live: Live) -> None:
+    """Do nothing; the `Show` of a run without a viewer."""
 
 
 class WatchedCamera:
-    """A camera that shows every frame on its way to the run.
+    """A camera that passes every frame to `show` before it returns it.
 
-    `show` is called in the run's own thread: it must be quick, and an error in it ends the run.
+    Parameters
+    ----------
+    camera : Camera
+        Takes the frames.
+    show : Show
+        Receives every frame. It is called in the thread of the run: it must return quickly, and an error in it ends the
+        run.
+    cue : Cue
+        Receives the present state.
     """
 
     def __init__(self, camera: Camera, show: Show, cue: Cue) -> None:
@@ -40,7 +48,7 @@ class WatchedCamera:
         self._current_A: float | None = None
 
     def at(self, state: int, current_A: float) -> None:
-        """The frames from here on belong to this state."""
+        """Set the state and current (A) to which the next frames belong."""
         self._state, self._current_A = state, current_A
         self._cue.state = state
 
@@ -53,7 +61,7 @@ class WatchedCamera:
         self.watched.flush()
 
     def grab(self, timeout_s: float) -> Frame:
-        """See `Camera.grab`. Raises ReplyNotUnderstood for what is no image, or not like the first."""
+        """See `Camera.grab`. Raises ReplyNotUnderstood if the frame is no image or differs in format from the first."""
         frame = check_frame(self.watched.identify().address, self.watched.grab(timeout_s), self._first)
         self._first = self._first or frame
         self._show(Live(frame, self._state, self._current_A))

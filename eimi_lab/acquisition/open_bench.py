@@ -1,4 +1,4 @@
-"""The instruments that a rig names, opened for one run and closed after it."""
+"""Open the instruments of a rig for one run, and close them after it."""
 
 from __future__ import annotations
 
@@ -26,11 +26,12 @@ from eimi_lab.process.progress import silent
 
 @dataclass(frozen=True)
 class Bench:
-    """A supply, a camera and their time. truth is what a virtual rig is made of, None on a real bench.
+    """The open instruments of a run.
 
-    guardian: switches the supply off if the run dies; a virtual one dies with the run.
-    camera_settings: what the camera read back after it was set up. cue: where the run says at which state it is.
-    interruption: what supply and camera ask while they take long, so that a signal is heeded then.
+    truth: material and geometry of a virtual beam; None on a real bench. guardian: switches the supply off if the run
+    dies; None for a simulated supply, which ends with the run. camera_settings: values read back from the camera after
+    it was set up. cue: present state of the run, for a recording. interruption: called by supply and camera during long
+    operations, so that a signal can interrupt them.
     """
 
     supply: PowerSupply
@@ -53,13 +54,29 @@ def open_bench(
     on_event: OnEvent | None = None,
     guardian_events: int | None = None,
 ) -> Iterator[Bench]:
-    """Open the rig's instruments within the stricter of the rig's limits and `limits`. Raises InstrumentError.
+    """Open the instruments of a rig, and close them at the end of the context.
 
-    transcript: a new file for every exchange with the supply; a virtual one has none. on_event: hears of a camera that
-    cannot be closed; without it the terminal does. guardian_events: a descriptor that the guardian writes its events to
-    as lines of JSON, beside its words on standard error.
+    Closing does not switch the supply off; `switching_off` does that.
 
-    Leaving closes them; it does not switch off: `switching_off` does.
+    Parameters
+    ----------
+    rig : Rig
+        The instruments, with their limits.
+    specimen : SpecimenFile
+        The specimen, for a virtual rig.
+    limits : SupplyLimits
+        Limits of the protocol. Of each limit, the stricter value of rig and protocol applies.
+    transcript : Path or None
+        New file that records every message to and from the supply. A virtual supply exchanges no messages.
+    on_event : OnEvent or None
+        Receives a warning if the camera cannot be closed. By default the warning is printed.
+    guardian_events : int or None
+        File descriptor to which the guardian writes its events as lines of JSON; it also prints them on standard error.
+
+    Raises
+    ------
+    InstrumentError
+        If an instrument cannot be opened, or if another run uses the supply.
     """
     limited = rig.model_copy(
         update={"supply": rig.supply.model_copy(update={"limits": rig.supply.limits.stricter(limits)})}
@@ -103,7 +120,7 @@ def open_bench(
 
 
 def _truth(rig: Rig, specimen: SpecimenFile) -> dict[str, Any] | None:
-    """What the beam is made of, if it is virtual."""
+    """Return material and geometry of a virtual beam; None on a real bench."""
     if rig.virtual is None:
         return None
     from eimi_lab.virtual.virtual_rig import truth_of
@@ -112,7 +129,7 @@ def _truth(rig: Rig, specimen: SpecimenFile) -> dict[str, Any] | None:
 
 
 def _close_or_tell(camera: Camera, on_event: OnEvent) -> None:
-    """By now the coil is off and the states are stored: a camera that cannot be closed is no reason to fail."""
+    """Close the camera; an error becomes a warning, because the coil is off and the states are stored by then."""
     try:
         camera.close()
     except InstrumentError as error:
@@ -120,12 +137,12 @@ def _close_or_tell(camera: Camera, on_event: OnEvent) -> None:
 
 
 def _attached() -> str:
-    """What could have been meant, for a person whose rig names something that is not there."""
+    """Return a list of the attached instruments, for the error about an instrument that was not found."""
     from eimi_drivers.discovery import list_cameras, list_serial_ports
 
-    ports = ", ".join(found.address for found in list_serial_ports()) or "none"
-    cameras = ", ".join(found.address for found in list_cameras()) or "none"
+    ports = ", ".join(port.address for port in list_serial_ports()) or "none"
+    cameras = ", ".join(camera.address for camera in list_cameras()) or "none"
     return (
-        f"serial ports here: {ports}; cameras here: {cameras}; `eimi instruments` tells more, and --rig virtual needs "
-        "no instrument"
+        f"serial ports of this computer: {ports}; cameras: {cameras}; `eimi instruments` shows more, and --rig virtual "
+        "needs no instrument"
     )

@@ -1,4 +1,4 @@
-"""Pictures that play the camera: one for each state, or all of them as fast as they are asked for; over and over."""
+"""Play a recording in place of a camera: one picture for each state, or one for each frame, once or in a loop."""
 
 from __future__ import annotations
 
@@ -14,24 +14,33 @@ from eimi_lab.config.rig import PLAYER, Playback, Rig
 from eimi_lab.process.errors import InputError
 
 HELD_FRAME_S = 1 / 30
-"""A picture that is held is handed out no faster than a camera would."""
+"""Time between two frames of the same picture, as of a camera."""
 
 NOISE_FRAMES = 8
-"""Taken of the beam at rest before the run."""
+"""Number of frames of the beam at rest that are taken before the run, to measure the noise."""
 
 
 @dataclass
 class Cue:
-    """Tells a camera that plays pictures which state the run is at."""
+    """The present state of the run, for a camera that plays a recording."""
 
     state: int = 0
 
 
 class PlayedCamera:
-    """A camera whose recording is played as `rule` says. Frames are numbered anew."""
+    """A camera that plays a recording. Its frames are numbered from 1, across all repetitions of the recording.
+
+    Parameters
+    ----------
+    open_it : callable
+        Opens the recording at its beginning.
+    rule : Playback
+        Whether each state has one picture, and whether the recording starts again at its end.
+    cue : Cue
+        Holds the present state of the run.
+    """
 
     def __init__(self, open_it: Callable[[], Camera], rule: Playback, cue: Cue) -> None:
-        """open_it: opens the recording at its beginning. Raises what it raises."""
         self._open_it, self._rule, self._cue = open_it, rule, cue
         self._camera = open_it()
         self.settings = settings_of(self._camera)
@@ -43,10 +52,10 @@ class PlayedCamera:
         return self._camera.identify()
 
     def flush(self) -> None:
-        """A recording waits."""
+        """Do nothing, because a recording has no frames from before the call."""
 
     def grab(self, timeout_s: float) -> Frame:
-        """See `Camera.grab`. Raises EndOfPlayback, unless it begins again."""
+        """See `Camera.grab`. Raises EndOfPlayback at the end of a recording that does not start again."""
         frame = self._held
         if not self._rule.picture_a_state:
             frame = self._next(timeout_s)
@@ -75,23 +84,26 @@ class PlayedCamera:
 
 
 def describe_recording_length(protocol: Protocol, rig: Rig) -> str:
-    """How many pictures a recording has and a run takes, in words; empty for a camera that is none.
+    """Return a sentence with the number of pictures of a recording and the number that a run uses.
 
-    Raises InputError where they are too few.
+    The sentence is empty if the camera does not play a recording. Raises InputError if the recording is too short.
     """
-    there = recording_length(str(rig.camera.source)) if rig.camera.driver == PLAYER else None
-    if there is None:
+    available = recording_length(str(rig.camera.source)) if rig.camera.driver == PLAYER else None
+    if available is None:
         return ""
     rule, states = rig.camera.playback, len(protocol.currents_A)
     if rule.picture_a_state:
-        needed, words = states, f"shows {states}, one a state"
+        needed, usage = states, f"uses {states}, one for each state"
     else:
         needed = NOISE_FRAMES + states * (protocol.settle.pairs + 1 + protocol.frames_per_state)
-        words = f"takes at least {needed}, and as many more as it asks for while the beam settles"
-    said = f"camera.source = {rig.camera.source!r} has {there} pictures; the run {words}"
-    if there >= needed:
-        return said
+        usage = f"uses at least {needed}, and more while it waits for the beam to settle"
+    sentence = f"camera.source = {rig.camera.source!r} has {available} pictures; the run {usage}"
+    if available >= needed:
+        return sentence
     if not rule.loop:
-        more = "" if rule.picture_a_state else "picture_a_state = true holds one for each state, "
-        raise InputError(f"rig {rig.name}: {said}: [camera] playback has {more}loop = true begins again")
-    return f"{said}; it begins again after the last"
+        alternative = "" if rule.picture_a_state else "picture_a_state = true to use one picture for each state, or "
+        raise InputError(
+            f"rig {rig.name}: {sentence}; set {alternative}loop = true to start again after the last picture, in "
+            "[camera] playback"
+        )
+    return f"{sentence}; the recording starts again after its last picture"

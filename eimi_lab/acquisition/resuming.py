@@ -1,4 +1,4 @@
-"""Going on with a run that ended early: what it had stored, and whether everything is as it was."""
+"""Resume a run that ended early: count its stored states, and check that instruments and files are the same."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from eimi_lab.process.writer_lock import only_writer
 
 @dataclass(frozen=True)
 class UnfinishedRun:
-    """A run that ended early: the states that it acknowledged, and the seconds that its clock shows by now."""
+    """A run that ended early: the number of its stored states, and the present time on its clock (s)."""
 
     states: int
     elapsed_s: float
 
 
 def refuse_taken(path: Path, force: bool) -> None:
-    """Raise InputError where `path` cannot become the file of a new run; one that ended early wants to be resumed."""
+    """Raise InputError if `path` cannot be written by a new run; for an unfinished run the message names --resume."""
     if path.is_file() and not force:
-        with only_writer(path):  # a run that goes on is none that ended early
-            if left := _left_of_a_run(path):
-                raise InputError(f"{path}: {left}: --resume goes on with it; give another name to begin anew")
+        with only_writer(path):  # a run that is still writing is not an unfinished one
+            if unfinished := _describe_unfinished(path):
+                raise InputError(f"{path}: {unfinished}; --resume continues it; give another name to begin a new run")
     refuse_existing(path, force)
 
 
-def _left_of_a_run(path: Path) -> str:
-    """What a file holds of a run that ended early, in words; empty for whatever else it is."""
+def _describe_unfinished(path: Path) -> str:
+    """Return the number of states that an unfinished run stored, in words; empty for any other file."""
     with suppress(InputError), open_dataset(path) as dataset:
         text = dataset.text("protocol")
         if dataset.kind == "frames" and dataset.resumable and text is not None:
@@ -49,9 +49,26 @@ def _left_of_a_run(path: Path) -> str:
 
 
 def take_up(path: Path, header: Header, image: NDArray[Any]) -> UnfinishedRun:
-    """See that a run may be resumed with frames like (H, W) `image`; recover its file in place where it crashed.
+    """Check that a run can be resumed, and recover its file in place if the run crashed.
 
-    Raises InputError naming the first difference between that run and this one.
+    Parameters
+    ----------
+    path : Path
+        Dataset of the run that ended early.
+    header : Header
+        Files and instruments of the present run.
+    image : (H, W) array
+        A frame of the present run.
+
+    Returns
+    -------
+    UnfinishedRun
+        The number of stored states and the time on the clock of the run.
+
+    Raises
+    ------
+    InputError
+        If the two runs differ; the message names the first difference.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file to resume; leave out --resume to begin a run")
@@ -86,6 +103,6 @@ def _other_frames(dataset: Dataset, image: NDArray[Any]) -> str:
 
 
 def _elapsed_s(dataset: Dataset) -> float:
-    """Since the run began; a simulated clock may have run ahead of the host's."""
+    """Return the time (s) since the run began; a simulated clock may be ahead of the clock of the computer."""
     host_s = (datetime.now(UTC) - dataset.start_time()).total_seconds()
     return max(host_s, dataset.last_time_s())

@@ -1,4 +1,4 @@
-"""The run: through the protocol's currents, and every state stored before the next one begins."""
+"""Run a protocol: set its currents one after another, and store every state before the next one begins."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from eimi_lab.acquisition.events import (
     RunEnded,
     StateStoredBefore,
     Warned,
-    unheard,
+    ignore_event,
 )
 from eimi_lab.acquisition.heating import hottest, refuse_overheating
 from eimi_lab.acquisition.interruption import Interruption
-from eimi_lab.acquisition.live_view import Show, WatchedCamera, show_nobody
+from eimi_lab.acquisition.live_view import Show, WatchedCamera, show_nothing
 from eimi_lab.acquisition.open_bench import Bench
 from eimi_lab.acquisition.pausing import Pauses, no_input
 from eimi_lab.acquisition.playback import NOISE_FRAMES
@@ -54,14 +54,19 @@ _log = logging.getLogger(__name__)
 
 
 def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
-    """Whether protocol, specimen and rig go together; asks no instrument.
+    """Check that protocol, specimen and rig fit together, without using an instrument.
 
-    Raises InputError, and InstrumentError for a supply driver of another package that cannot be imported.
+    Raises
+    ------
+    InputError
+        If they do not fit together: another material, a current above a limit or of the wrong sign, too much heat.
+    InstrumentError
+        If the supply driver of another package cannot be imported.
     """
     if protocol.material != specimen.specimen.material:
         raise InputError(
             f"protocol {protocol.name}: material = {protocol.material!r}, but the specimen {specimen.specimen.name} "
-            f"is of {specimen.specimen.material!r}"
+            f"has material = {specimen.specimen.material!r}"
         )
     limit = rig.supply.limits.current_A
     one_way = rig.simulated or not is_bipolar(rig.supply.driver)
@@ -75,12 +80,13 @@ def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
             at = f" at state {protocol.currents_A.index(current_A)}" if key.startswith("current.") else ""
             raise InputError(
                 f"protocol {protocol.name}: {key} goes to {current_A:g} A{at}, but supply.driver = "
-                f"{rig.supply.driver!r} of rig {rig.name} cannot reverse its current; take currents from 0 up, or a "
+                f"{rig.supply.driver!r} of rig {rig.name} cannot reverse its current; use currents from 0 up, or a "
                 "bipolar supply such as kepco-bop"
             )
     if protocol.tip_force_N and rig.virtual:
         raise InputError(
-            f"protocol {protocol.name}: tip_force_N = {protocol.tip_force_N:g}: a virtual beam bears no weight"
+            f"protocol {protocol.name}: tip_force_N = {protocol.tip_force_N:g}, but a virtual beam has no weight at "
+            "its tip; leave tip_force_N out"
         )
     if rig.coil:
         refuse_overheating(protocol, rig.coil)
@@ -92,31 +98,61 @@ def acquire(
     rig: Rig,
     bench: Bench,
     path: Path,
-    on_event: OnEvent = unheard,
+    on_event: OnEvent = ignore_event,
     force: bool = False,
     *,
     resume: bool = False,
     take_over: bool = False,
     note: str = "",
-    show: Show = show_nobody,
+    show: Show = show_nothing,
     typed: Callable[[], str | None] = no_input,
 ) -> Path:
-    """Run the protocol on an open bench into the dataset `path`; `on_event` hears everything that happens.
+    """Run a protocol on an open bench, and store its states in a dataset.
 
-    Returns where the dataset is: beside `path` where that was taken away meanwhile.
+    Every way out of the run switches the coil off. The states that were stored before stay in the dataset.
 
-    resume: go on with the run that `path` holds. take_over: switch off a supply that is found on, not refuse it.
-    note: what the user has to say of the run. show: is given every frame as it comes. typed: gives what a person types,
-    for `pausing`.
+    Parameters
+    ----------
+    protocol, specimen, rig
+        The loaded files.
+    bench : Bench
+        The open instruments.
+    path : Path
+        The dataset to write.
+    on_event : OnEvent
+        Receives the events of the run.
+    force : bool
+        Replace an existing dataset.
+    resume : bool
+        Continue the run that `path` holds.
+    take_over : bool
+        If the output of the supply is on before the run, switch it off. Otherwise the run is refused.
+    note : str
+        Text to store with the run in the dataset.
+    show : Show
+        Receives every frame.
+    typed : callable
+        Returns the lines that a person types, for `pausing`.
 
-    Ends with the coil off, whatever happens; what was stored until then stays. Raises InputError before anything is
-    switched on, InstrumentError, Stopped.
+    Returns
+    -------
+    Path
+        The path of the dataset: `path`, or a name beside it if `path` was taken away during the run.
+
+    Raises
+    ------
+    InputError
+        If an input cannot be used. The output was not switched on.
+    InstrumentError
+        If an instrument fails or does not follow a command.
+    Stopped
+        If a signal stopped the run.
     """
     check_request(protocol, specimen, rig)
     if not resume:
         refuse_taken(path, force)
     ending = _Ending(path, len(protocol.currents_A))
-    with _told_from_begin_to_end(_run_begun(protocol, specimen, rig, bench, path, resume), ending, on_event) as heard:
+    with _with_first_and_last_event(_run_begun(protocol, specimen, rig, bench, path, resume), ending, on_event) as send:
         supply, camera, clock = bench.supply, WatchedCamera(bench.camera, show, bench.cue), bench.clock
         identities = (supply.identify(), camera.identify())
         if bench.guardian:
@@ -132,7 +168,7 @@ def acquire(
             camera_settings=bench.camera_settings,
             without_contact="" if bench.truth else without_contact(supply),
         )
-        _begin_with_output_off(bench, protocol, take_over, rig.simulated, heard)
+        _begin_with_output_off(bench, protocol, take_over, rig.simulated, send)
         supply.check()
         supply.set_current(0.0)
         supply.set_voltage(supply.limits.voltage_V)
@@ -141,7 +177,7 @@ def acquire(
         noise = measure_noise([mean_grey(frame.image) for frame in at_rest])
         begun = take_up(path, header, at_rest[0].image) if resume else UnfinishedRun(0, 0.0)
         for state, current_A in enumerate(protocol.currents_A[: begun.states]):
-            heard(StateStoredBefore(state=state, current_A=current_A))
+            send(StateStoredBefore(state=state, current_A=current_A))
         if begun.states == len(protocol.currents_A):
             ending.stored = begun.states
             return path
@@ -152,7 +188,7 @@ def acquire(
             bench.interruption.while_storing()
 
         def warn(message: str) -> None:
-            heard(Warned(message=message))
+            send(Warned(message=message))
 
         with (
             DatasetWriter.resume(path, beat, warn)
@@ -170,16 +206,16 @@ def acquire(
                 noise=noise,
                 writer=writer,
                 began_s=clock.now() - begun.elapsed_s,
-                on_event=heard,
+                on_event=send,
             )
             ending.writer = writer
-            _step_through(stepping, begun.states, bench.interruption, Pauses(typed, heard), ending)
+            _step_through(stepping, begun.states, bench.interruption, Pauses(typed, send), ending)
     return writer.path
 
 
 @dataclass
 class _Ending:
-    """What the last event of a run says: where its dataset is, how many states are in it, how the coil was off."""
+    """The data for the last event of a run: path of the dataset, number of stored states, last state of the coil."""
 
     path: Path
     states: int
@@ -211,32 +247,32 @@ def _run_begun(
 
 
 @contextmanager
-def _told_from_begin_to_end(begun: RunBegun, ending: _Ending, on_event: OnEvent) -> Iterator[OnEvent]:
-    """Yield where the events of a run go: to the log and to `on_event`; send the first and the last ones."""
+def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEvent) -> Iterator[OnEvent]:
+    """Yield a function that sends an event to the log and to `on_event`; send the first and the last events."""
 
-    def heard(event: Event) -> None:
+    def send(event: Event) -> None:
         _log.info("%s", event)
         if isinstance(event, OffConfirmed):
             ending.off = event
         on_event(event)
 
-    heard(begun)
+    send(begun)
     try:
-        yield heard
+        yield send
     except Stopped as stopped:
-        heard(ending.event("stopped", signal.Signals(stopped.number).name))
+        send(ending.event("stopped", signal.Signals(stopped.number).name))
         raise
     except BaseException as error:
-        heard(Fault(kind=type(error).__name__, message=str(error)))
-        heard(ending.event("failed", type(error).__name__))
+        send(Fault(kind=type(error).__name__, message=str(error)))
+        send(ending.event("failed", type(error).__name__))
         raise
-    heard(ending.event("completed"))
+    send(ending.event("completed"))
 
 
 def _step_through(run: Stepping, first: int, interruption: Interruption, pauses: Pauses, ending: _Ending) -> None:
-    """The conditioning, every state from `first` on and the release, with the output on; off after it, come what may.
+    """Switch the output on, carry out conditioning, the states from `first` on and the release, and switch off.
 
-    A run that is resumed was conditioned when it began.
+    A resumed run leaves out the conditioning, which its first session did.
     """
     protocol, states = run.protocol, len(run.protocol.currents_A)
     released: list[Moment] = []
@@ -263,7 +299,7 @@ def _step_through(run: Stepping, first: int, interruption: Interruption, pauses:
 def _begin_with_output_off(
     bench: Bench, protocol: Protocol, take_over: bool, simulated: bool, on_event: OnEvent
 ) -> None:
-    """Refuse a supply that is on, or ramp it down and switch it off. Raises InstrumentError, Stopped.
+    """Refuse a supply whose output is on, or with `take_over` switch it off. Raises InstrumentError, Stopped.
 
     A simulated supply whose output is off is not measured, see `Coil`.
     """
@@ -283,8 +319,9 @@ def _begin_with_output_off(
         return
     if not take_over:
         raise InstrumentError(
-            f"{supply.identify().address}: the output is on ({reading.current_A:.3f} A, {reading.voltage_V:.2f} V): "
-            "another program may use it, or one died; a run begins with it off, and --take-over switches it off first"
+            f"{supply.identify().address}: the output is on ({reading.current_A:.3f} A, {reading.voltage_V:.2f} V); "
+            "another program may use the supply or may have crashed; a run begins with the output off, and "
+            "--take-over switches it off first"
         )
     limit = supply.limits.current_A
     coil = Coil(supply, bench.clock, protocol.ramp, asked_A=max(-limit, min(reading.current_A, limit)))

@@ -1,6 +1,7 @@
-"""Whether the beam is at rest: consecutive frames then differ by the camera's noise alone.
+"""Wait until the beam is at rest: consecutive frames then differ only by the noise of the camera.
 
-The measure is that of `eimi_lab.vision.settling_statistic`; the noise is measured before the run, with the coil off.
+`eimi_lab.vision.settling_statistic` defines the measure of the difference. The noise is measured before the run, with
+the coil off.
 """
 
 from __future__ import annotations
@@ -25,7 +26,11 @@ GRAB_TIMEOUT_S = 5.0
 
 @dataclass(frozen=True)
 class Settling:
-    """How the wait ended: last ratio of two neighbours, last ratio over the drift window, seconds, a flag if vain."""
+    """The result of a wait for the beam.
+
+    ratio: last difference ratio of two consecutive frames. drift_ratio: last difference ratio of two frames
+    `drift_window_s` apart. waited_s: duration of the wait. flags: one flag if the beam did not come to rest.
+    """
 
     ratio: float
     drift_ratio: float
@@ -33,8 +38,8 @@ class Settling:
     flags: tuple[Flag, ...]
 
 
-def unseen(frame: Frame, at_s: float) -> None:
-    """For a beam that settles unwatched."""
+def ignore_frame(frame: Frame, at_s: float) -> None:
+    """Do nothing with a frame."""
 
 
 def wait_until_settled(
@@ -43,14 +48,33 @@ def wait_until_settled(
     rule: Settle,
     noise: Noise,
     stop_if_asked: Callable[[], None],
-    see: Callable[[Frame, float], None] = unseen,
+    see: Callable[[Frame, float], None] = ignore_frame,
 ) -> Settling:
-    """Watch the beam until it rests or the time is out. Raises what `Camera.grab` raises.
+    """Take frames until the beam is at rest or `rule.timeout_s` has passed. Raises the errors of `Camera.grab`.
 
-    see: is given every new frame and the clock's time of it.
+    The beam is at rest if the difference ratio of consecutive frames was below `noise_ratio` for `pairs` pairs in a
+    row, and the ratio of two frames `drift_window_s` apart is below it too. The second condition detects creep. A frame
+    that equals the previous frame including its noise is a repetition by the camera and is not counted.
 
-    At rest is: `pairs` neighbouring frames in a row below `noise_ratio`, and the same for two frames
-    `drift_window_s` apart, for silicone creeps. A frame that repeats the one before, noise and all, says nothing.
+    Parameters
+    ----------
+    camera : Camera
+        Takes the frames.
+    clock : Clock
+        Measures the time.
+    rule : Settle
+        Limits of ratio and time.
+    noise : Noise
+        Noise of the camera.
+    stop_if_asked : callable
+        Called before each frame; it may raise.
+    see : callable
+        Receives every new frame and its time on the clock (s).
+
+    Returns
+    -------
+    Settling
+        The last ratios and the duration, with a flag if the beam did not come to rest.
     """
     camera.flush()
     began = clock.now()

@@ -1,4 +1,4 @@
-"""One state after another: ramp, wait for the current and for the beam, take the frames, store them."""
+"""Take one state after another: ramp, wait for the current and for the beam, take frames and store them."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from eimi_lab.vision.settling_statistic import Noise
 
 @dataclass(frozen=True, kw_only=True)
 class Stepping:
-    """A run that is under way.
+    """The objects of a run in progress.
 
-    began_s: the clock when the run began, earlier sessions included. on_event: hears what happens.
+    began_s: time on the clock at which the run began, in its first session. on_event: receives the events.
     """
 
     protocol: Protocol
@@ -41,7 +41,7 @@ class Stepping:
     on_event: OnEvent
 
     def go_back_to(self, state: int, stop_if_asked: Callable[[], None]) -> None:
-        """Come to a state through those before it: a beam that remembers has to come the same way again."""
+        """Ramp through the states before `state`, because the shape of a beam depends on its history of loads."""
         for current_A in self.protocol.currents_A[:state]:
             self.coil.ramp_to(current_A, stop_if_asked)
 

@@ -1,7 +1,7 @@
-"""One run at a time for each supply.
+"""Allow only one run at a time for each supply.
 
-Two runs on one serial port are kept apart by the port itself. A supply in a network accepts several connections: two
-runs would set its current in turns.
+The system lets only one run open a serial port. A supply in a network accepts several connections, so that two runs
+would set its current in turn.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from eimi_lab.process.writer_lock import WriterLock
 
 @contextmanager
 def only_run_on(address: str) -> Iterator[None]:
-    """Hold the right to use the supply at an address; the system releases it when the process ends.
+    """Hold the lock of the supply at an address; the system releases it when the process ends.
 
-    All channels of an address share one lock. The lock is for the runs of one user of this computer.
+    All channels of an address share one lock. The lock excludes other runs of the same user on the same computer.
 
     Raises
     ------
     InstrumentError
-        Another run uses the supply.
+        If another run uses the supply.
     """
     place = split_address(address)[0]
     line = os.path.realpath(place) if place.startswith("/") else place.upper()

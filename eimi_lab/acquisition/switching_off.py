@@ -17,8 +17,8 @@ from eimi_lab.acquisition.events import (
     OutputSwitched,
     StopRequested,
     SuspendRefused,
+    ignore_event,
     off_confirmed,
-    unheard,
 )
 from eimi_lab.acquisition.guardian import Guardian
 from eimi_lab.acquisition.interruption import Interruption
@@ -118,7 +118,7 @@ def switching_off(
     coil: Coil,
     guardian: Guardian | None = None,
     interruption: Interruption | None = None,
-    on_event: OnEvent = unheard,
+    on_event: OnEvent = ignore_event,
 ) -> Iterator[Callable[[], None]]:
     """Yield `stop_if_asked`; at the end of the context, ramp the coil down and switch it off.
 
@@ -171,7 +171,7 @@ def ramp_down_and_switch_off(
     coil: Coil,
     guardian: Guardian | None = None,
     go_on_down: Callable[[], None] = never,
-    on_event: OnEvent = unheard,
+    on_event: OnEvent = ignore_event,
 ) -> None:
     """Ramp the coil down and switch it off; it is switched off even if the ramp fails."""
     try:

@@ -1,4 +1,4 @@
-"""What the beam does between states: frames kept while it settles, and while it swings back after the last state."""
+"""Record frames of the moving beam: while it settles at each state, and while it swings back after the last state."""
 
 from __future__ import annotations
 
@@ -11,25 +11,33 @@ from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S
 from eimi_lab.dataset.recordings import Moment
 from eimi_lab.process.stopping import Stopped
 
-SHORTEST_S = 1e-3  # between a set-point and a frame
-MOST_RELEASE_BYTES = 2 << 30  # in memory until the coil is off
+SHORTEST_S = 1e-3  # smallest time between a set-point and a frame
+MOST_RELEASE_BYTES = 2 << 30  # the frames of a release stay in memory until the coil is off
 
 
 class Transient:
-    """Keeps `budget` frames at most, log-spaced in the time since the current last changed.
+    """Keeps at most `budget` frames, spaced logarithmically in the time since the current last changed.
 
-    Creep and ring-down go with the logarithm of time. What is left of the budget is spread anew over what is left of
-    the time after every frame, so that a camera slower than the first intervals loses none of it.
+    Creep proceeds with the logarithm of time. After every frame, the remaining frames are distributed again over the
+    remaining time, so that the whole budget is used even if the camera is slower than the first intervals.
+
+    Parameters
+    ----------
+    budget : int
+        Largest number of frames.
+    timeout_s : float
+        Longest time that the beam may take to settle, s.
+    coil : Coil
+        The coil, for the time of the last set-point.
     """
 
     def __init__(self, budget: int, timeout_s: float, coil: Coil) -> None:
-        """timeout_s: how long the beam may take to settle."""
         self.moments: list[Moment] = []
         self._left, self._timeout_s, self._coil = budget, timeout_s, coil
         self._last_s = self._next_s = 0.0
 
     def see(self, frame: Frame, at_s: float) -> None:
-        """Keep a frame taken at `at_s` on the run's clock, if it is one of those to keep."""
+        """Keep a frame, taken at `at_s` on the run's clock, if the next logarithmic interval has passed."""
         elapsed_s = max(at_s - self._coil.changed_s, SHORTEST_S)
         if not self._last_s:
             self._last_s = elapsed_s + self._timeout_s
@@ -42,28 +50,28 @@ class Transient:
 def record_release(
     camera: Camera, clock: Clock, coil: Coil, seconds: float, stop_if_asked: Callable[[], None]
 ) -> list[Moment]:
-    """Let the current go to zero in one step; every frame of the camera from then on for so long.
+    """Set the current to zero in one step, and record every frame of the camera for `seconds` after that.
 
-    One step, since a ramp is slower than the beam and would leave nothing to see. The supply is talked to in another
-    thread, for that takes longer than a frame; times count from when it was told. Ends early where the frames would
-    fill MOST_RELEASE_BYTES, and when it is asked to stop: what was recorded is kept. Raises what the camera and
-    `PowerSupply.set_current` raise.
+    A ramp would be slower than the beam and would suppress its oscillation. Another thread sets the current, because
+    the exchange with the supply takes longer than a frame. The times of the frames count from the beginning of this
+    exchange. The recording ends early, and keeps its frames, if they fill `MOST_RELEASE_BYTES` or if the run is asked
+    to stop. Raises the errors of the camera and of `PowerSupply.set_current`.
     """
     moments: list[Moment] = []
     camera.flush()
-    began, held = clock.now(), 0
+    began, stored_bytes = clock.now(), 0
     with ThreadPoolExecutor(1, "release") as aside:
         step = aside.submit(coil.step_to, 0.0)
         while not step.done() or (not step.exception() and clock.now() - coil.changed_s < seconds):
             try:
                 stop_if_asked()
                 frame = camera.grab(GRAB_TIMEOUT_S)
-            except Stopped:  # whoever switches off asks again
+            except Stopped:  # `switching_off` raises it again
                 break
             at_s = clock.now()
             moments.append(Moment(frame, at_s, at_s - began, 0.0))
-            held += frame.image.nbytes
-            if held > MOST_RELEASE_BYTES:
+            stored_bytes += frame.image.nbytes
+            if stored_bytes > MOST_RELEASE_BYTES:
                 break
     step.result()
     return moments

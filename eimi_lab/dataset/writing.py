@@ -182,7 +182,7 @@ class DatasetWriter:
             stored = "no state was stored yet"
             if self._stored:
                 stored = (
-                    f"the {self._stored} states stored so far are safe, and `eimi acquire --resume` goes on from there"
+                    f"the {self._stored} states stored so far are safe, and `eimi acquire --resume` continues the run"
                 )
             raise StorageFailed(f"{self.path}: cannot be written any more: {reason}; {stored}", reason) from error
 

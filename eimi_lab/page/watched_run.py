@@ -24,7 +24,7 @@ from eimi_drivers.supplies.off import switch_off
 from eimi_lab.acquisition.coil import without_contact
 from eimi_lab.acquisition.events import OnEvent, PageGone
 from eimi_lab.acquisition.heating import Warming
-from eimi_lab.acquisition.live_view import Live, Show, show_nobody
+from eimi_lab.acquisition.live_view import Live, Show, show_nothing
 from eimi_lab.acquisition.open_bench import Bench
 from eimi_lab.acquisition.pausing import typed_line
 from eimi_lab.config.rig import Rig
@@ -53,7 +53,7 @@ class Watched:
     """What `acquire` takes so that a person can watch the run and pause it."""
 
     bench: Bench
-    show: Show = show_nobody
+    show: Show = show_nothing
     typed: Callable[[], str | None] = typed_line
 
 

@@ -22,7 +22,7 @@ from eimi_drivers.supplies.korad import KoradSupply
 from eimi_drivers.supplies.transport import InProcessTransport
 from eimi_lab import cli
 from eimi_lab.acquisition.event_words import on_terminal
-from eimi_lab.acquisition.events import Event, OnEvent, unheard
+from eimi_lab.acquisition.events import Event, OnEvent, ignore_event
 from eimi_lab.acquisition.open_bench import Bench
 from eimi_lab.acquisition.run import acquire
 from eimi_lab.config.calibration import load_calibration
@@ -187,7 +187,9 @@ class Setup:
     rig: Rig
     path: Path
 
-    def run(self, *, remark: Callable[[str], None] = tell, on_event: OnEvent = unheard, **options: Any) -> list[str]:
+    def run(
+        self, *, remark: Callable[[str], None] = tell, on_event: OnEvent = ignore_event, **options: Any
+    ) -> list[str]:
         """What a person reads of each state; `remark` is given the other words, `on_event` the events."""
         said: list[str] = []
         terminal = on_terminal(said.append, remark)

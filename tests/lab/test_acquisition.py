@@ -299,7 +299,7 @@ def test_a_protocol_that_would_overheat_the_coil_is_refused(setup: Any) -> None:
 def test_inputs_that_contradict_each_other_are_refused_before_an_instrument_is_touched(setup: Any) -> None:
     other = setup.specimen.text.replace("Dragon Skin 10", "Ecoflex 00-50")
     setup.specimen = parse(SpecimenFile, other, "s")
-    with pytest.raises(InputError, match="'Dragon Skin 10', but the specimen small is of 'Ecoflex 00-50'"):
+    with pytest.raises(InputError, match="'Dragon Skin 10', but the specimen small has material = 'Ecoflex 00-50'"):
         setup.run()
     assert setup.camera.number == 0
 

@@ -112,7 +112,7 @@ camera = { driver = "opencv", source = 0 }
     done = eimi(*ACQUIRE, "rig.toml", "-o", "x.h5", cwd=files)
     assert done.returncode == 1
     assert done.stderr.startswith("eimi: /dev/not-there: ")
-    assert re.search(r"serial ports here: .+; cameras here: .+; `eimi instruments` tells more", done.stderr)
+    assert re.search(r"serial ports of this computer: .+; cameras: .+; `eimi instruments` shows more", done.stderr)
     assert done.stderr.count("\n") == 1
     assert not (files / "x.h5").exists()
 

@@ -49,7 +49,7 @@ def test_a_planned_protocol_states_its_purpose(
     assert "# Mounting: type1, gravity at " in out.read_text()
     # What hangs at a virtual beam is not simulated.
     status, told = run("acquire", out, "--specimen", "type1", "--rig", "virtual", "-o", tmp_path / "run.h5")
-    assert (status, "a virtual beam bears no weight" in told) == (2, True)
+    assert (status, "a virtual beam has no weight" in told) == (2, True)
 
 
 def test_the_plan_is_printed_as_json(fits: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:

@@ -34,7 +34,7 @@ def interrupt(setup: Any, after_A: float) -> list[str]:
 
 def test_a_run_that_ended_early_is_resumed_at_the_next_state(setup: Any) -> None:
     told = interrupt(setup, after_A=0.2)
-    assert told[-1] == f"2 of 4 states are in {setup.path}, and the same command with --resume goes on from there"
+    assert told[-1] == f"2 of 4 states are in {setup.path}; the same command with --resume continues the run"
     assert setup.stored() == [0.0, 0.1]
     set_points: list[float] = []
     setup.camera.event = lambda number: set_points.append(setup.coil.state.set_current_A)

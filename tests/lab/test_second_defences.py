@@ -380,7 +380,7 @@ def test_a_supply_is_given_its_voltage_and_the_file_its_weight(setup: Any) -> No
     assert setup.coil.state.set_voltage_V == 10.0
     with open_dataset(setup.path) as dataset:
         assert [state.tip_force_N for state in dataset.states] == [0.02] * 4
-    with pytest.raises(InputError, match="a virtual beam bears no weight"):
+    with pytest.raises(InputError, match="a virtual beam has no weight"):
         check_request(setup.protocol, setup.specimen, load_rig("virtual"))
 
 

@@ -191,7 +191,7 @@ def test_a_picture_is_held_for_each_state(pictures: Path) -> None:
         rig(pictures, supply, 'driver = "opencv", source = "shots", playback = { picture_a_state = true }')
         ended = acquire(pictures)
     assert ended.status == 0, ended.said
-    assert ended.said[0] == "eimi: camera.source = 'shots' has 4 pictures; the run shows 4, one a state"
+    assert ended.said[0] == "eimi: camera.source = 'shots' has 4 pictures; the run uses 4, one for each state"
     assert shown(pictures / "run.h5", pictures / "shots") == [0, 1, 2, 3]
 
 
@@ -201,7 +201,9 @@ def test_pictures_begin_again_where_they_may(pictures: Path) -> None:
         camera = 'driver = "opencv", source = "shots", playback = { picture_a_state = true, loop = true }'
         rig(pictures, supply, camera)
         ended = acquire(pictures)
-    assert ended.said[0].endswith("has 3 pictures; the run shows 4, one a state; it begins again after the last")
+    assert ended.said[0].endswith(
+        "has 3 pictures; the run uses 4, one for each state; the recording starts again after its last picture"
+    )
     (pictures / "f_3.png").rename(pictures / "shots" / "f_3.png")
     assert shown(pictures / "run.h5", pictures / "shots") == [0, 1, 2, 0]
 
@@ -211,11 +213,11 @@ def test_pictures_begin_again_where_they_may(pictures: Path) -> None:
     [
         (
             "",
-            "the run takes at least 28, and as many more as it asks for while the beam settles: [camera]",
+            "the run uses at least 28, and more while it waits for the beam to settle; set picture_a_state",
         ),
         (
             ", playback = { picture_a_state = true }",
-            "has 3 pictures; the run shows 4, one a state: [camera]",
+            "has 3 pictures; the run uses 4, one for each state; set loop = true",
         ),
     ],
 )
