@@ -5,12 +5,14 @@ Freed nuisances belong to the datasets to which the law was fitted. For any othe
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.inference.evidence.experiment import Comparison, Experiment, compare
+from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.inference.evidence.unknowns import Setup, freed_number
 from eimi_fitting.inference.planning.section_bias import expected_bias
 from eimi_fitting.laws import LAWS
@@ -30,17 +32,24 @@ class Assumptions:
         None for an incompressible material.
     setup : Setup or None
         The freed nuisances; None if all inputs are as stated.
+    deviations : mapping of str to ndarray, shape (parts,)
+        Deviations of the freed nuisances that change the specimen, the loads or the lens, by source.
     """
 
     bulk_modulus_Pa: Array | None = None
     setup: Setup | None = None
+    deviations: Mapping[str, Array] = field(default_factory=dict)
+
+    def applied(self, experiment: Experiment) -> Experiment:
+        """Return an experiment with the specimen, the loads and the lens of the fit."""
+        return experiment.under(self.deviations)
 
     def as_measured(self, places_mm: Array) -> Array:
         """Map simulated places (..., 2) of the first candidate to those that the camera sees."""
         return places_mm if self.setup is None else self.setup.imaged(places_mm)
 
     def compared(self, model: str, parameters: Array, experiment: Experiment, keep: bool = False) -> Comparison:
-        """Compare P candidates (P, n) of a law with an experiment; for `keep` see `compare`."""
+        """Compare P candidates (P, n) of a law with an experiment that `applied` returned; for `keep` see `compare`."""
         return compare(
             LAWS[model],
             parameters,
@@ -73,5 +82,9 @@ def assumptions_of(fit: FitRecord | TensileRecord, evidence: Evidence, candidate
     places = [i for i, reference in enumerate(fit.datasets) if reference.sha256 == evidence.sha256]
     if not places or not fit.freed:
         return Assumptions(bulk)
-    deviations = ((*freed_number(f.name), f.deviation.value) for f in fit.freed if places[0] in f.datasets)
-    return Assumptions(bulk, Setup.of(deviations, candidates))
+    numbers = [(*freed_number(f.name), f.deviation.value) for f in fit.freed if places[0] in f.datasets]
+    deviations: dict[str, Array] = {}
+    for source, part, value in numbers:
+        if SOURCES[source].bends:
+            deviations.setdefault(source, np.zeros(len(SOURCES[source].parts)))[part] = value
+    return Assumptions(bulk, Setup.of(numbers, candidates), deviations)

@@ -52,8 +52,10 @@ def error_interval_mm(
         equilibrium. The result is None without draws.
     """
     candidates = np.concatenate([[fit.values()], fit.drawn(_DRAWS)])
-    coarse = replace(evidence.experiment, model=coarse_model(evidence.experiment.model.specimen))
-    comparison = assumptions_of(fit, evidence, len(candidates)).compared(fit.model, candidates, coarse, keep=True)
+    assumptions = assumptions_of(fit, evidence, len(candidates))
+    experiment = assumptions.applied(evidence.experiment)
+    coarse = replace(experiment, model=coarse_model(experiment.model.specimen))
+    comparison = assumptions.compared(fit.model, candidates, coarse, keep=True)
     coarse_mm, converged = comparison.misfits[0].residuals, ~comparison.unconverged
     misfit = coarse.observed.of_residuals(np.nan_to_num(residuals_mm) + coarse_mm - coarse_mm[:1])
     errors_mm = predicted_errors_mm(fit, evidence, misfit, comparison.shapes[0].every)[:, converged[1:] & converged[0]]
@@ -82,7 +84,8 @@ def predicted_errors_mm(
     count = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
     numbers = _uncertain_numbers(fit, evidence)
     sizes = [(stated.source, part, stated.standard_uncertainty) for stated, part in numbers]
-    computed = zip(numbers, changes_by(_candidate(fit, evidence), evidence.experiment, sizes, near), strict=True)
+    experiment = assumptions_of(fit, evidence, 1).applied(evidence.experiment)
+    computed = zip(numbers, changes_by(_candidate(fit, evidence), experiment, sizes, near), strict=True)
     changes = [(number, change) for number, change in computed if change is not None]
     if not changes:
         return np.asarray(misfit.error_mm[None, 1:].mean(axis=2))

@@ -246,10 +246,11 @@ class FitRecord(IdentifiedLaw, LawRecord):
 
     @model_serializer(mode="wrap")
     def _in_the_order_of_the_file(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Write the keys in the order of all releases, and a fit without priors as releases before priors did."""
+        """Write the keys in the order of all releases, and leave out the keys of later releases that hold nothing."""
         written: dict[str, Any] = serialize(self)
-        if not self.priors:
-            del written["priors"]
+        for key in _IF_ANY:
+            if not written[key]:
+                del written[key]
         return {key: written[key] for key in sorted(written, key=_ORDER.index)}
 
     @model_validator(mode="after")
@@ -301,7 +302,16 @@ class FitRecord(IdentifiedLaw, LawRecord):
         exact = f"; {' and '.join(whole)} taken as exact" if whole else ""
         return (
             f"{self.model}: initial shear modulus {self.modulus_in_words()}, "
-            f"mean error {1e3 * self.mean_error_mm:.2f} µm{exact}"
+            f"mean error {1e3 * self.mean_error_mm:.2f} µm{exact}{self._not_stated()}"
+        )
+
+    def _not_stated(self) -> str:
+        """Return what the usual uncertainty of each decisive input without a stated one would do, for `summary`."""
+        return "".join(
+            f"; {entry.words} taken as exact, "
+            f"{entry.standard_uncertainty:g} {'degrees' if entry.unit == 'deg' else entry.unit} would change the "
+            f"modulus by {entry.effect_percent:.2g} %"
+            for entry in self.if_uncertain
         )
 
     def notes(self) -> list[str]:
@@ -319,9 +329,10 @@ _ORDER = (
     *("model", "parameters", "initial_shear_modulus", "max_stretch", "stability", "doubts", "draws", "versions"),
     *("kind", "mean_error_mm", "mean_deviation_mm", "by_state", "evaluations", "generations", "discarded", "polish"),
     *("stop", "wall_s", "identifiability", "bulk_modulus", "freed", "priors", "tensile", "mesh", "section_change"),
-    *("held_out_error_mm", "taken_as_exact", "budget", "measure_next", "datasets", "seed", "runs", "history"),
-    "bootstrap",
+    *("held_out_error_mm", "taken_as_exact", "budget", "measure_next", "if_uncertain", "datasets", "seed", "runs"),
+    *("history", "bootstrap"),
 )
+_IF_ANY = ("priors", "if_uncertain")  # keys of later releases, which a file has only if they hold something
 
 
 def _with_dataset_index(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:

@@ -129,7 +129,6 @@ def _planar_comparisons(evidence: Evidence, fits: Sequence[FitRecord | TensileRe
 
     Fits of one law without a bulk modulus and without freed nuisances are simulated as one batch.
     """
-    experiment = polished(evidence.experiment)
     assumptions = [assumptions_of(fit, evidence, 1) for fit in fits]
     batches: dict[object, list[int]] = {}
     for i, fit in enumerate(fits):
@@ -138,7 +137,8 @@ def _planar_comparisons(evidence: Evidence, fits: Sequence[FitRecord | TensileRe
     comparisons: dict[int, Comparison] = {}
     for batch in batches.values():
         values = np.array([fits[i].values() for i in batch])
-        of_batch = assumptions[batch[0]].compared(fits[batch[0]].model, values, experiment)
+        assumed = assumptions[batch[0]]
+        of_batch = assumed.compared(fits[batch[0]].model, values, polished(assumed.applied(evidence.experiment)))
         comparisons |= {i: of_batch.take(np.array([row])) for row, i in enumerate(batch)}
     return [comparisons[i] for i in range(len(fits))]
 
@@ -168,7 +168,8 @@ def _simulated(
             f"{path}: fits.{index} was fitted to {evidence.path} with the section {reference.section}, not {section}; "
             f"give --section {reference.section}"
         )
-    experiment, assumptions = polished(evidence.experiment), assumptions_of(fit, evidence, 1)
+    assumptions = assumptions_of(fit, evidence, 1)
+    experiment = polished(assumptions.applied(evidence.experiment))
 
     def against(experiments: Sequence[Experiment]) -> Comparison:
         return assumptions.compared(fit.model, np.array([fit.values()]), experiments[0])

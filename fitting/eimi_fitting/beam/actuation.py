@@ -116,7 +116,8 @@ class LoadedMesh:
                 1e-9 * (volume * magnet.density_kg_m3 + around * specimen.density_kg_m3) * grid.per_specimen
             )
             self.magnet_centre_mm = np.array([0.5 * magnet.length_mm, 0.0])
-            self.magnet_dipole = np.array([1e3 * magnet.moment_A_m2 * grid.per_specimen, 0.0])  # A m² = N m / T
+            moment = 1e3 * magnet.moment_A_m2 * grid.per_specimen  # A m² = N m / T
+            self.magnet_dipole = moment * np.array(magnet.direction)
 
     @property
     def has_pressure_face(self) -> bool:

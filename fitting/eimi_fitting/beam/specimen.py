@@ -16,7 +16,7 @@ STANDARD_GRAVITY = 9.80665  # m / s²
 
 @dataclass(frozen=True)
 class Magnet:
-    """A block magnet in the middle of the beam's width, magnetised along the beam toward the tip.
+    """A block magnet in the middle of the beam's width, magnetised along the beam toward the tip, or nearly so.
 
     It lies at the distal end, or ``tip_offset_mm`` before it. Silicone surrounds it where the specimen is wider, longer
     or deeper. In a planar model the silicone before and behind the magnet moves rigidly with it.
@@ -30,6 +30,8 @@ class Magnet:
     density_kg_m3 : float
     tip_offset_mm : float
         Distance from the magnet's distal face to the tip of the specimen.
+    magnetisation_angle_deg : float
+        Direction of the magnetisation at rest, in the plane of the picture, from +x toward +y.
 
     Examples
     --------
@@ -46,12 +48,19 @@ class Magnet:
     remanence_T: float
     density_kg_m3: float
     tip_offset_mm: float = 0.0
+    magnetisation_angle_deg: float = 0.0
 
     @property
     def moment_A_m2(self) -> float:
-        """The dipole moment: remanence / mu0 times volume."""
+        """The magnitude of the dipole moment: remanence / mu0 times volume."""
         volume_m3 = self.length_mm * self.width_mm * self.depth_mm * 1e-9
         return self.remanence_T / VACUUM_PERMEABILITY * volume_m3
+
+    @property
+    def direction(self) -> tuple[float, float]:
+        """The unit vector of the magnetisation at rest."""
+        angle = np.radians(self.magnetisation_angle_deg)
+        return float(np.cos(angle)), float(np.sin(angle))
 
 
 @dataclass(frozen=True)

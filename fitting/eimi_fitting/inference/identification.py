@@ -37,6 +37,7 @@ from eimi_fitting.inference.evidence.corrections import (
 from eimi_fitting.inference.evidence.experiment import DISCARDED_MM, Experiment
 from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.parameter_priors import Prior, check_priors
+from eimi_fitting.inference.evidence.polarity import freed_by_polarities
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve, TensileEvidence
 from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Unknowns, nuisances
 from eimi_fitting.inference.fit import Fit
@@ -88,7 +89,8 @@ def identify(
     experiments : sequence of Experiment
         The experiments, fitted together.
     free : sequence of NuisancePrior
-        Nuisances to free, with their priors.
+        Nuisances to free, with their priors. If the field was measured in both polarities, stated sources whose effect
+        is even in the field are freed, too (`inference.evidence.polarity`).
     free_bulk : bool
         Search the bulk modulus too.
     tensile : sequence of TensileCurve
@@ -230,9 +232,10 @@ def _problem(
         if any(experiment.model.specimen.section != "plane-strain" for experiment in experiments):
             raise ValueError("the bulk modulus can be free in plane strain only: another section was stated")
         space = space.with_bulk()
+    freed = (*free, *freed_by_polarities(experiments, free))
     return Problem(
         law,
-        Unknowns(space, nuisances(free, len(experiments), [e.stated for e in experiments])),
+        Unknowns(space, nuisances(freed, len(experiments), [e.stated for e in experiments])),
         tuple(polished(e) for e in experiments),
         tuple(TensileEvidence.of(curve, model) for curve in tensile),
         tuple(priors),

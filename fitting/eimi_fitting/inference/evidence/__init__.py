@@ -5,6 +5,7 @@ tensile_curves    tensile curves as evidence besides the edges
 experiment        one specimen with its loads and measurements, and the comparison of candidates with it
 sources           every quantity that may be stated as uncertain
 parameter_priors  normal priors on the law's parameters
+polarity          the sources that both polarities of the field determine
 unknowns          the parameters of a fit, and the freed nuisances
 objective         the number that a fit minimises, from all the evidence
 corrections       the change of the residuals by a better model

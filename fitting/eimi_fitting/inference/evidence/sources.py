@@ -40,6 +40,10 @@ class Source:
         Largest standard deviation that is accepted.
     usual : float
         A standard deviation that is usual in a laboratory.
+    is_decisive : bool
+        Whether a fit states what the usual standard deviation would change if no file states one.
+    is_even : bool
+        Whether its effect stays if the field is reversed, so that both polarities separate it from the stiffness.
     common : bool
         Whether all datasets share one error if no file states which of them do. If False, each has its own error.
     covers : tuple of str
@@ -63,6 +67,8 @@ class Source:
     unit: str
     largest: float
     usual: float
+    is_decisive: bool = False
+    is_even: bool = False
     common: bool = False
     covers: tuple[str, ...] = ()
     stated_in: File | None = None
@@ -280,6 +286,18 @@ SOURCES: dict[str, Source] = {
     "length": _of_specimen("length", "length_mm", "mm", 10.0, 0.05, _beam("length_mm")),
     "density": _of_specimen("density", "density_kg_m3", "kg/m3", 1000.0, 5.0, _beam("density_kg_m3")),
     "remanence": _of_specimen("remanence", "remanence_T", "T", 1.0, 0.02, _magnet("remanence_T")),
+    "magnetisation-angle": replace(
+        _of_specimen(
+            "direction of magnetisation",
+            "magnetisation_angle_deg",
+            "deg",
+            45.0,
+            3.0,
+            _magnet("magnetisation_angle_deg"),
+        ),
+        is_decisive=True,
+        is_even=True,
+    ),
     "magnet-length": _of_specimen("magnet's length", "magnet_length_mm", "mm", 10.0, 0.02, _magnet("length_mm")),
     "magnet-width": _of_specimen("magnet's width", "magnet_width_mm", "mm", 10.0, 0.02, _magnet("width_mm")),
     "magnet-depth": _of_specimen("magnet's depth", "magnet_depth_mm", "mm", 10.0, 0.02, _magnet("depth_mm")),

@@ -130,17 +130,45 @@ def budget(
     measure_next : MeasureNext
         The source with the largest effect, or the edges if their noise has a larger one.
     """
-    optimum_modulus = float(modulus(moves.unit[None])[0])
-    sizes = moves.steps.sizes
-    ends = modulus(np.clip(moves.unit + np.concatenate([sizes, -sizes]), 0.0, 1.0))
-    effect = 50 * np.abs(np.subtract(*np.split(ends, 2))) / optimum_modulus
+    entries = budget_entries(sources, moves.unit, moves.steps.sizes, modulus)
+    noise = 100 * float(np.std(modulus(moves.units(of_sources=0.0)))) / float(modulus(moves.unit[None])[0])
+    if not entries or noise > entries[0].effect_percent:
+        return entries, MeasureNext(None, "edges", _interval(modulus(moves.units(of_noise=0.5))))
+    first = entries[0]
+    is_first = [(s.shared.source, s.shared.datasets) == (first.source, first.datasets) for s in sources]
+    halved = np.where(is_first, 0.5, 1.0)
+    return entries, MeasureNext(first.source, first.words, _interval(modulus(moves.units(of_sources=halved))))
+
+
+def budget_entries(
+    sources: Sequence[ConsideredSources], unit: Array, sizes: Array, modulus: Callable[[Array], Array]
+) -> tuple[BudgetEntry, ...]:
+    """Return what each source does to the modulus, the largest effect first.
+
+    Parameters
+    ----------
+    sources : sequence of ConsideredSources
+        The S uncertain numbers.
+    unit : ndarray, shape (n,)
+        The optimum in unit coordinates.
+    sizes : ndarray, shape (S, n)
+        Move of the optimum for one standard uncertainty of each number.
+    modulus : callable
+        Takes unit coordinates (P, n) and returns the initial shear moduli (P,) in Pa.
+
+    Returns
+    -------
+    tuple of BudgetEntry
+        One for each source.
+    """
+    ends = modulus(np.clip(unit + np.concatenate([sizes, -sizes]), 0.0, 1.0))
+    effect = 50 * np.abs(np.subtract(*np.split(ends, 2))) / float(modulus(unit[None])[0])
     groups = list(dict.fromkeys(source.shared for source in sources))
     in_group = np.array([[source.shared == group for source in sources] for group in groups]).reshape(
         len(groups), len(sources)
     )
     group_effect = np.sqrt((in_group * effect**2).sum(axis=1))
-    order = np.argsort(-group_effect, kind="stable")
-    entries = tuple(
+    return tuple(
         BudgetEntry(
             source=groups[g].source,
             words=SOURCES[groups[g].source].words,
@@ -149,13 +177,8 @@ def budget(
             datasets=groups[g].datasets,
             effect_percent=float(group_effect[g]),
         )
-        for g in order
+        for g in np.argsort(-group_effect, kind="stable")
     )
-    noise = 100 * float(np.std(modulus(moves.units(of_sources=0.0)))) / optimum_modulus
-    if not entries or noise > entries[0].effect_percent:
-        return entries, MeasureNext(None, "edges", _interval(modulus(moves.units(of_noise=0.5))))
-    halved = np.where(in_group[order[0]], 0.5, 1.0)
-    return entries, MeasureNext(entries[0].source, entries[0].words, _interval(modulus(moves.units(of_sources=halved))))
 
 
 def _interval(modulus: Array) -> tuple[float, float]:

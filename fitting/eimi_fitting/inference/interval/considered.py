@@ -27,7 +27,7 @@ from eimi_fitting.beam.model import BeamModel, Shapes
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.objective import Problem
-from eimi_fitting.inference.evidence.sources import SOURCES
+from eimi_fitting.inference.evidence.sources import SOURCES, specimen_under
 from eimi_fitting.inference.evidence.unknowns import Nuisance, Setup, SharedUnknowns, shared
 from eimi_fitting.inference.interval.covariance import Linearisation
 from eimi_fitting.laws.law import Law
@@ -86,7 +86,29 @@ def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
     )
 
 
-def considered(problem: Problem, unit: Array) -> tuple[ConsideredSources, ...]:
+def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
+    """Return the decisive sources that no file states and that are not freed, with their usual uncertainty."""
+    freed = {nuisance.source for nuisance in problem.unknowns.freed}
+    stated = [experiment.stated for experiment in problem.experiments]
+    return tuple(
+        replace(group, standard_uncertainty=entry.usual)
+        for source, entry in SOURCES.items()
+        if entry.is_decisive and source not in freed
+        for group in shared(source, stated)
+        if group.standard_uncertainty is None and _concerns(source, problem.experiments[group.datasets[0]])
+    )
+
+
+def _concerns(source: str, experiment: Experiment) -> bool:
+    """Whether a source of the magnet can change the shapes of an experiment."""
+    before = experiment.model.specimen
+    changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
+    return changed != before and bool(experiment.loads.field_T.any())
+
+
+def considered(
+    problem: Problem, unit: Array, groups: Sequence[SharedUnknowns] | None = None
+) -> tuple[ConsideredSources, ...]:
     """Return the effect of each stated source on the residuals at an optimum.
 
     Parameters
@@ -95,6 +117,8 @@ def considered(problem: Problem, unit: Array) -> tuple[ConsideredSources, ...]:
         The problem of the fit.
     unit : ndarray, shape (n,)
         The optimum in unit coordinates.
+    groups : sequence of SharedUnknowns, optional
+        The sources to consider; by default those of `sources_of`.
 
     Returns
     -------
@@ -102,7 +126,8 @@ def considered(problem: Problem, unit: Array) -> tuple[ConsideredSources, ...]:
         One for each uncertain number. A source is left out if the model finds no equilibrium for its deviations;
         `sources_of` still lists it.
     """
-    numbers = [(group, part) for group in sources_of(problem) for part in range(len(SOURCES[group.source].parts))]
+    chosen = sources_of(problem) if groups is None else groups
+    numbers = [(group, part) for group in chosen for part in range(len(SOURCES[group.source].parts))]
     if not numbers:
         return ()
     changes = changes_of(problem, unit, numbers)

@@ -27,8 +27,8 @@ from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_fitting.inference.evidence.objective import Evaluation, Problem
 from eimi_fitting.inference.evidence.quantity import NORMAL_95, Quantity
 from eimi_fitting.inference.evidence.unknowns import Unknowns
-from eimi_fitting.inference.interval.budget import BudgetEntry, MeasureNext, Moves, budget
-from eimi_fitting.inference.interval.considered import ConsideredSources, steps_of
+from eimi_fitting.inference.interval.budget import BudgetEntry, MeasureNext, Moves, budget, budget_entries
+from eimi_fitting.inference.interval.considered import ConsideredSources, considered, steps_of, unstated_of
 from eimi_fitting.inference.interval.covariance import Linearisation
 from eimi_fitting.inference.interval.cross_validation import held_out_error_mm
 from eimi_fitting.inference.interval.draws import Draws, draw_noise, normal_draws, quantity, rounded, thinned
@@ -119,6 +119,8 @@ class Estimate:
         The share of each source in the interval of the modulus, the largest first.
     measure_next : MeasureNext
         The quantity to measure better next.
+    if_uncertain : tuple of BudgetEntry
+        Decisive sources that no file states, with the effect of their usual uncertainty. It is not in the intervals.
     draws : Draws or None
         Draws from the joint distribution, of which the intervals are quantiles; None in result files of earlier
         releases.
@@ -134,6 +136,7 @@ class Estimate:
     held_out_error_mm: float | None
     budget: tuple[BudgetEntry, ...]
     measure_next: MeasureNext
+    if_uncertain: tuple[BudgetEntry, ...] = ()
     draws: Draws | None = None
 
 
@@ -197,7 +200,15 @@ def estimate(
         held_out_error_mm=held_out_error_mm(explained.states, explained.hessian),
         budget=entries,
         measure_next=measure_next,
+        if_uncertain=_if_uncertain(problem, about, covariance),
     )
+
+
+def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> tuple[BudgetEntry, ...]:
+    """Return what the usual uncertainty of the decisive sources that no file states would do to the modulus."""
+    sources = considered(problem, about.unit, unstated_of(problem))
+    sizes = steps_of(about, sources, covariance).sizes
+    return budget_entries(sources, about.unit, sizes, lambda units: _modulus(problem.law, problem.unknowns, units))
 
 
 def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
