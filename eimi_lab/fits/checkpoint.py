@@ -3,15 +3,17 @@
 A checkpoint consists of JSON lines. The first line states what is fitted. Each generation adds a line with the
 objectives of its candidates, and each finished fit adds a line. CMA-ES is deterministic: with the same seed and the
 same objectives it proposes the same candidates. A resumed search therefore reads the logged objectives instead of
-computing them, and continues bit for bit, because numbers are written with all their digits. A line that is incomplete
-is skipped, and its generation is computed again.
+computing them, and continues bit for bit, because numbers are written with all their digits. Another kind of processor
+rounds differently in the last digit, so a replayed generation has to agree with the logged one to `_SAME` only. A line
+that is incomplete is skipped, and its generation is computed again.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import weakref
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,6 +29,7 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import refuse_existing
 from eimi_lab.process.writer_lock import WriterLock
 
+_SAME = 1e-6  # relative difference up to which a replayed generation is the logged one
 _SHOWN = 4  # fits or datasets that a message names
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -178,8 +181,10 @@ class GenerationLog:
         """Write a new generation. Raises OtherSearch if a replayed one differs from the logged one."""
         self.generation += 1
         if self.generation <= len(self.logged):
-            if generation != self.logged[self.generation - 1].search:
-                raise OtherSearch(f"generation {self.generation} differs from the one in the checkpoint")
+            if not _same(generation, self.logged[self.generation - 1].search):
+                raise OtherSearch(
+                    f"generation {self.generation} differs from the one in the checkpoint by more than rounding"
+                )
             return
         _append(
             self.path,
@@ -192,6 +197,12 @@ class GenerationLog:
                 search=generation,
             ),
         )
+
+
+def _same(replayed: Generation, logged: Generation) -> bool:
+    """Return whether all numbers of two generations agree, apart from the rounding of another processor."""
+    pairs = zip(astuple(replayed), astuple(logged), strict=True)
+    return all(math.isclose(replayed_number, logged_number, rel_tol=_SAME) for replayed_number, logged_number in pairs)
 
 
 def _append(path: Path, line: Record, fresh: bool = False) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import multiprocessing
 import os
 import resource
@@ -325,6 +326,21 @@ def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(beams: Path,
     assert "log.jsonl: is not a checkpoint of `eimi fit`" in refused("--resume")
     status, said = run("fit", beams / "first.h5", "--model", "neo-hookean", "-o", output, "--resume")
     assert (status, said) == (2, "eimi: --resume: needs the file to resume from: give --checkpoint\n")
+
+
+def test_a_checkpoint_of_another_processor_is_resumed(beams: Path, tmp_path: Path, run: Run) -> None:
+    """Another kind of processor rounds differently in the last digit."""
+    log, output = tmp_path / "log.jsonl", tmp_path / "fits.json"
+    fit = ["fit", beams / "first.h5", "--model", "neo-hookean", "-o", output, "--checkpoint", log]
+    assert run(*fit)[0] == 0
+    whole = read(output)
+    head, *generations, _finished = log.read_text().splitlines()
+    first = json.loads(generations[0])
+    first["search"]["step_size"] = math.nextafter(first["search"]["step_size"], math.inf)
+    log.write_text("\n".join([head, json.dumps(first), *generations[1:-1]]))
+    output.unlink()
+    assert run(*fit, "--resume")[0] == 0
+    assert read(output) == whole
 
 
 def test_a_bootstrap_of_too_few_states_is_refused(beams: Path, tmp_path: Path, run: Run, monkeypatch: Any) -> None:
