@@ -3,7 +3,7 @@
 `open`, `acquire`, `import_pictures`, `import_points` and `segment` lead from the bench or from pictures to a dataset
 with edges. `fit`, `open_fits`, `tensile`, `discover` and `Prior` lead from datasets to laws. `simulate`, `validate`,
 `plan`, `report` and `export` use a law. `LAWS`, `SUPPLIES` and `CAMERAS` list what there is by name, and
-`LAWS[name] = law` adds one.
+`LAWS[name] = law` adds one. The other names are the classes of the results and of the errors.
 
 process         tools of the process: errors, signals, workers, files
 showing         the style of figures and tables
@@ -32,15 +32,24 @@ logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 if TYPE_CHECKING:
     from eimi_drivers.cameras.camera_names import CAMERAS as CAMERAS
+    from eimi_drivers.interfaces import InstrumentError as InstrumentError
     from eimi_drivers.supplies.supply_names import SUPPLIES as SUPPLIES
     from eimi_fitting.inference.evidence.parameter_priors import Prior as Prior
+    from eimi_fitting.inference.evidence.quantity import Quantity as Quantity
     from eimi_fitting.laws import LAWS as LAWS
+    from eimi_lab.acquisition.events import Event as Event
+    from eimi_lab.dataset.reading import Dataset as Dataset
+    from eimi_lab.face.acquiring import DryRun as DryRun
     from eimi_lab.face.acquiring import acquire as acquire
     from eimi_lab.face.acquiring import open as open
     from eimi_lab.face.identifying import discover as discover
     from eimi_lab.face.identifying import fit as fit
     from eimi_lab.face.identifying import open_fits as open_fits
     from eimi_lab.face.identifying import tensile as tensile
+    from eimi_lab.face.results import Discovered as Discovered
+    from eimi_lab.face.results import Plan as Plan
+    from eimi_lab.face.results import Report as Report
+    from eimi_lab.face.results import Validations as Validations
     from eimi_lab.face.segmenting import import_pictures as import_pictures
     from eimi_lab.face.segmenting import import_points as import_points
     from eimi_lab.face.segmenting import segment as segment
@@ -49,16 +58,39 @@ if TYPE_CHECKING:
     from eimi_lab.face.using import report as report
     from eimi_lab.face.using import simulate as simulate
     from eimi_lab.face.using import validate as validate
+    from eimi_lab.fits.fits_file import Fits as Fits
+    from eimi_lab.fits.records import FitRecord as FitRecord
+    from eimi_lab.fits.records import TensileRecord as TensileRecord
+    from eimi_lab.fits.residuals import Residuals as Residuals
+    from eimi_lab.fits.simulated_fit import Prediction as Prediction
+    from eimi_lab.fits.validation import Validation as Validation
     from eimi_lab.process.errors import InputError as InputError
+    from eimi_lab.virtual.simulation import Simulation as Simulation
 
     __version__: str
 
 _HOMES = {
     "CAMERAS": "eimi_drivers.cameras.camera_names",
+    "Dataset": "eimi_lab.dataset.reading",
+    "Discovered": "eimi_lab.face.results",
+    "DryRun": "eimi_lab.face.acquiring",
+    "Event": "eimi_lab.acquisition.events",
+    "FitRecord": "eimi_lab.fits.records",
+    "Fits": "eimi_lab.fits.fits_file",
     "InputError": "eimi_lab.process.errors",
+    "InstrumentError": "eimi_drivers.interfaces",
     "LAWS": "eimi_fitting.laws",
+    "Plan": "eimi_lab.face.results",
+    "Prediction": "eimi_lab.fits.simulated_fit",
     "Prior": "eimi_fitting.inference.evidence.parameter_priors",
+    "Quantity": "eimi_fitting.inference.evidence.quantity",
+    "Report": "eimi_lab.face.results",
+    "Residuals": "eimi_lab.fits.residuals",
     "SUPPLIES": "eimi_drivers.supplies.supply_names",
+    "Simulation": "eimi_lab.virtual.simulation",
+    "TensileRecord": "eimi_lab.fits.records",
+    "Validation": "eimi_lab.fits.validation",
+    "Validations": "eimi_lab.face.results",
     "acquire": "eimi_lab.face.acquiring",
     "discover": "eimi_lab.face.identifying",
     "export": "eimi_lab.face.using",
@@ -75,28 +107,7 @@ _HOMES = {
     "validate": "eimi_lab.face.using",
 }
 
-__all__ = [
-    "CAMERAS",
-    "LAWS",
-    "SUPPLIES",
-    "InputError",
-    "Prior",
-    "__version__",
-    "acquire",
-    "discover",
-    "export",
-    "fit",
-    "import_pictures",
-    "import_points",
-    "open",
-    "open_fits",
-    "plan",
-    "report",
-    "segment",
-    "simulate",
-    "tensile",
-    "validate",
-]
+__all__ = sorted([*_HOMES, "__version__"])
 
 
 if not TYPE_CHECKING:  # a type checker shall know the names above alone

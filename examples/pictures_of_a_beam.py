@@ -12,11 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from eimi_fitting.beam.beside import SolidBeside
-from eimi_fitting.beam.loads import Loads
-from eimi_fitting.beam.outline import outline, points_on
-from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.laws import LAWS
+from eimi_fitting import Beam, Loads, Magnet, Specimen
 from eimi_lab.virtual.raster import coverage
 
 SIZE, PIXELS_PER_MM = (1100, 900), 20.0
@@ -60,12 +56,10 @@ def main(folder: Path, weights: bool) -> None:
         loads = Loads.along(np.zeros(4), gravity_angle_deg=90.0, tip_force_N=9.81e-3 * steps)
     else:
         loads = Loads.along(4.7 * steps)
-    model = SolidBeside(specimen, along=16, across=1)
-    shapes = model.solve(LAWS["neo-hookean"], np.array([[MODULUS_PA]]), loads)
+    bent = Beam(specimen, along=16, across=1).solve("neo-hookean", [MODULUS_PA], loads)
     to_px = PIXELS_PER_MM * np.stack([along, across])
     plate = clamp + np.array([[0.0, -7.0], [0.0, 7.0], [-4.0, 7.0], [-4.0, -7.0]]) @ to_px
-    for number, edges in enumerate(outline(model, shapes)[0]):
-        left, right = points_on(edges, 4)
+    for number, (left, right) in enumerate(bent.edges()):
         outline_px = clamp + np.concatenate([left, right[::-1]]) @ to_px
         cv2.imwrite(str(folder / f"beam_{number}.png"), picture(outline_px, plate, number))
         print(f"{folder}/beam_{number}.png: {steps[number]:g} {'g' if weights else 'A'}")

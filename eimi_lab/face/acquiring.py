@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, overload
 
+from eimi_lab.acquisition.events import Event, OnEvent, unheard
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
@@ -74,6 +75,7 @@ def acquire(
     take_over: bool = False,
     note: str = "",
     transcript: AnyPath | None = None,
+    on_event: OnEvent = unheard,
     force: bool = False,
 ) -> Dataset: ...
 @overload
@@ -92,6 +94,7 @@ def acquire(
     take_over: bool = False,
     note: str = "",
     transcript: AnyPath | None = None,
+    on_event: OnEvent = unheard,
     force: bool = False,
 ) -> Dataset | DryRun:
     """Run a protocol on a rig: set the currents, take frames and store them in a dataset.
@@ -115,6 +118,9 @@ def acquire(
         Text to store with the run in the dataset.
     transcript : str or Path
         New file that records every message to and from the supply.
+    on_event : callable
+        Receives every `Event` of the run, such as a stored state, in the thread of the run. An exception in it ends the
+        run with the coil off.
     force : bool
         Replace an existing dataset.
 
@@ -145,6 +151,7 @@ def acquire(
         take_over=take_over,
         note=note,
         transcript=None if transcript is None else Path(transcript),
+        on_event=on_event,
         force=force,
     )
     return open_dataset(stored)
@@ -175,6 +182,7 @@ def run_protocol(
     take_over: bool = False,
     note: str = "",
     transcript: Path | None = None,
+    on_event: OnEvent = unheard,
     events: bool = False,
     force: bool = False,
     watched_by: str | None = None,
@@ -232,11 +240,11 @@ def run_protocol(
     with (
         only_writer(output),
         progress("acquire", len(protocol.currents_A)) as report,
-        sending_events(on_terminal(report), events_descriptor) as on_event,
+        sending_events(_to_both(on_terminal(report), on_event), events_descriptor) as send,
         open_bench(
-            rig, specimen, protocol.limits, transcript, on_event=on_event, guardian_events=events_descriptor
+            rig, specimen, protocol.limits, transcript, on_event=send, guardian_events=events_descriptor
         ) as bench,
-        watched(page, bench, rig, on_event) as watched_run,
+        watched(page, bench, rig, send) as watched_run,
     ):
         return run(
             protocol,
@@ -244,7 +252,7 @@ def run_protocol(
             rig,
             watched_run.bench,
             output,
-            on_event,
+            send,
             force,
             resume=resume,
             take_over=take_over,
@@ -252,3 +260,11 @@ def run_protocol(
             show=watched_run.show,
             typed=watched_run.typed,
         )
+
+
+def _to_both(first: OnEvent, second: OnEvent) -> OnEvent:
+    def send(event: Event) -> None:
+        first(event)
+        second(event)
+
+    return send

@@ -18,22 +18,25 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from eimi_fitting.beam.bending import Beam
-    from eimi_fitting.beam.loads import Loads
-    from eimi_fitting.beam.model import BeamModel
-    from eimi_fitting.beam.specimen import Magnet, Specimen
-    from eimi_fitting.inference.evidence.experiment import Experiment
-    from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation
-    from eimi_fitting.inference.evidence.parameter_priors import Prior
-    from eimi_fitting.inference.evidence.quantity import Quantity
-    from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
-    from eimi_fitting.inference.evidence.unknowns import NuisancePrior
-    from eimi_fitting.inference.fit import Fit
-    from eimi_fitting.inference.identification import identify
-    from eimi_fitting.inference.planning.sensitivity import edge_sensitivity
-    from eimi_fitting.laws import LAWS
-    from eimi_fitting.laws.cards import Material, material_card
-    from eimi_fitting.laws.tensile import fit_tensile
+    from eimi_fitting.beam.bending import Beam as Beam
+    from eimi_fitting.beam.loads import Loads as Loads
+    from eimi_fitting.beam.model import BeamModel as BeamModel
+    from eimi_fitting.beam.specimen import Magnet as Magnet
+    from eimi_fitting.beam.specimen import Specimen as Specimen
+    from eimi_fitting.inference.evidence.experiment import Experiment as Experiment
+    from eimi_fitting.inference.evidence.measurements import EdgeObservation as EdgeObservation
+    from eimi_fitting.inference.evidence.measurements import PointObservation as PointObservation
+    from eimi_fitting.inference.evidence.parameter_priors import Prior as Prior
+    from eimi_fitting.inference.evidence.quantity import Quantity as Quantity
+    from eimi_fitting.inference.evidence.tensile_curves import TensileCurve as TensileCurve
+    from eimi_fitting.inference.evidence.unknowns import NuisancePrior as NuisancePrior
+    from eimi_fitting.inference.fit import Fit as Fit
+    from eimi_fitting.inference.identification import identify as identify
+    from eimi_fitting.inference.planning.sensitivity import edge_sensitivity as edge_sensitivity
+    from eimi_fitting.laws import LAWS as LAWS
+    from eimi_fitting.laws.cards import Material as Material
+    from eimi_fitting.laws.cards import material_card as material_card
+    from eimi_fitting.laws.tensile import fit_tensile as fit_tensile
 
 _HOMES = {
     "LAWS": "laws",
@@ -57,27 +60,7 @@ _HOMES = {
     "material_card": "laws.cards",
 }
 
-__all__ = [
-    "LAWS",
-    "Beam",
-    "BeamModel",
-    "EdgeObservation",
-    "Experiment",
-    "Fit",
-    "Loads",
-    "Magnet",
-    "Material",
-    "NuisancePrior",
-    "PointObservation",
-    "Prior",
-    "Quantity",
-    "Specimen",
-    "TensileCurve",
-    "edge_sensitivity",
-    "fit_tensile",
-    "identify",
-    "material_card",
-]
+__all__ = sorted(_HOMES)
 
 
 if not TYPE_CHECKING:  # type checkers then accept the names above only

@@ -39,6 +39,32 @@ def test_a_dry_run_tells_each_step_and_writes_nothing(bench, tmp_path):
         eimi.acquire("dragon_skin_10", "type1", "virtual")
 
 
+def test_a_listener_receives_each_event_of_a_run(bench, tmp_path):
+    events = []
+    files = [bench / "protocol.toml", bench / "specimen.toml", bench / "rig.toml"]
+    eimi.acquire(*files, tmp_path / "run.h5", on_event=events.append).close()
+    assert all(isinstance(event, eimi.Event) for event in events)
+    names = [event.event for event in events]
+    assert names.count("state_stored") == 3
+    assert names[0] == "run_begun"
+    assert names[-1] == "run_ended"
+
+
+def test_an_error_in_a_listener_ends_the_run_with_the_coil_off(bench, tmp_path):
+    events = []
+
+    def listen(event: eimi.Event) -> None:
+        events.append(event.event)
+        if event.event == "state_stored":
+            raise ZeroDivisionError("of the listener")
+
+    files = [bench / "protocol.toml", bench / "specimen.toml", bench / "rig.toml"]
+    with pytest.raises(ZeroDivisionError, match="of the listener"):
+        eimi.acquire(*files, tmp_path / "run.h5", on_event=listen)
+    assert events.count("state_stored") == 1
+    assert "off_confirmed" in events
+
+
 def test_an_open_dataset_is_segmented_and_goes_on_being_read(run):
     opened = eimi.open(str(run))
     assert eimi.open(opened) is opened

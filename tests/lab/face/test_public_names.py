@@ -53,6 +53,13 @@ def test_every_function_documents_each_of_its_parameters(name):
         assert section in written
 
 
+def test_every_class_of_a_result_is_public():
+    for name in FUNCTIONS:
+        result = inspect.signature(inspect.unwrap(getattr(eimi, name))).return_annotation
+        classes = set(result.split(" | ")) - {"str"}
+        assert classes <= set(eimi.__all__), name
+
+
 def test_names_stand_in_dir_and_a_version_is_known():
     assert set(eimi.__all__) <= set(dir(eimi))
     assert re.match(r"\d+\.\d+", eimi.__version__)

@@ -21,20 +21,24 @@ import eimi_lab as eimi
 
 def chain(folder: Path) -> float:
     steps = eimi.acquire("dragon_skin_10", "type1", "virtual", dry_run=True)
-    run = eimi.acquire("dragon_skin_10", "type1", "virtual", folder / "run.h5", note=steps.lines[0])
+    events: list[eimi.Event] = []
+    run = eimi.acquire(
+        "dragon_skin_10", "type1", "virtual", folder / "run.h5", note=steps.lines[0], on_event=events.append
+    )
     taken = eimi.import_pictures(folder, "states.csv", run.specimen, "calibration.toml", "taken.h5", clamp=(1.0, 2.0))
     eimi.import_points("points.csv", "states.csv", "type1", "points.h5", gravity_angle=0.0).close()
     with eimi.segment(taken, workers=2) as segmented:
         images = segmented.images(0)
     prior = eimi.Prior("C10", 20e3, 500.0)
-    fit = eimi.fit([run, folder / "other.h5", "third.h5"], "yeoh", prior=[prior, "C20=1,2"], free="width=0.02")
-    fits = eimi.fit(run, ["yeoh", "ogden"], seed=[1, 2], each=True)
+    datasets = [run, folder / "other.h5", "third.h5"]
+    fit: eimi.FitRecord = eimi.fit(datasets, "yeoh", prior=[prior, "C20=1,2"], free="width=0.02")
+    fits: eimi.Fits = eimi.fit(run, ["yeoh", "ogden"], seed=[1, 2], each=True)
     first = fits[0]
     distances: NDArray[np.float64] = fit.residuals().distance_mm
     tensile = eimi.tensile("curve.csv", "yeoh", window=[20, "full"])
     terms: str = eimi.discover(run, tensile="curve.csv").statement
     shapes = eimi.simulate([0.0, 1.0], "type1", "neo-hookean", parameter={"mu": 46e3}).tip_mm
-    judged = eimi.validate(run, [fit, "fits.json", tensile])
+    judged: eimi.Validations = eimi.validate(run, [fit, "fits.json", tensile])
     planned = eimi.plan(fit, "dragon_skin_10", ["type1"], "virtual", states=4).protocol.currents_A
     page = eimi.report([run], "report.html", fit=fit).path
     card: str = eimi.export(fits, "yeoh", to="abaqus", bulk_ratio=2000.0)
