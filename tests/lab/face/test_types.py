@@ -30,8 +30,9 @@ def chain(folder: Path) -> float:
     with eimi.segment(taken, workers=2) as segmented:
         images = segmented.images(0)
     prior = eimi.Prior("C10", 20e3, 500.0)
-    datasets = [run, folder / "other.h5", "third.h5"]
-    fit: eimi.FitRecord = eimi.fit(datasets, "yeoh", prior=[prior, "C20=1,2"], free="width=0.02")
+    fit: eimi.FitRecord = eimi.fit(
+        [run, folder / "other.h5", "third.h5"], "yeoh", prior=[prior, "C20=1,2"], free="width=0.02"
+    )
     fits: eimi.Fits = eimi.fit(run, ["yeoh", "ogden"], seed=[1, 2], each=True)
     first = fits[0]
     distances: NDArray[np.float64] = fit.residuals().distance_mm
