@@ -153,7 +153,7 @@ def test_a_notebook_runs(path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
     assert capsys.readouterr().out
 
 
-@pytest.mark.parametrize("script", ["file_formats.py", "gallery.py", "events_table.py"])
+@pytest.mark.parametrize("script", ["file_formats.py", "gallery.py", "events_table.py", "faults_table.py"])
 def test_a_written_page_is_what_its_script_writes(script: str) -> None:
     written = runpy.run_path(str(DOCS / "scripts" / script))
     again = f"python docs/scripts/{script} writes it anew"

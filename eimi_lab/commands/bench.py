@@ -26,6 +26,17 @@ def instruments() -> Result:
     return Result(lines, {"found": [asdict(instrument) for instrument in result.found], "notes": result.notes})
 
 
+def _list_faults(wanted: bool) -> None:
+    """Print the faults of `eimi emulate --fault` and end the program."""
+    if not wanted:
+        return
+    from eimi_drivers.emulators.faults import Fault
+
+    for fault in Fault:
+        print(f"{fault.word}: {fault.effect}. A correct program {fault.correct}.")
+    raise typer.Exit
+
+
 def emulate(
     supply: Annotated[str, typer.Argument(help="supply to emulate, by the name of its driver: korad, scpi, ...")],
     tcp: Annotated[
@@ -34,27 +45,44 @@ def emulate(
             help="serve on this TCP port instead of a terminal device; 0 takes any free port", min=0, max=65535
         ),
     ] = None,
+    fault: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="fault of the supply, its coil or its line: silence, sleep, garbage, partial, slow, drop, disconnect, "
+            "reenumerate, swap, shorted, drift, fallen, offset, locked, hunting, trip or brownout",
+        ),
+    ] = None,
+    after: Annotated[
+        float,
+        typer.Option(metavar="SECONDS", min=0.0, help="time from switching the output on with a current to the fault"),
+    ] = 5.0,
+    faults: Annotated[
+        bool,
+        typer.Option(
+            "--faults",
+            is_eager=True,
+            callback=_list_faults,
+            help="describe every fault and what a correct program does",
+        ),
+    ] = False,
 ) -> None:
     """Serve an emulated supply with a coil, until Ctrl-C.
 
-    Programs reach it at the printed address with the same commands as the real supply.
+    Programs reach it at the printed address with the same commands as the real supply. With a fault, the true current
+    in the coil is printed when it changes.
     """
-    import threading
-
-    from eimi_drivers.clock import WallClock
-    from eimi_drivers.emulators.coil_line import serve_coil
-    from eimi_drivers.emulators.serve import DIALECTS, serve_pty, serve_tcp
-    from eimi_drivers.emulators.serve import emulate as put_language_on
-    from eimi_drivers.emulators.supply import CoilSupply
+    from eimi_drivers.emulators.faults import Fault
+    from eimi_drivers.emulators.serve import DIALECTS
+    from eimi_drivers.emulators.session import EmulatedSession
 
     if supply not in DIALECTS:
         raise InputError(f"SUPPLY = {supply!r} should be one of {', '.join(DIALECTS)}")
-    coil = CoilSupply(WallClock())
-    instrument = put_language_on(supply, coil)
-    with serve_pty(instrument) if tcp is None else serve_tcp(instrument, port=tcp) as address, serve_coil(coil) as line:
-        print(f'driver = "{supply}"\naddress = "{address}"')
-        print(f'# for a virtual beam in its coil: camera = {{ driver = "virtual", source = "{line}" }}', flush=True)
-        threading.Event().wait()
+    by_word = {each.word: each for each in Fault}
+    if fault is not None and fault not in by_word:
+        raise InputError(f"--fault = {fault!r} should be one of {', '.join(by_word)}")
+    chosen = by_word[fault] if fault is not None else None
+    EmulatedSession(supply, tcp, chosen, after, lambda text: print(text, flush=True)).serve()
 
 
 def acquire(

@@ -8,7 +8,12 @@ EXAMPLES = {
     "demo": ("eimi demo --quick", "eimi demo --material ecoflex_00_50 --specimen type2 -o demo_ecoflex"),
     "init": ("eimi init my_beam",),
     "instruments": ("eimi instruments",),
-    "emulate": ("eimi emulate korad", "eimi emulate scpi --tcp 5025"),
+    "emulate": (
+        "eimi emulate korad",
+        "eimi emulate scpi --tcp 5025",
+        "eimi emulate korad --fault shorted --after 20",
+        "eimi emulate --faults",
+    ),
     "acquire": (
         "eimi acquire dragon_skin_10 --specimen type1 --rig virtual -o run.h5",
         "eimi acquire protocol.toml --specimen specimen.toml --rig rig.toml --dry-run",

@@ -21,7 +21,7 @@ def test_it_switches_off_when_nobody_talks_any_more(bench_of: Any) -> None:
         bench.supply.check()
     assert bench.coil.coil_current_A() == pytest.approx(0.7, abs=0.01)
     bench.clock.sleep(11.0)  # a pulled cable
-    bench.line._instrument.watch()
+    bench.line.instrument.watch()
     assert not bench.coil.state.output
     with pytest.raises(ProtectionTripped, match="watchdog"):
         bench.supply.check()
@@ -46,7 +46,7 @@ def test_what_it_switched_off_does_not_come_back_with_the_next_run(bench_of: Any
     bench = bench_of(N6700)
     bench.energise(0.7)
     bench.clock.sleep(11.0)
-    bench.line._instrument.watch()
+    bench.line.instrument.watch()
     assert bench.supply.output_on()  # as the manual has it: the programmed state is not changed
     bench.supply.safe_off()
     assert not bench.supply.output_on()

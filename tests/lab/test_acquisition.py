@@ -189,7 +189,7 @@ def test_a_set_point_that_the_supply_confirmed_but_did_not_apply_stops_the_run_b
                 setup.coil.locked = self.asked == b"0.200K"
             return self.asked if data == b"ISET1?" else super().receive(data)
 
-    setup.line._instrument = Lying(setup.coil)
+    setup.line.instrument = Lying(setup.coil)
     with pytest.raises(InstrumentError, match=r"0\.[01]\d\d A measured at a set-point of 0\.2 A"):
         setup.run()
     assert setup.is_off()
@@ -248,7 +248,7 @@ def test_a_signal_while_switching_off_does_not_cut_it_short(setup: Any) -> None:
                 signal.raise_signal(signal.SIGINT)
             return super().receive(data)
 
-    setup.line._instrument = InterruptedOnTheWayDown(setup.coil)
+    setup.line.instrument = InterruptedOnTheWayDown(setup.coil)
     with pytest.raises(Stopped):
         setup.run()
     assert setup.is_off()

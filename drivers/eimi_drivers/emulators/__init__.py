@@ -8,7 +8,10 @@ scpi               the commands that all SCPI families share
 scpi_families      SCPI families with one channel, or with the channel in each message
 channel_selected   SCPI families in which one channel is selected at a time
 hislip             the HiSLIP protocol for an emulated SCPI supply
-faults             faults that can be added to an emulated instrument
+faults             the faults of an emulated instrument, and those of its line
+spoiling           begin and end a fault of a supply, its coil or its line
+serial_port        a serial port that can be unplugged and plugged in again
+session            serve a supply whose fault begins after its output was switched on
 coil_line          a line on which an emulated coil reports its true current to a virtual beam
 serve              serve an emulator in the same process, on a pseudo-terminal or on a TCP port
 """

@@ -1,4 +1,4 @@
-"""Spoiling an emulated instrument on purpose."""
+"""Define the faults that an emulated instrument can have, and let it have the faults of its line."""
 
 from __future__ import annotations
 
@@ -9,50 +9,187 @@ from eimi_drivers.clock import WallClock
 from eimi_drivers.interfaces import Clock
 from eimi_drivers.supplies.transport import Responder
 
+SLEEPS_FOR_S, RESTARTS_WITHIN_S = 12.0, 1.0
+SHORTED_A, DRIFTS_TO_A, OFFSET_A, HUNTING_A = 0.8, 2.4, 0.015, 0.2
+
 
 class Fault(Enum):
-    """What can go wrong on a line. What goes wrong in a supply is in `CoilSupply`: trip, locked, hunting_A."""
+    """Name a fault of an emulated instrument, with its effect and with the behaviour of a correct program.
 
-    SILENCE = "the message is lost and nothing answers"
-    GARBAGE = "the message is obeyed but the answer is unreadable"
-    PARTIAL = "the message is obeyed but the second half of the answer is lost"
-    SLOW = "the message is obeyed but the answer comes late"
-    DISCONNECT = "the line is cut, for good"
-    DROP = "the line is cut once, and can be opened anew"
+    The first group concerns the line, see `FaultyInstrument`. The second group concerns the supply or its coil, see
+    `eimi_drivers.emulators.spoiling`.
+
+    Attributes
+    ----------
+    effect : str
+        What the fault does.
+    correct : str
+        What a correct program does.
+    """
+
+    SILENCE = (
+        "every message is lost and nothing answers",
+        "stops waiting after its time limit, tries to switch off, and reports that the coil may still be on",
+    )
+    SLEEP = (
+        f"as silence, for {SLEEPS_FOR_S:g} s; afterwards the supply works again, with its output as it was",
+        "switches the coil off as soon as the supply answers again",
+    )
+    GARBAGE = (
+        "every message is obeyed, but its answer is unreadable",
+        "uses no value from such an answer, tries to switch off, and reports that this could not be confirmed",
+    )
+    PARTIAL = (
+        "every message is obeyed, but the second half of its answer is lost",
+        "uses no value from such an answer, tries to switch off, and reports that this could not be confirmed",
+    )
+    SLOW = (
+        "every message is obeyed, but its answer is late",
+        "waits, and does not take a late answer for the answer to the next query",
+    )
+    DROP = (
+        "the line is cut once and can be reopened at the same address",
+        "reopens the line, asks for the identity, and switches the coil off",
+    )
+    DISCONNECT = (
+        "the line is cut for good",
+        "reports that the coil may still be on",
+    )
+    REENUMERATE = (
+        "the line is cut; the supply returns at another address",
+        "reports that the coil may still be on, or finds the supply by its serial number and switches it off",
+    )
+    SWAP = (
+        "the line is cut; another supply of the same model, which is off, then answers at the same address",
+        "compares the identities, sends nothing to the other supply, and reports that the coil may still be on",
+    )
+
+    SHORTED = (
+        f"the regulator is shorted: {SHORTED_A:g} A flow even if the output is off; the set-points read back as set",
+        "measures after switching off, and reports that the coil may still be on, with the measured current",
+    )
+    DRIFT = (
+        f"the current rises to {DRIFTS_TO_A:g} A at 1 A/s while the output is on; the set-point reads back as set",
+        "measures the current regularly, and switches off when it leaves the set-point",
+    )
+    FALLEN = (
+        "no current flows although the output reads back as on",
+        "measures the current regularly, and ends the measurement",
+    )
+    OFFSET = (
+        f"the meter adds {1000 * OFFSET_A:g} mA to every current, which is within the accuracy of many supplies",
+        "raises no alarm, and reports the coil as off",
+    )
+    LOCKED = (
+        "a person uses the front panel: commands are not obeyed",
+        "reads every set-point and the output back, and reports that the coil may still be on",
+    )
+    HUNTING = (
+        f"the current oscillates by {HUNTING_A:g} A without end",
+        "does not accept the current as settled, and switches off",
+    )
+    TRIP = (
+        "a protection switches the output off",
+        "notices the trip, does not switch on again, and reports it",
+    )
+    BROWNOUT = (
+        f"the mains fail briefly: nothing answers for {RESTARTS_WITHIN_S:g} s, then the supply is as after power-up",
+        "notices that the output is off without a command, and does not continue as if it were on",
+    )
+
+    def __init__(self, effect: str, correct: str) -> None:
+        self.effect = effect
+        self.correct = correct
+
+    @property
+    def word(self) -> str:
+        """Return the name on the command line."""
+        return self.name.lower()
+
+
+LINE_FAULTS = frozenset(list(Fault)[: list(Fault).index(Fault.SHORTED)]) - {Fault.SWAP}
+"""The faults that `FaultyInstrument.inject` accepts."""
 
 
 class FaultyInstrument:
-    """An emulated instrument that can be made to fail, from the next message on.
+    """Pass messages to an emulated instrument, and fail from the next message on if a fault was injected.
 
-    late_s: how late a slow answer comes, in the time of `clock` (the wall clock unless given).
+    Parameters
+    ----------
+    instrument : Responder
+        The emulated instrument.
+    clock : Clock, optional
+        The clock of the instrument; the default is the wall clock.
+    late_s : float
+        The delay of a slow answer, s.
+
+    Attributes
+    ----------
+    instrument : Responder
+        The instrument that answers now.
+    lost : bool
+        True after the line was cut for good; `reconnect` ends it.
     """
 
     garbage = b"\xfe\x81?\x9c\n#\r"
 
     def __init__(self, instrument: Responder, clock: Clock | None = None, late_s: float = 0.3) -> None:
         self.late_s = late_s
-        self._instrument = instrument
+        self.instrument = instrument
+        self.lost = False
         self._clock = clock or WallClock()
         self._fault: Fault | None = None
         self._concerns: Callable[[bytes], bool] = bool
-        self._cut = False
+        self._next: Responder | None = None
+        self._silent_until_s = -float("inf")
 
     def inject(self, fault: Fault | None, concerns: Callable[[bytes], bool] = bool) -> None:
-        """Fail so for every message that `concerns` is true of (all, unless given); None ends it."""
+        """Add a fault of the line, or end it.
+
+        Parameters
+        ----------
+        fault : Fault or None
+            One of `LINE_FAULTS`; None ends the present fault.
+        concerns : callable
+            Takes a message and returns whether the fault applies to it; the default is all messages.
+
+        Raises
+        ------
+        ValueError
+            The fault is not a fault of the line.
+        """
+        if fault is not None and fault not in LINE_FAULTS:
+            raise ValueError(f"{fault.word} is not a fault of the line; use spoiling.begin_fault")
         self._fault, self._concerns = fault, concerns
+        if fault is Fault.SLEEP:
+            self.be_silent(SLEEPS_FOR_S)
+            self._fault = None
+
+    def be_silent(self, seconds: float) -> None:
+        """Lose every message for this number of seconds."""
+        self._silent_until_s = self._clock.now() + seconds
+
+    def swap(self, other: Responder) -> None:
+        """Cut the line at the next message; another instrument answers afterwards."""
+        self._fault, self._concerns, self._next = Fault.DROP, bool, other
+
+    def reconnect(self) -> None:
+        """Restore a line that was cut for good."""
+        self.lost, self._fault = False, None
 
     def receive(self, data: bytes) -> bytes:
-        """Take bytes, return the answers, or fail. Raises ConnectionResetError when the line is cut."""
+        """Receive bytes, and return the answers or fail. Raises ConnectionResetError if the line is cut."""
         fault = self._fault if self._concerns(data) else None
-        if fault is Fault.DISCONNECT or self._cut:
-            self._cut = True
+        if self.lost or fault in {Fault.DISCONNECT, Fault.REENUMERATE}:
+            self.lost = True
             raise ConnectionResetError("the line was cut")
         if fault is Fault.DROP:
             self._fault = None
+            self.instrument, self._next = self._next or self.instrument, None
             raise ConnectionResetError("the line was dropped")
-        if fault is Fault.SILENCE:
+        if fault is Fault.SILENCE or self._clock.now() < self._silent_until_s:
             return b""
-        answer = self._instrument.receive(data)
+        answer = self.instrument.receive(data)
         if fault is Fault.SLOW and answer:
             self._clock.sleep(self.late_s)
         if fault is Fault.PARTIAL:

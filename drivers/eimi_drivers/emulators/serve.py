@@ -88,11 +88,13 @@ def open_in_process(driver: str, supply: CoilSupply, limits: Limits) -> PowerSup
     return supply_driver(driver)(link, limits, supply.clock)
 
 
-@contextmanager
-def serve_pty(instrument: Responder) -> Iterator[str]:
-    """Serve on a pseudo-terminal while the context lasts; its value is the path of the port.
+def open_terminal() -> tuple[int, int]:
+    """Open a pseudo-terminal and return the instrument's end and the driver's end.
 
-    A cut line closes the terminal. Raises InstrumentError if the operating system has no pseudo-terminals.
+    Raises
+    ------
+    InstrumentError
+        The operating system has no pseudo-terminals.
     """
     try:
         import tty
@@ -100,6 +102,16 @@ def serve_pty(instrument: Responder) -> Iterator[str]:
         raise InstrumentError("this system has no pseudo-terminals: serve on a TCP port instead") from error
     device_end, driver_end = os.openpty()
     tty.setraw(driver_end)
+    return device_end, driver_end
+
+
+@contextmanager
+def serve_pty(instrument: Responder) -> Iterator[str]:
+    """Serve on a pseudo-terminal while the context lasts; its value is the path of the port.
+
+    A cut line closes the terminal. Raises InstrumentError if the operating system has no pseudo-terminals.
+    """
+    device_end, driver_end = open_terminal()
     wake_read, wake_write = os.pipe()
 
     def answer_until_stopped() -> None:

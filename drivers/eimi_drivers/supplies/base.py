@@ -24,6 +24,7 @@ from eimi_drivers.interfaces import (
     SetPointRefused,
     SwitchOffFailed,
 )
+from eimi_drivers.supplies.identity import in_words, serial_number_in
 from eimi_drivers.supplies.off import measured_off, off_limit_A
 from eimi_drivers.supplies.transport import Transport, split_address, usb_serial_number
 
@@ -126,6 +127,7 @@ class SupplyBase(ABC):
         self._switched_on = False
         self._unanswered = False
         self._bound: Identity | None = None
+        self._unconfirmed = False  # the line was reopened and the instrument was not identified since
         channel = split_address(link.address)[1]
         self._channel = self.default_channel if channel is None else channel
         first, last = self.channels
@@ -242,13 +244,15 @@ class SupplyBase(ABC):
             flows. Or another supply answers on the reopened line. Or a supply without a serial number is off already
             when the line is reopened.
         """
-        found_off = False
+        found_off = self._unconfirmed and self._compare()
         failed = self._try_to_switch_off()
         if failed:
             found_off = self._reopen_and_compare()
             failed = self._try_to_switch_off()
         if failed:
             raise failed from failed.__cause__
+        if self._unconfirmed:
+            self._confirm_identity()
         off = self._measured_off(found_off)
         with suppress(InstrumentError):
             self._disarm_watchdog()
@@ -256,14 +260,23 @@ class SupplyBase(ABC):
         return off
 
     def _reopen_and_compare(self) -> bool:
-        """Reopen the line and return whether the output is off already. Raises SwitchOffFailed for another supply.
-
-        A name such as /dev/ttyUSB0 or a network address may meanwhile belong to another supply. A line that cannot be
-        reopened still leads to the same supply.
-        """
+        """Reopen the line and compare, see `_compare`. A line that cannot be reopened leads to the same supply."""
         try:
             if not self._link.reopen() or self._bound is None:
                 return False
+        except InstrumentError:
+            return False
+        self._unconfirmed = True
+        return self._compare()
+
+    def _compare(self) -> bool:
+        """Identify the supply and return whether its output is off already; False if it does not answer.
+
+        A name such as /dev/ttyUSB0 or a network address may meanwhile belong to another supply. Raises SwitchOffFailed
+        if it does, or may do.
+        """
+        assert self._bound is not None
+        try:
             self.identify()
             found_off = not self.output_on()
         except AnotherSupply as error:
@@ -276,6 +289,19 @@ class SupplyBase(ABC):
                 f"{self._bound.text!r} has no serial number: it may be another supply than the coil's"
             )
         return found_off
+
+    def _confirm_identity(self) -> None:
+        """Identify the supply that was switched off on a reopened line. Raises SwitchOffFailed if it may be another."""
+        try:
+            identity = self.identify()
+        except InstrumentError as error:
+            raise SwitchOffFailed(str(error)) from error
+        if not identity.serial_number:
+            self._unconfirmed = True
+            raise SwitchOffFailed(
+                f"{self._link.address}: after the line was lost and opened anew {identity.text!r} was switched off, "
+                "but it has no serial number: it may be another supply than the coil's"
+            )
 
     def _measured_off(self, found_off: bool) -> Off:
         for _ in range(MEASURING_ATTEMPTS):
@@ -406,32 +432,16 @@ class SupplyBase(ABC):
         self._bound = self._bound or identity
         if self._bound != identity:
             raise AnotherSupply(
-                f"{address}: the coil's supply is not there: {_shown(identity)} answers in place of "
-                f"{_shown(self._bound)}"
+                f"{address}: the coil's supply is not there: {in_words(identity)} answers in place of "
+                f"{in_words(self._bound)}"
             )
+        self._unconfirmed = False
         return identity
 
     def _not_understood(self, question: str, reply: bytes, expected: str) -> ReplyNotUnderstood:
         return ReplyNotUnderstood(
             f"{self._link.address}: the answer to {question} must be {expected}, but it is {reply!r}"
         )
-
-
-def serial_number_in(text: str) -> str:
-    """Return the serial number in an answer to ``*IDN?``, or "" if there is none.
-
-    The serial number is the third of four fields, and "0" means that there is none (IEEE 488.2, 10.14). Some Korad
-    supplies add ``SN:`` and the number instead.
-    """
-    if match := re.search(r"\bSN:\s*(\w+)", text):
-        return match[1]
-    fields = [field.strip() for field in text.split(",")]
-    return fields[2] if len(fields) >= 4 and fields[2].strip("0") else ""
-
-
-def _shown(identity: Identity) -> str:
-    serial_number = f" with serial number {identity.serial_number}" if identity.serial_number else ""
-    return f"{identity.text!r}{serial_number}"
 
 
 def _text(value: float, step: str) -> str:

@@ -11,6 +11,7 @@ import re
 from eimi_drivers.interfaces import (
     Clock,
     Identity,
+    InstrumentDisconnected,
     InstrumentError,
     InstrumentTimeout,
     Limits,
@@ -130,8 +131,8 @@ class GenesysSupply(SupplyBase):
     def _exchange(self, message: str) -> bytes:
         try:
             return self._question(message.encode("ascii") + b"\r", LONGEST_LINE, end=b"\r")
-        except InstrumentTimeout:
-            self._selected = False  # a unit that lost its mains must be addressed again
+        except (InstrumentTimeout, InstrumentDisconnected):
+            self._selected = False  # a unit that lost its mains, or another unit, must be addressed again
             raise
 
     def _ask(self, question: str) -> bytes:

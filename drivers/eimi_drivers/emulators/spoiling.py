@@ -1,0 +1,83 @@
+"""Begin and end the faults of an emulated supply, its coil and its line."""
+
+from __future__ import annotations
+
+from eimi_drivers.emulators.faults import (
+    DRIFTS_TO_A,
+    HUNTING_A,
+    OFFSET_A,
+    RESTARTS_WITHIN_S,
+    SHORTED_A,
+    Fault,
+    FaultyInstrument,
+)
+from eimi_drivers.emulators.genesys import GenesysDialect
+from eimi_drivers.emulators.scpi import ScpiDialect
+from eimi_drivers.emulators.serve import emulate
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import Clock
+from eimi_drivers.supplies.transport import Responder
+
+OTHER_SERIAL_NUMBER = "ANOTHER1"
+
+
+def begin_fault(fault: Fault, driver: str, coil: CoilSupply, line: FaultyInstrument) -> None:
+    """Begin a fault of an emulated supply.
+
+    Parameters
+    ----------
+    fault : Fault
+        The fault.
+    driver : str
+        The name of the command language, see `DIALECTS`.
+    coil : CoilSupply
+        The supply with its coil.
+    line : FaultyInstrument
+        The line to the supply.
+    """
+    match fault:
+        case Fault.SHORTED:
+            coil.shorted_A = SHORTED_A
+        case Fault.DRIFT:
+            coil.drift(DRIFTS_TO_A)
+        case Fault.FALLEN:
+            coil.fallen = True
+        case Fault.OFFSET:
+            coil.offset_A = OFFSET_A
+        case Fault.LOCKED:
+            coil.locked = True
+        case Fault.HUNTING:
+            coil.hunting_A = HUNTING_A
+        case Fault.TRIP:
+            coil.trip()
+        case Fault.BROWNOUT:
+            coil.restart()
+            line.instrument = emulate(driver, coil)
+            line.be_silent(RESTARTS_WITHIN_S)
+        case Fault.SWAP:
+            line.swap(another_unit(driver, coil.clock))
+        case _:
+            line.inject(fault)
+
+
+def end_faults(coil: CoilSupply, line: FaultyInstrument) -> None:
+    """End every fault that has no end of its own; a swapped supply stays swapped."""
+    coil.shorted_A = coil.offset_A = coil.hunting_A = 0.0
+    coil.fallen = coil.locked = False
+    coil.drift(0.0, 0.0)
+    line.inject(None)
+    line.be_silent(0.0)
+
+
+def another_unit(driver: str, clock: Clock) -> Responder:
+    """Return an emulated supply of the same model that is off and has another serial number.
+
+    A Korad has no serial number, so that the two units answer alike.
+    """
+    unit = emulate(driver, CoilSupply(clock))
+    if isinstance(unit, ScpiDialect):
+        fields = unit.identification.split(",")
+        unit.identification = ",".join([*fields[:2], OTHER_SERIAL_NUMBER, *fields[3:]])
+    elif isinstance(unit, GenesysDialect):
+        unit.serial_number = OTHER_SERIAL_NUMBER
+    return unit
