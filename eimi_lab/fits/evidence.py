@@ -148,7 +148,7 @@ def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bo
     if isinstance(observed, PointObservation):
         rest = observed.rest_mm[np.isfinite(observed.sigma_mm)]
         try:
-            model.place(rest[~model.grid.on_magnet(rest)])
+            model.place(rest[~model.grid.on_magnet(model.grid.straightened(rest))])
         except ValueError as error:
             raise InputError(f"{path}: {error}") from error
     with path.open("rb") as file:

@@ -2,6 +2,9 @@
 
 bending        `Beam`, the public model for every section
 specimen       the beam and its magnet
+rest_shape     the stress-free shape of a beam that is not a straight strip
+rest_modes     smooth deviations of the rest shape
+strip          the map from a straight strip to the shape at rest
 loads          the loads of all states, composed of actuations
 actuation      the interface of one kind of load
 kinds_of_load  a uniform field, gravity, a force at the tip, a pressure

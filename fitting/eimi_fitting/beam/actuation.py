@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from eimi_fitting.beam.equilibrium import Solid, SolidLoads
 from eimi_fitting.beam.mesh import Indices
 from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.beam.strip import Strip
 from eimi_fitting.units import MPA_PER_PA
 
 Array = NDArray[np.float64]
@@ -63,14 +64,27 @@ class Places(Protocol):
     """The part of `Grid` and `SolidGrid` that loads need."""
 
     specimen: Specimen
+    strip: Strip
+    straight_mm: Array
     block_mm: tuple[float, float, float]
+    face_mm: tuple[float, float]
+    turn_rad: float
     per_specimen: float
 
+    def straightened(self, points_mm: Array) -> Array:
+        """Return the points (n, 2) of the straight strip that lie at given places (n, 2) at rest."""
+
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return (n,): which points (n, 2), given at rest, the magnet carries."""
+        """Return (n,): which points (n, 2) of the straight strip the magnet carries."""
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
         """Return nodes and weights that spread a force along the line in depth through a point (2,)."""
+
+
+def _turned(vector: Array, angle_rad: Array | float) -> Array:
+    """Return a vector (2,) turned by one angle, (2,), or by n angles, (2, n)."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
 
 
 class LoadedMesh:
@@ -107,7 +121,12 @@ class LoadedMesh:
         self.slopes = np.zeros((nodes, self._dimensions))
         np.add.at(self.slopes, elements, solid.ops.slope)
         # A/m T = J/m³ = Pa
-        self.nodal_dipole = MPA_PER_PA * self.slopes[:, :2] @ np.array(specimen.magnetisation_A_per_m)
+        self.nodal_dipole = np.zeros(nodes)
+        if any(specimen.magnetisation_A_per_m):
+            angle = grid.strip.angle_rad(grid.straight_mm[elements][:, :, 0].mean(axis=1))
+            magnetisation = _turned(np.array(specimen.magnetisation_A_per_m), angle)
+            dipoles = np.einsum("eai,ie->ea", solid.ops.slope[..., :2], magnetisation)
+            np.add.at(self.nodal_dipole, elements, MPA_PER_PA * dipoles)
         self.magnet_mass, self.magnet_centre_mm, self.magnet_dipole = 0.0, np.zeros(2), np.zeros(2)
         if magnet:
             volume = magnet.length_mm * magnet.width_mm * magnet.depth_mm
@@ -115,9 +134,14 @@ class LoadedMesh:
             self.magnet_mass = (
                 1e-9 * (volume * magnet.density_kg_m3 + around * specimen.density_kg_m3) * grid.per_specimen
             )
-            self.magnet_centre_mm = np.array([0.5 * magnet.length_mm, 0.0])
+            self.magnet_centre_mm = _turned(np.array([0.5 * magnet.length_mm, 0.0]), grid.turn_rad)
             moment = 1e3 * magnet.moment_A_m2 * grid.per_specimen  # A m² = N m / T
-            self.magnet_dipole = moment * np.array(magnet.direction)
+            self.magnet_dipole = _turned(moment * np.array(magnet.direction), grid.turn_rad)
+
+    @property
+    def tip_mm(self) -> Array:
+        """The middle of the tip at rest, (2,)."""
+        return self._grid.strip.at_rest(np.array([[self.specimen.length_mm, 0.0]]))[0]
 
     @property
     def has_pressure_face(self) -> bool:
@@ -131,11 +155,12 @@ class LoadedMesh:
 
     def apply_force(self, force: Array, point_mm: Array, total: SolidLoads) -> None:
         """Add a dead force (2,), already multiplied by ``share``, at a material point (2,) given at rest in mm."""
-        if self._grid.on_magnet(point_mm)[0]:
+        straight = self._grid.straightened(point_mm)
+        if self._grid.on_magnet(straight)[0]:
             total.force[:] += force
-            total.tensor[:] += np.outer(force, point_mm - [self.specimen.flexible_length_mm, 0.0])
+            total.tensor[:] += np.outer(force, point_mm - np.array(self._grid.face_mm))
         else:
-            nodes, weights = self._grid.through_depth(point_mm)
+            nodes, weights = self._grid.through_depth(straight[0])
             shares = np.zeros((len(self.nodal_mass), 2))
             np.add.at(shares, nodes, weights[..., None] * force)
             total.nodal[..., :2] += shares

@@ -83,7 +83,7 @@ class SolidBeside:
         self.solid = SolidModel(specimen, along, across, more)
         self.planar = BeamModel(specimen, along, across, "plane-stress")
         self.mesh = self.solid.mesh
-        self._plan, column = np.unique(self.mesh.nodes[:, :2], axis=0, return_inverse=True)
+        self._plan, column = np.unique(self.solid.grid.straight_mm[:, :2], axis=0, return_inverse=True)
         self._column = column.reshape(-1)
 
     def __reduce__(self) -> tuple[type[SolidBeside], tuple[Specimen, int, int, int]]:
@@ -252,7 +252,7 @@ class SolidBeside:
 
     def _lift(self, flat: Shapes) -> Array:
         """Return planar displacements (1, K, n, 3) at the solid's nodes of one depth; all other depths move alike."""
-        moved = self.planar.positions(flat, self._plan) - self._plan
+        moved = self.planar.displacements(flat, self._plan)
         return np.concatenate([moved, np.zeros((*moved.shape[:-1], 1))], axis=-1)
 
     def _lifted(self, lift: Array, flat: Shapes, states: Indices) -> Configuration:

@@ -65,6 +65,8 @@ def operators(mesh: Mesh) -> Operators:
     if np.any(det <= 0):
         raise ValueError(f"element {int(np.argmax((det <= 0).any(axis=1)))} of the mesh is folded")
     weights = det * np.outer(weights_along, weights_across).ravel()
+    if mesh.thickness is not None:
+        weights = weights * (mesh.thickness[mesh.elements] @ values.T)
     slope = np.einsum("qar,eqrI->eqaI", slopes, np.linalg.inv(jacobian))  # dN_a/dX_I
     n = len(x)
     gradient = slope.transpose(0, 2, 3, 1).reshape(n, 9, 2 * POINTS)

@@ -1,5 +1,7 @@
 """The planar mesh of a specimen: lines along and across with quadratic elements between them.
 
+The lines are those of a straight strip, which `beam.strip` maps to the shape of the specimen at rest.
+
 The magnet is rigid: its nodes are tied to one body, and no element lies in it. The silicone beside a magnet that is
 narrower than the beam, and beyond a magnet that does not reach the tip, has elements.
 """
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 from eimi_fitting.beam.mesh import Indices, Mesh, graded, grid_mesh, shape_functions
 from eimi_fitting.beam.pressure import FollowerPressure
 from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.beam.strip import Strip
 
 Array = NDArray[np.float64]
 
@@ -61,8 +64,16 @@ class Grid:
 
     Attributes
     ----------
+    strip : Strip
+        The geometry at rest.
+    straight_mm : ndarray, shape (N, 2)
+        The nodes in the straight strip.
     mesh : Mesh
         The elements of silicone. Its nodes cover the whole specimen, column by column from clamp to tip.
+    face_mm : tuple of float
+        Middle of the magnet's inner face at rest, or of the tip without a magnet.
+    turn_rad : float
+        Direction of the magnet at rest.
     block_mm : tuple of float
         Length, width and depth of the rigid block, zero without a magnet.
     magnet_nodes : ndarray of int or None
@@ -74,13 +85,17 @@ class Grid:
     """
 
     def __init__(self, specimen: Specimen, along: int, across: int, divided: bool = False) -> None:
+        self.strip = Strip(specimen)
         self.specimen = specimen
+        specimen = self._straight = self.strip.straight
         near, width, magnet = specimen.flexible_length_mm, specimen.width_mm, specimen.magnet
-        x = graded(near, along, 0.5 * width, _FINER_AT_CLAMP, _FINER_AT_MAGNET if magnet else 0.0)
+        kinks = self.strip.kinks_mm
+        x = graded(near, along, 0.5 * width, _FINER_AT_CLAMP, _FINER_AT_MAGNET if magnet else 0.0, kinks)
+        flexible = len(x) - 1
         y = np.linspace(-0.5 * width, 0.5 * width, across + 1)
         self.block_mm = (0.0, 0.0, 0.0)
         self.per_specimen = 1 / specimen.depth_mm
-        inside = np.zeros((along, across), bool)
+        inside = np.zeros((flexible, across), bool)
         if magnet:
             narrower = width - magnet.width_mm > 2 * THINNEST * width
             covered = magnet.tip_offset_mm > THINNEST * width
@@ -103,29 +118,40 @@ class Grid:
                 cap = graded(magnet.tip_offset_mm, count, 0.5 * width, _FINER_AT_MAGNET, 0.0)[1:]
             x = np.concatenate([x, near + over, far + cap])
             inside = np.zeros((len(x) - 1, len(y) - 1), bool)
-            inside[along : along + len(over), beside : len(y) - 1 - beside] = True
+            inside[flexible : flexible + len(over), beside : len(y) - 1 - beside] = True
         self.x_mm, self.y_mm, self.inside = x, y, inside
         mesh = grid_mesh(x, y)
+        self.straight_mm = mesh.nodes
+        mesh = replace(
+            mesh, nodes=self.strip.at_rest(mesh.nodes), thickness=self.strip.thickness(self.straight_mm[:, 0])
+        )
+        face = self.strip.at_rest(np.array([[near, 0.0]]))[0]
+        self.face_mm = (float(face[0]), float(face[1]))
+        self.turn_rad = float(self.strip.angle_rad(np.array([near]))[0])
         self._all = mesh.elements
         block = mesh.elements[inside.ravel()]
         self.magnet_nodes: Indices | None = np.unique(block).astype(np.intp) if magnet else None
         self.mesh: Mesh = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
+    def straightened(self, points_mm: Array) -> Array:
+        """Return the points (n, 2) of the straight strip that lie at given places (n, 2) at rest."""
+        return self.strip.straightened(np.atleast_2d(np.asarray(points_mm, float)))
+
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return (n,): which points (n, 2), given at rest in mm, the magnet carries.
+        """Return (n,): which points (n, 2) of the straight strip the magnet carries.
 
         It also carries points outside the specimen beyond those of its faces that no silicone covers.
         """
         x, y = np.atleast_2d(np.asarray(points_mm, float)).T
-        near, (length, width, _) = self.specimen.flexible_length_mm, self.block_mm
+        near, (length, width, _) = self._straight.flexible_length_mm, self.block_mm
         if self.magnet_nodes is None:
             return np.zeros(len(x), bool)
-        far = near + length if near + length < self.specimen.length_mm - 1e-9 else np.inf
-        half = 0.5 * width if width < self.specimen.width_mm else np.inf
+        far = near + length if near + length < self._straight.length_mm - 1e-9 else np.inf
+        half = 0.5 * width if width < self._straight.width_mm else np.inf
         return np.asarray((x > near + 1e-9) & (x <= far) & (np.abs(y) <= half))
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (n, 9) and weights (n, 9) that interpolate the displacement of material points (n, 2).
+        """Return nodes (n, 9) and weights (n, 9) that interpolate displacements at points (n, 2) of the straight strip.
 
         Raises
         ------
@@ -133,7 +159,7 @@ class Grid:
             A point is more than 1 µm outside the specimen.
         """
         points = np.atleast_2d(np.asarray(points_mm, float))
-        length, width = self.specimen.length_mm, self.specimen.width_mm
+        length, width = self._straight.length_mm, self._straight.width_mm
         outside = (np.abs(points[:, 0] - 0.5 * length) > 0.5 * length + _SAME_MM) | (
             np.abs(points[:, 1]) > 0.5 * width + _SAME_MM
         )
@@ -148,7 +174,7 @@ class Grid:
         return self._all[i * n + j], values
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (1, 9) and weights (1, 9) that share out a force at a point (2,); see `place`."""
+        """Return nodes (1, 9) and weights (1, 9) that share out a force at a point (2,) of the straight strip."""
         return self.place(point_mm)
 
     def pressure_face(self) -> FollowerPressure | None:
@@ -158,7 +184,7 @@ class Grid:
             return None
         # With the body to the left: along the left face (y < 0) toward the tip, along the right one toward the clamp.
         nodes = self.mesh.row(0) if face.side == "left" else self.mesh.row(-1)[::-1]
-        ends = self.mesh.nodes[nodes[::2], 0]
+        ends = self.straight_mm[nodes[::2], 0]
         last = self.specimen.length_mm if face.to_mm is None else face.to_mm
         middle, half = 0.5 * (ends[1:] + ends[:-1]), 0.5 * (ends[1:] - ends[:-1])
         spans = np.clip((np.array([[face.from_mm], [last]]) - middle) / half, -1.0, 1.0)

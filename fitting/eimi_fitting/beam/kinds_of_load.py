@@ -68,8 +68,8 @@ class TipForce:
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
         """Add the force to the nodes or to the magnet, whichever is at its point."""
         specimen = mesh.specimen
-        point = specimen.tip_load_mm if specimen.tip_load_mm is not None else (specimen.length_mm, 0.0)
-        mesh.apply_force(numbers * mesh.share, np.array(point), total)
+        point = mesh.tip_mm if specimen.tip_load_mm is None else np.array(specimen.tip_load_mm)
+        mesh.apply_force(numbers * mesh.share, point, total)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+_FINER_AT_STEP = 5.0
+
 
 @dataclass(frozen=True)
 class Mesh:
@@ -24,12 +26,15 @@ class Mesh:
         Nodes of each element; local node 3 i + j is at column i along, row j across.
     columns, rows : int
         Number of node columns, and of nodes in each.
+    thickness : ndarray, shape (N,), or None
+        Depth at the nodes over the depth of the specimen; None: they are the same.
     """
 
     nodes: Array
     elements: Indices
     columns: int
     rows: int
+    thickness: Array | None = None
 
     def column(self, i: int) -> Indices:
         """Return the nodes of column i in order across; a negative i counts from the far end."""
@@ -61,16 +66,38 @@ def mapped_mesh(along: int, across: int, mapping: Callable[[Array, Array], tuple
     return Mesh(np.column_stack([x, y]), (corner[:, None] + local).astype(np.intp), columns, rows)
 
 
-def graded(length_mm: float, count: int, fade_mm: float, finer_at_start: float, finer_at_end: float) -> Array:
-    """Return the ends (count + 1,) of graded elements on 0..length.
+def graded(
+    length_mm: float,
+    count: int,
+    fade_mm: float,
+    finer_at_start: float,
+    finer_at_end: float,
+    steps_mm: Array | tuple[()] = (),
+) -> Array:
+    """Return the ends (n + 1,) of graded elements on 0..length.
 
     Elements at the start are ``1 + finer_at_start`` times shorter than those in the middle, elements at the end
-    ``1 + finer_at_end`` times. The grading fades exponentially over ``fade_mm``.
+    ``1 + finer_at_end`` times. The grading fades exponentially over ``fade_mm``. There are n = ``count`` elements. An
+    element ends at each of ``steps_mm``, and there are more elements about them, so that the others keep their size.
     """
     x = np.linspace(0.0, length_mm, 2001)
     density = 1 + finer_at_start * np.exp(-x / fade_mm) + finer_at_end * np.exp((x - length_mm) / fade_mm)
-    place = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
-    return np.interp(np.linspace(0, place[-1], count + 1), place, x)
+    place = _cumulated(density)
+    if not len(steps_mm):
+        return np.interp(np.linspace(0, place[-1], count + 1), place, x)
+    nearest = np.abs(x[:, None] - np.asarray(steps_mm)).min(axis=1)
+    finer = _cumulated(density + _FINER_AT_STEP * np.exp(-nearest / fade_mm))
+    ends = np.array([0.0, *np.interp(steps_mm, x, finer), finer[-1]])
+    counts = np.maximum(np.round(count * np.diff(ends) / place[-1]).astype(int), 1)
+    whole = np.arange(len(ends))
+    inner = np.concatenate([first + np.arange(n) / n for first, n in enumerate(counts)])
+    lines = np.interp(np.interp([*inner, whole[-1]], whole, ends), finer, x)
+    lines[np.concatenate([[0], np.cumsum(counts)])] = [0.0, *steps_mm, length_mm]
+    return np.asarray(lines)
+
+
+def _cumulated(density: Array) -> Array:
+    return np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
 
 
 def grid_mesh(x_mm: Array, y_mm: Array) -> Mesh:

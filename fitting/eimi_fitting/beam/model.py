@@ -12,6 +12,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.mesh import Indices
 from eimi_fitting.beam.path import Shapes, at_once, candidates, follow
 from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.beam.strip import Strip
 from eimi_fitting.laws.law import Law, Section
 
 Array = NDArray[np.float64]
@@ -72,7 +73,7 @@ class BeamModel:
                 )
             plane = specimen.section
         self.specimen, self.plane = specimen, plane
-        flexible, width = specimen.flexible_length_mm, specimen.width_mm
+        flexible, width = specimen.flexible_length_mm, Strip(specimen).straight.width_mm
         if flexible <= 0:
             raise ValueError(
                 f"a {specimen.length_mm - flexible:g} mm magnet leaves nothing of a beam of {specimen.length_mm:g} mm"
@@ -84,7 +85,7 @@ class BeamModel:
         self.mesh = self.grid.mesh
         fixed = np.zeros((len(self.mesh.nodes), 2), bool)
         fixed[self.mesh.column(0)] = True
-        self.solid = Solid(self.mesh, fixed, self.grid.magnet_nodes, (flexible, 0.0), self.grid.pressure_face())
+        self.solid = Solid(self.mesh, fixed, self.grid.magnet_nodes, self.grid.face_mm, self.grid.pressure_face())
         self._loaded = LoadedMesh(self.grid, self.solid)
 
     def __reduce__(self) -> tuple[type[BeamModel], tuple[Specimen, int, int, Section]]:
@@ -104,8 +105,14 @@ class BeamModel:
         return BeamModel(self.specimen, 2 * self.along, 2 * self.across, self.plane)
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes and weights that interpolate the displacement of material points; see `Grid.place`."""
-        return self.grid.place(points_mm)
+        """Return nodes and weights that interpolate the displacement of points at given places at rest (n, 2).
+
+        Raises
+        ------
+        ValueError
+            A point is not on the specimen.
+        """
+        return self.grid.place(self.grid.straightened(points_mm))
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
         """Return the places (P, K, n, 2) in mm of material points (n, 2) given at rest.
@@ -116,31 +123,42 @@ class BeamModel:
             A point is not on the specimen.
         """
         points = np.atleast_2d(np.asarray(points_mm, float))
+        return points + self.displacements(shapes, self.grid.straightened(points))
+
+    def displacements(self, shapes: Shapes, straight_mm: Array) -> Array:
+        """Return the displacements (P, K, n, 2) in mm of points (n, 2) of the straight strip (`beam.strip`).
+
+        Raises
+        ------
+        ValueError
+            A point is not on the specimen.
+        """
         p, k = shapes.status.shape
-        moved = np.empty((p, k, len(points), 2))
-        on_magnet = self.grid.on_magnet(points)
-        nodes, weights = self.place(points[~on_magnet])
-        moved[:, :, ~on_magnet] = points[~on_magnet] + np.einsum(
-            "pknai,na->pkni", shapes.displacement[:, :, nodes], weights
-        )
-        moved[:, :, on_magnet] = self.carried(shapes, points[on_magnet])
-        return moved
+        step = np.empty((p, k, len(straight_mm), 2))
+        on_magnet = self.grid.on_magnet(straight_mm)
+        nodes, weights = self.grid.place(straight_mm[~on_magnet])
+        step[:, :, ~on_magnet] = np.einsum("pknai,na->pkni", shapes.displacement[:, :, nodes], weights)
+        held = self.grid.strip.at_rest(straight_mm[on_magnet])
+        step[:, :, on_magnet] = self.carried(shapes, held) - held
+        return step
 
     def carried(self, shapes: Shapes, points_mm: Array) -> Array:
         """Return the places (P, K, n, 2) in mm of points (n, 2) of the magnet given at rest."""
-        arm = points_mm - np.array([self.specimen.flexible_length_mm, 0.0])
+        (face_x, face_y), arm = self.grid.face_mm, points_mm - np.array(self.grid.face_mm)
         c, s = np.cos(shapes.rigid[..., 2, None]), np.sin(shapes.rigid[..., 2, None])
-        x = self.specimen.flexible_length_mm + shapes.rigid[..., 0, None] + c * arm[:, 0] - s * arm[:, 1]
-        y = shapes.rigid[..., 1, None] + s * arm[:, 0] + c * arm[:, 1]
+        x = face_x + shapes.rigid[..., 0, None] + c * arm[:, 0] - s * arm[:, 1]
+        y = face_y + shapes.rigid[..., 1, None] + s * arm[:, 0] + c * arm[:, 1]
         return np.stack([x, y], axis=-1)
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
         """Return the rotation (P, K) of the magnet, or of the last column of nodes without one, in degrees."""
         if self.specimen.magnet:
             return np.degrees(shapes.rigid[..., 2])
-        ends = shapes.displacement[:, :, self.mesh.column(-1)[[0, -1]]]
-        across = ends[:, :, 1] - ends[:, :, 0] + np.array([0.0, self.specimen.width_mm])
-        return np.degrees(np.arctan2(-across[..., 0], across[..., 1]))
+        corners = self.mesh.column(-1)[[0, -1]]
+        ends = self.mesh.nodes[corners] + shapes.displacement[:, :, corners]
+        across = ends[:, :, 1] - ends[:, :, 0]
+        tip_rad = self.grid.strip.angle_rad(np.array([self.specimen.length_mm]))[0]
+        return np.degrees(np.arctan2(-across[..., 0], across[..., 1]) - tip_rad)
 
     def solve(
         self,

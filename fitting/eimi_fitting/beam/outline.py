@@ -87,9 +87,10 @@ def _flat_faces(model: BeamModel, shapes: Shapes) -> Array:
     """Return the same for a planar model, at three depths."""
     place = model.mesh.nodes + shapes.displacement
     sides = np.stack([place[:, :, model.mesh.row(0)], place[:, :, model.mesh.row(-1)]], axis=2)
-    depth = np.linspace(0, 0.5 * model.specimen.depth_mm, 3)
+    along = model.grid.straight_mm[model.mesh.row(0), 0]
+    depth = 0.5 * model.grid.strip.depth_mm(along)[:, None] * np.linspace(0, 1, 3)
     lines = np.broadcast_to(sides[..., None, :], (*sides.shape[:-1], 3, 2))
-    return np.concatenate([lines, np.broadcast_to(depth[:, None], (*lines.shape[:-1], 1))], axis=-1)
+    return np.concatenate([lines, np.broadcast_to(depth[..., None], (*lines.shape[:-1], 1))], axis=-1)
 
 
 def _segments(sides: Array) -> Array:

@@ -14,6 +14,7 @@ from eimi_fitting.beam.bricks import Bricks, brick_mesh, shape_functions
 from eimi_fitting.beam.grid import THINNEST, Grid
 from eimi_fitting.beam.mesh import Indices, graded
 from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.beam.strip import Strip
 
 Array = NDArray[np.float64]
 
@@ -50,11 +51,15 @@ class SolidGrid:
     ----------
     flat : Grid
         The planar grid.
+    strip : Strip
+        The geometry at rest.
+    straight_mm : ndarray, shape (N, 3)
+        The nodes in the straight strip.
     z_mm : ndarray
         The lines in depth, from mid-depth.
     mesh : Bricks
         The elements of silicone.
-    block_mm, magnet_nodes, per_specimen
+    block_mm, magnet_nodes, per_specimen, face_mm, turn_rad
         See `Grid`; a load on the whole specimen is borne by half.
     """
 
@@ -62,30 +67,45 @@ class SolidGrid:
 
     def __init__(self, specimen: Specimen, along: int, across: int, more: int = 0) -> None:
         self.specimen = specimen
+        strip = self.strip = Strip(specimen)
+        specimen = self._straight = strip.straight
         magnet, depth = specimen.magnet, specimen.depth_mm
         deep = magnet.depth_mm if magnet else 0.0
         shallower = magnet is not None and depth - deep > 2 * THINNEST * specimen.width_mm
-        self.flat = Grid(specimen, along, across, divided=shallower)
+        self.flat = Grid(self.specimen, along, across, divided=shallower)
         self.z_mm = _depth_lines(specimen, deep if shallower else depth, more)
         self.block_mm = (*self.flat.block_mm[:2], deep if shallower else self.flat.block_mm[2])
         middle = 0.5 * (self.z_mm[1:] + self.z_mm[:-1])
         inside = self.flat.inside[:, :, None] & (middle < 0.5 * self.block_mm[2])
         mesh = brick_mesh(self.flat.x_mm, self.flat.y_mm, self.z_mm)
+        self.straight_mm = mesh.nodes
+        if not strip.is_straight:
+            flat, deep_mm = strip.at_rest(mesh.nodes[:, :2]), strip.deep_mm(mesh.nodes[:, 0], mesh.nodes[:, 2])
+            mesh = replace(mesh, nodes=np.column_stack([flat, deep_mm]))
+        self.face_mm, self.turn_rad = self.flat.face_mm, self.flat.turn_rad
         self._all = mesh.elements
         block = np.unique(mesh.elements[inside.ravel()]).astype(np.intp)
         self.magnet_nodes: Indices | None = block if magnet else None
         self.mesh: Bricks = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
+    def straightened(self, points_mm: Array) -> Array:
+        """Return the points (n, 2 or 3) of the straight strip that lie at given places (n, 2 or 3) at rest."""
+        points = np.atleast_2d(np.asarray(points_mm, float))
+        flat = self.flat.straightened(points[:, :2])
+        if points.shape[1] == 2:
+            return flat
+        return np.column_stack([flat, self.strip.straight_depth_mm(flat[:, 0], points[:, 2])])
+
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return (n,): which points (n, 2) at mid-depth or (n, 3) the magnet carries; see `Grid.on_magnet`."""
+        """Return (n,): which points (n, 2) at mid-depth or (n, 3) of the straight strip the magnet carries."""
         points = np.atleast_2d(np.asarray(points_mm, float))
         on = self.flat.on_magnet(points[:, :2])
-        if points.shape[1] == 3 and self.block_mm[2] < self.specimen.depth_mm:
+        if points.shape[1] == 3 and self.block_mm[2] < self._straight.depth_mm:
             on &= np.abs(points[:, 2]) <= 0.5 * self.block_mm[2]
         return on
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (n, 27) and weights (n, 27) that interpolate the displacement of material points (n, 3).
+        """Return nodes (n, 27) and weights (n, 27) that interpolate at points (n, 3) of the straight strip.
 
         For a point behind mid-depth they are those of its mirror image.
 

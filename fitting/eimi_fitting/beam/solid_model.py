@@ -50,7 +50,7 @@ class SolidModel:
         fixed = np.zeros((len(self.mesh.nodes), 3), bool)
         fixed[numbers[0].ravel()] = True
         fixed[numbers[:, :, 0].ravel(), 2] = True
-        self.solid = Solid(self.mesh, fixed, self.grid.magnet_nodes, (flexible, 0.0))
+        self.solid = Solid(self.mesh, fixed, self.grid.magnet_nodes, self.grid.face_mm)
         self.loaded = LoadedMesh(self.grid, self.solid)
 
     def __reduce__(self) -> tuple[type[SolidModel], tuple[Specimen, int, int, int]]:
@@ -95,9 +95,11 @@ class SolidModel:
         """Return the rotation (P, K) of the magnet, or of the last nodes at mid-depth without one, in degrees."""
         if self.specimen.magnet:
             return np.degrees(shapes.rigid[..., 2])
-        ends = shapes.displacement[:, :, self.mesh.numbers[-1, [0, -1], 0], :2]
-        across = ends[:, :, 1] - ends[:, :, 0] + np.array([0.0, self.specimen.width_mm])
-        return np.degrees(np.arctan2(-across[..., 0], across[..., 1]))
+        corners = self.mesh.numbers[-1, [0, -1], 0]
+        ends = (self.mesh.nodes[corners] + shapes.displacement[:, :, corners])[..., :2]
+        across = ends[:, :, 1] - ends[:, :, 0]
+        tip_rad = self.grid.strip.angle_rad(np.array([self.specimen.length_mm]))[0]
+        return np.degrees(np.arctan2(-across[..., 0], across[..., 1]) - tip_rad)
 
     def element_stretch(self, shapes: Shapes) -> Array:
         """Return the largest principal stretch (P, K, E) at the Gauss points of each element."""
@@ -115,12 +117,13 @@ class SolidModel:
         """
         points = np.atleast_2d(np.asarray(points_mm, float))
         moved = np.empty((*shapes.status.shape, len(points), 3))
-        on_magnet = self.grid.on_magnet(points)
-        nodes, weights = self.grid.place(points[~on_magnet])
+        straight = self.grid.straightened(points)
+        on_magnet = self.grid.on_magnet(straight)
+        nodes, weights = self.grid.place(straight[~on_magnet])
         step = np.einsum("pknai,na->pkni", shapes.displacement[:, :, nodes], weights)
         step[..., 2] *= np.where(points[~on_magnet, 2] < 0, -1, 1)
         moved[:, :, ~on_magnet] = points[~on_magnet] + step
-        arm = points[on_magnet, :2] - [self.specimen.flexible_length_mm, 0.0]
+        arm = points[on_magnet, :2] - np.array(self.grid.face_mm)
         x, y, turn = np.moveaxis(shapes.rigid[..., None], -2, 0)
         moved[:, :, on_magnet, 0] = points[on_magnet, 0] + x + (np.cos(turn) - 1) * arm[:, 0] - np.sin(turn) * arm[:, 1]
         moved[:, :, on_magnet, 1] = points[on_magnet, 1] + y + np.sin(turn) * arm[:, 0] + (np.cos(turn) - 1) * arm[:, 1]

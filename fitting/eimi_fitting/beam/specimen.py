@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 import eimi_fitting.laws.law as law
+from eimi_fitting.beam.rest_shape import RestShape
 
 Section = Literal["solid", law.Section]
 VACUUM_PERMEABILITY = 4e-7 * np.pi  # T m / A
@@ -31,7 +32,7 @@ class Magnet:
     tip_offset_mm : float
         Distance from the magnet's distal face to the tip of the specimen.
     magnetisation_angle_deg : float
-        Direction of the magnetisation at rest, in the plane of the picture, from +x toward +y.
+        Angle between the magnetisation and the magnet's long axis, in the plane of the picture, from +x toward +y.
 
     Examples
     --------
@@ -58,7 +59,7 @@ class Magnet:
 
     @property
     def direction(self) -> tuple[float, float]:
-        """The unit vector of the magnetisation at rest."""
+        """The unit vector of the magnetisation in a magnet that lies along x."""
         angle = np.radians(self.magnetisation_angle_deg)
         return float(np.cos(angle)), float(np.sin(angle))
 
@@ -74,16 +75,17 @@ class PressureFace:
 
 @dataclass(frozen=True)
 class Specimen:
-    """A straight beam, clamped at x = 0.
+    """A beam that is clamped at x = 0, straight and of one width and depth unless ``rest_shape`` says otherwise.
 
-    The beam frame has x from the clamp to the tip, y across, and its origin in the middle of the clamp line. The width
-    is along y, the depth out of the plane.
+    The beam frame has x from the clamp along the beam, y across, and its origin in the middle of the clamp line. The
+    width is along y, the depth out of the plane.
 
     Parameters
     ----------
     length_mm : float
-        Length from the clamp to the tip, the magnet included.
+        Length from the clamp to the tip, the magnet included, along the centre line.
     width_mm, depth_mm : float
+        Where they vary along the beam: the numbers to which the tables of ``rest_shape`` add.
     density_kg_m3 : float
         Density of the silicone.
     section : {"solid", "plane-stress", "plane-strain"}
@@ -92,8 +94,10 @@ class Specimen:
     tip_load_mm : tuple of float or None
         Point at which a tip force acts; None: the middle of the tip.
     magnetisation_A_per_m : tuple of float
-        Magnetisation of a silicone that was cast with magnetic powder, in the beam frame at rest.
+        Magnetisation of a silicone that was cast with magnetic powder, along and across the centre line at rest.
     pressure_face : PressureFace or None
+    rest_shape : RestShape or None
+        The stress-free shape; None for a straight beam of one width and depth.
 
     Examples
     --------
@@ -116,6 +120,7 @@ class Specimen:
     tip_load_mm: tuple[float, float] | None = None
     magnetisation_A_per_m: tuple[float, float] = (0.0, 0.0)
     pressure_face: PressureFace | None = None
+    rest_shape: RestShape | None = None
 
     @property
     def planar_section(self) -> law.Section:

@@ -39,6 +39,7 @@ from eimi_fitting.beam.depth_effect import DepthEffect
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import Model, outline
 from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.beam.strip import Strip
 from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit
 
@@ -85,7 +86,7 @@ FINER_MESH = Refinement(
 @lru_cache(maxsize=8)
 def solid_beside(specimen: Specimen) -> SolidBeside:
     """Return the solid of a specimen and its planar model, on a mesh that is fine enough."""
-    across = round(ALONG * specimen.width_mm / specimen.flexible_length_mm)
+    across = round(ALONG * Strip(specimen).straight.width_mm / specimen.flexible_length_mm)
     return SolidBeside(specimen, ALONG, min(max(across, _LEAST_ACROSS), _MOST_ACROSS))
 
 

@@ -1,0 +1,123 @@
+"""The stress-free shape of a beam that is not a straight strip of one width: its bend, its width and its depth.
+
+All tables are over the share of the length, from 0 at the clamp to 1 at the tip, so that they keep their form if the
+length changes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+Array = NDArray[np.float64]
+Rows = tuple[tuple[float, float], ...]
+
+_FEWEST_TURNS = 17  # rows of the table of a measured centre line
+
+
+@dataclass(frozen=True)
+class RestShape:
+    """The stress-free shape of a specimen; an empty table stands for straight, or for the specimen's own number.
+
+    Parameters
+    ----------
+    turns : tuple of (float, float)
+        Share of the length, and angle in rad between the centre line and the normal of the clamp; a cubic spline
+        connects the rows. The centre line leaves the clamp along its normal, so that the first row is (0, 0).
+    widths, depths : tuple of (float, float)
+        Share of the length, and addition to the specimen's width or depth in mm; straight lines connect the rows. Two
+        rows at the same share are a step.
+
+    Examples
+    --------
+    A strip that was cast with a radius of 100 mm, and becomes 1 mm narrower from the clamp to the tip:
+
+    >>> import numpy as np
+    >>> from eimi_fitting.beam.rest_shape import RestShape
+    >>> shares = np.linspace(0, 1, 5)
+    >>> bent = RestShape(
+    ...     turns=tuple((s, 30.0 * s / 100.0) for s in shares), widths=((0.0, 0.5), (1.0, -0.5))
+    ... )
+    >>> bent.angle_rad(np.array([0.0, 0.5, 1.0])).round(3).tolist()
+    [0.0, 0.15, 0.3]
+    """
+
+    turns: Rows = ()
+    widths: Rows = ()
+    depths: Rows = ()
+
+    def angle_rad(self, shares: Array) -> Array:
+        """Return the angles of the centre line at shares of the length."""
+        if not self.turns:
+            return np.zeros(np.shape(shares))
+        at, angles = np.array(self.turns).T
+        if len(at) < 4:  # too few rows for a cubic: straight lines between them
+            return np.asarray(np.interp(shares, at, angles))
+        return np.asarray(CubicSpline(at, angles)(np.clip(shares, at[0], at[-1])))
+
+    @property
+    def kinks(self) -> Array:
+        """The shares at which the slope of width or depth jumps."""
+        shares = [s for rows in (self.widths, self.depths) for s in _kinks(rows)]
+        return np.unique(np.asarray(shares, float))
+
+
+def table_at(rows: Rows, shares: Array) -> Array:
+    """Return the value of a table with rows (share, value) at some shares; zero for an empty table."""
+    if not rows:
+        return np.zeros(np.shape(shares))
+    at, values = np.array(rows).T
+    return np.asarray(np.interp(shares, at, values))
+
+
+def _kinks(rows: Rows) -> list[float]:
+    slopes = [(b[1] - a[1]) / max(b[0] - a[0], 1e-9) for a, b in pairwise(rows)]
+    largest = max((abs(slope) for slope in slopes), default=0.0)
+    # The many rows of a smooth table change their slope a little at each of them.
+    return [
+        rows[i + 1][0]
+        for i, (before, after) in enumerate(pairwise(slopes))
+        if abs(after - before) > 0.5 * largest and 0 < rows[i + 1][0] < 1
+    ]
+
+
+def centre_line(points_mm: Array, length_mm: float) -> Rows:
+    """Return the table of turns of a measured centre line.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 2)
+        Points in order from the clamp (0, 0) to the tip, in the beam frame. Their line may be up to 2 % longer or
+        shorter than the beam.
+    length_mm : float
+        Length of the beam.
+
+    Raises
+    ------
+    ValueError
+        There are fewer than four points, two neighbours are the same, or the line has another length or another start.
+    """
+    points = np.asarray(points_mm, float)
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 4:
+        raise ValueError("a centre line needs at least 4 points x, y")
+    if np.hypot(*points[0]) > 0.02 * length_mm:
+        raise ValueError(f"the centre line begins at ({points[0, 0]:g}, {points[0, 1]:g}) mm, not at the clamp (0, 0)")
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if np.any(steps <= 0):
+        raise ValueError(f"points {int(np.argmin(steps)) + 1} and {int(np.argmin(steps)) + 2} are the same")
+    chord = np.concatenate([[0.0], np.cumsum(steps)])
+    spline = CubicSpline(chord, points, bc_type=((1, np.array([1.0, 0.0])), "not-a-knot"))
+    fine = np.linspace(0, chord[-1], 20 * len(points))
+    slope = spline(fine, 1)
+    speed = np.linalg.norm(slope, axis=1)
+    arc = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(fine))])
+    if abs(arc[-1] / length_mm - 1) > 0.02:
+        raise ValueError(f"the centre line is {arc[-1]:.4g} mm long, and length_mm = {length_mm:g}")
+    angle = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
+    shares = np.linspace(0, 1, max(_FEWEST_TURNS, 2 * len(points)))
+    at = np.interp(shares, arc / arc[-1], angle)
+    return tuple(zip(shares.tolist(), (at - at[0]).tolist(), strict=True))

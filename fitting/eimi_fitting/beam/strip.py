@@ -1,0 +1,207 @@
+"""The geometry of a specimen at rest: the map from a straight strip of one width and depth to its stress-free shape.
+
+A point of the straight strip has the coordinates (s, t): s is the arc length of the centre line from the clamp, t the
+distance from it. Meshes are made of lines of constant s and t and mapped by
+
+    x(s, t) = c(s) + n(s) t w(s) / w_0
+
+with the centre line c, its normal n, the width w(s) and the width w_0 of the straight strip. A magnet is a rigid block:
+the centre line is straight along it, and the lines at its sides keep their distance from the centre line there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+
+from eimi_fitting.beam.rest_shape import RestShape, Rows, table_at
+from eimi_fitting.beam.specimen import Specimen
+
+Array = NDArray[np.float64]
+
+_FINE = 512  # intervals of the integration of the centre line; Simpson's error is below 1e-9 of the length
+_STEP = 0.1  # length of the ramp that stands for a step, as a share of the change of the width
+
+
+class Strip:
+    """The geometry of a specimen at rest.
+
+    Parameters
+    ----------
+    specimen : Specimen
+
+    Attributes
+    ----------
+    straight : Specimen
+        The straight strip that is mapped: it has the width and the depth of the specimen at its magnet, or else the
+        specimen's own numbers.
+    is_straight : bool
+        Whether the map is the identity.
+
+    Raises
+    ------
+    ValueError
+        The width or the depth is not above zero somewhere, or the magnet is wider or deeper than the specimen there.
+    """
+
+    def __init__(self, specimen: Specimen) -> None:
+        shape, magnet = specimen.rest_shape, specimen.magnet
+        self.is_straight = shape is None or shape == RestShape()
+        self._shape = shape or RestShape()
+        self._length, self._near = specimen.length_mm, specimen.flexible_length_mm
+        self._far = self._near + (magnet.length_mm if magnet else 0.0)
+        self._widths, self._depths = (
+            _without_steps(rows, self._length, (self._near, self._far))
+            for rows in (self._shape.widths, self._shape.depths)
+        )
+        self._width_mm, self._depth_mm = specimen.width_mm, specimen.depth_mm
+        self.straight = specimen
+        if self._shape.widths or self._shape.depths:
+            along = np.linspace(self._near, self._far, 9) if magnet else np.zeros(0)
+            sizes = {"width_mm": specimen.width_mm, "depth_mm": specimen.depth_mm}
+            for name, table in (("width_mm", self.width_mm), ("depth_mm", self.depth_mm)):
+                smallest = float(table(np.linspace(0, self._length, 257)).min())
+                if not smallest > 0:
+                    raise ValueError(f"{name} of the rest shape falls to {smallest:g} mm; it has to be above 0")
+                if magnet:
+                    sizes[name] = float(table(along).min())
+                    if getattr(magnet, name) > sizes[name] * (1 + 1e-9):
+                        raise ValueError(
+                            f"the magnet's {name} = {getattr(magnet, name):g} exceeds that of the specimen around it, "
+                            f"{sizes[name]:g} mm"
+                        )
+            self.straight = replace(specimen, rest_shape=None, width_mm=sizes["width_mm"], depth_mm=sizes["depth_mm"])
+        elif not self.is_straight:
+            self.straight = replace(specimen, rest_shape=None)
+
+    @property
+    def kinks_mm(self) -> Array:
+        """The arc lengths at which the slope of width or depth jumps, in the flexible part."""
+        at = self._length * replace(self._shape, widths=self._widths, depths=self._depths).kinks
+        return np.asarray(at[(at > 0) & (at < self._near)])
+
+    def width_mm(self, along_mm: Array) -> Array:
+        """Return the width (n,) at arc lengths (n,)."""
+        return self._width_mm + table_at(self._widths, np.asarray(along_mm) / self._length)
+
+    def depth_mm(self, along_mm: Array) -> Array:
+        """Return the depth (n,) at arc lengths (n,)."""
+        return self._depth_mm + table_at(self._depths, np.asarray(along_mm) / self._length)
+
+    def angle_rad(self, along_mm: Array) -> Array:
+        """Return the angle (n,) of the centre line at arc lengths (n,); it is constant along a magnet."""
+        s = np.asarray(along_mm, float)
+        if not self._shape.turns:
+            return np.zeros(s.shape)
+        if self._far == self._near:
+            return self._shape.angle_rad(s / self._length)
+        before = self._shape.angle_rad(np.minimum(s, self._near) / self._length)
+        beyond = self._shape.angle_rad(np.array([self._far, *np.maximum(s, self._far).ravel()]) / self._length)
+        return np.asarray(before + (beyond[1:] - beyond[0]).reshape(s.shape))
+
+    @cached_property
+    def _centre(self) -> CubicHermiteSpline:
+        ends = np.linspace(0, self._length, _FINE + 1)
+        middle = 0.5 * (ends[1:] + ends[:-1])
+        at_ends, at_middle = (np.stack([np.cos(a), np.sin(a)], axis=1) for a in map(self.angle_rad, (ends, middle)))
+        steps = (at_ends[:-1] + 4 * at_middle + at_ends[1:]) * (ends[1] / 6)  # Simpson's rule
+        return CubicHermiteSpline(ends, np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)]), at_ends)
+
+    def at_rest(self, straight_mm: Array) -> Array:
+        """Return the places at rest (n, 2) of points (n, 2) of the straight strip."""
+        points = np.asarray(straight_mm, float)
+        if self.is_straight:
+            return points
+        s, t = points.T
+        across = _moved(t, *self._lines_across(s)) if self._widths else t
+        if not self._shape.turns:
+            return np.column_stack([s, across])
+        angle = self.angle_rad(s)
+        return np.asarray(self._centre(s) + across[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
+
+    def straightened(self, places_mm: Array) -> Array:
+        """Return the points (n, 2) of the straight strip whose places at rest are given; the inverse of `at_rest`."""
+        places = np.asarray(places_mm, float)
+        if self.is_straight:
+            return places
+        s, across = self._along_and_across(places)
+        before, after = self._lines_across(s)
+        return np.column_stack([s, _moved(across, after, before)])
+
+    def _along_and_across(self, places: Array) -> tuple[Array, Array]:
+        if not self._shape.turns:
+            return places[:, 0], places[:, 1]
+        stations = np.linspace(0, self._length, _FINE + 1)
+        centres = self._centre(stations)
+        s = stations[np.argmin(((places[:, None] - centres) ** 2).sum(axis=2), axis=1)]
+        for _ in range(8):  # Newton's method for the foot of the perpendicular on the centre line
+            angle, gap = self.angle_rad(s), places - self._centre(s)
+            tangent = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            across = gap[:, 1] * tangent[:, 0] - gap[:, 0] * tangent[:, 1]
+            h = 1e-6 * self._length
+            curvature = (self.angle_rad(s + h) - self.angle_rad(s - h)) / (2 * h)
+            s = s + (gap * tangent).sum(axis=1) / np.maximum(1 - across * curvature, 0.1)
+        return s, across
+
+    def _lines_across(self, s: Array) -> tuple[Array, Array]:
+        """Return the distances (2, n) of the lines at the magnet's side and at the edge: straight, and at rest."""
+        magnet = self.straight.magnet
+        core = 0.5 * magnet.width_mm if magnet else 0.0
+        return self._lines(s, self.width_mm, 0.5 * self.straight.width_mm, core)
+
+    def _lines(self, s: Array, size_mm: Callable[[Array], Array], half: float, core: float) -> tuple[Array, Array]:
+        ends = 0.5 * size_mm(s)
+        if not 0 < core < half:
+            core = 0.5 * half  # any line inside: the map is linear
+            return np.array([[core], [half]]), np.stack([ends * core / half, ends])
+        inner = core * ends / (0.5 * size_mm(np.clip(s, self._near, self._far)))
+        return np.array([[core], [half]]), np.stack([inner, ends])
+
+    def deep_mm(self, s: Array, z: Array) -> Array:
+        """Return the distance (n,) from mid-depth of points at the arc lengths s and at z of the straight strip."""
+        return _moved(z, *self._lines_in_depth(s)) if self._depths else z
+
+    def straight_depth_mm(self, s: Array, z: Array) -> Array:
+        """Return the distance (n,) from mid-depth in the straight strip; the inverse of `deep_mm`."""
+        return _moved(z, *self._lines_in_depth(s)[::-1]) if self._depths else z
+
+    def _lines_in_depth(self, s: Array) -> tuple[Array, Array]:
+        magnet = self.straight.magnet
+        core = 0.5 * magnet.depth_mm if magnet else 0.0
+        return self._lines(s, self.depth_mm, 0.5 * self.straight.depth_mm, core)
+
+    def thickness(self, s: Array) -> Array | None:
+        """Return the depth (n,) over that of the straight strip; None if the depth is the same everywhere."""
+        return self.depth_mm(s) / self.straight.depth_mm if self._depths else None
+
+
+def _moved(value: Array, before: Array, after: Array) -> Array:
+    """Return values (n,) moved by the odd function that takes the two lines ``before`` (2, n) to ``after``."""
+    size = np.abs(value)
+    (inner, outer), (new_inner, new_outer) = before, after
+    beyond = new_inner + (size - inner) * (new_outer - new_inner) / (outer - inner)
+    return np.copysign(np.where(size <= inner, size * new_inner / inner, beyond), value)
+
+
+def _without_steps(rows: Rows, length_mm: float, magnet_mm: tuple[float, float]) -> Rows:
+    """Return the table with a short ramp in place of every step.
+
+    The ramp lies in the wider part, whose shoulders bear little stress, except at a face of the magnet.
+    """
+    ramped = list(rows)
+    for i, ((share, before), (other, after)) in enumerate(pairwise(rows)):
+        if other > share:
+            continue
+        ramp = _STEP * abs(after - before) / length_mm
+        at_magnet = min(abs(share * length_mm - face) for face in magnet_mm) <= ramp * length_mm
+        if (after > before) != at_magnet:
+            ramped[i + 1] = (share + ramp, after)
+        else:
+            ramped[i] = (share - ramp, before)
+    return tuple(ramped)

@@ -1,0 +1,133 @@
+"""Beams that are bent, tapered or stepped at rest, against beam theory and against their own geometry."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eimi_fitting import LAWS, BeamModel, Loads, Magnet, Specimen
+from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.rest_modes import with_modes
+from eimi_fitting.beam.rest_shape import RestShape, centre_line
+from eimi_fitting.beam.solid_model import SolidModel
+from eimi_fitting.beam.strip import Strip
+
+NEO, MU = LAWS["neo-hookean"], np.array([[46e3]])
+YOUNG_PA = 3 * MU[0, 0]
+LENGTH, WIDTH, DEPTH = 60.0, 2.0, 3.0
+STRIP = Specimen(LENGTH, WIDTH, DEPTH, 0.0, "plane-stress")
+MAGNETIC = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 2.0, 2.0, 1.2, 7500.0, 1.0))
+FINGER = replace(
+    with_modes(MAGNETIC, (1.0, 0.3, -0.2), (0.1, 0.05)),
+    section="solid",
+)
+
+
+def pushed(specimen: Specimen, force_N: float, along: int = 30) -> np.ndarray:
+    """Displacement (2,) of the middle of the tip under a small force along y, in mm."""
+    model = BeamModel(specimen, along, 3)
+    loads = Loads.along([0.0], 90.0, None, tip_force_N=[force_N], tip_force_angle_deg=90.0)
+    shapes = model.solve(NEO, MU, loads, tolerance_mm=1e-8)
+    return model.displacements(shapes, np.array([[specimen.length_mm, 0.0]]))[0, 0, 0]
+
+
+@pytest.mark.parametrize(("at_clamp", "at_tip"), [(2.4, 1.6), (3.0, 1.0)])
+def test_a_tapered_cantilever_deflects_as_euler_and_bernoulli_say(at_clamp, at_tip):
+    middle = 0.5 * (at_clamp + at_tip)
+    shape = RestShape(widths=((0.0, at_clamp - middle), (1.0, at_tip - middle)))
+    x, force_N = np.linspace(0, LENGTH, 20001), 1e-6
+    second_moment = DEPTH * (at_clamp + (at_tip - at_clamp) * x / LENGTH) ** 3 / 12
+    expected = np.trapezoid(force_N * (LENGTH - x) ** 2 / (1e-6 * YOUNG_PA * second_moment), x)
+    deflection = pushed(replace(STRIP, width_mm=middle, rest_shape=shape), force_N)[1]
+    assert deflection == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_cantilever_that_becomes_shallower_deflects_as_euler_and_bernoulli_say():
+    shape, force_N = RestShape(depths=((0.0, 0.5), (1.0, -0.5))), 1e-6
+    x = np.linspace(0, LENGTH, 20001)
+    second_moment = (DEPTH + 0.5 - x / LENGTH) * WIDTH**3 / 12
+    expected = np.trapezoid(force_N * (LENGTH - x) ** 2 / (1e-6 * YOUNG_PA * second_moment), x)
+    assert pushed(replace(STRIP, rest_shape=shape), force_N)[1] == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_quarter_of_a_circle_deflects_as_castigliano_says():
+    radius, width, force_N = 60.0, 1.0, 2e-9
+    shape = RestShape(turns=tuple((s, 0.5 * np.pi * s) for s in np.linspace(0, 1, 9)))
+    quarter = replace(STRIP, length_mm=0.5 * np.pi * radius, width_mm=width, rest_shape=shape)
+    a = np.linspace(0, 0.5 * np.pi, 4001)
+    arm = radius * (1 - np.sin(a))
+    stiffness = 1e-6 * YOUNG_PA * DEPTH * width**3 / 12  # N mm²
+    along_y = np.trapezoid(force_N * arm * arm * radius, a) / stiffness
+    along_x = -np.trapezoid(force_N * arm * radius * np.cos(a) * radius, a) / stiffness
+    assert pushed(quarter, force_N, 40) == pytest.approx([along_x, along_y], rel=2e-3)
+
+
+def test_a_point_of_the_straight_strip_is_found_again_from_its_place_at_rest():
+    strip, rng = Strip(FINGER), np.random.default_rng(1)
+    points = np.column_stack([rng.uniform(0, 30, 200), rng.uniform(-0.5, 0.5, 200) * strip.straight.width_mm])
+    assert strip.straightened(strip.at_rest(points)) == pytest.approx(points, abs=1e-9)
+
+
+def test_a_mode_of_bending_moves_the_centre_line_by_its_amplitude():
+    strip = Strip(with_modes(STRIP, (1.0,)))
+    along = np.linspace(0, LENGTH, 7)
+    centre = strip.at_rest(np.column_stack([along, np.zeros(7)]))
+    assert centre[:, 1] == pytest.approx((along / LENGTH) ** 2, abs=1e-3)
+    widths = Strip(with_modes(STRIP, (), (0.1,))).width_mm(along)
+    assert widths == pytest.approx(WIDTH - 0.1 + 0.2 * along / LENGTH, abs=1e-12)
+
+
+def test_the_magnet_stays_a_straight_block_in_a_bent_and_tapered_beam():
+    strip = Strip(replace(FINGER, rest_shape=replace(FINGER.rest_shape, widths=((0.0, 0.5), (1.0, -0.5)))))
+    near, far = FINGER.flexible_length_mm, FINGER.flexible_length_mm + 4.0
+    corners = strip.at_rest(np.array([[near, -1.0], [far, -1.0], [far, 1.0], [near, 1.0]]))
+    sides = np.diff(np.concatenate([corners, corners[:1]]), axis=0)
+    assert np.linalg.norm(sides, axis=1) == pytest.approx([4.0, 2.0, 4.0, 2.0])
+    assert np.sum(sides[:-1] * sides[1:], axis=1) == pytest.approx(0, abs=1e-6)
+
+
+def test_a_bent_beam_in_a_field_is_the_same_followed_as_a_solid_and_found_from_its_planar_model():
+    loads = Loads.along([0.0, 2.0])
+    beside, solid = SolidBeside(FINGER, 10, 2), SolidModel(FINGER, 10, 2)
+    from_plane = beside.tip_angle_deg(beside.solve(NEO, MU, loads, tolerance_mm=1e-5))
+    followed = solid.tip_angle_deg(solid.solve(NEO, MU, loads))
+    assert from_plane == pytest.approx(followed, abs=1e-3)
+    assert abs(followed[0, 0]) > 1  # its weight straightens it
+
+
+def test_points_of_a_centre_line_give_its_angles():
+    angles = np.linspace(0, 0.5, 12)
+    points = 60.0 * np.column_stack([np.sin(angles), 1 - np.cos(angles)])
+    shape = RestShape(turns=centre_line(points, 30.0))
+    assert shape.angle_rad(np.array([0.0, 0.5, 1.0])) == pytest.approx([0.0, 0.25, 0.5], abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [
+        ([[0, 0], [10, 0], [30, 0]], "at least 4 points"),
+        ([[5, 0], [10, 0], [20, 0], [30, 0]], "not at the clamp"),
+        ([[0, 0], [10, 0], [10, 0], [30, 0]], "are the same"),
+        ([[0, 0], [10, 0], [20, 0], [25, 0]], "25 mm long, and length_mm = 30"),
+    ],
+)
+def test_a_centre_line_that_cannot_be_the_beams_is_refused(points, words):
+    with pytest.raises(ValueError, match=words):
+        centre_line(np.array(points, float), 30.0)
+
+
+def test_a_step_is_a_ramp_that_ends_on_lines_of_the_mesh():
+    shape = RestShape(widths=((0.0, 0.0), (0.8, 0.0), (0.8, 3.0), (1.0, 3.0)))
+    grid = BeamModel(replace(MAGNETIC, magnet=Magnet(3.0, 2.0, 2.0, 1.2, 7500.0, 1.0), rest_shape=shape), 10).grid
+    assert np.abs(grid.x_mm[:, None] - [24.0, 24.3]).min(axis=0) == pytest.approx(0, abs=1e-9)
+    assert grid.strip.width_mm(np.array([23.9, 24.4])) == pytest.approx([3.0, 6.0])
+
+
+def test_a_width_that_falls_to_nothing_is_refused():
+    with pytest.raises(ValueError, match="width_mm of the rest shape falls to"):
+        BeamModel(replace(STRIP, rest_shape=RestShape(widths=((0.0, 0.0), (1.0, -2.5)))))
+
+
+def test_a_magnet_that_is_wider_than_the_tapered_tip_is_refused():
+    with pytest.raises(ValueError, match="exceeds that of the specimen around it"):
+        BeamModel(replace(MAGNETIC, rest_shape=RestShape(widths=((0.0, 0.0), (1.0, -1.5)))))
