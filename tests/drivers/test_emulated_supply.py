@@ -190,7 +190,15 @@ def test_the_inductance_shows_in_the_voltage():
                 "SYST:ERR?": b'-113,"Undefined header"\n',
             },
         ),
-        ("keysight-e364x", {"VOLTage:PROTection 13": b"", ":VOLT:PROT:LEV?": b"1.300000E+01\n"}),
+        (
+            "keysight-e364x",
+            {
+                "VOLTage:PROTection 13": b"",
+                ":VOLT:PROT:LEV?": b"1.300000E+01\n",
+                "SOURce:VOLTage:PROTection:STATe OFF": b"",
+                "VOLT:PROT:STAT?": b"0\n",
+            },
+        ),
         ("rs-hmp", {"INSTrument:NSELect 1": b"", "INST:NSEL?": b"1\n", "VOLTage:PROTection:LEVel 13": b""}),
         ("rigol-dp800", {":INST:NSEL 1": b"", ":OUTPut:OCP:VALue 1": b"", ":OUTP:OCP:VAL?": b"1.0000\n"}),
         ("keysight-e36312a", {"SOURce:VOLTage 12, (@1)": b"", "VOLTage? (@1)": b"1.200000E+01\n"}),

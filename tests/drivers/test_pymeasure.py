@@ -1,6 +1,6 @@
-"""Other people's clients on the emulated supplies: PyMeasure's own instrument classes, over TCP, find nothing missing.
+"""The instrument classes of PyMeasure work with the emulated supplies over TCP.
 
-They come with the extra `bench`; without it this is skipped.
+PyMeasure comes with the extra `bench`; without it these tests are skipped.
 """
 
 from __future__ import annotations
@@ -19,16 +19,17 @@ pytest.importorskip("pymeasure", reason="PyMeasure is not installed (extra bench
 CLIENTS = {
     "keysight-e36312a": ("keysight", "KeysightE36312A"),
     "kepco-bop": ("kepco", "KepcoBOP3612"),
+    "keysight-e3631a": ("keysight", "KeysightE3631A"),
     "rs-hmp": ("rohdeschwarz.hmp", "HMP4040"),
     "siglent-spd": ("siglenttechnologies", "SPD1168X"),
     "genesys": ("tdk.tdk_gen40_38", "TDK_Gen40_38"),
 }
 UNREADABLE = (LookupError, NotImplementedError)
-"""What PyMeasure raises for a property that its own class does not have."""
+"""The errors that PyMeasure raises for a property that its class does not have."""
 
 
 def open_client(driver: str, address: str) -> Any:
-    """The client, talking to channel 1 or the addressed unit."""
+    """Return PyMeasure's instrument, connected to the emulated supply."""
     module, name = CLIENTS[driver]
     kind = getattr(importlib.import_module(f"pymeasure.instruments.{module}"), name)
     lines = {"genesys": {"read_termination": "\r", "write_termination": "\r"}, "kepco-bop": {}}
@@ -40,14 +41,14 @@ def open_client(driver: str, address: str) -> Any:
 
 
 def asked(client: Any) -> dict[str, object]:
-    """Every value that the client can ask for."""
+    """Return the values of all properties of the client."""
     answers = {}
     for name in dir(type(client)):
         if not isinstance(inspect.getattr_static(type(client), name), property):
             continue
         try:
             answers[name] = getattr(client, name)
-        except KeyError:  # an answer that PyMeasure cannot map
+        except KeyError:  # PyMeasure cannot map the answer
             raise
         except UNREADABLE:
             continue
@@ -56,7 +57,7 @@ def asked(client: Any) -> dict[str, object]:
 
 @pytest.mark.filterwarnings("ignore::FutureWarning")
 @pytest.mark.parametrize("driver", CLIENTS)
-def test_a_client_of_pymeasure_finds_nothing_missing(driver: str) -> None:
+def test_every_property_of_a_class_of_pymeasure_is_answered(driver: str) -> None:
     coil = CoilSupply(WallClock(), resistance_ohm=1.0, max_voltage_V=40.0)
     with serve_tcp(emulate(driver, coil)) as address:
         client = open_client(driver, address)
@@ -69,6 +70,11 @@ def test_a_client_of_pymeasure_finds_nothing_missing(driver: str) -> None:
                 client.selected_channel = 1
                 client.voltage, client.current = 5.0, 0.5
                 client.selected_channel_active = client.output_enabled = True
+            case "keysight-e3631a":
+                client.tracking_enabled = True
+                assert client.tracking_enabled
+                client.ch_1.voltage_setpoint, client.ch_1.current_limit = 5.0, 0.5
+                client.output_enabled = True
             case "kepco-bop":
                 client.operating_mode, client.current_setpoint, client.output_enabled = "CURR", 0.5, True
             case "keysight-e36312a":
@@ -80,7 +86,7 @@ def test_a_client_of_pymeasure_finds_nothing_missing(driver: str) -> None:
                 channel.enable_output(True)
         answers = asked(client)
         for channel in getattr(client, "channels", {}).values():
-            if driver != "keysight-e36312a" or channel.id == 1:
+            if not driver.startswith("keysight") or channel.id == 1:
                 answers |= asked(channel)
         assert len(answers) > 5
         assert not [name for name, answer in answers.items() if str(answer).startswith("C0")]

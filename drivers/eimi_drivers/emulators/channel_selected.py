@@ -78,8 +78,9 @@ class _ChannelSelected(ScpiDialect):
 class RigolDp800Dialect(_ChannelSelected):
     """Answer as a Rigol DP800, which also accepts the channel in a message (``:SOURce1:``, ``CH1``).
 
-    Source: Rigol, DP800 Programming Guide, first edition: APPLy page 2-6, OUTPut page 2-35. Over-voltage and
-    over-current protection are off after power-up.
+    Source: Rigol, DP800 Programming Guide: APPLy page 2-6, OUTPut page 2-35 (first edition), over-current protection
+    pages 2-56 and 2-57 (edition for the DP832A). Over-voltage and over-current protection are off after power-up, and
+    can also be set with ``VOLTage:PROTection`` and ``CURRent:PROTection``.
     """
 
     identification = "RIGOL TECHNOLOGIES,DP832,EMULATED,00.01.16"
@@ -93,15 +94,19 @@ class RigolDp800Dialect(_ChannelSelected):
         ocp = TripLevel(supply, "current_A", supply.max_current_A, 1.1 * supply.max_current_A, on=False)
         self.questions["OUTP?"] = lambda: "ON" if supply.output_on() else "OFF"
         self.questions["OUTP:MODE?"] = lambda: "CV" if supply.constant_voltage() else "CC"
-        for word, protection in (("OVP", ovp), ("OCP", ocp)):
-            header = f"OUTP:{word}"
-            self.questions[f"{header}:QUES?"] = lambda: "YES" if supply.state.tripped else "NO"
-            self.questions[f"{header}:VAL?"] = lambda level=protection: f"{level.level:.4f}"  # type: ignore[misc]
-            self.questions[f"{header}?"] = lambda level=protection: "ON" if level.on else "OFF"  # type: ignore[misc]
-            self.commands[f"{header}:VAL"] = lambda argument, level=protection: level.set_level(number(argument))  # type: ignore[misc]
-            self.commands[header] = lambda argument, level=protection: level.switch(switch(argument))  # type: ignore[misc]
+        self._add_protection(ovp, "OUTP:OVP:VAL", "OUTP:OVP", "OUTP:OVP:QUES")
+        self._add_protection(ovp, "VOLT:PROT", "VOLT:PROT:STAT", "VOLT:PROT:TRIP")
+        self._add_protection(ocp, "OUTP:OCP:VAL", "OUTP:OCP", "OUTP:OCP:QUES")
+        self._add_protection(ocp, "CURR:PROT", "CURR:PROT:STAT", "CURR:PROT:TRIP")
         self.questions["APPL?"] = self._applied
         self.commands["APPL"] = self._apply_to
+
+    def _add_protection(self, protection: TripLevel, level: str, state: str, trip: str) -> None:
+        self.questions[f"{level}?"] = lambda: f"{protection.level:.4f}"
+        self.questions[f"{state}?"] = lambda: "ON" if protection.on else "OFF"
+        self.questions[f"{trip}?"] = lambda: "YES" if self.supply.state.tripped else "NO"
+        self.commands[level] = lambda argument: protection.set_level(number(argument))
+        self.commands[state] = lambda argument: protection.switch(switch(argument))
 
     def _applied(self) -> str:
         state = self.supply.state

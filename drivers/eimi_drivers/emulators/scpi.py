@@ -112,7 +112,8 @@ class ScpiDialect:
         header, space, argument = line.removeprefix(":").partition(" ")
         mark = "?" if header.endswith("?") else ""
         words = [_SHORT.get(word, word) for word in header.removesuffix("?").split(":")]
-        for candidate in (words, [word for word in words if word not in _OPTIONAL]):
+        without_source = [word for word in words if word != "SOUR"]
+        for candidate in (words, without_source, [word for word in words if word not in _OPTIONAL]):
             if (short := ":".join(candidate) + mark) in self.questions or short in self.commands:
                 return short + space + argument
         return ":".join(words) + mark + space + argument
