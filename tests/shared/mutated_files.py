@@ -170,9 +170,14 @@ def read(path: Path) -> str:
             case "image":
                 read_image(path)
             case "motion capture":
+                bound_memory(path.stat().st_size)  # the files of the other kinds are as small
                 read_in_this_process(path)
             case _:
                 load_calibration(path)
+    except MemoryError:
+        if path.suffix != ".c3d":
+            raise
+        return "refused"
     except InputError as error:
         return "refused" if "\n" not in str(error) else "refused in several lines"
     return "read"
@@ -185,8 +190,6 @@ def serve(pipe: Connection, recover: bool) -> None:
     """
     if recover:
         limit_memory(MEMORY_BYTES)
-    else:
-        bound_memory()
     with tempfile.TemporaryFile() as printed:
         for descriptor in (1, 2):
             os.dup2(printed.fileno(), descriptor)

@@ -28,6 +28,8 @@ from eimi_lab.process.limits import (
 
 OWN_BYTES = 2 << 30
 """Address space that the libraries take before a file is read."""
+UNPACKED_PER_BYTE = 64
+"""ezc3d takes at most about 24 bytes of memory for each byte of a sound file, and gigabytes for a damaged count."""
 _UNITS = {"mm": "mm", "cm": "cm", "m": "m", "in": "in", "millimeters": "mm", "meters": "m"}
 
 
@@ -54,19 +56,25 @@ def read_c3d(path: Path) -> Tracks:
 def _main(path: Path, within_s: str) -> None:
     """Read a file in this process with limits of memory and time, and write its tracks to standard output."""
     obey_processor_limit(within_s)
-    bound_memory()
+    bound_memory(path.stat().st_size)
     try:
         tracks = read_in_this_process(path)
     except MemoryError:
-        sys.exit(f"{path}: reading it takes more than a quarter of the free memory")
+        sys.exit(
+            f"{path}: is damaged or too large: reading it takes more than a quarter of the free memory, or more than "
+            f"{UNPACKED_PER_BYTE} times its size"
+        )
     except InputError as error:
         sys.exit(str(error))
     sys.stdout.buffer.write(pickle.dumps(tracks))
 
 
-def bound_memory() -> None:
-    """Let this process take no more than a quarter of the free memory beside its libraries."""
-    limit_memory(OWN_BYTES + free_memory_bytes() // SHARE_OF_FREE)
+def bound_memory(file_bytes: int) -> None:
+    """Let this process take no more than a quarter of the free memory, or `UNPACKED_PER_BYTE` times a file's size.
+
+    The address space of the libraries comes on top of that.
+    """
+    limit_memory(OWN_BYTES + min(free_memory_bytes() // SHARE_OF_FREE, UNPACKED_PER_BYTE * file_bytes))
 
 
 def read_in_this_process(path: Path) -> Tracks:
