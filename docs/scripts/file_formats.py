@@ -178,7 +178,9 @@ def _tables(model: type, name: str = "") -> Iterator[tuple[str, type]]:
     for key, annotation in _keys(model).items():
         inner = next((kind for kind in _kinds(annotation) if _is_table(kind)), None)
         if inner and not issubclass(inner, Document):
-            named = f"{key}.NAME" if get_origin(annotation) is dict else key
+            named = {dict: f"{key}.NAME", tuple: f"[{key}]"}.get(
+                get_origin(annotation), key
+            )  # [[key]]: a list of tables
             yield from _tables(inner, f"{name}.{named}" if name else named)
 
 
@@ -199,7 +201,7 @@ def _keys(table: type) -> dict[str, Any]:
 
 
 def _row(table: type, key: str, name: str, examples: Mapping[str, str]) -> str:
-    path = f"{name}.{key}" if name else key
+    path = f"{name.strip('[]')}.{key}" if name else key
     meaning = _meanings(table)[key]
     choices = _choices(_keys(table)[key])
     if choices:
@@ -277,7 +279,7 @@ def _examples(names: tuple[str, ...]) -> dict[str, str]:
         table = ""
         for line in (ROOT / "protocols" / name).read_text(encoding="utf-8").splitlines():
             line = line.removeprefix("# ")
-            if header := re.match(r"\[([\w.\" -]+)\]", line):
+            if header := re.match(r"\[+([\w.\" -]+)\]", line):
                 table = re.sub(r'"[^"]*"', "NAME", header.group(1)) + "."
             elif pair := re.match(r"(\w+) = ([^?#]+?)\s*(#.*)?$", line):
                 key, value = table + pair.group(1), pair.group(2)

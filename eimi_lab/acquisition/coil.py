@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from eimi_drivers.interfaces import Clock, InstrumentError, Off, PowerSupply, Reading
 from eimi_drivers.supplies.off import off_limit_A, switch_off
+from eimi_lab.acquisition.interlocks import BeyondInterlock, Interlocks, readings_of
 from eimi_lab.config.protocol import Ramp
 
 REACHED_WITHIN_S = 3.0
@@ -53,6 +55,8 @@ class Coil:
     simulated : bool
         Whether the supply is simulated in this process. Its current is then not measured between the operations: no
         unit can fail, and a measurement would change the simulated time and the noise of every run.
+    interlocks : Interlocks
+        Bounds of the readings of the supply. With any of them the current of a simulated supply is measured too.
 
     Attributes
     ----------
@@ -61,7 +65,7 @@ class Coil:
     changed_s : float
         Time at which the set-point last changed, s on the clock.
     out_of_control : bool
-        Whether `watch` measured a current that differs from its set-point.
+        Whether `watch` measured a current that differs from its set-point, or an interlock opened.
 
     Notes
     -----
@@ -69,10 +73,17 @@ class Coil:
     """
 
     def __init__(
-        self, supply: PowerSupply, clock: Clock, rule: Ramp, asked_A: float = 0.0, simulated: bool = False
+        self,
+        supply: PowerSupply,
+        clock: Clock,
+        rule: Ramp,
+        asked_A: float = 0.0,
+        simulated: bool = False,
+        interlocks: Interlocks | None = None,
     ) -> None:
         self.supply = supply
         self._simulated = simulated
+        self._interlocks = interlocks or Interlocks()
         self._clock = clock
         self._rule = rule
         self.asked_A = asked_A
@@ -85,6 +96,7 @@ class Coil:
         """Switch the supply off and measure the current, see `eimi_drivers.supplies.off.switch_off`."""
         self.asked_A = 0.0
         self._recent.append((self._clock.now(), 0.0))
+        self._interlocks.restart()
         return switch_off(self.supply, self._clock)
 
     def watch(self) -> None:
@@ -98,27 +110,42 @@ class Coil:
         InstrumentError
             If two measurements in a row are above the limit of the supply, or differ from every set-point of the last
             `FOLLOWS_WITHIN_S` by more than the tolerance; or for the reasons of `PowerSupply.check` and `measure`.
+        BeyondInterlock
+            If a reading is outside the bounds of its interlock in two measurements in a row, or did not come.
         """
+        measured = bool(self._interlocks) or not self._simulated
         every_s = WATCH_EVERY_S
-        if self._simulated:
+        if not measured:
             every_s = SIMULATED_CHECK_EVERY_S if self.asked_A else SIMULATED_CHECK_AT_ZERO_EVERY_S
         if self._clock.now() - self._watched_s > every_s and self._stepping.acquire(blocking=False):
             try:
                 self._watched_s = self._clock.now()
                 self.supply.check()
-                if not self._simulated:
+                if measured:
                     self._compare(self.supply.measure())
             finally:
                 self._stepping.release()
+        with self._without_ramp():
+            self._interlocks.check_silence(self._clock.now())
 
     def _compare(self, reading: Reading) -> None:
-        if self._is_right(reading.current_A):
-            return
-        self._clock.sleep(MEASURED_AGAIN_AFTER_S)
-        again_A = self.supply.measure().current_A
-        if not self._is_right(again_A):
+        if not (self._is_right(reading.current_A) and self._interlocks.hold(readings_of(reading))):
+            self._clock.sleep(MEASURED_AGAIN_AFTER_S)
+            reading = self.supply.measure()
+            if not self._is_right(reading.current_A):
+                self.out_of_control = True
+                raise self._off_target(reading.current_A)
+        with self._without_ramp():
+            self._interlocks.check(readings_of(reading), self._clock.now())
+
+    @contextmanager
+    def _without_ramp(self) -> Iterator[None]:
+        """Leave the ramp down out if an interlock opens: its reading may not bear the time."""
+        try:
+            yield
+        except BeyondInterlock:
             self.out_of_control = True
-            raise self._off_target(again_A)
+            raise
 
     def _is_right(self, current_A: float) -> bool:
         since_s = self._clock.now() - FOLLOWS_WITHIN_S
@@ -151,7 +178,7 @@ class Coil:
 
         There is no ramp if `out_of_control` is set. Raises the errors of `PowerSupply.set_current`.
         """
-        if self.out_of_control:  # the current does not follow the set-point
+        if self.out_of_control:
             return
         start = self.asked_A
         seconds = min(abs(start) / self._rule.rate_A_per_s, self._rule.down_within_s)

@@ -11,6 +11,7 @@ from eimi_lab.acquisition.events import (
     Event,
     Fault,
     GuardianTookOver,
+    InterlockOpened,
     OffConfirmed,
     OffNotConfirmed,
     OnEvent,
@@ -154,6 +155,21 @@ def _(event: PageGone) -> str:
 @in_words.register
 def _(event: Warned) -> str:
     return f"warning: {event.message}"
+
+
+@in_words.register
+def _(event: InterlockOpened) -> str:
+    interlock = f"interlock {event.reading}:"
+    if event.silent_s is not None:
+        return (
+            f"{interlock} no reading for {event.silent_s:.1f} s, longer than longest_silence_s = "
+            f"{event.longest_silence_s:g}"
+        )
+    if event.value is None:
+        return f"{interlock} there is no reading"
+    if event.maximum is not None and not event.value <= event.maximum:
+        return f"{interlock} {event.value:.4g} measured, above maximum = {event.maximum:g}"
+    return f"{interlock} {event.value:.4g} measured, below minimum = {event.minimum:g}"
 
 
 @in_words.register

@@ -177,6 +177,24 @@ class Warned(Event):
 
 
 @dataclass(frozen=True, kw_only=True)
+class InterlockOpened(Event):
+    """A reading left the bounds of its interlock, or did not come; the run ends with the coil off.
+
+    reading: its name in the rig file. value: in the unit of the reading; null if there is none. minimum, maximum,
+    longest_silence_s: the bounds in the rig file, null where it states none. silent_s: how long no reading came; null
+    if one came.
+    """
+
+    event: ClassVar[str] = "interlock_opened"
+    reading: str
+    value: float | None
+    minimum: float | None
+    maximum: float | None
+    silent_s: float | None
+    longest_silence_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Fault(Event):
     """An error ends the run. kind: the type of the error. message: text for a person."""
 

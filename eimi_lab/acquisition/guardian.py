@@ -36,6 +36,7 @@ TAKING_OVER_WITHIN_S = 10.0
 
 READY, HERE, TAKING_OVER = b"ready\n", b".\n", b"taking over\n"  # messages of the guardian
 ARM, BEAT, DISARM, TAKE_OVER, ALLOW, SUPPLY = b"on", b".", b"off", b"take over", b"allow ", b"supply "  # of the run
+RECOGNISED = b"recognised"
 
 
 def awake_s() -> float:
@@ -48,7 +49,8 @@ class Ward:
     """The supply that the guardian switches off: driver, address and limits of the rig.
 
     packed: the code of a driver that this program added, see `added_driver.pack`. identity: text and serial number of
-    the supply that the run uses; None until the run has read them.
+    the supply that the run uses; None until the run has read them. recognised: whether the run switched the output off
+    and still measured a current.
     """
 
     driver: str
@@ -58,6 +60,7 @@ class Ward:
     packed: str = ""
     off_below_A: float | None = None
     identity: tuple[str, str] | None = None
+    recognised: bool = False
 
     @property
     def limits(self) -> Limits:
@@ -122,6 +125,13 @@ class Guardian:
     def expect(self, identity: Identity) -> None:
         """Send the identity of the run's supply, so that the guardian uses no other supply at the same address."""
         self._send(SUPPLY + json.dumps([identity.text, identity.serial_number]).encode())
+
+    def recognise(self) -> None:
+        """Report that the run itself switched the output off and still measured a current.
+
+        The guardian then finds the output off although this is the supply of the coil.
+        """
+        self._send(RECOGNISED)
 
     def beat(self) -> None:
         """Report that the run has taken a step. Never waits, raises nothing."""

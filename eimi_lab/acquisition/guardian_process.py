@@ -43,6 +43,7 @@ from eimi_lab.acquisition.guardian import (
     DISARM,
     HERE,
     READY,
+    RECOGNISED,
     SILENT_FOR_S,
     STILL_FOR_S,
     SUPPLY,
@@ -73,9 +74,8 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
     run = os.getppid()
     os.set_blocking(TO_RUN, False)
     _say(READY)
-    takeover, identity = _wait_until_needed()
+    takeover, ward = _wait_until_needed(ward)
     if takeover:
-        ward = replace(ward, identity=identity)
         if takeover == STANDS_STILL:
             share_ports()  # the run holds the locks of the ports
             _say(TAKING_OVER)
@@ -83,15 +83,17 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
         switch_off_for_the_run(ward, takeover, run, on_event)
 
 
-def _wait_until_needed() -> tuple[Takeover | None, tuple[str, str] | None]:
-    """Return the reason for switching off (None if the run ended with the coil off) and the identity of its supply."""
-    identity: tuple[str, str] | None = None
+def _wait_until_needed(ward: Ward) -> tuple[Takeover | None, Ward]:
+    """Return the reason for switching off (None if the run ended with the coil off), and the supply as the run saw it.
+
+    The run may have sent the identity of its supply.
+    """
     armed, patience_s, heard_s, unfinished = False, STILL_FOR_S, time.monotonic(), b""
     while True:
         if select.select([FROM_RUN], [], [], SILENT_FOR_S / 4)[0]:
             data = os.read(FROM_RUN, 4096)
             if not data:
-                return DIED if armed else None, identity
+                return DIED if armed else None, ward
             heard_s = time.monotonic()
             *messages, unfinished = (unfinished + data).split(b"\n")
             for message in messages:
@@ -100,16 +102,18 @@ def _wait_until_needed() -> tuple[Takeover | None, tuple[str, str] | None]:
                     armed = message == ARM
                     _log.info("armed" if armed else "disarmed")
                 elif message == TAKE_OVER:
-                    return ASKED, identity
+                    return ASKED, ward
                 elif message.startswith(SUPPLY):
                     text, serial_number = json.loads(message.removeprefix(SUPPLY))
-                    identity = text, serial_number
+                    ward = replace(ward, identity=(text, serial_number))
+                elif message == RECOGNISED:
+                    ward = replace(ward, recognised=True)
                 elif message.startswith(ALLOW):
                     patience_s = float(message.removeprefix(ALLOW))
                 else:
                     assert message == BEAT
         elif armed and time.monotonic() - heard_s > patience_s:
-            return STANDS_STILL, identity
+            return STANDS_STILL, ward
         _say(HERE)
 
 
@@ -123,7 +127,7 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: int, on_event: O
     reported_s = began - REPORT_EVERY_S + 2.0
     pause_s = TRY_AGAIN_AFTER_S
     killed = False
-    was_on: set[bool] = set()
+    was_on = {True} if ward.recognised else set()
     while True:
         try:
             off, remark = _try_once(ward, was_on)
@@ -170,8 +174,9 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
     Parameters
     ----------
     was_on
-        Contains True after an attempt saw the output on, as the run left it. A supply whose output is off in the first
-        attempt may be another one of the same model, unless it has a serial number or is on a pseudo-terminal.
+        Contains True after an attempt saw the output on, as the run left it, or measured a current above the limit. A
+        supply that was off in every attempt may be another one of the same model, unless it has a serial number or is
+        on a pseudo-terminal.
 
     Returns
     -------
@@ -200,6 +205,8 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
                 )
             return (replace(off, found_off=found_off) if off else off), without_ramp
         except SwitchOffFailed as error:
+            if error.current_A is not None:  # the supply of the coil, which fails to stop the current
+                was_on.add(True)
             if error.current_A is not None or found_off or supply.output_on():
                 raise
             off = measured_off(supply.measure, off_limit_A(supply), clock, ward.address)

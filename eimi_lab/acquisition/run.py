@@ -29,6 +29,7 @@ from eimi_lab.acquisition.events import (
     ignore_event,
 )
 from eimi_lab.acquisition.heating import hottest, refuse_overheating
+from eimi_lab.acquisition.interlocks import Interlocks, readings_of
 from eimi_lab.acquisition.interruption import Interruption
 from eimi_lab.acquisition.live_view import Show, WatchedCamera, show_nothing
 from eimi_lab.acquisition.open_bench import Bench
@@ -169,6 +170,9 @@ def acquire(
             without_contact="" if bench.truth else without_contact(supply),
         )
         _begin_with_output_off(bench, protocol, take_over, rig.simulated, send)
+        interlocks = Interlocks(rig.interlocks, send)
+        if interlocks:
+            interlocks.refuse_to_begin(readings_of(supply.measure()))
         supply.check()
         supply.set_current(0.0)
         supply.set_voltage(supply.limits.voltage_V)
@@ -199,7 +203,7 @@ def acquire(
                 protocol=protocol,
                 specimen=specimen,
                 calibration=rig.calibration,
-                coil=Coil(supply, clock, protocol.ramp, simulated=rig.simulated),
+                coil=Coil(supply, clock, protocol.ramp, simulated=rig.simulated, interlocks=interlocks),
                 camera=camera,
                 clock=clock,
                 guardian=bench.guardian,

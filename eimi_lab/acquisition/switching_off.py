@@ -200,6 +200,8 @@ def _off(coil: Coil, guardian: Guardian | None, on_event: OnEvent) -> None:
         if guardian:
             with suppress(InstrumentError):  # the guardian continues to try; in a pause it was disarmed
                 guardian.arm()
+            if measured_A is not None:
+                guardian.recognise()
         raise
     if guardian:
         guardian.disarm()

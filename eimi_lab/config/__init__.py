@@ -7,6 +7,7 @@ keeps the text from which it was read, so that a dataset can store the text with
 specimen          specimen.toml: the beam, its magnet and the point where a tip force acts
 protocol          protocol.toml: the currents of a run and the conditions at each of them
 rig               rig.toml: the supply, the camera and the coil of a bench
+interlock         the table [[interlocks]] of a rig: bounds of a reading that keep the coil on
 calibration       calibration.toml: scale, orientation and lens of the camera, and the coil constant
 materials         materials.toml: the true materials of a virtual rig's specimens
 simulated_optics  the table [virtual.optics] of a rig: back-light, lens and sensor of the virtual camera

@@ -16,6 +16,7 @@ from eimi_drivers.interfaces import Limits
 from eimi_drivers.supplies.supply_names import SUPPLIES
 from eimi_drivers.supplies.transport import check_address
 from eimi_lab.config.calibration import Calibration, load_calibration
+from eimi_lab.config.interlock import READINGS, Interlock, check_readings
 from eimi_lab.config.materials import TrueMaterials, load_materials
 from eimi_lab.config.protocol import SupplyLimits
 from eimi_lab.config.simulated_optics import Optics
@@ -182,6 +183,8 @@ class Rig(Document):
     """Thermal rating of the coil; a protocol that would overheat it is refused."""
     virtual: Virtual | None = None
     """The virtual rig; required with the virtual camera and allowed only there."""
+    interlocks: Annotated[tuple[Interlock, ...], Field(strict=False)] = ()
+    """Bounds of readings, each in a table [[interlocks]]; the coil is switched off if a reading leaves them."""
     uncertainty: OfRig | None = None
     """Standard uncertainty of the current's zero. 0 means exact, an absent key means unknown."""
 
@@ -201,6 +204,11 @@ class Rig(Document):
             )
         if virtual_camera != (self.virtual is not None):
             raise ValueError("the table [virtual] belongs with camera.driver = 'virtual', and only there")
+        return self
+
+    @model_validator(mode="after")
+    def _interlocks_on_readings_of_this_bench(self) -> Rig:
+        check_readings(self.interlocks, tuple(READINGS))
         return self
 
     @property

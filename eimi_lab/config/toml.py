@@ -251,6 +251,8 @@ def _shown(value: object) -> str:
 def _known_keys(table: Any, location: tuple[str, ...]) -> list[str]:
     """Return the keys of the table at a location below a model; an empty list if no table is there."""
     for part in location:
+        if part.isdecimal():  # one of several tables [[name]]
+            continue
         field = table.model_fields.get(part) if isinstance(table, type) and issubclass(table, BaseModel) else None
         annotation = field.annotation if field else None
         table = next((kind for kind in (annotation, *get_args(annotation)) if _is_table(kind)), None)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, overload
 
-from eimi_lab.acquisition.events import Event, OnEvent, unheard
+from eimi_lab.acquisition.events import Event, OnEvent, ignore_event
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
@@ -75,7 +75,7 @@ def acquire(
     take_over: bool = False,
     note: str = "",
     transcript: AnyPath | None = None,
-    on_event: OnEvent = unheard,
+    on_event: OnEvent = ignore_event,
     force: bool = False,
 ) -> Dataset: ...
 @overload
@@ -94,7 +94,7 @@ def acquire(
     take_over: bool = False,
     note: str = "",
     transcript: AnyPath | None = None,
-    on_event: OnEvent = unheard,
+    on_event: OnEvent = ignore_event,
     force: bool = False,
 ) -> Dataset | DryRun:
     """Run a protocol on a rig: set the currents, take frames and store them in a dataset.
@@ -182,7 +182,7 @@ def run_protocol(
     take_over: bool = False,
     note: str = "",
     transcript: Path | None = None,
-    on_event: OnEvent = unheard,
+    on_event: OnEvent = ignore_event,
     events: bool = False,
     force: bool = False,
     watched_by: str | None = None,

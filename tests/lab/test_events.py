@@ -33,6 +33,7 @@ from eimi_lab.acquisition.events import (
     Event,
     Fault,
     GuardianTookOver,
+    InterlockOpened,
     OffConfirmed,
     OffNotConfirmed,
     OutputSwitched,
@@ -86,6 +87,9 @@ ONE_OF_EACH = (
     SuspendRefused(),
     PageGone(),
     Warned(message="µ"),
+    InterlockOpened(
+        reading="coil_voltage_V", value=12.5, minimum=None, maximum=12.0, silent_s=None, longest_silence_s=5.0
+    ),
     Fault(kind="InstrumentTimeout", message="no answer"),
     OffConfirmed(by="run", determined_by="measured", current_A=0.001, limit_A=0.01),
     OffNotConfirmed(by="guardian", reason="silent", takeover="run_died", trying_process=7),

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import pytest
 
@@ -17,10 +18,11 @@ from eimi_drivers.clock import WallClock
 from eimi_drivers.emulators.faults import Fault, FaultyInstrument
 from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
 from eimi_drivers.emulators.supply import CoilSupply
-from eimi_drivers.interfaces import InstrumentError, Limits
+from eimi_drivers.interfaces import Identity, InstrumentError, Limits, SwitchOffFailed
 from eimi_drivers.supplies.supply_names import open_supply
 from eimi_lab.acquisition import guardian as guardian_module
 from eimi_lab.acquisition.guardian import Guardian, Ward, guarding
+from eimi_lab.acquisition.guardian_process import _try_once
 from tests.patience import PATIENCE_S
 
 
@@ -127,7 +129,7 @@ def test_a_pseudo_terminal_that_is_gone_is_not_waited_for(capfd: pytest.CaptureF
         guardian.arm()
     guardian.dismiss()
     assert wait_for(guardian) == 0
-    assert f"{ward.address} is gone, and the emulated supply with it" in capfd.readouterr().err
+    assert f"{ward.address} does not exist any more, nor does its emulated supply" in capfd.readouterr().err
 
 
 def test_no_ramp_is_no_reason_to_stay_on() -> None:
@@ -202,7 +204,7 @@ def test_a_run_that_stood_still_as_its_guardian_did_sends_no_further_set_point(
         with pytest.raises(InstrumentError, match="stood still for 60 s with the coil on"):
             guardian.refuse_a_gap()
         guardian.beat()
-        with pytest.raises(InstrumentError, match="the computer slept, or the process was stopped"):
+        with pytest.raises(InstrumentError, match="because the computer slept or the process was stopped"):
             guardian.check()
         guardian.disarm()
         guardian.check()
@@ -259,3 +261,34 @@ def test_a_run_killed_before_its_guardian_is_ready_leaves_no_word() -> None:
         guardian.stdin.close()
         assert guardian.stderr.read() == b""
         assert guardian.wait(PATIENCE_S) == 0
+
+
+def test_a_supply_without_a_serial_number_is_recognised_by_the_current_that_it_does_not_stop() -> None:
+    bench = Bench("scpi")
+    with bench.ward() as ward:
+        ward = replace(ward, identity=("EIMI,EMULATED SUPPLY,0,1.0", ""))
+        bench.coil.switch(False)
+        with pytest.raises(SwitchOffFailed, match="has no serial number"):
+            _try_once(ward, set())
+        bench.coil.shorted_A = 0.8
+        was_on: set[bool] = set()
+        with pytest.raises(SwitchOffFailed, match=r"0\.80 A measured"):
+            _try_once(ward, was_on)
+        bench.coil.shorted_A = 0.0
+        off, _ = _try_once(ward, was_on)
+        assert off is not None
+        assert not off.found_off
+
+
+def test_a_supply_that_the_run_switched_off_while_a_current_flowed_may_be_found_off(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    bench = Bench("scpi")
+    with bench.ward() as ward:
+        with guarding(ward) as guardian:
+            guardian.arm()
+            guardian.expect(Identity("scpi", "EIMI,EMULATED SUPPLY,0,1.0", ward.address))
+            bench.coil.switch(False)
+            guardian.recognise()
+        assert wait_for(guardian) == 0
+    assert "the coil was switched off, below 0.02 A measured" in capfd.readouterr().err

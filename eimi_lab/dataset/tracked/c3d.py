@@ -33,7 +33,7 @@ UNPACKED_PER_BYTE = 64
 _UNITS = {"mm": "mm", "cm": "cm", "m": "m", "in": "in", "millimeters": "mm", "meters": "m"}
 
 
-READ_WITHIN_S, BYTES_PER_S = 60.0, 1e6
+READ_WITHIN_S, BYTES_PER_S = 10.0, 1e6
 
 
 def read_c3d(path: Path) -> Tracks:

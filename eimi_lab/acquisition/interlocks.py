@@ -1,0 +1,89 @@
+"""Interlocks of a run: a reading that leaves its bounds, or does not come, ends the run with the coil off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from eimi_drivers.interfaces import InstrumentError, Reading
+from eimi_lab.acquisition.event_words import in_words
+from eimi_lab.acquisition.events import InterlockOpened, OnEvent, ignore_event
+from eimi_lab.config.interlock import READINGS, Interlock
+
+
+class BeyondInterlock(InstrumentError):
+    """Report that a reading is outside the bounds of an interlock, or did not come."""
+
+
+def readings_of(measured: Reading) -> dict[str, float]:
+    """Return the readings of a supply by name."""
+    return {name: reading(measured) for name, reading in READINGS.items()}
+
+
+class Interlocks:
+    """The interlocks of a rig, and when each of their readings came last.
+
+    Parameters
+    ----------
+    rules : sequence of Interlock
+        The interlocks of the rig file.
+    on_event : callable
+        Is given an `InterlockOpened` when a reading leaves its bounds.
+    """
+
+    def __init__(self, rules: Sequence[Interlock] = (), on_event: OnEvent = ignore_event) -> None:
+        self._rules = tuple(rules)
+        self._on_event = on_event
+        self._came_s: dict[str, float] = {}
+
+    def __bool__(self) -> bool:
+        return bool(self._rules)
+
+    def hold(self, readings: Mapping[str, float]) -> bool:
+        """Return whether these readings, by name, are within their bounds."""
+        return all(_is_within(rule, readings[rule.reading]) for rule in self._rules if rule.reading in readings)
+
+    def check(self, readings: Mapping[str, float], now_s: float) -> None:
+        """Note readings that came at `now_s` on the clock of the run. Raises BeyondInterlock."""
+        for rule in self._rules:
+            if rule.reading in readings:
+                self._came_s[rule.reading] = now_s
+                value = readings[rule.reading]
+                if not _is_within(rule, value):
+                    self._open(rule, value, None)
+
+    def check_silence(self, now_s: float) -> None:
+        """Raise BeyondInterlock if a reading has not come for too long. The first one may take any time."""
+        for rule in self._rules:
+            silent_s = now_s - self._came_s.get(rule.reading, now_s)
+            if silent_s > rule.longest_silence_s:
+                self._open(rule, None, silent_s)
+
+    def restart(self) -> None:
+        """Count every silence from the next reading: what follows may take long with the output off."""
+        self._came_s.clear()
+
+    def refuse_to_begin(self, readings: Mapping[str, float]) -> None:
+        """Raise BeyondInterlock if a reading is outside its bounds, or missing, before a run begins."""
+        for rule in self._rules:
+            value = readings.get(rule.reading)
+            if value is None or not _is_within(rule, value):
+                self._open(rule, value, None)
+
+    def _open(self, rule: Interlock, value: float | None, silent_s: float | None) -> None:
+        event = InterlockOpened(
+            reading=rule.reading,
+            value=value,
+            minimum=rule.minimum,
+            maximum=rule.maximum,
+            silent_s=silent_s,
+            longest_silence_s=rule.longest_silence_s,
+        )
+        self._on_event(event)
+        raise BeyondInterlock(in_words(event))
+
+
+def _is_within(rule: Interlock, value: float) -> bool:
+    """Return whether a value is within the bounds; one that is not a number is not."""
+    if rule.minimum is not None and not value >= rule.minimum:
+        return False
+    return rule.maximum is None or value <= rule.maximum

@@ -1,0 +1,67 @@
+"""The table [[interlocks]] of a rig: bounds of a reading, outside of which the coil is switched off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from pydantic import Field, model_validator
+
+from eimi_drivers.installed import did_you_mean
+from eimi_drivers.interfaces import Reading
+from eimi_lab.config.toml import Table
+
+READINGS: dict[str, Callable[[Reading], float]] = {
+    "coil_current_A": lambda measured: measured.current_A,
+    "coil_voltage_V": lambda measured: measured.voltage_V,
+    "coil_power_W": lambda measured: measured.current_A * measured.voltage_V,
+}
+"""The readings of the supply itself, each as a function of what the supply measures at one moment."""
+
+LEAST_SILENCE_S = 2.0
+"""A supply is measured every 1.5 s, so that a shorter silence is no fault."""
+
+
+class Interlock(Table):
+    """Bounds of a reading. The coil is switched off if the reading leaves them or does not come."""
+
+    reading: str = Field(min_length=1)
+    """The name of the reading: coil_current_A, coil_voltage_V or coil_power_W, as the supply measures them."""
+    minimum: float | None = None
+    """Smallest permitted value, in the unit of the reading. It also holds at zero current and before the run."""
+    maximum: float | None = None
+    """Largest permitted value, in the unit of the reading."""
+    longest_silence_s: float = Field(default=5.0, ge=LEAST_SILENCE_S)
+    """The coil is switched off if no reading comes for longer than this time."""
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Interlock:
+        if self.minimum is None and self.maximum is None:
+            raise ValueError(f"on {self.reading} needs minimum, maximum or both")
+        if self.minimum is not None and self.maximum is not None and self.minimum >= self.maximum:
+            raise ValueError(
+                f"on {self.reading}: minimum = {self.minimum:g} must be less than maximum = {self.maximum:g}"
+            )
+        return self
+
+    @property
+    def in_words(self) -> str:
+        """Say the bounds to a person.
+
+        Examples
+        --------
+        >>> Interlock(reading="coil_voltage_V", maximum=12.0).in_words
+        'coil_voltage_V at most 12, silent for at most 5 s'
+        """
+        bounds = [("at least", self.minimum), ("at most", self.maximum)]
+        words = " and ".join(f"{bound} {value:g}" for bound, value in bounds if value is not None)
+        return f"{self.reading} {words}, silent for at most {self.longest_silence_s:g} s"
+
+
+def check_readings(interlocks: Sequence[Interlock], readings: Sequence[str]) -> None:
+    """Raise ValueError if an interlock names a reading that the bench does not have."""
+    for number, interlock in enumerate(interlocks):
+        if interlock.reading not in readings:
+            raise ValueError(
+                f"interlocks.{number}.reading = {interlock.reading!r} is not a reading; there are "
+                f"{', '.join(readings)}{did_you_mean(interlock.reading, list(readings))}"
+            )
