@@ -42,6 +42,6 @@ All figures are those of one thread: more threads do not make matrices of this s
 
 import os
 
-# In time here, before any of the scripts has loaded numpy.
+# This has to precede the import of numpy in any script.
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
     os.environ[_variable] = "1"

@@ -136,9 +136,11 @@ def environment() -> str:
 def main() -> int:
     """Run the chosen benchmarks; return 1 if one failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--short", action="store_true")
-    parser.add_argument("--only", choices=[benchmark.name for benchmark in ALL], action="append")
-    parser.add_argument("-o", "--output", type=Path)
+    parser.add_argument("--short", action="store_true", help="use reduced sizes")
+    parser.add_argument(
+        "--only", choices=[benchmark.name for benchmark in ALL], action="append", help="may be repeated"
+    )
+    parser.add_argument("-o", "--output", type=Path, help="page to write")
     options = parser.parse_args()
     chosen = [benchmark for benchmark in ALL if not options.only or benchmark.name in options.only]
     parts = sections_of(options.output) if options.output else {}
@@ -146,7 +148,7 @@ def main() -> int:
     for benchmark in chosen:
         parts[benchmark.name], well = section(benchmark, options.short)
         failed += [] if well else [benchmark.name]
-        if options.output:  # after each: the whole takes long, and may be stopped
+        if options.output:  # written after each benchmark, because all together take long
             finished = [parts[b.name] for b in ALL if b.name in parts]
             options.output.write_text("\n".join([heading(), *finished]), encoding="utf-8")
     if failed:

@@ -69,9 +69,9 @@ def line(row: Row) -> str:
 def main() -> None:
     """Print the coverage of each row; the exit status is 1 if a row is not right."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--experiments", type=int, default=2000)
+    parser.add_argument("--experiments", type=int, default=2000, help="number of experiments")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--workers", type=int, default=2, help="number of processes")
     options = parser.parse_args()
     start_s = time.perf_counter()
     cases = [Case(number, options.seed) for number in range(options.experiments)]

@@ -119,7 +119,7 @@ class Beam:
         free = np.setdiff1d(np.flatnonzero(points[:, 0] > 1e-9), self.tied)
         self.count, self.free = len(points), free
         dofs = (2 * free[:, None] + np.arange(2)).ravel()
-        self.n = len(dofs)  # then follow the translations and the rotation of the magnet
+        self.n = len(dofs)  # the translations and the rotation of the magnet come after these
         shape = (2 * self.count, self.n + 3)
         self.selection = sparse.csr_matrix((np.ones(self.n), (dofs, np.arange(self.n))), shape=shape)
 

@@ -39,7 +39,7 @@ from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 MODULUS_PA, LARGEST_A, NOISE_MM = 46e3, 1.5, 2e-3
 SECTIONS = ("plane-stress", "solid")
 STATES = (16, 126, 501)
-# By a small process: a child's largest memory counts from that of who starts it.
+# A small process starts it, because the largest memory of a child includes that of its parent.
 _STARTED = """
 import resource, subprocess, sys
 subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=True)

@@ -23,7 +23,7 @@ from eimi_fitting.laws import LAWS
 from eimi_lab.config.specimen import load_specimen
 
 HIDDEN = {"neo-hookean": [46390.0], "yeoh": [19530.0, 7410.0, -3117.0]}
-MESH = (26, 3, 1)  # elements along and across, and how many more in each part of the depth; a fit's solid has 20, 2, 0
+MESH = (26, 3, 1)  # elements along, across and in addition in each part of the depth; the solid of a fit has 20, 2, 0
 LOADS = Loads.along(np.linspace(0.0, 7.05, 8))
 
 

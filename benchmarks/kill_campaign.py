@@ -34,9 +34,9 @@ from eimi_lab.dataset.recovery import recover
 
 CURRENTS_A = [0.0, 0.1, 0.2, 0.3]
 FRAMES, HEIGHT, WIDTH = 2, 48, 64
-PICTURES, NAMES = 16, 4000  # a recording is played as fast as it is asked for, on a quick machine 100 images a state
+PICTURES, NAMES = 16, 4000  # a recording has no frame rate; a fast machine takes 100 images per state
 SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGKILL)
-DRIVERS = ("scpi", "korad")  # the quick one first, for short campaigns
+DRIVERS = ("scpi", "korad")  # the faster one first, for short campaigns
 WATCH_EVERY_S = 0.002
 GIVE_UP_AFTER_S = 600.0
 BEFORE_ANY = "stopped before a file was begun"
@@ -151,7 +151,7 @@ camera = {{ driver = "opencv", source = "recording" }}
         time.sleep(after_s)
         process.send_signal(number)
         sent = time.monotonic()
-        while reader.is_alive() and time.monotonic() - sent < GIVE_UP_AFTER_S:  # run and guardian hold the other end
+        while reader.is_alive() and time.monotonic() - sent < GIVE_UP_AFTER_S:  # run and guardian keep the pipe open
             if coil.state.output:
                 on_for_s = time.monotonic() - sent
             time.sleep(WATCH_EVERY_S)
@@ -186,14 +186,14 @@ def faults_of(ended: RunEnd, coil: CoilSupply, folder: Path, off_within_s: float
 
 def campaign(runs: int, resumed: float, seed: int, off_within_s: float) -> int:
     """Kill the runs, print the figures, and return the number of runs with a fault."""
-    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):  # a run heeds no signal that it finds ignored
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):  # a child would inherit ignored signals
         signal.signal(number, signal.SIG_DFL)
     random = np.random.default_rng(seed)
     counts: Counter[str] = Counter()
     on_for_s: list[float] = []
     lasting_s: dict[str, float] = {}
     drivers = DRIVERS[:runs]
-    for index in range(-len(drivers), runs):  # the first, one a driver, run to their end and show how long that is
+    for index in range(-len(drivers), runs):  # one complete run for each driver first, to measure its duration
         driver = drivers[index % len(drivers)]
         with tempfile.TemporaryDirectory() as name:
             folder, coil = Path(name), CoilSupply(WallClock())
@@ -243,10 +243,10 @@ def campaign(runs: int, resumed: float, seed: int, off_within_s: float) -> int:
 def main() -> None:
     """Run the campaign with the options of the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=500)
-    parser.add_argument("--resumed", type=float, default=0.5, help="the share of runs with a file that are resumed")
-    parser.add_argument("--off-within", type=float, default=1.0, help="seconds; later is a fault")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--runs", type=int, default=500, help="number of runs")
+    parser.add_argument("--resumed", type=float, default=0.5, help="share of the runs with a file that are resumed")
+    parser.add_argument("--off-within", type=float, default=1.0, help="time limit in seconds for the coil")
+    parser.add_argument("--seed", type=int, default=1, help="seed of signals and moments")
     chosen = parser.parse_args()
     sys.exit(1 if campaign(chosen.runs, chosen.resumed, chosen.seed, chosen.off_within) else 0)
 

@@ -31,17 +31,17 @@ from pathlib import Path
 PROJECT = Path(__file__).parents[1]
 LISTS = Path(__file__).parent / "mistakes"
 LEAST = 150  # mistakes
-TEST_LIMIT_S = 300  # of one test, in place of that of pyproject.toml
-RUN_LIMIT_S = 1800  # of all tests of one mistake: what lasts longer is not caught
+TEST_LIMIT_S = 300  # of one test, instead of that in pyproject.toml
+RUN_LIMIT_S = 1800  # of all tests of one mistake; a longer run counts as survived
 
 CAUGHT, SURVIVED, BROKEN = "caught", "survived", "broken"
-_PRELOADED = [  # what is not of the project, loaded once for all
+_PRELOADED = [  # third-party packages, loaded once
     *("cma", "cv2", "h5py", "hypothesis", "matplotlib.figure", "matplotlib.backends.backend_agg", "pydantic", "pytest"),
     *("pyvisa", "scipy.optimize", "scipy.spatial", "serial", "typer"),
 ]
 _PROCESSES = multiprocessing.get_context("forkserver")
 _PROCESSES.set_forkserver_preload(_PRELOADED)
-_OUTCOMES = {0: SURVIVED, 1: CAUGHT}  # of pytest's exit status; any other is a fault of the list
+_OUTCOMES = {0: SURVIVED, 1: CAUGHT}  # by pytest's exit status; any other means a fault of the list
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,9 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
     file = copy / mutant.file
     right, stat = file.read_bytes(), file.stat()
     file.write_text(mutant.applied(right.decode("utf-8")), encoding="utf-8")
-    os.utime(file, (stat.st_atime + 2, stat.st_mtime + 2))  # compiled code goes by the time, to the second
+    os.utime(
+        file, (stat.st_atime + 2, stat.st_mtime + 2)
+    )  # Python compares times of source and compiled code in seconds
     try:
         return run_tests(mutant.tests, copy)
     finally:
@@ -154,18 +156,18 @@ def table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--room", action="append", help="a list's name; may be repeated")
-    parser.add_argument("--only", type=int, action="append", metavar="N", help="one mistake by its number")
+    parser.add_argument("--room", action="append", help="name of a list; may be repeated")
+    parser.add_argument("--only", type=int, action="append", metavar="N", help="number of a mistake; may be repeated")
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--results", type=Path, help="a JSON file of outcomes, to go on from")
-    parser.add_argument("--list", action="store_true", help="print the mistakes, run nothing")
+    parser.add_argument("--results", type=Path, help="JSON file with outcomes, to continue from")
+    parser.add_argument("--list", action="store_true", help="print the mistakes without running tests")
     options = parser.parse_args()
     chosen = [
         m
         for m in every_mutant()
         if (not options.room or m.room in options.room) and (not options.only or m.number in options.only)
     ]
-    for mutant in chosen:  # before anything runs
+    for mutant in chosen:  # check before the first run
         mutant.applied((PROJECT / mutant.file).read_text(encoding="utf-8"))
     if options.list:
         print("\n".join(f"{m.number:4d} {m.room:12s} {m.says} ({m.file})" for m in chosen))

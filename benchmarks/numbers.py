@@ -29,7 +29,7 @@ HIDDEN = {
     "neo-hookean": ("mu_Pa = 46390.0", ("neo-hookean", "mooney-rivlin", "yeoh", "ogden")),
     "yeoh": ("C10_Pa = 19530.0, C20_Pa = 7410.0, C30_Pa = -3117.0", ("yeoh", "ogden")),
 }
-# These tell of a run, not of a result.
+# Keys that describe the run, not the result.
 OF_THE_RUN = {"wall_s", "sha256", "path", "dataset", "versions"}
 
 Json = Any
@@ -147,10 +147,10 @@ def compare(before: dict[str, Json], after: dict[str, Json], rtol: float) -> boo
 def main() -> None:
     """Measure, write and compare."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path)
-    parser.add_argument("--against", type=Path)
-    parser.add_argument("--rtol", type=float, default=1e-9)
-    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("-o", "--output", type=Path, help="file to write")
+    parser.add_argument("--against", type=Path, help="earlier file to compare with")
+    parser.add_argument("--rtol", type=float, default=1e-9, help="largest relative difference")
+    parser.add_argument("--quick", action="store_true", help="quick demonstration only")
     options = parser.parse_args()
     if options.output is None and options.against is None:
         parser.error("give -o FILE, --against FILE or both")

@@ -279,7 +279,7 @@ def _stored(folder: Path) -> int:
 def campaign(faults: list[Fault], trials: int, seed: int, patience: float) -> int:
     """Try each fault, print the figures, and return the number of trials with a fault."""
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM, signal.SIGTSTP):
-        signal.signal(number, signal.SIG_DFL)  # a run heeds no signal that it finds ignored
+        signal.signal(number, signal.SIG_DFL)  # a child would inherit ignored signals
     random = np.random.default_rng(seed)
     everything: list[Outcome] = []
     print(f"{'fault':34s} {'trials':>6s} {'off':>4s} {'longest s':>9s} {'median s':>9s} {'states':>6s} {'lost':>4s}")
@@ -309,11 +309,11 @@ def _row(name: str, outcomes: list[Outcome]) -> str:
 def main() -> None:
     """Run the campaign with the options of the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--trials", type=int, default=5, help="of each fault")
-    parser.add_argument("--fault", action="append", help="one by its name; may be repeated")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--patience", type=float, default=1.0, help="times the promised seconds; later is a fault")
-    parser.add_argument("--list", action="store_true", help="tell the faults")
+    parser.add_argument("--trials", type=int, default=5, help="trials of each fault")
+    parser.add_argument("--fault", action="append", help="name of a fault; may be repeated")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the moments")
+    parser.add_argument("--patience", type=float, default=1.0, help="factor on the promised times")
+    parser.add_argument("--list", action="store_true", help="print the names of the faults")
     chosen = parser.parse_args()
     if chosen.list:
         print("\n".join(fault.name for fault in FAULTS))

@@ -155,7 +155,7 @@ def stops(driver: str, runs: int) -> tuple[list[float], list[float]]:
         with opened(folder) as (page, _), busy(os.cpu_count() or 1):
             for run in range(runs):
                 start(page, f"run_{run}.h5")
-                page.wait_for_timeout(6000 + 370 * run)  # another moment of the run each time
+                page.wait_for_timeout(6000 + 370 * run)  # at a different moment of each run
                 off.clear()
                 pressed = time.monotonic()
                 page.keyboard.press("Escape")
@@ -175,7 +175,7 @@ def memory_MB(server: int) -> dict[str, float]:
         try:
             lines = dict(line.split(":", 1) for line in status.read_text().splitlines() if ":" in line)
             command = status.with_name("cmdline").read_bytes().replace(b"\0", b" ").decode()
-        except OSError:  # it ended meanwhile
+        except OSError:  # the process has ended
             continue
         is_server = int(lines["Pid"]) == server
         if is_server or int(lines["PPid"]) == server:
@@ -210,8 +210,8 @@ def stream(minutes: float) -> None:
 def main() -> None:
     """Print the figures."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=6, help="that are stopped, for each supply")
-    parser.add_argument("--stream", type=float, default=0.0, help="minutes of streaming, in place of that")
+    parser.add_argument("--runs", type=int, default=6, help="number of runs for each supply")
+    parser.add_argument("--stream", type=float, default=0.0, help="minutes of streaming, instead of the delays")
     options = parser.parse_args()
     if options.stream:
         stream(options.stream)

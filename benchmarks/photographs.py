@@ -14,7 +14,7 @@ import numpy as np
 
 from tests.shared.photographs import KINDS, WRONG_PX, run
 
-_OFF_PX = 0.5  # more than any picture without a shadow, a reflection or clipped light has
+_OFF_PX = 0.5  # larger than in any picture without a shadow, a reflection or clipped light
 
 
 def main() -> None:

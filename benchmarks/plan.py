@@ -58,8 +58,8 @@ def row(
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--experiments", type=int, default=6)
-    parser.add_argument("--states", type=int, default=6)
+    parser.add_argument("--experiments", type=int, default=6, help="experiments for each row")
+    parser.add_argument("--states", type=int, default=6, help="states of a plan")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     beam = replace(load_specimen("type1").mechanics(), section="plane-stress")

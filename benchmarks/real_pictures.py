@@ -28,7 +28,7 @@ from eimi_lab.vision.following.edge_points import estimate_scatter
 from tests.shared.real_pictures import PICTURES, Picture, PictureScore, pictures
 
 Array = NDArray[np.float64]
-_DEGREE = 7  # of the polynomial off which an edge scatters
+_DEGREE = 7  # of the polynomial about which the scatter of an edge is computed
 
 
 def stated_over_seen(edge: EdgePoints) -> float:

@@ -35,8 +35,8 @@ def curve(path: Path) -> Path:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--curve", type=Path, help="a tensile test of your own")
-    parser.add_argument("--repeats", type=int, default=3, help="the fastest of so many runs counts")
+    parser.add_argument("--curve", type=Path, help="file with a tensile test")
+    parser.add_argument("--repeats", type=int, default=3, help="number of runs; the fastest counts")
     options = parser.parse_args()
     laws = [word for law in LAWS for word in ("--model", law)]
     with tempfile.TemporaryDirectory(prefix="report_cost") as name:

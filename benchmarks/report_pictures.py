@@ -17,7 +17,7 @@ from pathlib import Path
 from PIL import Image, ImageChops
 
 WIDTHS_PX = (1400, 800)
-_TALL_PX = 16000  # more than any report; what is below the page is cut off
+_TALL_PX = 16000  # more than the height of any report; the empty part is cut off
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _TIMEOUT_S = 300
 
@@ -63,7 +63,7 @@ def printed(page: Path, folder: Path) -> list[Path]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("page", type=Path)
-    parser.add_argument("-o", "--output", type=Path, required=True, help="a folder, made where it is missing")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="folder; it is created if missing")
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
     for width in WIDTHS_PX:

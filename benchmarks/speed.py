@@ -30,7 +30,7 @@ EXAMPLES = {
     "ogden": [2e4, 1.7, 100.0, 8.0, -5e3, -2.5],
 }
 MESHES = ((8, 1), (13, 1), (26, 1), (52, 1), (104, 1), (208, 1))
-TOLERANCE_MM = 1e-2  # as the identification uses it
+TOLERANCE_MM = 1e-2  # as in the identification
 
 
 def population(name: str, size: int) -> np.ndarray:

@@ -39,7 +39,7 @@ class Supply:
         self.driver, self.transport = driver, transport
         self.told: list[tuple[float, bool, float, float]] = []
         self._listener = threading.Thread(target=self._listen, daemon=True)
-        lines = [self._process.stdout.readline().strip() for _ in range(2)]  # in either order
+        lines = [self._process.stdout.readline().strip() for _ in range(2)]  # the two lines come in any order
         self.address = next(line for line in lines if not re.match(r"\d+\.\d{4} ", line))
         if driver not in {"korad", "genesys"} and transport == "pty":
             self.address = f"ASRL{self.address}::INSTR"

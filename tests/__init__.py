@@ -1,1 +1,1 @@
-"""The tests; what several of them share is in `shared`."""
+"""The tests. Code that several of them use is in `shared`."""

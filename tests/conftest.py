@@ -1,4 +1,4 @@
-"""Fixtures that every room of the tests shares."""
+"""Fixtures and settings of all tests."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-# Before numpy is loaded: more threads do not help matrices this small, and tests run beside one another.
+# This has to precede the import of numpy. More threads do not make small matrices faster, and tests run in parallel.
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
-# A job in the background, or under nohup, begins with these ignored, and so would every program that a test starts.
+# Under nohup or in the background a process starts with these signals ignored, and its children would inherit this.
 for _number, _handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
     if signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, _handler)
 
-# What a test starts inherits it, and whatever that starts, beside the name of the test that pytest itself puts there.
+# Processes that a test starts inherit this variable, and the name of the test that pytest sets.
 os.environ["EIMI_TESTS_OF"] = str(os.getpid())
 
-# Every run draws the same examples, and none has a deadline, nor a limit on how long drawing takes: what a test says of
-# the code must not depend on chance or on the machine's load. `--hypothesis-profile=search` draws new examples.
+# Every run draws the same examples without a deadline, so that a result does not depend on chance or on the load of the
+# machine. `--hypothesis-profile=search` draws new examples.
 settings.register_profile(
     "steady", deadline=None, derandomize=True, print_blob=True, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.register_profile("search", settings.get_profile("steady"), derandomize=False)
 settings.load_profile("steady")
 
-# Measurements that are not ours to ship lie beside the checkout.
+# Measured data that may not be distributed are beside the checkout.
 MEASURED = Path(__file__).parents[2] / "shared" / "data"
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """One more than there are processors: many tests wait for instruments, which are as slow as real ones."""
+    """Use one worker more than there are processors, because many tests wait for emulated instruments."""
     return (os.cpu_count() or 1) + 1
 
 
-# A file goes to a worker as a whole. The longest begin first, so that no worker is left alone with one at the end.
+# A worker runs whole files. The longest ones start first, so that no worker is busy with one at the end.
 _LONGEST = (
     *("test_docs.py", "test_chain.py", "test_fit_grid.py", "test_bench_view.py", "test_joint_evidence.py"),
     *("test_validate.py", "test_recovery.py", "test_examples.py", "test_off_campaign.py", "test_considered.py"),
@@ -49,15 +49,15 @@ _LONGEST = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest files first; the rest as it was."""
+    """Run the longest files first."""
     place = {name: k for k, name in enumerate(_LONGEST)}
     items.sort(key=lambda item: place.get(item.path.name, len(place)))
 
 
 def started_in(test: str) -> list[int]:
-    """Programs that were begun in a test's own call, by the test or by one another, where there is a /proc.
+    """Return the processes that were started during a test, directly or indirectly; none on a system without /proc.
 
-    Processes of multiprocessing are left out: they end with theirs, and may be another test's as well.
+    Processes of multiprocessing are left out: they end with their parent, and may serve another test.
     """
     marks = (f"PYTEST_CURRENT_TEST={test} (call)\0".encode(), f"EIMI_TESTS_OF={os.getpid()}\0".encode())
     processes = []
@@ -71,7 +71,7 @@ def started_in(test: str) -> list[int]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """A test that fails, or meets its limit of time, leaves no program behind: a guardian would try for an hour."""
+    """Kill the processes that a failed test has left behind; a guardian would otherwise run for an hour."""
     report = yield
     if report.failed:
         for process in started_in(item.nodeid):
@@ -82,7 +82,7 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
 
 @pytest.fixture(scope="session")
 def measured() -> Path:
-    """The folder with measured data: `real_beam` with a beam's tracked points, `tensile` with tensile tests."""
+    """Return the folder with measured data: tracked points of a beam (`real_beam`) and tensile tests (`tensile`)."""
     if not MEASURED.is_dir():
         pytest.skip("needs ../shared/data beside the checkout: measured data that are not ours to ship")
     return MEASURED

@@ -1,7 +1,7 @@
-"""The one limit for everything that a test waits for.
+"""The time limit of everything that a test waits for.
 
-A test waits for a condition, never for a time. What it waits for comes on any machine, sooner or later: the limit only
-ends a test that would hang, and is as generous as the limit of a whole test allows.
+A test waits for a condition, never for a time. The condition becomes true on any machine sooner or later. The limit
+only ends a test that would hang, and is as generous as the limit of a whole test allows.
 """
 
 PATIENCE_S = 600.0

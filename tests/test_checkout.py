@@ -1,4 +1,4 @@
-"""The tests test this checkout, and no copy of it that is installed elsewhere."""
+"""The tests test this checkout, and not a copy that is installed elsewhere."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ REMEDY = f"would be tested in place of {ROOT}; install that one: pip install -e 
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_what_the_tests_import_is_the_checkout(package: str) -> None:
+def test_the_tests_import_the_checkout(package: str) -> None:
     folder = Path(str(importlib.import_module(package).__file__)).parent
     assert folder == PACKAGES[package], f"{folder} {REMEDY}"
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_what_a_command_imports_is_the_checkout(package: str, tmp_path: Path) -> None:
+def test_a_command_imports_the_checkout(package: str, tmp_path: Path) -> None:
     script = f"import {package}; print({package}.__file__)"
     done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -35,8 +35,8 @@ def test_what_a_command_imports_is_the_checkout(package: str, tmp_path: Path) ->
     assert folder == PACKAGES[package], f"{folder} {REMEDY}"
 
 
-def test_every_room_is_installed() -> None:
-    """An editable install finds a folder that pyproject.toml does not list, and a wheel leaves it out."""
+def test_every_package_is_installed() -> None:
+    """An editable install finds a folder that pyproject.toml does not list, but a wheel leaves it out."""
     listed = set(tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"])
     rooms = set()
     for package, folder in PACKAGES.items():

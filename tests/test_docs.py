@@ -1,8 +1,8 @@
-"""The documentation: every command runs in order, what is written from the code is up to date, the site builds.
+"""The documentation: every command runs in order, generated pages are up to date, and the site builds.
 
-A comment before a block of commands says what is special about it: `<!-- not run: why -->`, `<!-- refused -->` where
-it ends with status 2, `<!-- short: command -->` for one in its place unless slow tests are run. Blocks with a title are
-files that the reader makes. Shortened runs have three states of a coarse virtual beam, shortened fits are planar.
+A comment before a block of commands states an exception: `<!-- not run: why -->`, `<!-- refused -->` if the block ends
+with status 2, `<!-- short: command -->` for a command that replaces it unless slow tests run. Blocks with a title are
+files that the reader writes. Shortened runs have three states of a coarse virtual beam; shortened fits are planar.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ SHORTER = {
 
 @dataclass(frozen=True)
 class Block:
-    """note: of the comment before it; title: of a file."""
+    """A block of a page; note: text of the comment before it; title: name of a file."""
 
     note: str
     title: str
@@ -51,14 +51,14 @@ class Block:
 
 
 def blocks(page: Path) -> list[Block]:
-    """Commands and files of a page, in order."""
+    """Return commands and files of a page in order."""
     matches = BLOCK.finditer(page.read_text(encoding="utf-8"))
     every = [(match["kind"], Block(match["note"] or "", match["title"] or "", match["text"])) for match in matches]
     return [block for kind, block in every if kind == "sh" or block.title]
 
 
 def follow(page: Path, folder: Path, shortened: bool) -> None:
-    """Do what a page says, in a folder that looks like the clone."""
+    """Run the commands of a page in a folder that looks like the clone."""
     for name in ("examples", "protocols", "benchmarks", "tests"):
         (folder / name).symlink_to(ROOT / name)
     if shortened:
@@ -88,7 +88,7 @@ def follow(page: Path, folder: Path, shortened: bool) -> None:
 
 
 def shorten(folder: Path) -> None:
-    """A protocol of three states, a virtual rig on a coarse mesh, and a specimen that is taken in plane stress."""
+    """Write a protocol of three states, a virtual rig on a coarse mesh, and a specimen in plane stress."""
     protocols = ROOT / "protocols"
     protocol = (protocols / "dragon_skin_10_quick.toml").read_text(encoding="utf-8")
     protocol = re.sub(r"start_A = .*\nstop_A = .*\nstep_A = .*\n", "values_A = [0.0, 0.8, 1.5]\n", protocol, count=1)
@@ -103,19 +103,19 @@ def shorten(folder: Path) -> None:
 
 @pytest.fixture(scope="session")
 def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder in which the first tutorial was followed, shortened."""
+    """Return the folder in which the shortened first tutorial was run."""
     folder = tmp_path_factory.mktemp("first_beam")
     follow(DOCS / FIRST, folder, shortened=True)
     return folder
 
 
 def marked(page: Path) -> Any:
-    """A page whose commands are, for the most part, those of others as well runs among the slow tests."""
+    """Mark a page as slow if most of its commands are on other pages too."""
     return pytest.param(page, marks=[pytest.mark.slow] if page.stem in LONG else [])
 
 
 @pytest.mark.parametrize("page", [marked(page) for page in PAGES], ids=lambda page: page.stem)
-def test_every_command_runs(page: Path, begun: Path, tmp_path: Path) -> None:
+def test_every_command_of_a_page_runs(page: Path, begun: Path, tmp_path: Path) -> None:
     assert blocks(page)
     if page == DOCS / FIRST:
         assert (begun / "report.html").is_file()
@@ -128,8 +128,8 @@ def test_every_command_runs(page: Path, begun: Path, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_a_page_is_right_as_it_stands(page: Path, begun: Path, tmp_path: Path) -> None:
-    """Nothing shortened; and what a tutorial identifies is what its beam is made of."""
+def test_a_page_runs_without_shortening(page: Path, begun: Path, tmp_path: Path) -> None:
+    """The modulus that a tutorial identifies is that of its beam."""
     if page.parent.name == "howto":
         for made in ("run.h5", "fits.json"):
             shutil.copy(begun / made, tmp_path)
@@ -154,7 +154,7 @@ def test_a_notebook_runs(path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
 
 
 @pytest.mark.parametrize("script", ["file_formats.py", "gallery.py", "events_table.py", "faults_table.py"])
-def test_a_written_page_is_what_its_script_writes(script: str) -> None:
+def test_a_generated_page_is_up_to_date(script: str) -> None:
     written = runpy.run_path(str(DOCS / "scripts" / script))
     again = f"python docs/scripts/{script} writes it anew"
     assert written["PAGE"].read_text(encoding="utf-8") == written["page"](), again
@@ -174,7 +174,7 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     [ROOT / "README.md", *sorted(path for room in ROOMS for path in (ROOT / room).rglob("README.md"))],
     ids=lambda page: page.parent.name,
 )
-def test_links_of_the_repository_lead_somewhere(page: Path) -> None:
+def test_links_of_the_repository_exist(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     missing = [
         link

@@ -1,4 +1,4 @@
-"""Every example runs, and its number is right."""
+"""Every example runs and returns the right number."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ EXPECTED: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("name", NUMBERED)
-def test_an_example_gives_its_number(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_example_returns_its_number(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     text = (EXAMPLES / name).read_text(encoding="utf-8")
     assert text.count("\n") <= 40
     assert runpy.run_path(str(EXAMPLES / name))["main"]() == EXPECTED[name]

@@ -1,4 +1,4 @@
-"""Files that a hosting service reads: they parse, and name versions and commands that exist."""
+"""Files that a hosting service reads: they can be parsed, and name versions and commands that exist."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_the_workflow_tests_every_python_and_lets_other_systems_fail() -> None:
 
 
 def test_the_workflow_and_the_hooks_check_what_the_script_checks() -> None:
-    """`.ci/run` is what a maintainer runs; nothing is checked in one place alone."""
+    """A maintainer runs `.ci/run`; no check exists in one of the places only."""
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     lint = [step.get("run", "") for step in read(".github/workflows/ci.yml")["jobs"]["lint"]["steps"]]
     hooks = {hook["entry"].split()[0] for hook in read(".pre-commit-config.yaml")["repos"][0]["hooks"]}
@@ -46,7 +46,7 @@ def test_the_workflow_and_the_hooks_check_what_the_script_checks() -> None:
 
 
 @pytest.mark.parametrize("form", [form for form in FORMS if form.name != "config.yml"], ids=lambda form: form.name)
-def test_an_issue_form_asks_for_what_it_labels(form: Path) -> None:
+def test_an_issue_form_has_its_labels_and_fields(form: Path) -> None:
     form_fields = yaml.safe_load(form.read_text(encoding="utf-8"))
     assert {"name", "description", "body"} <= form_fields.keys()
     fields = [field for field in form_fields["body"] if field["type"] != "markdown"]
@@ -54,8 +54,8 @@ def test_an_issue_form_asks_for_what_it_labels(form: Path) -> None:
     assert all(field["attributes"]["label"] for field in fields)
 
 
-def test_a_release_is_named_alike_everywhere() -> None:
-    """The newest release of the changelog, the citation, and the version of a clone without tags."""
+def test_a_release_has_the_same_version_everywhere() -> None:
+    """The newest release of the changelog, the citation, and the version of a clone without tags agree."""
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     newest, day = re.findall(r"^## \[(\d+\.\d+\.\d+)\] - (\d{4}-\d\d-\d\d)$", changelog, re.M)[0]
     citation = read("CITATION.cff")

@@ -1,4 +1,4 @@
-"""The suite in the background: under nohup a job begins with Ctrl-C and hang-up ignored, and what it starts with it."""
+"""Tests in the background: under nohup, a process and its children start with Ctrl-C and hang-up ignored."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def ignore() -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no such signals to pass on")
-def test_a_suite_that_begins_with_signals_ignored_heeds_them_and_passes_that_on() -> None:
-    """One test that sends itself Ctrl-C, and what a program sees that a test starts."""
+def test_tests_started_with_ignored_signals_restore_them() -> None:
+    """One test sends itself Ctrl-C, and another checks the signals of a program that it starts."""
     chosen = ("tests/lab/test_contact.py::test_a_second_ctrl_c_leaves_out_the_ramp", f"{__file__}::{_HEEDED}")
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-n0", "-p", "no:cacheprovider", *chosen]
     done = subprocess.run(command, cwd=PROJECT, preexec_fn=ignore, capture_output=True, text=True, timeout=PATIENCE_S)

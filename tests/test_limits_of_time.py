@@ -1,4 +1,4 @@
-"""Every test has a limit of time, and whatever it started ends there with it."""
+"""Every test has a time limit, which also ends the processes that the test started."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ def test_that_hangs():
 """
 
 
-def test_every_test_has_a_limit_of_time() -> None:
-    """Without the plugin the option would be an unknown one, and with a limit of 0 there would be none."""
+def test_every_test_has_a_time_limit() -> None:
+    """Without the plugin the option would be unknown, and a limit of 0 would mean none."""
     options = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"]["ini_options"]
     assert 0 < options["timeout"] <= 900
 
 
-def test_the_limit_holds_here(request: pytest.FixtureRequest) -> None:
+def test_the_time_limit_applies_to_this_test(request: pytest.FixtureRequest) -> None:
     assert request.config.pluginmanager.hasplugin("timeout")
     assert float(request.config.getini("timeout")) > 0
 
 
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="has no /proc to look programs up in")
-def test_a_test_that_hangs_is_ended_with_all_that_it_started(tmp_path: Path) -> None:
-    """One program is the test's, the other an orphan in a session of its own, as a guardian is."""
+def test_a_hanging_test_is_ended_with_its_processes(tmp_path: Path) -> None:
+    """One program is a child of the test, the other an orphan in a separate session, as a guardian is."""
     (tmp_path / "test_hanging.py").write_text(HANGING)
     options = ("-q", "-n0", "-p", "no:cacheprovider", "-p", "conftest", "-c", PROJECT / "pyproject.toml")
     command = [sys.executable, "-m", "pytest", *options, tmp_path]

@@ -1,4 +1,4 @@
-"""The list of mistakes: each still applies to the code, its tests are there; and the runner tells caught from not."""
+"""The list of mistakes: each applies to the code and its tests exist; the runner reports caught and survived ones."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ PROJECT = Path(__file__).parents[1]
 
 
 @pytest.mark.parametrize("room", sorted(path.stem for path in LISTS.glob("*.toml")))
-def test_every_mistake_applies_to_the_code_and_names_tests_that_are_there(room: str) -> None:
-    """Where this fails the code has changed: give the mistake the fragment that is there now, or another mistake."""
+def test_every_mistake_applies_to_the_code_and_names_existing_tests(room: str) -> None:
+    """If this fails, the code has changed: update the fragment of the mistake, or replace the mistake."""
     for mutant in every_mutant():
         if mutant.room != room:
             continue
@@ -27,15 +27,15 @@ def test_every_mistake_applies_to_the_code_and_names_tests_that_are_there(room: 
             assert not name or re.search(rf"^def {name}\(", text, re.MULTILINE), test
 
 
-def test_there_are_enough_and_none_is_there_twice() -> None:
+def test_there_are_enough_mistakes_and_none_occurs_twice() -> None:
     every = every_mutant()
     assert len(every) >= LEAST
     assert len({(mutant.file, mutant.right, mutant.wrong) for mutant in every}) == len(every)
     assert [mutant.number for mutant in every] == list(range(1, len(every) + 1))
 
 
-def test_a_mistake_is_caught_where_a_test_fails_and_the_copy_is_whole_again(tmp_path: Path) -> None:
-    """On a project of one line and one test, in processes as for this one."""
+def test_a_caught_mistake_is_reported_and_the_copy_is_restored(tmp_path: Path) -> None:
+    """Run it on a project of one line and one test, in processes as for this project."""
     project = tmp_path / "small"
     project.mkdir()
     (project / "sums.py").write_text("def add(a, b):\n    return a + b\n")

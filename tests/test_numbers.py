@@ -1,4 +1,4 @@
-"""The comparison of results before and after a change sees what has changed."""
+"""The comparison of results before and after a change reports the differences."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ BEFORE = {"case": {"edges": [{"left": [[0.0, 1.0]]}], "fits": {"yeoh": FIT}}}
         ({"restarts": 2}, True, "new  fits.restarts"),
     ],
 )
-def test_what_has_changed_is_told(capsys: pytest.CaptureFixture[str], change: dict, same: bool, told: str) -> None:
+def test_a_changed_number_is_reported(capsys: pytest.CaptureFixture[str], change: dict, same: bool, told: str) -> None:
     after = copy.deepcopy(BEFORE)
     after["case"]["fits"]["yeoh"].update(change)
     assert compare(BEFORE, after, 1e-9) is same
     assert told in capsys.readouterr().out
 
 
-def test_what_is_gone_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_number_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     after = copy.deepcopy(BEFORE)
     del after["case"]["fits"]["yeoh"]["modulus"]
     assert not compare(BEFORE, after, 1e-9)

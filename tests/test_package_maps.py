@@ -35,7 +35,7 @@ def test_a_package_lists_its_modules_once_each(folder: Path) -> None:
     assert len(names) == len(set(names))
 
 
-def test_a_wrong_name_and_a_missing_module_are_noticed(tmp_path: Path) -> None:
+def test_a_wrong_name_and_a_missing_module_are_detected(tmp_path: Path) -> None:
     (tmp_path / "__init__.py").write_text('"""A room.\n\nsearch   find it\npolish, refine   improve it\n"""\n')
     for name in ("search", "polish", "interval"):
         (tmp_path / f"{name}.py").touch()

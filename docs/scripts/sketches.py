@@ -1,8 +1,8 @@
 """Draw the sketches at the top of the pages under docs/why: ``python docs/scripts/sketches.py [FOLDER]``.
 
-Each is an SVG with its letters as outlines, so that it looks the same everywhere. Sketches explain and hold no result,
-except `paper` and `planning`: the first computes its curves, the second repeats a table of its page. Look at every
-picture before it is kept.
+Each is an SVG with its letters as outlines, so that it looks the same everywhere. Sketches explain and contain no
+results, except `paper` and `planning`: the first computes its curves, the second repeats a table of its page. Look at
+every picture before you commit it.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def bare(axes: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
 
 
 def strip(curvature: float, length: float, width: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return middle line, left and right edge of a hanging arc, (n, 2) each: to the right, and up."""
+    """Return the middle line, the left edge and the right edge of a hanging arc, (n, 2) each: to the right, and up."""
     s = np.linspace(0, length, 60)
     turn = curvature * s
     step = s[1] - s[0]
@@ -64,7 +64,7 @@ def strip(curvature: float, length: float, width: float) -> tuple[np.ndarray, np
 
 
 def physics(axes: Axes) -> None:
-    """A beam hanging in a coil, at rest and bent, with the loads and the beam frame."""
+    """Draw a beam that hangs in a coil, at rest and bent, with the loads and the beam frame."""
     for curvature, alpha in ((0.0, 0.35), (0.032, 1.0)):
         _, left, right = strip(curvature, 30, 3)
         axes.add_patch(Polygon(np.vstack([left, right[::-1]]), facecolor=SILICONE, edgecolor="black", alpha=alpha))
@@ -90,7 +90,7 @@ def physics(axes: Axes) -> None:
 
 
 def section(axes: Axes) -> None:
-    """The cross section of a bent beam in plane strain, in plane stress and as a solid."""
+    """Draw the cross section of a bent beam in plane strain, in plane stress and as a solid."""
     names = ("plane strain", "plane stress", "solid")
     errors = ("depth held; type 1: −21.4 %", "depth free; type 1: +5.0 %", "bows; the reference")
     z = np.linspace(-1, 1, 30)
@@ -111,7 +111,7 @@ def section(axes: Axes) -> None:
 
 
 def metric(axes: Axes) -> None:
-    """Observed points, the simulated edge and the distances between them."""
+    """Draw observed points, the simulated edge and the distances between them."""
     random = np.random.default_rng(4)
     _, left, right = strip(0.03, 30, 5)
     for edge, colour in ((left, BLUE), (right, ORANGE)):
@@ -133,7 +133,7 @@ def metric(axes: Axes) -> None:
 
 
 def statistics(axes: Axes) -> None:
-    """Two densities of the modulus: noise and mesh alone, and with the stated sources."""
+    """Draw two densities of the modulus: with noise and mesh only, and with the stated sources."""
     x = np.linspace(-4, 4, 400)
     for width, offset, height, colour, words in (
         (0.25, 0.0, -0.12, BLUE, "noise and mesh alone: interval_95_fit"),
@@ -152,7 +152,7 @@ def statistics(axes: Axes) -> None:
 
 
 def edges(axes: Axes) -> None:
-    """The grey values along a normal of the edge, and the blurred step that is fitted to them."""
+    """Draw the grey values along a normal of the edge, and the blurred step that is fitted to them."""
     random = np.random.default_rng(2)
     s = np.arange(-8.0, 8.5, 0.5)
     fine = np.linspace(-8, 8, 300)
@@ -170,7 +170,7 @@ def edges(axes: Axes) -> None:
 
 
 def planning(axes: Axes) -> None:
-    """Three choices of six fields, with the interval that came out; the figures are those of the page's table."""
+    """Draw three choices of six fields with the resulting intervals; the figures are those of the table on the page."""
     rows = (
         ("hanging, equal steps: ± 1.27 %", np.linspace(0, 7.05, 6), GREY),
         ("hanging, planned: ± 0.78 %", np.array([2.58, 2.82, 3.06, 3.29, 3.52, 3.76]), BLUE),
@@ -184,7 +184,7 @@ def planning(axes: Axes) -> None:
 
 
 def verification(axes: Axes) -> None:
-    """Equilibria of a straight beam in a field against its magnet: kept, and not kept by any beam."""
+    """Draw the stable and unstable equilibria of a straight beam in a field against its magnet."""
     axes.plot([0, 1], [0, 0], color=BLUE, lw=2.2, label="stable: a beam stays there")
     axes.plot([1, 2], [0, 0], color=RED, lw=2.2, ls="--", label="unstable: status BUCKLED")
     field = np.linspace(1, 2, 200)
@@ -198,7 +198,7 @@ def verification(axes: Axes) -> None:
 
 
 def speed(axes: Axes) -> None:
-    """The tangents of a batch as blocks of one band matrix."""
+    """Draw the tangents of a batch as blocks of one band matrix."""
     for block in range(4):
         start = 3.2 * block
         corners = BLOCK + np.array([start, -start])
@@ -211,7 +211,7 @@ def speed(axes: Axes) -> None:
 
 
 def paper(axes: Axes) -> None:
-    """One tensile curve, Neo-Hookean fits to three windows of it, and the strains of a bending beam."""
+    """Draw one tensile curve, Neo-Hookean fits to three windows of it, and the strains of a bending beam."""
     strain = np.linspace(0.005, 1.0, 200)
     law = LAWS["yeoh"]
     stress = engineering_stress(law, ECOFLEX_PA, strain)
@@ -231,7 +231,7 @@ def paper(axes: Axes) -> None:
 
 
 def safety(axes: Axes) -> None:
-    """Who can switch the coil off: the run, the guardian, the supply itself."""
+    """Draw the three that can switch the coil off: the run, the guardian and the supply."""
     box(axes, (0, 2.2), (2.2, 1), "run", SKY)
     box(axes, (0, 0), (2.2, 1), "guardian,\na process of its own", ORANGE)
     box(axes, (4.6, 1.1), (2.0, 1), "supply\n(watchdog)", SILICONE)
@@ -249,7 +249,7 @@ def safety(axes: Axes) -> None:
 
 
 def file_format(axes: Axes) -> None:
-    """What one dataset holds."""
+    """Draw the contents of one dataset."""
     box(axes, (0, 1.9), (1.7, 0.9), "run.h5", SKY)
     rows = (
         "specimen, protocol, rig, calibration: the text of the files",
@@ -266,7 +266,7 @@ def file_format(axes: Axes) -> None:
 
 
 def decisions(axes: Axes) -> None:
-    """The three packages, and what each imports."""
+    """Draw the three packages and their imports."""
     box(axes, (1.6, 2), (3.4, 0.9), "eimi_lab\nfiles, runs, pictures, report", SKY)
     box(axes, (0, 0), (3.0, 0.9), "eimi_fitting\nnumpy, scipy, cma", SILICONE)
     box(axes, (3.6, 0), (3.0, 0.9), "eimi_drivers\npyserial, pyvisa, opencv", ORANGE)

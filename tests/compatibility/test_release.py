@@ -1,7 +1,8 @@
-"""What the release 0.1.0 wrote and took is opened, fitted, resumed and taken today.
+"""Files and command lines of the release 0.1.0 still work: they are opened, fitted, resumed and accepted.
 
-The folder `release` holds what its program wrote: a dataset with edges (`run.h5`), the dataset of a run that was killed
-after two of its four states (`killed.h5`), results, the checkpoint of a fit, the TOML files, and its command lines.
+The folder `release` holds files that this release wrote: a dataset with edges (`run.h5`), the dataset of a run that was
+killed after two of its four states (`killed.h5`), results, the checkpoint of a fit, the TOML files, and its command
+lines.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ Run = Callable[..., tuple[int, str]]
 
 @pytest.fixture
 def release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of what the release wrote, as the working directory."""
+    """Copy the files of the release to a working directory."""
     folder = shutil.copytree(RELEASE, tmp_path / "release")
     monkeypatch.chdir(folder)
     return folder
@@ -46,7 +47,7 @@ def release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[[str], None]:
-    """Run a command line in this process; it has to end well."""
+    """Run a command line in this process; it must succeed."""
     monkeypatch.setattr(cli, "unwind_on_termination", lambda: None)
 
     def run(line: str) -> None:
@@ -59,7 +60,7 @@ def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
 
 
 def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Every number and every text of a JSON value, with the keys that lead to it."""
+    """Yield every number and text of a JSON value with its path of keys."""
     if isinstance(value, dict | list):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
             yield from leaves(inner, f"{path}.{key}")
@@ -68,7 +69,7 @@ def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def assert_same_numbers(now: Any, then: Any) -> None:
-    """Every number that the release wrote is there, under its key, and the same to `SAME`; what is new is no matter."""
+    """Check that every number of the release still exists under its key with the same value; new keys are ignored."""
     today = dict(leaves(now))
     for path, value in leaves(then):
         if isinstance(value, float) and not path.endswith("wall_s"):
@@ -81,7 +82,7 @@ def fitted(path: Path) -> Any:
     return json.loads(path.read_text())["fits"]
 
 
-def test_its_files_for_people_are_read(release: Path) -> None:
+def test_its_toml_files_are_read(release: Path) -> None:
     assert load_rig("rig.toml").virtual is not None
     assert load_specimen("specimen.toml").specimen.length_mm == 30.0
     assert load_protocol("protocol.toml").currents_A == pytest.approx(CURRENTS_A)
@@ -125,7 +126,7 @@ def test_its_edges_are_found_again(release: Path, eimi: Callable[[str], None]) -
 
 
 def test_its_checkpoint_is_resumed(release: Path, eimi: Callable[[str], None]) -> None:
-    """A checkpoint belongs to the versions that wrote it, so this one is given today's; one generation is missing."""
+    """The header gets today's versions, because a checkpoint belongs to its versions; one generation is missing."""
     header, *logged = (release / "fits.log").read_text().splitlines()
     today = json.dumps(json.loads(header) | {"versions": package_versions()})
     (release / "fits.log").write_text("\n".join([today, *logged[:-2]]) + "\n")
@@ -169,14 +170,14 @@ def test_its_killed_run_is_resumed(release: Path, eimi: Callable[[str], None]) -
 
 
 @pytest.mark.parametrize("line", COMMANDS)
-def test_its_command_lines_are_taken(line: str) -> None:
-    """The examples of its help, the lines of its documentation, and each command with all of its options."""
+def test_its_command_lines_are_accepted(line: str) -> None:
+    """The lines are the examples of its help, those of its documentation, and each command with all of its options."""
     _, name, *arguments = shlex.split(line)
     command: Any = typer.main.get_command(cli.app).commands[name]  # type: ignore[attr-defined]
     command.make_context(name, arguments)
 
 
-def test_a_command_line_of_no_release_is_not() -> None:
+def test_a_command_line_of_no_release_is_refused() -> None:
     command: Any = typer.main.get_command(cli.app).commands["fit"]  # type: ignore[attr-defined]
     with pytest.raises(Exception, match="No such option"):
         command.make_context("fit", ["run.h5", "--model", "yeoh", "-o", "fits.json", "--mosel", "ogden"])

@@ -1,4 +1,4 @@
-"""The command line in this process, since a start for each command would take most of the time; and a tracked strip."""
+"""Fixtures that run commands in this process, which saves the start of a program for each, and a tracked strip."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Done = Callable[..., list[str]]
 
 
 class Ended(NamedTuple):
-    """A command's exit status, and what it printed on stdout and on stderr."""
+    """The exit status of a command and its output on stdout and stderr."""
 
     status: int
     said: str
@@ -42,24 +42,24 @@ class Ended(NamedTuple):
 
 @pytest.fixture(scope="session")
 def eimi() -> Callable[..., Ended]:
-    """Runs a command in a folder."""
+    """Return a function that runs a command in a folder."""
 
     def eimi(*arguments: str | Path, folder: Path) -> Ended:
-        said, told = io.StringIO(), io.StringIO()
-        with pytest.MonkeyPatch.context() as patch, redirect_stdout(said), redirect_stderr(told):
+        out, err = io.StringIO(), io.StringIO()
+        with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
             patch.chdir(folder)
             patch.setattr(sys, "argv", ["eimi", *map(str, arguments)])
             patch.setattr(cli, "unwind_on_termination", lambda: None)
             with pytest.raises(SystemExit) as exit_:
                 cli.main()
-        return Ended(int(exit_.value.code or 0), said.getvalue(), told.getvalue())
+        return Ended(int(exit_.value.code or 0), out.getvalue(), err.getvalue())
 
     return eimi
 
 
 @pytest.fixture(scope="session")
 def done(eimi: Callable[..., Ended]) -> Callable[..., list[str]]:
-    """Runs a command that has to succeed; the lines that it prints."""
+    """Return a function that runs a command, which must succeed, and returns the lines that it prints."""
 
     def done(*arguments: str | Path, folder: Path) -> list[str]:
         ended = eimi(*arguments, folder=folder)
@@ -70,7 +70,7 @@ def done(eimi: Callable[..., Ended]) -> Callable[..., list[str]]:
 
 
 def track_points(done: Done, folder: Path, name: str, forces_N: list[float], modulus_Pa: float) -> None:
-    """Points on the middle line of a strip of a known law under tip forces, imported as `name`.h5."""
+    """Import points on the middle line of a strip of a known law under tip forces as `name`.h5."""
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")).refined().halved()
     loads = Loads.along([0.0] * len(forces_N), 90.0, 90.0, forces_N)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[modulus_Pa]]), loads)
@@ -91,7 +91,7 @@ def track_points(done: Done, folder: Path, name: str, forces_N: list[float], mod
 
 @pytest.fixture(scope="module")
 def folder(done: Done, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two datasets of one strip, a fit of the first, and tensile fits of a stiffer curve."""
+    """Write two datasets of one strip, a fit of the first one, and tensile fits of a stiffer curve."""
     folder = tmp_path_factory.mktemp("validate")
     track_points(done, folder, "train", [0.0, 0.001, 0.002], 46e3)
     track_points(done, folder, "unseen", [0.0005, 0.0015, 0.003], 46e3)

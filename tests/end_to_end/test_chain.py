@@ -1,4 +1,4 @@
-"""The whole chain as a person runs it."""
+"""The complete chain of commands as a user runs it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def moduli(fits: Path) -> dict[str, float]:
 
 
 def rig_of(folder: Path, model: str, parameters: str) -> Path:
-    """The shipped virtual rig with another hidden material."""
+    """Return the shipped virtual rig with another hidden material."""
     for file in VIRTUAL.glob("virtual*.toml"):
         shutil.copy(file, folder)
     materials = f'[silicone."Dragon Skin 10"]\nmodel = "{model}"\nparameters = {{ {parameters} }}\n'
@@ -41,7 +41,7 @@ def rig_of(folder: Path, model: str, parameters: str) -> Path:
 
 @pytest.fixture(scope="module")
 def demonstration(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The folder of a quick demonstration and what it printed."""
+    """Return the folder of a quick demonstration and its output."""
     folder = tmp_path_factory.mktemp("demonstration")
     command = [sys.executable, "-m", "eimi_lab", "demo", "--quick", "-o", "demo"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE_S)
@@ -49,7 +49,7 @@ def demonstration(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     return folder / "demo", done.stdout
 
 
-def test_quick_demonstration(demonstration):
+def test_the_quick_demonstration_writes_all_files(demonstration):
     folder, printed = demonstration
     assert "truth: neo-hookean" in printed
     assert re.search(r"neo-hookean: initial shear modulus \d+ Pa \[\d+, \d+\].*% from the truth", printed)
@@ -61,12 +61,12 @@ def test_quick_demonstration(demonstration):
 
 
 def test_a_demonstration_does_not_overwrite_another(demonstration, eimi):
-    status, _, told = eimi("demo", "--quick", "-o", "demo", folder=demonstration[0].parent)
-    assert (status, told.count("\n")) == (2, 1)
-    assert "demo: is not empty" in told
+    status, _, err = eimi("demo", "--quick", "-o", "demo", folder=demonstration[0].parent)
+    assert (status, err.count("\n")) == (2, 1)
+    assert "demo: is not empty" in err
 
 
-def test_fitting_the_dataset_again_gives_the_same_and_needs_no_truth(demonstration, done, tmp_path):
+def test_a_second_fit_gives_the_same_result_and_needs_no_truth(demonstration, done, tmp_path):
     folder, _ = demonstration
     shutil.copy(folder / "dataset.h5", tmp_path / "blind.h5")
     with h5py.File(tmp_path / "blind.h5", "r+", libver="latest") as file:
@@ -83,7 +83,7 @@ def test_fitting_the_dataset_again_gives_the_same_and_needs_no_truth(demonstrati
     assert (tmp_path / "bare.html").read_text(encoding="utf-8").count('<img src="data:image/') == 2
 
 
-def test_states_that_are_left_out_are_named_wherever_the_result_is_shown(demonstration, done, tmp_path):
+def test_omitted_states_are_named_with_every_result(demonstration, done, tmp_path):
     shutil.copy(demonstration[0] / "dataset.h5", tmp_path / "flagged.h5")
     with open_dataset(tmp_path / "flagged.h5") as dataset:
         edges = list(dataset.edges())
@@ -91,36 +91,36 @@ def test_states_that_are_left_out_are_named_wherever_the_result_is_shown(demonst
     for state, flags in ((1, blurred), (2, blurred + bright)):
         edges[state] = replace(edges[state], flags=flags)
     write_edges(tmp_path / "flagged.h5", edges)
-    said = "4 of 6 states used; left out 2 DEFOCUS (1, 2), 1 SATURATED (2)"
+    statement = "4 of 6 states used; left out 2 DEFOCUS (1, 2), 1 SATURATED (2)"
     plane = ["--section", "plane-stress"]  # for speed
     fit = done("fit", "flagged.h5", *plane, "--model", "neo-hookean", "-o", "fits.json", folder=tmp_path)
-    assert fit[0] == f"flagged.h5: {said}"
+    assert fit[0] == f"flagged.h5: {statement}"
     (record,) = read_any_fits(tmp_path / "fits.json")
-    (own,) = json.loads((tmp_path / "fits.json").read_text())["fits"][0]["datasets"]
-    assert own["states"]["left_out"] == [
+    (fitted_dataset,) = json.loads((tmp_path / "fits.json").read_text())["fits"][0]["datasets"]
+    assert fitted_dataset["states"]["left_out"] == [
         {"state": 1, "flags": ["DEFOCUS"]},
         {"state": 2, "flags": ["DEFOCUS", "SATURATED"]},
     ]
-    assert said in record._repr_html_()
+    assert statement in record._repr_html_()
     judged = done("validate", "flagged.h5", *plane, "--fit", "fits.json", "-o", "v.json", folder=tmp_path)
-    assert any(said in line for line in judged)
+    assert any(statement in line for line in judged)
     done("report", "flagged.h5", "--fit", "fits.json", "-o", "report.html", folder=tmp_path)
     assert (tmp_path / "report.html").read_text(encoding="utf-8").count(
-        said
-    ) == 3  # of the dataset, of the fit, and among the methods
+        statement
+    ) == 3  # for the dataset, for the fit, and in the methods
     model = ["--model", "neo-hookean"]
     all_the_same = done("fit", "flagged.h5", "--include-flagged", *plane, *model, "-o", "all.json", folder=tmp_path)
     used = "6 of 6 states used; used in spite of 2 DEFOCUS (1, 2), 1 SATURATED (2)"
     assert any(used in line for line in all_the_same)
 
 
-def test_the_five_lines_of_the_readme(demonstration, tmp_path):
+def test_the_example_of_the_readme_runs(demonstration, tmp_path):
     pytest.importorskip("pandas")
     (tmp_path / "eimi-demo").mkdir()
     shutil.copy(demonstration[0] / "dataset.h5", tmp_path / "eimi-demo")
     (lines,) = re.findall(r"```python\n(import eimi_lab as eimi.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
     assert len([line for line in lines.splitlines() if line]) == 5
-    # A notebook shows the last line's value; a script has to ask for it.
+    # A notebook shows the value of the last line; a script has to print it.
     script = lines + "print(fit._repr_html_())\nprint(frame)\n"
     done = subprocess.run(
         [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE_S
@@ -131,38 +131,38 @@ def test_the_five_lines_of_the_readme(demonstration, tmp_path):
     assert "initial_shear_modulus" in done.stdout
 
 
-def test_edges_turn_into_labelled_arrays(demonstration):
+def test_edges_become_labelled_arrays(demonstration):
     pytest.importorskip("xarray")
     with open_dataset(demonstration[0] / "dataset.h5") as dataset:
         labelled, edges = dataset.to_xarray(), dataset.edges()
-    for k, found in enumerate(edges):
+    for k, edge_set in enumerate(edges):
         right = labelled.edge.sel(side="right").isel(state=k).dropna("point").values
-        assert (right == found.right.points_mm).all()
+        assert (right == edge_set.right.points_mm).all()
     assert labelled.field.attrs["units"] == "mT"
 
 
-def test_a_fit_is_judged_with_what_it_freed(demonstration, done, tmp_path):
-    """On its own dataset the errors are those that the fit wrote; on any other everything is as stated."""
+def test_a_validation_includes_the_freed_quantities(demonstration, done, tmp_path):
+    """On its own dataset the errors are those in the file of the fit; elsewhere all quantities are as stated."""
     dataset = demonstration[0] / "dataset.h5"
     free = ["--free", "moment=0.02", "--free", "roll=0.1", "--free", "clamp=0.02"]
     plane = ["--section", "plane-stress"]  # for speed
     done("fit", dataset, "--model", "neo-hookean", *plane, *free, "-o", "fits.json", folder=tmp_path)
     done("validate", dataset, *plane, "--fit", "fits.json", "-o", "v.json", folder=tmp_path)
-    (own,) = json.loads((tmp_path / "fits.json").read_text())["fits"]
+    (fit,) = json.loads((tmp_path / "fits.json").read_text())["fits"]
     (judged,) = json.loads((tmp_path / "v.json").read_text())["validations"]
     assert judged["seen"]
-    # (What the finer mesh changes is taken at a place that is a step of the polish away.)
-    assert judged["mean_error_mm"] == pytest.approx(own["mean_error_mm"], rel=5e-3)
-    # Under another content it is a dataset that the fit has not seen.
-    own["datasets"][0]["sha256"] = "0" * 64
-    (tmp_path / "other.json").write_text(json.dumps({"fits": [own]}))
+    # (The correction by the finer mesh is computed one step of the polish away.)
+    assert judged["mean_error_mm"] == pytest.approx(fit["mean_error_mm"], rel=5e-3)
+    # With other contents it is a dataset that the fit does not contain.
+    fit["datasets"][0]["sha256"] = "0" * 64
+    (tmp_path / "other.json").write_text(json.dumps({"fits": [fit]}))
     done("validate", dataset, *plane, "--fit", "other.json", "-o", "w.json", folder=tmp_path)
     (judged,) = json.loads((tmp_path / "w.json").read_text())["validations"]
     assert not judged["seen"]
-    assert judged["mean_error_mm"] != pytest.approx(own["mean_error_mm"], rel=2e-2)
+    assert judged["mean_error_mm"] != pytest.approx(fit["mean_error_mm"], rel=2e-2)
 
 
-def test_the_real_beam_as_the_readme_has_it(measured, tmp_path):
+def test_the_real_beam_gives_the_figures_of_the_readme(measured, tmp_path):
     (lines,) = re.findall(r"```sh\n(eimi import \$BEAM.*?)```", PAPER.read_text(encoding="utf-8"), re.DOTALL)
     environment = {
         **os.environ,
@@ -199,7 +199,9 @@ def test_the_real_beam_as_the_readme_has_it(measured, tmp_path):
         ("yeoh", "C10_Pa = 19530.0, C20_Pa = 7410.0, C30_Pa = -3117.0", 39060.0, ["yeoh", "ogden"]),
     ],
 )
-def test_initial_shear_modulus_within_two_per_cent(tmp_path, done, specimen, truth, parameters, modulus_Pa, models):
+def test_the_initial_shear_modulus_is_within_two_per_cent(
+    tmp_path, done, specimen, truth, parameters, modulus_Pa, models
+):
     rig = rig_of(tmp_path, truth, parameters)
     done("acquire", "dragon_skin_10", "--specimen", specimen, "--rig", rig, "-o", "run.h5", folder=tmp_path)
     options = [word for model in models for word in ("--model", model)]
@@ -233,7 +235,7 @@ def test_bad_input_is_one_line(tmp_path, eimi, arguments, culprit):
     (tmp_path / "bad.json").write_text("{fits}")
     (tmp_path / "odd.json").write_text('{"fits": [{"model": 3}]}')
     before = sorted(tmp_path.iterdir())
-    status, _, told = eimi(*arguments, folder=tmp_path)
-    assert (status, told.count("\n")) == (2, 1), told
-    assert culprit in told
+    status, _, err = eimi(*arguments, folder=tmp_path)
+    assert (status, err.count("\n")) == (2, 1), err
+    assert culprit in err
     assert sorted(tmp_path.iterdir()) == before

@@ -1,4 +1,4 @@
-"""The report on datasets that were fitted and others, with fits to bending and to tension."""
+"""Reports on datasets with and without a fit, with fits to bending and to tension."""
 
 from __future__ import annotations
 

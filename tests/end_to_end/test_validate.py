@@ -24,11 +24,11 @@ Eimi = Callable[..., tuple[int, str, str]]
 Done = Callable[..., list[str]]
 
 
-def test_unseen_states_and_the_comparison_with_tensile_fits(done: Done, folder: Path) -> None:
+def test_errors_on_unseen_states_rank_bending_and_tensile_fits(done: Done, folder: Path) -> None:
     fits = ("--fit", "tensile.json", "--fit", "fits.json")
     lines = done("validate", "train.h5", "unseen.h5", *fits, "-o", "validation.json", folder=folder)
-    found = json.loads((folder / "validation.json").read_text())["validations"]
-    assert [(v["dataset"], v["fit"]["path"], v["fit"]["index"], v["seen"]) for v in found] == [
+    validations = json.loads((folder / "validation.json").read_text())["validations"]
+    assert [(v["dataset"], v["fit"]["path"], v["fit"]["index"], v["seen"]) for v in validations] == [
         ("train.h5", "tensile.json", 0, False),
         ("train.h5", "tensile.json", 1, False),
         ("train.h5", "fits.json", 0, True),
@@ -36,30 +36,30 @@ def test_unseen_states_and_the_comparison_with_tensile_fits(done: Done, folder: 
         ("unseen.h5", "tensile.json", 1, False),
         ("unseen.h5", "fits.json", 0, False),
     ]
-    for v in found:
+    for v in validations:
         assert [s["state"] for s in v["by_state"]] == [0, 1, 2]
         assert v["mean_error_mm"] == pytest.approx(np.mean([s["error_mm"] for s in v["by_state"]]))
         assert v["mean_deviation_mm"] == pytest.approx(np.mean([s["deviation_mm"] for s in v["by_state"]]))
         assert (v["status"], v["stable"], v["section"]) == ("ok", True, "plane-stress")
     # A fit of the true law to the same strip predicts the unseen states; a fit to a stiffer curve does not.
-    assert found[5]["mean_error_mm"] < 1e-3
-    assert found[3]["mean_error_mm"] > 0.1
+    assert validations[5]["mean_error_mm"] < 1e-3
+    assert validations[3]["mean_error_mm"] > 0.1
     # The errors on the fitted states are those in the file of the fit.
-    (own,) = json.loads((folder / "fits.json").read_text())["fits"]
-    # To 0.02 µm: the finer mesh's edges are followed from where it changed them, and here nothing else is left.
-    assert own["mean_error_mm"] == pytest.approx(found[2]["mean_error_mm"], rel=5e-3, abs=2e-5)
-    # What the plane leaves out of each beam is said last. The table: by dataset, the best fit first.
+    (fit,) = json.loads((folder / "fits.json").read_text())["fits"]
+    # The tolerance is 0.02 µm: the correction by the finer mesh is the only difference.
+    assert fit["mean_error_mm"] == pytest.approx(validations[2]["mean_error_mm"], rel=5e-3, abs=2e-5)
+    # The last lines state what the planar section neglects. The table is ordered by dataset, then by error.
     assert [line.split()[0] for line in lines[-2:]] == ["train.h5:", "unseen.h5:"]
     lines = lines[:-2]
     assert [line.split()[0] for line in lines[:3]] == ["train.h5", "fit", "fits.json:0"]
     assert [line.split()[0] for line in lines[5:8]] == ["unseen.h5", "fit", "fits.json:0"]
     assert lines[2].endswith("  seen")
     assert "unseen" in lines[7]
-    # The interval of the error goes over the draws: stiffer and softer strips are worse than the truth.
-    for v in found:
+    # The interval of the error is that over the draws: stiffer and softer strips have larger errors than the truth.
+    for v in validations:
         low, high = v["mean_error_interval_mm"]
         assert low <= v["mean_error_mm"] <= high
-    low, high = found[5]["mean_error_interval_mm"]
+    low, high = validations[5]["mean_error_interval_mm"]
     assert low < 0.01
     assert high > 2 * low
     # Fits against specimens: the fitted specimen is marked.
@@ -75,7 +75,7 @@ def test_the_interval_of_the_error_is_that_of_the_draws(done: Done, folder: Path
     (fit,) = content["fits"]
     assert fit["draws"]["names"][0] == "mu"
     assert np.quantile(fit["draws"]["values"], [0.025, 0.975]) == pytest.approx(fit["parameters"]["mu"]["interval_95"])
-    # Value and draws both lie off what was measured, so that neither's distance to it can be left out or counted twice.
+    # Both the value and the draws differ from the measurement, so that a distance left out or counted twice is noticed.
     fit["draws"]["values"] = [[60e3]] * 40
     fit["parameters"]["mu"]["value"] = fit["initial_shear_modulus"]["value"] = 52e3
     (folder / "wide.json").write_text(json.dumps(content))
@@ -85,7 +85,7 @@ def test_the_interval_of_the_error_is_that_of_the_draws(done: Done, folder: Path
     fits = ("--fit", "wide.json", "--fit", "at_end.json")
     done("validate", "unseen.h5", *fits, "-o", "ends.json", folder=folder)
     wide, at_end = json.loads((folder / "ends.json").read_text())["validations"]
-    # (Draws bend on the coarse mesh; what finer ones change is taken at the value, and differs a little at the end.)
+    # (Draws use the coarse mesh with the correction at the value, which differs slightly at the ends of the interval.)
     assert wide["mean_error_interval_mm"] == pytest.approx([wide["mean_error_mm"], at_end["mean_error_mm"]], rel=1e-2)
     assert at_end["mean_error_interval_mm"] is None
 
@@ -99,8 +99,8 @@ def test_by_state_prints_what_the_file_holds(done: Done, folder: Path) -> None:
         cells = line.split()
         assert cells[0] == str(k)
         states = [v["by_state"][k] for v in validations]
-        told = [float(f"{1e3 * s[key]:.2f}") for s in states for key in ("error_mm", "deviation_mm")]
-        assert [float(c) for c in cells[2:] if c != "±"] == told
+        printed = [float(f"{1e3 * s[key]:.2f}") for s in states for key in ("error_mm", "deviation_mm")]
+        assert [float(c) for c in cells[2:] if c != "±"] == printed
     assert lines[first + 5].split()[0] == "mean"
 
 
@@ -109,21 +109,21 @@ def test_results_have_html_and_become_data_frames(folder: Path) -> None:
     (fit,) = read_any_fits(folder / "fits.json")
     tensile = read_any_fits(folder / "tensile.json")[0]
     evidence = load_evidence(folder / "unseen.h5")
-    found = validate(evidence, fit, Path("fits <1>.json"), 0)
-    for result in (fit, tensile, found):
+    validation = validate(evidence, fit, Path("fits <1>.json"), 0)
+    for result in (fit, tensile, validation):
         shown = ElementTree.fromstring(f"<div>{result._repr_html_()}</div>")
         rows = [["".join(cell.itertext()) for cell in row] for row in shown.iter("tr")]
         assert len(rows) == 1 + len(result.to_pandas()), rows
     with open_dataset(folder / "unseen.h5") as dataset:
         for result in (dataset, evidence):
             assert len(list(ElementTree.fromstring(f"<div>{result._repr_html_()}</div>").iter("tr"))) == 4
-        for result in (dataset, evidence, fit, tensile, found):
+        for result in (dataset, evidence, fit, tensile, validation):
             assert result.plot()._repr_png_().startswith(b"\x89PNG")
     frame = fit.to_pandas()
     assert frame.loc["mu", "value"] == fit.values()[0]
     assert tuple(frame.loc["initial_shear_modulus", ["low_95", "high_95"]]) == fit.initial_shear_modulus.interval_95
-    assert found.to_pandas()["error_mm"].mean() == pytest.approx(found.mean_error_mm)
-    assert list(found.to_pandas().index) == [0, 1, 2]
+    assert validation.to_pandas()["error_mm"].mean() == pytest.approx(validation.mean_error_mm)
+    assert list(validation.to_pandas().index) == [0, 1, 2]
 
 
 def test_residuals_become_labelled_arrays(folder: Path) -> None:
@@ -160,19 +160,19 @@ def test_a_law_without_an_equilibrium_does_not_stop_the_others(done: Done, folde
 def test_no_finer_model_is_solved_if_the_planar_one_has_no_equilibrium(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    evidence, asked = load_evidence(folder / "unseen.h5"), list[float]()
+    evidence, calls = load_evidence(folder / "unseen.h5"), list[float]()
     first, *_ = read_any_fits(folder / "tensile.json")
 
-    def counted(*given: Any) -> Any:
-        asked.append(1.0)
-        return correction(*given)
+    def counted(*arguments: Any) -> Any:
+        calls.append(1.0)
+        return correction(*arguments)
 
     monkeypatch.setattr(corrections, "correction", counted)
     lost = first.model_copy(update={"parameters": {"mu": replace(first.parameters["mu"], value=-60e3)}})
     assert validate(evidence, lost, Path("lost.json"), 0).status == "no equilibrium"
-    assert not asked
+    assert not calls
     assert validate(evidence, first, Path("tensile.json"), 0).status == "ok"
-    assert asked
+    assert calls
 
 
 @pytest.mark.parametrize(

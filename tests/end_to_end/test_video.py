@@ -46,7 +46,7 @@ def film(folder: Path) -> float:
 
 
 @pytest.mark.slow
-def test_a_filmed_beam_goes_to_its_modulus(tmp_path: Path) -> None:
+def test_a_video_of_a_beam_gives_its_modulus(tmp_path: Path) -> None:
     modulus = film(tmp_path)
     for line in (
         "import run.mp4 --states states.csv --specimen type1 --calibration virtual_calibration -o run.h5",

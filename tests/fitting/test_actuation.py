@@ -1,4 +1,4 @@
-"""A new kind of load is one class: written outside the package, it bends plane and solid and can be fitted."""
+"""Define new kinds of load outside the package: each is one class, bends planar and solid beams, and can be fitted."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def solved(section, loads):
 
 
 @pytest.mark.parametrize("section", SECTIONS)
-def test_a_moment_bends_as_the_field_that_turns_the_magnet_by_it(section):
+def test_a_tip_moment_bends_like_a_field_with_the_same_torque(section):
     field_mT = np.array([0.0, 2.0, 4.0])
     in_field = solved(section, Loads.along(field_mT))
     # m B sin(90 degrees - theta), the torque that the field leaves at the angle which it turned the magnet to.
@@ -96,7 +96,7 @@ def test_a_new_load_identifies_a_material(section):
     assert fit.initial_shear_modulus.value == pytest.approx(MU_PA, rel=0.005)
 
 
-def test_loads_go_to_another_process_with_every_kind_of_load():
+def test_loads_with_a_new_kind_of_load_can_be_pickled():
     loads = Loads.along([0.0, 1.0], pressure_Pa=5.0).plus(TipMoment(np.array([0.0, 0.1])))
     back = pickle.loads(pickle.dumps(loads))
     assert back.state(1) == pytest.approx([0.0, 1e-3, 9.80665, 0.0, 0.0, 0.0, 5.0, 0.1])

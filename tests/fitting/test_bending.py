@@ -27,8 +27,8 @@ def test_a_solid_specimen_is_solved_as_a_solid():
     assert bent.edges().shape[:2] == (2, 2)
 
 
-def test_a_plane_is_not_the_solid_and_the_solid_is_taken():
-    """At 4 mT the tip of this beam turns by 43.71 degrees in plane stress, by 43.93 as the solid (26 x 3 elements)."""
+def test_the_section_of_a_specimen_selects_its_model():
+    """At 4 mT the tip turns by 43.71 degrees in plane stress, and by 43.93 as a solid (26 x 3 elements)."""
     specimen = replace(BEAM, magnet=Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
     loads = Loads.along([4.0])
     as_solid = Beam(specimen, 13, 2).solve("neo-hookean", [46e3], loads)
@@ -38,7 +38,7 @@ def test_a_plane_is_not_the_solid_and_the_solid_is_taken():
 
 
 @pytest.mark.parametrize("section", ["plane-stress", "solid"])
-def test_one_candidate_is_that_of_many(section):
+def test_one_candidate_has_the_shape_that_it_has_among_many(section):
     beam = Beam(replace(BEAM, section=section), 8, 1)
     many = beam.solve(LAWS["neo-hookean"], [[40e3], [46e3]], LOADS, field_factor=[1.0, 1.05])
     one = beam.solve("neo-hookean", [46e3], LOADS, field_factor=1.05)
@@ -63,7 +63,7 @@ def test_a_state_without_equilibrium_has_no_shape():
     assert np.isfinite(bent.edges()[0]).all()
 
 
-def test_a_wrong_name_of_a_law_and_a_wrong_number_of_parameters_are_told():
+def test_a_wrong_name_of_a_law_and_a_wrong_number_of_parameters_are_refused():
     beam = Beam(replace(BEAM, section="plane-stress"), 4, 1)
     with pytest.raises(ValueError, match="did you mean neo-hookean"):
         beam.solve("neohookean", [46e3], LOADS)

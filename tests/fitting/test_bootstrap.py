@@ -1,4 +1,4 @@
-"""Replicates of the data: which states are drawn."""
+"""Replicates of the data: the states that a replicate draws."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STATES = 8
 
 
 def experiments() -> list[Experiment]:
-    """Edges and points that carry the number of their state everywhere."""
+    """Return experiments with edges and with points whose coordinates are all the number of their state."""
     number = np.arange(float(STATES))
     loads = Loads.along(number, 90.0, 0.0, 1e-3 * number)
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", None))
@@ -33,7 +33,7 @@ def states(experiment: Experiment) -> list[int]:
     return np.rint(1e3 * experiment.loads.field_T[:, 1]).astype(int).tolist()
 
 
-def test_states_are_drawn_whole_with_their_loads_and_in_order():
+def test_whole_states_are_drawn_with_their_loads_and_in_order():
     measured = experiments()
     drawn = [states(e) for replicate in range(1, 200) for e in resampled(measured, 1, replicate)]
     for replicate in range(1, 20):
@@ -51,7 +51,7 @@ def test_states_are_drawn_whole_with_their_loads_and_in_order():
     assert abs(left_out - (7 / 8) ** 8) < 0.02
 
 
-def test_a_replicate_is_the_same_whatever_else_is_drawn():
+def test_a_replicate_does_not_depend_on_other_replicates():
     measured = experiments()
     once = [states(e) for e in resampled(measured, 3, 7)]
     resampled(measured, 3, 8)

@@ -1,4 +1,4 @@
-"""A straight beam that its loads would buckle is in equilibrium, and no beam stays there: told at theory's loads."""
+"""Unstable equilibria: a straight beam beyond its theoretical critical load is reported as buckled."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from eimi_fitting.laws import LAWS
 NEO = LAWS["neo-hookean"]
 MU_PA = 50e3
 SHARES = np.array([0.5, 0.98, 1.02, 1.5])  # of the critical load
-TOLD = [Status.CONVERGED, Status.CONVERGED, Status.BUCKLED, Status.BUCKLED]
+STATUSES = [Status.CONVERGED, Status.CONVERGED, Status.BUCKLED, Status.BUCKLED]
 MAGNETS = {
     "at the end": Magnet(4.0, 1.0, 2.0, 1.0, 7500.0),
     "with silicone around it": Magnet(4.0, 0.5, 2.0, 1.0, 7500.0, 2.0),
@@ -28,7 +28,7 @@ MAGNETS = {
 
 
 def bending_N_mm2(specimen: Specimen) -> float:
-    """E I of a Neo-Hookean beam, whose E' is 3 mu in plane stress and 4 mu in plane strain."""
+    """Return E I of a Neo-Hookean beam; E' is 3 mu in plane stress and 4 mu in plane strain."""
     stiffness = 4 if specimen.section == "plane-strain" else 3
     return stiffness * 1e-6 * MU_PA * specimen.depth_mm * specimen.width_mm**3 / 12
 
@@ -36,32 +36,32 @@ def bending_N_mm2(specimen: Specimen) -> float:
 @pytest.mark.parametrize("section", ["plane-strain", "plane-stress"])
 @pytest.mark.parametrize("magnet", MAGNETS)
 @pytest.mark.parametrize("steps", [1, 3])
-def test_a_field_against_the_magnet_of_a_straight_beam(section, magnet, steps):
+def test_a_beam_buckles_in_the_critical_field_against_its_magnet(section, magnet, steps):
     # The couple m B sin(theta) at the end of a rod of length l bends it by theta = m B theta l / EI.
-    own = MAGNETS[magnet]
-    specimen = Specimen(104.0 + own.tip_offset_mm, 1.0, 2.0, 1070.0, section, own)
-    critical_mT = bending_N_mm2(specimen) / (own.moment_A_m2 * specimen.flexible_length_mm)
+    block = MAGNETS[magnet]
+    specimen = Specimen(104.0 + block.tip_offset_mm, 1.0, 2.0, 1070.0, section, block)
+    critical_mT = bending_N_mm2(specimen) / (block.moment_A_m2 * specimen.flexible_length_mm)
     field = critical_mT * np.linspace(0, 1, steps + 1)[1:]
     shapes = BeamModel(specimen).solve(
         NEO, np.full((4, 1), MU_PA), Loads.along(field, 180.0, gravity_angle_deg=None), field_factor=SHARES
     )
-    # With 1.5 times as much the second of three steps ends at the critical field itself, where there is no step.
-    assert shapes.status[: 4 if steps == 1 else 3, -1].tolist() == TOLD[: 4 if steps == 1 else 3]
+    # At 1.5 times the critical field the second of three steps ends exactly there, where the tangent is singular.
+    assert shapes.status[: 4 if steps == 1 else 3, -1].tolist() == STATUSES[: 4 if steps == 1 else 3]
     assert not shapes.converged[2:].any()
-    # It is told after two sizes of steps.
+    # The status is known after two step sizes.
     assert shapes.iterations.max() < 25
 
 
-def test_a_field_against_the_magnet_of_a_solid():
+def test_a_solid_buckles_in_the_critical_field_against_its_magnet():
     magnet = Magnet(4.0, 2.0, 2.0, 1.0, 7500.0)
     specimen = Specimen(64.0, 2.0, 2.0, 1070.0, "solid", magnet)
     critical_mT = bending_N_mm2(specimen) / (magnet.moment_A_m2 * specimen.flexible_length_mm)
     model = SolidModel(specimen, 8, 1)
-    told = [
+    statuses = [
         model.solve(NEO, [[MU_PA]], Loads.along(share * critical_mT, 180.0, gravity_angle_deg=None)).status[0, 0]
         for share in (0.97, 1.06)  # clamp and magnet hold the section
     ]
-    assert told == [Status.CONVERGED, Status.BUCKLED]
+    assert statuses == [Status.CONVERGED, Status.BUCKLED]
 
 
 @pytest.mark.parametrize("section", ["plane-strain", "plane-stress"])
@@ -72,22 +72,22 @@ def test_an_upright_beam_buckles_under_its_own_weight(section):
     critical_Pa = MU_PA * weight * 60.0**3 / (7.837 * bending_N_mm2(specimen))
     upright = Loads.along(0.0, gravity_angle_deg=180.0)
     shapes = BeamModel(specimen).solve(NEO, critical_Pa / SHARES[:, None], upright)
-    assert shapes.status[:, 0].tolist() == TOLD
+    assert shapes.status[:, 0].tolist() == STATUSES
 
 
-def test_a_weight_on_an_upright_beam():
+def test_an_upright_beam_buckles_under_the_euler_load():
     # Euler: P = pi^2 EI / (4 L^2).
     specimen = Specimen(60.0, 1.0, 2.0, 0.0, "plane-stress")
     critical_N = np.pi**2 * bending_N_mm2(specimen) / (4 * 60.0**2)
     model = BeamModel(specimen)
-    told = [
+    statuses = [
         model.solve(NEO, [[MU_PA]], Loads.along(0.0, tip_force_N=share * critical_N, tip_force_angle_deg=180.0)).status
         for share in SHARES
     ]
-    assert np.ravel(told).tolist() == TOLD
+    assert np.ravel(statuses).tolist() == STATUSES
 
 
-def test_all_states_at_once_are_asked_too():
+def test_buckling_is_detected_when_all_states_are_solved_at_once():
     magnet = MAGNETS["at the end"]
     specimen = Specimen(104.0, 1.0, 2.0, 0.0, "plane-stress", magnet)
     critical_mT = bending_N_mm2(specimen) / (magnet.moment_A_m2 * 100.0)
@@ -101,13 +101,13 @@ def test_all_states_at_once_are_asked_too():
 
 
 def upright() -> Experiment:
-    """Edges of an upright beam of 46 kPa, in two states."""
+    """Return the edges of an upright beam of 46 kPa in two states."""
     specimen = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
     model, loads = BeamModel(specimen, 8), Loads.along([0.0, 6.0], gravity_angle_deg=180.0)
     left, right = points_on(edge_curves(model, model.solve(NEO, [[46e3]], loads))[0], 1)[:, :, 1:-1].swapaxes(0, 1)
     sigma = np.full(left.shape[1], 3e-3)
-    seen = [(a, sigma, b, sigma) for a, b in zip(left, right, strict=True)]
-    return Experiment(model, loads, EdgeObservation.from_edges(seen))
+    edges = [(a, sigma, b, sigma) for a, b in zip(left, right, strict=True)]
+    return Experiment(model, loads, EdgeObservation.from_edges(edges))
 
 
 def test_a_candidate_that_buckles_is_not_valid():
@@ -120,21 +120,21 @@ def test_a_candidate_that_buckles_is_not_valid():
 
 
 @pytest.mark.slow
-def test_a_fit_goes_past_moduli_that_buckle():
+def test_a_fit_passes_moduli_for_which_the_beam_buckles():
     fit = identify("neo-hookean", [upright()], seed=1)
     assert fit.initial_shear_modulus.value == pytest.approx(46e3, rel=0.02)  # the edges are those of a coarse mesh
 
 
 @pytest.mark.parametrize("tied", [None, np.array([4]), np.array([0, 4])])
-def test_definiteness_is_that_of_the_whole_matrix(tied):
+def test_definiteness_includes_the_rigid_body(tied):
     # Chains of five springs, some of them negative, whose ends are held by a body of three unknowns, or not.
     rng = np.random.default_rng(0)
     batch, d = 200, 4
     dofs = np.arange(5)[:, None] * 2 + np.arange(d)
     n = int(dofs.max()) + 1
     system = System(dofs, n, tied)
-    own = rng.normal(size=(5, batch, d, d))
-    stiffness = own @ own.swapaxes(-1, -2) - rng.uniform(0, 0.25, (batch, 1, 1)) * np.eye(d)
+    random = rng.normal(size=(5, batch, d, d))
+    stiffness = random @ random.swapaxes(-1, -2) - rng.uniform(0, 0.25, (batch, 1, 1)) * np.eye(d)
     whole = np.zeros((batch, n + 3, n + 3))
     body = None
     for e in range(5):
@@ -150,26 +150,26 @@ def test_definiteness_is_that_of_the_whole_matrix(tied):
             whole[np.ix_(range(batch), dofs[e], range(n, n + 3))] += rows.swapaxes(-1, -2)
             whole[:, n:, n:] += rows @ own_tie
         whole[:, -1, -1] += turning
-    found = system.solve(stiffness, np.zeros((5, batch, d)), np.ones((1, n)), body, np.ones(batch, bool), True)
+    solution = system.solve(stiffness, np.zeros((5, batch, d)), np.ones((1, n)), body, np.ones(batch, bool), True)
     smallest = np.linalg.eigvalsh(whole)[:, 0]
-    assert found.sound.all()
-    assert (found.indefinite == (smallest < 0)).all()
-    assert 20 < found.indefinite.sum() < 180
-    # Those beside them are solved as they are alone.
+    assert solution.sound.all()
+    assert (solution.indefinite == (smallest < 0)).all()
+    assert 20 < solution.indefinite.sum() < 180
+    # The other matrices have the solutions that they have separately.
     right = np.concatenate([np.ones(n), np.zeros(3)])
-    solved = np.concatenate([found.nodes, found.body], axis=1)
+    solved = np.concatenate([solution.nodes, solution.body], axis=1)
     residual = np.einsum("bij,bj->bi", whole, solved) - right
     assert np.abs(residual).max() < 1e-6 * np.abs(solved).max()
 
 
-def test_a_matrix_that_is_not_symmetric_is_not_judged():
+def test_the_definiteness_of_an_unsymmetric_matrix_is_not_determined():
     band = np.tile([-1.0, 0.5], (3, 4, 1))
     band[:, -1, 1] = 0.0
     assert factorise(band, np.ones(3, bool)).indefinite.all()
     assert not factorise(band, np.ones(3, bool), 0.5 * band).indefinite.any()
 
 
-def test_where_only_definite_matrices_count_no_other_is_solved():
+def test_only_definite_matrices_are_solved_if_only_these_count():
     band = np.tile([2.0, 0.5], (3, 4, 1))
     band[:, -1, 1] = 0.0
     band[1, 2, 0] = -1.0

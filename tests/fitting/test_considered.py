@@ -1,4 +1,4 @@
-"""Stated uncertainties in the intervals: what each source does to a fit, shared or not, considered or freed."""
+"""Stated uncertainties in the intervals: the effect of each source on a fit, shared or not, considered or freed."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def seen(
     law: str = "neo-hookean",
     parameters: tuple[float, ...] = (TRUTH_PA,),
 ) -> EdgeObservation:
-    """Edges of a beam of 46 kPa with noise."""
+    """Return noisy edges of a beam of 46 kPa."""
     model = BeamModel(beam, 26, 2)
     shapes = model.solve(LAWS[law], np.array([parameters]), loads)
     sides = scale * points_on(edge_curves(model, shapes)[0], 2)[:, :, 1:-1]
@@ -48,9 +48,11 @@ def seen(
 
 
 def experiment(observed: EdgeObservation, beam: Specimen = BEAM, **stated: float) -> Experiment:
-    """The edges beside what a specimen file says, with uncertainties of the first specimen's numbers."""
-    known = tuple(StatedSource(source.replace("_", "-"), size, "specimen 1") for source, size in stated.items())
-    return Experiment(BeamModel(beam), LOADS, observed, stated=known)
+    """Return an experiment with the dimensions of a specimen file and stated uncertainties."""
+    stated_sources = tuple(
+        StatedSource(source.replace("_", "-"), size, "specimen 1") for source, size in stated.items()
+    )
+    return Experiment(BeamModel(beam), LOADS, observed, stated=stated_sources)
 
 
 def fitted(*experiments: Experiment, free: tuple[NuisancePrior, ...] = ()) -> Fit:
@@ -72,26 +74,26 @@ THICKER = replace(BEAM, width_mm=3.03)
 
 @pytest.fixture(scope="module")
 def thicker() -> Fit:
-    """A beam that is thicker than stated, by one and a half of the stated uncertainty."""
+    """Return the fit of a beam that is thicker than stated by 1.5 times the stated uncertainty."""
     return fitted(experiment(seen(THICKER), width=0.02))
 
 
 @pytest.fixture(scope="module")
 def magnetic() -> Fit:
-    """The beam as stated; its magnet is known to two per cent."""
+    """Return the fit of the beam as stated with a magnet that is known to two per cent."""
     return fitted(experiment(seen(), remanence=0.02))
 
 
-def test_a_width_wrong_within_its_uncertainty_is_in_the_interval_and_not_in_that_of_the_noise(thicker):
+def test_the_interval_covers_a_width_within_its_uncertainty_and_the_noise_interval_does_not(thicker):
     fit, modulus = thicker, thicker.initial_shear_modulus
     assert holds(modulus.interval_95, TRUTH_PA)
     assert not holds(modulus.interval_95_fit, TRUTH_PA)
     (entry,) = fit.budget
     assert (entry.source, entry.standard_uncertainty, entry.unit) == ("width", 0.02, "mm")
-    # What a fit that knows better finds, by so much for 0.03 mm.
+    # A fit with the true width finds the true modulus; the error is that of 0.03 mm.
     knows = fitted(experiment(seen(THICKER), beam=THICKER))
-    found = 100 * (modulus.value / knows.initial_shear_modulus.value - 1)
-    assert entry.effect_percent == pytest.approx(abs(found) * 2 / 3, rel=0.1)
+    error_percent = 100 * (modulus.value / knows.initial_shear_modulus.value - 1)
+    assert entry.effect_percent == pytest.approx(abs(error_percent) * 2 / 3, rel=0.1)
     assert half_width(fit) == pytest.approx(1.96 * modulus.value * entry.effect_percent / 100, rel=0.15)
     low, high = fit.measure_next.initial_shear_modulus_interval_95_Pa
     assert fit.measure_next.source == "width"
@@ -105,7 +107,7 @@ def test_a_width_wrong_within_its_uncertainty_is_in_the_interval_and_not_in_that
         ("remanence", 0.02, {"beam": replace(BEAM, magnet=replace(MAGNET, remanence_T=1.17))}),
     ],
 )
-def test_a_scale_and_a_moment_wrong_within_their_uncertainty_are_in_the_interval(source, size, hidden):
+def test_the_interval_covers_a_scale_and_a_moment_within_their_uncertainties(source, size, hidden):
     modulus = fitted(experiment(seen(**hidden), **{source: size})).initial_shear_modulus
     assert holds(modulus.interval_95, TRUTH_PA)
     assert not holds(modulus.interval_95_fit, TRUTH_PA)
@@ -125,7 +127,7 @@ SHORT = ("scale", "depth")
         ),
     ],
 )
-def test_what_a_source_does_to_the_modulus_is_what_a_refit_finds(source):
+def test_the_effect_of_a_source_on_the_modulus_agrees_with_a_refit(source):
     size = SOURCES[source].usual
     observed = seen()
     fit = fitted(experiment(observed, **{source.replace("-", "_"): size}))
@@ -157,7 +159,7 @@ def test_datasets_of_one_specimen_share_its_error_and_two_specimens_do_not(magne
     assert half_width(apart) == pytest.approx(half_width(magnetic) / np.sqrt(2), rel=0.1)
 
 
-def test_a_freed_width_is_found_from_the_edges_with_its_stated_uncertainty_as_the_prior():
+def test_a_freed_width_is_identified_with_its_stated_uncertainty_as_the_prior():
     fit = fitted(experiment(seen(THICKER), width=0.02, remanence=0.02), free=(NuisancePrior("width"),))
     (freed,) = fit.freed
     assert (freed.name, freed.prior_standard_deviation, freed.deviation.unit) == ("width", 0.02, "mm")
@@ -168,13 +170,13 @@ def test_a_freed_width_is_found_from_the_edges_with_its_stated_uncertainty_as_th
         fitted(experiment(seen()), free=(NuisancePrior("depth"),))
 
 
-def test_without_anything_uncertain_noise_is_all_there_is_and_it_is_told_from_a_source(thicker):
+def test_without_stated_sources_the_interval_is_that_of_the_noise(thicker):
     fit = fitted(experiment(seen(), width=0.0))
     modulus = fit.initial_shear_modulus
     assert fit.budget == ()
     assert modulus.interval_95 == modulus.interval_95_fit
     assert fit.measure_next.source is None
-    # Edges of a thicker beam leave residuals along both edges, which are no noise.
+    # The edges of a thicker beam cause residuals along both edges that are not noise.
     wrong = thicker.initial_shear_modulus
     assert wrong.interval_95_fit is not None
     assert modulus.interval_95_fit is not None
@@ -190,7 +192,7 @@ def test_intervals_are_the_quantiles_of_the_draws(magnetic):
 
 
 def estimated(law: str, *seen_so: Experiment) -> Estimate:
-    """What follows a search, from a modulus a tenth off."""
+    """Return the estimate of a fit that starts at a modulus 10 % off, without a search."""
     space = search_space(LAWS[law])
     unit = np.full(len(space.names), 0.5)
     unit[0] = np.log(1.1 * TRUTH_PA / space.lower[0]) / np.log(space.upper[0] / space.lower[0])
@@ -198,30 +200,30 @@ def estimated(law: str, *seen_so: Experiment) -> Estimate:
 
 
 @pytest.mark.parametrize("off_mm", [0.2, -0.2])
-def test_what_a_source_did_is_undone_where_a_bound_holds_the_optimum(off_mm):
-    """A length that is two standard uncertainties off drives the ratio of Mooney and Rivlin to its bounds."""
+def test_a_source_that_drives_the_optimum_to_a_bound_widens_the_interval_to_the_truth(off_mm):
+    """A length that is two standard uncertainties off drives the Mooney-Rivlin ratio to its bounds."""
     longer = replace(BEAM, length_mm=BEAM.length_mm + off_mm)
     edges = seen(longer, law="mooney-rivlin", parameters=(0.4 * TRUTH_PA, 0.1 * TRUTH_PA))
     stated = {"length": 0.1, "width": 0.02, "remanence": 0.01, "magnet_length": 0.03, "scale": 0.001}
-    found = estimated("mooney-rivlin", experiment(edges, **stated))
+    estimate = estimated("mooney-rivlin", experiment(edges, **stated))
     knows = estimated("mooney-rivlin", experiment(edges, longer, **stated))
-    assert len(found.identifiability.at_bound) == 1
+    assert len(estimate.identifiability.at_bound) == 1
     assert knows.identifiability.at_bound == ()
-    # The draws in which the length is off by what was hidden have the modulus that a fit finds that knows it.
-    modulus = np.log(2 * (found.draws.column("C10") + found.draws.column("C01")))
-    drawn = [found.draws.column(name) for name in ("length", "width", "remanence", "magnet's length", "scale")]
+    # Draws with the hidden error of the length have the modulus of a fit that knows this error.
+    modulus = np.log(2 * (estimate.draws.column("C10") + estimate.draws.column("C01")))
+    drawn = [estimate.draws.column(name) for name in ("length", "width", "remanence", "magnet's length", "scale")]
     level, slope, *_ = np.linalg.lstsq(np.column_stack([np.ones_like(modulus), *drawn]), modulus, rcond=None)[0]
-    before, after = found.initial_shear_modulus.value, knows.initial_shear_modulus.value
+    before, after = estimate.initial_shear_modulus.value, knows.initial_shear_modulus.value
     assert level + slope * off_mm - np.log(before) == pytest.approx(np.log(after / before), rel=0.12)
-    assert holds(found.initial_shear_modulus.interval_95, after)
+    assert holds(estimate.initial_shear_modulus.interval_95, after)
 
 
-def test_what_no_source_can_have_done_stays_the_laws():
-    """A Yeoh material drives the ratio of Mooney and Rivlin to a bound: the interval stays about the value."""
+def test_a_misfit_of_the_law_at_a_bound_is_not_attributed_to_the_sources():
+    """A Yeoh material drives the Mooney-Rivlin ratio to a bound; the interval stays close to the value."""
     edges = seen(law="yeoh", parameters=(0.5 * TRUTH_PA, -0.8 * TRUTH_PA, TRUTH_PA))
-    found = estimated("mooney-rivlin", experiment(edges, length=0.002))
-    assert len(found.identifiability.at_bound) == 1
-    modulus = found.initial_shear_modulus
+    estimate = estimated("mooney-rivlin", experiment(edges, length=0.002))
+    assert len(estimate.identifiability.at_bound) == 1
+    modulus = estimate.initial_shear_modulus
     assert modulus.interval_95_fit is not None
     assert holds(modulus.interval_95, modulus.value)
     assert modulus.interval_95 == pytest.approx(modulus.interval_95_fit, abs=0.3 * np.ptp(modulus.interval_95_fit))
@@ -234,36 +236,39 @@ def test_what_no_source_can_have_done_stays_the_laws():
         pytest.param("yeoh", (0.5 * TRUTH_PA, 0.4 * TRUTH_PA, 0.0), marks=pytest.mark.slow),
     ],
 )
-def test_a_wrong_width_speaks_for_no_law(law, parameters):
-    """Width and length that are wrong within their uncertainty leave ten times the noise, and laws compared by less."""
+def test_a_wrong_width_favours_no_law(law, parameters):
+    """Width and length that are wrong within their uncertainties cause ten times the residuals of the noise.
+
+    The differences between the laws are smaller than these residuals.
+    """
     wrong = replace(BEAM, width_mm=3.03, length_mm=30.15)
     edges = experiment(seen(wrong, law=law, parameters=parameters), length=0.1, width=0.02, remanence=0.01)
-    found = {model: estimated(model, edges) for model in ("neo-hookean", "mooney-rivlin", "yeoh")}
-    told = found[law].identifiability
-    assert told.noise_mm == pytest.approx(NOISE_MM, rel=0.15)
-    assert told.residual_mm > 5 * NOISE_MM
-    assert told.stated_squares == pytest.approx(2 * 1.5**2, rel=0.3)
-    assert found[law].held_out_error_mm == pytest.approx(NOISE_MM, rel=0.2)
+    estimates = {model: estimated(model, edges) for model in ("neo-hookean", "mooney-rivlin", "yeoh")}
+    identifiability = estimates[law].identifiability
+    assert identifiability.noise_mm == pytest.approx(NOISE_MM, rel=0.15)
+    assert identifiability.residual_mm > 5 * NOISE_MM
+    assert identifiability.stated_squares == pytest.approx(2 * 1.5**2, rel=0.3)
+    assert estimates[law].held_out_error_mm == pytest.approx(NOISE_MM, rel=0.2)
     choices = choose(
         [
             Candidate(
                 model,
-                len(own.identifiability.names),
-                ((own.identifiability.noise_points, own.identifiability.noise_mm),),
-                stated_squares=own.identifiability.stated_squares,
+                len(estimate.identifiability.names),
+                ((estimate.identifiability.noise_points, estimate.identifiability.noise_mm),),
+                stated_squares=estimate.identifiability.stated_squares,
             )
-            for model, own in found.items()
+            for model, estimate in estimates.items()
         ]
     )
     weights = {choice.model: choice.weight for choice in choices}
     if law == "yeoh":
         assert weights[law] > 0.9
     else:
-        assert weights[law] > 0.3  # the others hold it, and bend no better than it does
+        assert weights[law] > 0.3  # the other laws contain it and fit no better
 
 
 def test_laws_are_compared_with_one_error_where_datasets_share_it():
-    """Two beams, one wider and one narrower than stated, as those of one specimen cannot be and of two can."""
+    """One beam is wider and one narrower than stated; this is possible for two specimens, but not for one."""
     beams = [replace(BEAM, width_mm=3.0 + off) for off in (0.03, -0.03)]
     one, other = (experiment(seen(beam, seed=seed), width=0.02) for seed, beam in enumerate(beams, 1))
     apart = replace(other, stated=(StatedSource("width", 0.02, "specimen 2"),))
@@ -275,7 +280,7 @@ def test_laws_are_compared_with_one_error_where_datasets_share_it():
     assert shared.stated_squares < 0.5
 
 
-def test_tracked_points_at_the_tip_bear_a_shorter_beam():
+def test_tracked_points_at_the_tip_stay_valid_on_a_shorter_beam():
     strip = Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")
     model, loads = BeamModel(strip), Loads.along([0.0], gravity_angle_deg=90.0, tip_force_N=[0.002])
     rest = np.column_stack([np.linspace(10, 30, 5), np.zeros(5)])

@@ -1,4 +1,4 @@
-"""States chosen for the next run: none better by an exchange, and an interval as wide as was foretold."""
+"""Choice of the states of the next run: no exchange improves it, and its interval is as wide as predicted."""
 
 from __future__ import annotations
 
@@ -30,12 +30,13 @@ NOISE = EdgeNoise(residual_mm=0.005, points=200, alike=10.0)
 
 
 def of_fields(count: int, *sources: StatedSource, gravity_angle_deg: float | None = 0.0) -> Candidates:
+    """Return the candidates of equally spaced fields with these sources."""
     loads = Loads.along(np.linspace(0.0, 7.05, count), gravity_angle_deg=gravity_angle_deg)
     return candidates(NEO_HOOKEAN, BEAM, loads, sources, NOISE)
 
 
-def test_no_other_choice_of_so_many_is_better() -> None:
-    """All 120 choices of three states in ten, with a source that some states feel more than others."""
+def test_the_exchange_finds_the_best_of_all_choices() -> None:
+    """Compare with all 120 choices of three states in ten, with a source that affects some states more than others."""
     plan = of_fields(10, StatedSource("clamp", 0.1, "here"), StatedSource("gravity", 1.0, "here"))
     every = np.array(list(combinations(range(10), 3)))
     assert plan.variance(exchange(plan, 3)[None])[0] == pytest.approx(plan.variance(every).min())
@@ -43,8 +44,8 @@ def test_no_other_choice_of_so_many_is_better() -> None:
     assert plan.least_percent(3) ** 2 < 1e4 * 1.96**2 * plan.variance(every).min()
 
 
-def test_what_multiplies_the_field_no_choice_of_fields_can_lessen() -> None:
-    """Without gravity the edges are a function of field over modulus: 1 % of the coil is 1 % of the modulus."""
+def test_no_choice_of_fields_reduces_an_error_that_scales_the_field() -> None:
+    """Without gravity the edges depend on field over modulus only: 1 % of the coil constant is 1 % of the modulus."""
     plan = of_fields(8, StatedSource("coil", 0.01, "coil"), gravity_angle_deg=None)
     assert plan.least_percent(1000) == pytest.approx(1.96, rel=1e-2)
     assert plan.effects_percent(exchange(plan, 3))["coil constant"] == pytest.approx(1.0, rel=5e-3)
@@ -56,19 +57,19 @@ def test_what_multiplies_the_field_no_choice_of_fields_can_lessen() -> None:
 @pytest.mark.parametrize(
     ("bench", "gravity_angle_deg"), [(Bench((), 0.02), 0.0), (Bench(stated(), 0.005), 90.0)], ids=["noise", "bench"]
 )
-def test_the_interval_is_as_wide_as_foretold(bench: Bench, gravity_angle_deg: float) -> None:
-    """Within 20 %, from an earlier run of equally spaced fields in another mounting."""
+def test_the_interval_is_as_wide_as_predicted(bench: Bench, gravity_angle_deg: float) -> None:
+    """It agrees within 20 % with the plan from an earlier run of equally spaced fields in another mounting."""
     rng = np.random.default_rng(3)
     before, after = Setting("hanging", BEAM), Setting("next", BEAM, gravity_angle_deg)
     spaced = before.loads().take(equally_spaced(31, 5))
     plan = planned(after, fitted(measured(before, spaced, bench, rng)), bench, 5)
     choice = exchange(plan, 5)
-    came = half_percent(fitted(measured(after, plan.loads.take(choice), bench, rng)))
-    assert plan.half_width_percent(choice) == pytest.approx(came, rel=0.2)
+    resulting = half_percent(fitted(measured(after, plan.loads.take(choice), bench, rng)))
+    assert plan.half_width_percent(choice) == pytest.approx(resulting, rel=0.2)
     assert plan.least_percent(5) <= plan.half_width_percent(choice)
 
 
-def test_laws_are_told_apart_where_their_beams_differ() -> None:
+def test_the_chosen_states_distinguish_two_laws() -> None:
     fields = Loads.along(np.linspace(0.0, 7.05, 10))
     yeoh = KnownLaw(LAWS["yeoh"], np.array([23e3, 60e3, 0.0]))
     apart = rivals(yeoh, NEO_HOOKEAN, BEAM, fields, (), NOISE)

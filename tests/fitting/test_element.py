@@ -35,13 +35,13 @@ def one_element(name: str, section: str) -> tuple[Mesh, Operators, Batch]:
 
 
 def deformation(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Displacements (1, 1, 2, 9) with stretches of some tens of percent, pressures (1, 1, 3)."""
+    """Return displacements (1, 1, 2, 9) with stretches of some tens of per cent, and pressures (1, 1, 3)."""
     rng = np.random.default_rng(seed)
     return rng.normal(0, 0.05, (1, 1, 2, 9)), rng.normal(0, 0.1, (1, 1, 3))
 
 
 def potential(ops: Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndarray) -> float:
-    """Integral of psi(F) + p (J - 1): what the forces must be the derivative of, at a given pressure."""
+    """Return the integral of psi(F) + p (J - 1), whose derivative at a given pressure are the forces."""
     ev = element.evaluate(ops, batch, nodal, pressure)
     density = ev.energy.value
     if batch.section == "plane-strain":
@@ -50,7 +50,7 @@ def potential(ops: Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndar
 
 
 def differences(function, nodal: np.ndarray) -> np.ndarray:
-    """Central differences of function(nodal) with respect to the 18 nodal displacements, stacked first."""
+    """Return central differences of function(nodal) in the 18 nodal displacements."""
     steps = (np.eye(18) * H).reshape(18, 1, 1, 2, 9)
     return np.array([(np.asarray(function(nodal + s)) - np.asarray(function(nodal - s))) / (2 * H) for s in steps])
 
@@ -115,7 +115,7 @@ def rotation(angle: float) -> np.ndarray:
 
 
 def forces_at(mesh: Mesh, batch: Batch, places: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-    """Forces (2, 9) of the element whose nodes are at places (2, 9)."""
+    """Return the forces (2, 9) of the element with its nodes at places (2, 9)."""
     nodal = (places - mesh.nodes[mesh.elements[0]].T)[None, None]
     return element.evaluate(element.operators(mesh), batch, nodal, pressure).force[0, 0]
 
@@ -124,7 +124,7 @@ def forces_at(mesh: Mesh, batch: Batch, places: np.ndarray, pressure: np.ndarray
 @every_section
 @settings(max_examples=10)
 @given(angle=st.floats(-np.pi, np.pi), seed=st.integers(0, 10**6))
-def test_objective_forces_turn_with_the_deformed_body(name, section, angle, seed):
+def test_the_forces_are_objective(name, section, angle, seed):
     mesh, _, batch = one_element(name, section)
     nodal, pressure = deformation(seed)
     places, turn = mesh.nodes[mesh.elements[0]].T + nodal[0, 0], rotation(angle)
@@ -136,7 +136,7 @@ def test_objective_forces_turn_with_the_deformed_body(name, section, angle, seed
 @every_section
 @settings(max_examples=10)
 @given(angle=st.floats(-np.pi, np.pi), seed=st.integers(0, 10**6))
-def test_isotropic_the_material_knows_no_direction(name, section, angle, seed):
+def test_the_material_is_isotropic(name, section, angle, seed):
     # The body at rest is turned, not the deformed one: the same places need the same forces.
     mesh, _, batch = one_element(name, section)
     nodal, pressure = deformation(seed)
@@ -151,7 +151,7 @@ def test_isotropic_the_material_knows_no_direction(name, section, angle, seed):
 @every_section
 @settings(max_examples=10)
 @random_deformations
-def test_a_mirrored_deformation_has_mirrored_forces_and_no_force_or_moment_is_left_over(name, section, seed):
+def test_a_mirrored_deformation_has_mirrored_forces_that_are_in_balance(name, section, seed):
     mesh, ops, batch = one_element(name, section)
     nodal, pressure = deformation(seed)
     forces = element.evaluate(ops, batch, nodal, pressure).force[0, 0]

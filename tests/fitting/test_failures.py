@@ -1,4 +1,4 @@
-"""A candidate that cannot be computed is a status of its own: never a hang, never a NaN, never its neighbours'."""
+"""A candidate that cannot be computed gets a status: no hang, no NaN, and no effect on other candidates."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SOUND = {
     "yeoh": [23e3, 1e3, 100.0],
     "ogden": [2e4, 1.7, 100.0, 8.0, -5e3, -2.5],
 }
-MOST_TANGENTS = 25 * (1 + 4 + 16)  # of one state: every load step of every cutting to its last iteration
+MOST_TANGENTS = 25 * (1 + 4 + 16)  # of one state: all iterations of all load steps after both divisions
 END = Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)
 SPECIMENS = {
     "magnet at the end": Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", END),
@@ -46,7 +46,7 @@ def check_is_a_result(shapes):
     for values in (shapes.displacement, shapes.rigid, shapes.max_stretch):
         assert np.isfinite(values).all()
     assert shapes.iterations.max() <= MOST_TANGENTS
-    # What failed once is not computed again.
+    # A failed state is not computed again.
     failed = np.logical_or.accumulate((shapes.status != Status.CONVERGED) & (shapes.status != Status.UNSTABLE), axis=1)
     assert np.all(shapes.iterations[:, 1:][failed[:, :-1]] == 0)
 
@@ -54,7 +54,7 @@ def check_is_a_result(shapes):
 @pytest.mark.parametrize("specimen", SPECIMENS)
 @pytest.mark.parametrize("name", SOUND)
 @pytest.mark.parametrize("factor", [1.0, -10.0])
-def test_hopeless_candidates_alone_and_as_neighbours(specimen, name, factor):
+def test_candidates_without_equilibrium_get_a_status_alone_and_among_others(specimen, name, factor):
     model, law = BeamModel(SPECIMENS[specimen], 6), LAWS[name]
     loads = Loads.along(factor * FIELD, pressure_Pa=2.0 * factor if model.solid.face else 0.0)
     sound = np.array(SOUND[name])
@@ -89,7 +89,7 @@ def test_a_nan_in_any_parameter_is_a_status(specimen):
 
 @pytest.mark.parametrize("specimen", SPECIMENS)
 @pytest.mark.parametrize("what", ["field_T", "gravity", "tip_force_N", "pressure_Pa"])
-def test_loads_that_are_no_numbers_or_beyond_reason_are_a_status(specimen, what):
+def test_loads_that_are_nan_or_far_too_large_give_a_status(specimen, what):
     model = BeamModel(SPECIMENS[specimen], 6)
     if what == "pressure_Pa" and model.solid.face is None:
         with pytest.raises(ValueError, match="names no face"):
@@ -107,7 +107,7 @@ def test_loads_that_are_no_numbers_or_beyond_reason_are_a_status(specimen, what)
 
 
 @pytest.mark.parametrize("specimen", SPECIMENS)
-def test_a_candidate_in_a_field_beyond_reason_spoils_no_other(specimen):
+def test_a_candidate_in_a_field_far_too_large_affects_no_other(specimen):
     model, loads = BeamModel(SPECIMENS[specimen], 6), Loads.along(FIELD)
     crowd = np.array([[4.6], [46e3], [4.6]])
     shapes = model.solve(NEO, crowd, loads, field_factor=np.array([1.7e308, 1.0, -1.7e308]))
@@ -116,7 +116,7 @@ def test_a_candidate_in_a_field_beyond_reason_spoils_no_other(specimen):
     assert shapes.displacement[1] == pytest.approx(model.solve(NEO, [[46e3]], loads).displacement[0], abs=1e-7)
 
 
-def test_statistics_tell_where_a_load_was_cut():
+def test_the_statistics_count_the_load_steps_that_were_divided():
     model = BeamModel(SPECIMENS["magnet at the end"], 6)
     shapes = model.solve(NEO, np.array([[46e3], [5e3], [1.0]]), Loads.along(7.05))
     check_is_a_result(shapes)
@@ -127,10 +127,10 @@ def test_statistics_tell_where_a_load_was_cut():
 
 
 @pytest.mark.parametrize("name", SOUND)
-def test_a_block_turned_inside_out_is_no_equilibrium(name):
-    # In plane stress its energy is that of the block at rest, and nothing pulls it back.
+def test_a_block_that_is_turned_inside_out_is_not_an_equilibrium(name):
+    # In plane stress its energy equals that of the block at rest, so that no force restores it.
     mesh = grid_mesh(np.linspace(0, 4, 3), np.linspace(-1, 1, 3))
-    fixed = np.abs(mesh.nodes) < 1e-9  # its axes of symmetry stay where they are
+    fixed = np.abs(mesh.nodes) < 1e-9  # the axes of symmetry are fixed
     solid = Solid(mesh, fixed)
     batch = Batch(LAWS[name], moduli_in_MPa(np.array([SOUND[name]]), LAWS[name].units), "plane-stress", np.ones(1))
     nothing = SolidLoads(
@@ -139,14 +139,14 @@ def test_a_block_turned_inside_out_is_no_equilibrium(name):
     rest = solid.rest(1)
     inside_out = replace(rest, displacement=mesh.nodes[None] * [0.0, -2.0])
     for start, expected in ((rest, Status.CONVERGED), (inside_out, Status.DIVERGED)):
-        found, status, _ = solid.equilibrium(batch, nothing, start, 1e-6)
+        shape, status, _ = solid.equilibrium(batch, nothing, start, 1e-6)
         assert status[0] == expected
-        assert np.isfinite(found.displacement).all()
+        assert np.isfinite(shape.displacement).all()
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
 @pytest.mark.parametrize("spoilt", [0, 1, 2])
-def test_a_right_hand_side_that_is_no_number_spoils_no_other(bad, spoilt):
+def test_a_right_hand_side_of_nan_affects_no_other_candidate(bad, spoilt):
     system = System(np.arange(5)[None], 5, None)
     stiffness = np.tile(2 * np.eye(5) + 0.1, (1, 3, 1, 1))
     force, right = np.zeros((1, 3, 5)), np.ones((3, 5))
@@ -160,7 +160,7 @@ def test_a_right_hand_side_that_is_no_number_spoils_no_other(bad, spoilt):
 
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), bad=st.sampled_from([np.nan, np.inf, 1e200, 0.0, -1.0]))
-def test_a_block_that_cannot_be_factorised_spoils_no_other(seed, bad):
+def test_a_matrix_that_cannot_be_factorised_affects_no_other(seed, bad):
     rng = np.random.default_rng(seed)
     batch, n, width = 4, 12, 4
     band = 0.1 * rng.normal(size=(batch, n, width))

@@ -21,7 +21,7 @@ MU = np.array([[0.05e6]])
 
 
 def magnet_tipped(depth_share: float = 1.0) -> tuple[Specimen, float]:
-    """30 x 3 mm with a 4 mm rigid end, and the field in mT at which m B = 0.0323 N mm for each mm of depth."""
+    """Return a beam of 30 x 3 mm with a rigid end of 4 mm, and the field (mT) for m B = 0.0323 N mm per mm of depth."""
     magnet = Magnet(4.0, 3.0, 1.0, 1.0, 7500.0)
     depth = 1.0 / depth_share
     specimen = Specimen(30.0, 3.0, depth, 1070.0, "plane-strain", magnet)
@@ -53,9 +53,9 @@ def test_magnet_tipped_beam_with_gravity(mesh):
 @pytest.mark.parametrize(("angle", "ratio"), [(30, 0.99891), (60, 0.99565), (90, 0.99031), (180, 0.96314)])
 def test_rivlin_flexure(angle, ratio):
     # Pure bending of a block, Rivlin 1949, Phil. Trans. A 242:173: M = (mu/alpha^2)(sinh(4k)/4 - k), sinh 2k = alpha H.
-    # The field is turned along with the tip, so that the magnet feels the moment and never a limit at 90 degrees.
-    # Clamp and magnet hold the section's width, which Rivlin's block does not: curvature is taken between two
-    # sections away from them.
+    # The field rotates with the tip, so that the moment on the magnet does not vanish at 90 degrees.
+    # Clamp and magnet hold the width of the section, which Rivlin's solution does not: the curvature is taken between
+    # two sections away from them.
     specimen, _ = magnet_tipped()
     height, length = 3.0, 26.0
     mu = 0.05
@@ -115,7 +115,7 @@ def test_self_weight_of_a_slender_cantilever():
     assert tip[1] == pytest.approx(-weight * 50.0**4 / (8 * 3 * 0.05 * 4.0 * 8 / 12), rel=0.005)
 
 
-def test_mooney_rivlin_sees_only_the_sum_in_plane_strain():
+def test_mooney_rivlin_depends_on_the_sum_only_in_plane_strain():
     specimen, field = magnet_tipped()
     model = BeamModel(specimen, 26, 2)
     c10 = np.array([0.0, 0.01, 0.02, 0.025]) * 1e6
@@ -126,7 +126,7 @@ def test_mooney_rivlin_sees_only_the_sum_in_plane_strain():
     assert np.ptp(tips, axis=0).max() < 1e-3
 
 
-def test_a_candidate_does_not_feel_its_neighbours():
+def test_a_candidate_does_not_depend_on_the_other_candidates():
     specimen, field = magnet_tipped()
     model = BeamModel(specimen)
     loads = Loads.along(np.linspace(0, field, 5))
@@ -140,7 +140,7 @@ def test_a_candidate_does_not_feel_its_neighbours():
     assert np.isfinite(together.max_stretch).all()
 
 
-def test_a_model_of_either_kind_reaches_another_process():
+def test_planar_and_solid_models_can_be_pickled():
     loads = Loads.along(np.array([2.0]))
     specimen, _ = magnet_tipped()
     for model in (BeamModel(specimen, 6, 1), SolidModel(specimen, 6, 1), SolidBeside(specimen, 6, 1)):
@@ -149,7 +149,7 @@ def test_a_model_of_either_kind_reaches_another_process():
         assert (sent.solve(NEO, MU, loads).displacement == model.solve(NEO, MU, loads).displacement).all()
 
 
-def test_impossible_loads_end_as_a_status():
+def test_loads_without_equilibrium_give_a_status():
     specimen, field = magnet_tipped()
     model = BeamModel(specimen)
     shapes = model.solve(NEO, np.array([[1.0], [0.05e6]]), Loads.along([0.0, 1e6 * field]))
@@ -157,7 +157,7 @@ def test_impossible_loads_end_as_a_status():
     assert np.isfinite(shapes.displacement).all()
 
 
-def test_states_do_not_depend_on_the_way_there():
+def test_a_state_does_not_depend_on_the_states_before():
     specimen, field = magnet_tipped(0.2)
     model = BeamModel(specimen)
     stepped = model.solve(NEO, MU, Loads.along(np.linspace(0, field, 16)), tolerance_mm=1e-8)
@@ -166,7 +166,7 @@ def test_states_do_not_depend_on_the_way_there():
 
 
 @pytest.mark.parametrize("tolerance_mm", [1e-2, 1e-4, 1e-6])
-def test_no_place_is_farther_off_than_the_tolerance(tolerance_mm):
+def test_every_place_is_within_the_tolerance(tolerance_mm):
     specimen, field = magnet_tipped(0.2)
     model = BeamModel(specimen)
     for loads in (Loads.along(0.5 * field), Loads.along(field * np.array([0.3, 0.6, 1.0]))):
@@ -176,7 +176,7 @@ def test_no_place_is_farther_off_than_the_tolerance(tolerance_mm):
         assert np.abs(ours.displacement - exact.displacement).max() < tolerance_mm
 
 
-def test_a_field_the_other_way_mirrors_the_beam():
+def test_a_reversed_field_mirrors_the_beam():
     specimen, field = magnet_tipped(0.2)
     model = BeamModel(specimen)
     shapes = model.solve(NEO, MU, Loads.along([field, -field]), tolerance_mm=1e-8)
@@ -206,7 +206,7 @@ def test_a_magnet_as_long_as_the_beam_is_refused():
         BeamModel(Specimen(4.0, 3.0, 1.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 1.0, 1.0, 7500.0)))
 
 
-def test_a_law_that_is_not_stable_where_it_was_taken_says_so():
+def test_a_law_that_is_unstable_at_a_reached_stretch_is_reported():
     specimen, field = magnet_tipped()
     model = BeamModel(specimen)
     loads = Loads.along([0.0, 0.3 * field, field])
@@ -237,7 +237,7 @@ def test_plane_stress_takes_no_bulk_modulus():
 
 
 @pytest.mark.parametrize("magnetisation", [(0.0, 0.0), (6e4, -2e4)])
-def test_a_field_factor_is_a_field_of_that_strength(magnetisation):
+def test_a_field_factor_has_the_effect_of_a_stronger_field(magnetisation):
     specimen, field = magnet_tipped(0.2)
     model = BeamModel(replace(specimen, magnetisation_A_per_m=magnetisation))
     factors = np.array([1.0, 0.7, 1.2, -1.0, 0.0])
@@ -251,7 +251,7 @@ def test_a_field_factor_is_a_field_of_that_strength(magnetisation):
         assert together.rigid[k] == pytest.approx(alone.rigid[0], abs=1e-8)
 
 
-def test_a_field_factor_that_is_no_number_is_a_status():
+def test_a_field_factor_of_nan_gives_a_status():
     specimen, field = magnet_tipped()
     model, loads = BeamModel(specimen), Loads.along(np.linspace(0, field, 4))
     shapes = model.solve(NEO, np.tile(MU, (4, 1)), loads, field_factor=np.array([np.nan, 1.0, np.inf, -np.inf]))
@@ -264,8 +264,8 @@ def test_a_field_factor_that_is_no_number_is_a_status():
 def test_a_finer_model_has_elements_of_half_the_length():
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
     lengths = [
-        np.diff(np.unique(own.mesh.nodes[:, 0].round(9))).min() for own in (model, model.refined(), model.halved())
+        np.diff(np.unique(each.mesh.nodes[:, 0].round(9))).min() for each in (model, model.refined(), model.halved())
     ]
     assert lengths[1:] == pytest.approx([lengths[0] / 2] * 2, rel=0.1)
-    nodes = [len(own.mesh.nodes) for own in (model, model.refined(), model.halved())]
+    nodes = [len(each.mesh.nodes) for each in (model, model.refined(), model.halved())]
     assert nodes[1] > nodes[2] > 3 * nodes[0]

@@ -25,7 +25,7 @@ NOISE_MM = 1e-3
 
 
 def measured(model: str, parameters: list[float], seed: int = 0) -> Experiment:
-    """Edges of a finer beam of a known material, with noise, for the ordinary beam to explain."""
+    """Return an experiment with noisy edges of a known material, simulated on a finer mesh."""
     rng = np.random.default_rng(seed)
     fine, loads = BeamModel(SPECIMEN, 30, 3), Loads.along(FIELD_MT)
     shapes = fine.solve(LAWS[model], np.array([parameters]), loads)
@@ -42,7 +42,7 @@ def neo_hookean() -> Experiment:
     return measured("neo-hookean", [46e3])
 
 
-def test_neo_hookean_within_a_per_cent_and_its_interval(neo_hookean):
+def test_a_neo_hookean_modulus_is_identified_within_a_per_cent_and_its_interval(neo_hookean):
     fit = identify("neo-hookean", [neo_hookean], seed=3)
     assert fit.initial_shear_modulus.value == pytest.approx(46e3, rel=0.01)
     low, high = fit.initial_shear_modulus.interval_95
@@ -64,8 +64,8 @@ def test_without_an_equilibrium_on_the_finer_mesh_there_is_a_doubt(neo_hookean, 
     assert "finer mesh" in doubt.words
 
 
-def test_an_optimum_that_is_unstable_on_the_finer_mesh_tells_what_the_mesh_does(neo_hookean):
-    """The optimum of the coarser mesh may be; the change by the finer one is what leads away from it."""
+def test_an_optimum_that_is_unstable_on_the_finer_mesh_still_gets_a_mesh_correction(neo_hookean):
+    """The optimum of the coarse mesh may be unstable on the finer one; the correction leads away from it."""
 
     def compared(experiments, unstable=False):
         return replace(compare(LAWS["neo-hookean"], np.array([[46e3]]), experiments), unstable=np.array([unstable]))
@@ -73,9 +73,12 @@ def test_an_optimum_that_is_unstable_on_the_finer_mesh_tells_what_the_mesh_does(
     def unstable_if_finer(experiments):
         return compared(experiments, len(experiments[0].model.mesh.nodes) > len(neo_hookean.model.mesh.nodes))
 
-    found = correction(FINER_MESH, [neo_hookean], compared([neo_hookean]), unstable_if_finer)
-    assert found is not None
-    change = compared(found.added([neo_hookean])).misfits[0].residuals - compared([neo_hookean]).misfits[0].residuals
+    mesh_correction = correction(FINER_MESH, [neo_hookean], compared([neo_hookean]), unstable_if_finer)
+    assert mesh_correction is not None
+    change = (
+        compared(mesh_correction.added([neo_hookean])).misfits[0].residuals
+        - compared([neo_hookean]).misfits[0].residuals
+    )
     assert 1e-5 < np.abs(change).max() < 1e-2
 
 
@@ -85,7 +88,7 @@ def test_same_seed_same_result_and_another_seed_the_same_material(neo_hookean):
     assert other.values[0] == pytest.approx(first.values[0], rel=1e-2)
 
 
-def test_mooney_rivlin_says_that_only_the_sum_is_fixed(neo_hookean):
+def test_a_mooney_rivlin_fit_reports_that_only_the_sum_is_fixed(neo_hookean):
     fit = identify("mooney-rivlin", [neo_hookean], seed=1)
     assert fit.initial_shear_modulus.value == pytest.approx(46e3, rel=0.01)
     assert fit.identifiability.not_fixed == ("C01/(C10+C01)",)
@@ -94,13 +97,13 @@ def test_mooney_rivlin_says_that_only_the_sum_is_fixed(neo_hookean):
     assert high - low > 0.3 * 23e3
 
 
-def test_several_specimens_in_one_fit(neo_hookean):
+def test_several_specimens_are_fitted_together(neo_hookean):
     both = identify("neo-hookean", [neo_hookean, measured("neo-hookean", [46e3], seed=1)], seed=1)
     assert both.error_mm.shape == (8,)
     assert both.initial_shear_modulus.value == pytest.approx(46e3, rel=0.01)
 
 
-def test_unstable_and_unsolvable_candidates_are_discarded_and_told_apart(neo_hookean):
+def test_unstable_and_unsolvable_candidates_are_discarded_and_counted_separately(neo_hookean):
     result = compare(LAWS["yeoh"], np.array([[2e4, 1e3, 0.0], [2e4, -2e5, 0.0], [np.nan, 0, 0]]), [neo_hookean])
     assert result.objective_mm[0] < 1.0
     assert result.objective_mm[1:].tolist() == [DISCARDED_MM, DISCARDED_MM]
@@ -109,7 +112,7 @@ def test_unstable_and_unsolvable_candidates_are_discarded_and_told_apart(neo_hoo
     assert not result.unstable[0]
 
 
-def test_nothing_that_can_be_simulated_is_an_error():
+def test_a_fit_without_any_solvable_candidate_is_refused():
     model = BeamModel(SPECIMEN)
     crushed = Loads(np.zeros((2, 2)), np.array([[-1e30, 3e29], [-1e30, 3e29]]), np.zeros((2, 2)))
     rest = np.tile([[[10.0, 0.0]]], (2, 1, 1))
@@ -118,7 +121,7 @@ def test_nothing_that_can_be_simulated_is_an_error():
         identify("neo-hookean", [experiment], seed=1, most_generations=2)
 
 
-def test_correlation_length_of_white_and_of_averaged_noise():
+def test_the_correlation_length_of_white_and_of_averaged_noise():
     rng = np.random.default_rng(0)
     white = rng.normal(size=(400, 200))
     weights = np.ones_like(white)

@@ -1,4 +1,4 @@
-"""How wide intervals are, part by part: against the scatter of repeated measurements and against sums done by hand."""
+"""Widths of intervals, part by part: compared with repeated measurements and with sums computed by hand."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ NOWHERE = EdgeObservation(np.zeros((1, 2, 1, 2)), np.ones((1, 2, 1)))
 
 
 def alike(rng: np.random.Generator, draws: int, along: int, states: int) -> Array:
-    """(D, K, 2, m): unit noise that is the mean of so many neighbours along an edge and from state to state."""
+    """Return unit noise (D, K, 2, m) as the moving mean over neighbouring points and over neighbouring states."""
     white = rng.normal(size=(draws, STATES + states - 1, 2, POINTS + along - 1))
     over_edge = np.lib.stride_tricks.sliding_window_view(white, along, axis=3).mean(axis=-1)
     both = np.lib.stride_tricks.sliding_window_view(over_edge, states, axis=1).mean(axis=-1)
@@ -49,7 +49,10 @@ def alike(rng: np.random.Generator, draws: int, along: int, states: int) -> Arra
 
 
 def linear_states(residuals: Array, level: Array) -> LinearStates:
-    """One unknown that every point feels about as much; residuals (K, 2, m), of so much noise (K,) in each state."""
+    """Return states with one unknown that moves all points similarly.
+
+    The residuals (K, 2, m) have the standard deviations noise (K,).
+    """
     slopes = np.linspace(0.8, 1.2, STATES)[:, None, None] * np.ones((1, STATES, 2, POINTS))
     counts = np.full(STATES, 2.0 * POINTS)
     weights = 300.0 / (STATES * level.mean() * counts * level)
@@ -57,7 +60,7 @@ def linear_states(residuals: Array, level: Array) -> LinearStates:
 
 
 def linearisation(states: LinearStates, prior: float) -> Linearisation:
-    """About an optimum of that one unknown."""
+    """Return the linearisation of these states about the optimum."""
     return Linearisation(
         unit=np.full(1, 0.5),
         objective_mm=1.0,
@@ -82,7 +85,10 @@ def linearisation(states: LinearStates, prior: float) -> Linearisation:
 @pytest.mark.parametrize(("along", "states"), [(1, 1), (6, 1), (1, 3), (6, 3)])
 @pytest.mark.parametrize("share", [0.0, 1.0], ids=["flat", "prior"])
 def test_the_variance_is_that_of_repeated_measurements(along: int, states: int, share: float) -> None:
-    """Points that are alike count as one; what was known before is worth what it says. share: of the data's own."""
+    """Correlated points count as one, and a prior counts with its variance.
+
+    share: precision of the prior relative to that of the data.
+    """
     rng = np.random.default_rng(along + 10 * states)
     level = np.linspace(0.5, 2.0, STATES)  # some states are noisier
     noise = level[:, None, None] * alike(rng, DRAWS, along, states)
@@ -91,21 +97,21 @@ def test_the_variance_is_that_of_repeated_measurements(along: int, states: int, 
     predicted = np.mean([linearisation(linear_states(r, level), prior).covariance()[0, 0] for r in noise[:40]])
     scores = np.array([linear_states(r, level).score(r)[0] for r in noise])
     truth = rng.normal(0, 1 / np.sqrt(prior), DRAWS) if prior else np.zeros(DRAWS)
-    found = (information * truth - scores) / (information + prior)
-    # tau is summed from lags that are themselves noisy, and so a little too large.
-    assert predicted == pytest.approx(np.var(found - truth), rel=0.25)
+    estimates = (information * truth - scores) / (information + prior)
+    # tau is a sum over noisy lags, and therefore slightly too large.
+    assert predicted == pytest.approx(np.var(estimates - truth), rel=0.25)
 
 
-def test_the_covariance_is_as_many_times_wider_as_it_is_told() -> None:
+def test_the_covariance_grows_with_the_square_of_the_widening() -> None:
     about = linearisation(linear_states(np.ones((STATES, 2, POINTS)), np.ones(STATES)), 1e-9)
     assert about.covariance(2.0) == pytest.approx(4 * about.covariance(), rel=1e-3)
 
 
-def test_points_count_as_one_along_an_edge_and_from_state_to_state() -> None:
+def test_correlated_points_count_as_one_along_an_edge_and_between_states() -> None:
     rng = np.random.default_rng(3)
     for along, states in ((1, 1), (6, 1), (1, 3), (6, 3)):
         noise = alike(rng, 1, along, states)[0]
-        # Neighbours along an edge of a state's mean are alike too where states are.
+        # If states are correlated, the mean over the states keeps the correlation along an edge.
         counted = point_correlation(noise, np.ones_like(noise), NOWHERE)
         assert counted == pytest.approx(along * states, rel=0.3)
 
@@ -114,8 +120,8 @@ def test_tracked_points_of_a_state_share_their_stated_error() -> None:
     rng = np.random.default_rng(5)
     sigma = np.array([0.02, 0.01, 0.03])
     slopes = rng.uniform(0.5, 1.5, (1, 3, 2, 8))
-    seen = PointObservation(np.zeros((3, 8, 2)), np.zeros((3, 8, 2)), np.tile(sigma[:, None], (1, 8)))
-    own = LinearStates(
+    observed = PointObservation(np.zeros((3, 8, 2)), np.zeros((3, 8, 2)), np.tile(sigma[:, None], (1, 8)))
+    states = LinearStates(
         np.full((3, 2, 8), 1e-6),
         slopes,
         np.ones((3, 2, 8)),
@@ -124,15 +130,18 @@ def test_tracked_points_of_a_state_share_their_stated_error() -> None:
         np.full(3, 1e-6),
     )
     shifts = rng.normal(size=(20_000, 3, 2)) * sigma[:, None]
-    scores = np.einsum("k,dkg,kg->d", own.weights, shifts, slopes.sum(axis=-1)[0])
-    assert own.score_variance(seen)[0, 0] == pytest.approx(np.var(scores), rel=0.05)
-    # Residuals far above what is stated count as well.
-    worse = replace(own, error_mm=np.full(3, 0.5))
-    assert worse.score_variance(seen)[0, 0] > 50 * own.score_variance(seen)[0, 0]
+    scores = np.einsum("k,dkg,kg->d", states.weights, shifts, slopes.sum(axis=-1)[0])
+    assert states.score_variance(observed)[0, 0] == pytest.approx(np.var(scores), rel=0.05)
+    # Residuals far above the stated uncertainty count as well.
+    worse = replace(states, error_mm=np.full(3, 0.5))
+    assert worse.score_variance(observed)[0, 0] > 50 * states.score_variance(observed)[0, 0]
 
 
-def test_an_interval_of_two_states_is_as_wide_as_student_s_t_asks() -> None:
-    """Four edges tell the noise: three degrees of freedom. So much noise that the mesh does not count."""
+def test_an_interval_of_two_states_has_the_factor_of_student_s_t() -> None:
+    """Four edges determine the noise with three degrees of freedom.
+
+    The noise is so large that the error of the mesh does not matter.
+    """
     model, loads = BeamModel(BEAM, 26, 2), Loads.along((3.0, 7.0))
     truth = np.array([[46e3], [46e3 * 1.01]])
     shapes = model.solve(LAWS["neo-hookean"], truth, loads)
@@ -143,10 +152,10 @@ def test_an_interval_of_two_states_is_as_wide_as_student_s_t_asks() -> None:
     fit = identify("neo-hookean", [Experiment(BeamModel(BEAM), loads, observed)])
     residuals = observed.misfit(model, shapes).residuals
     slope_mm = (residuals[1] - residuals[0]) / np.log(1.01)  # by the modulus' logarithm
-    known = fit.identifiability
-    assert known.noise_mm is not None
-    assert known.noise_points is not None
-    deviation = known.noise_mm / np.sqrt(known.noise_points * np.mean(slope_mm**2))
+    identifiability = fit.identifiability
+    assert identifiability.noise_mm is not None
+    assert identifiability.noise_points is not None
+    deviation = identifiability.noise_mm / np.sqrt(identifiability.noise_points * np.mean(slope_mm**2))
     low, high = fit.initial_shear_modulus.interval_95
     assert 0.5 * np.log(high / low) == pytest.approx(stats.t.ppf(0.975, 3) * deviation, rel=0.2)
 
@@ -156,7 +165,7 @@ def shared(source: str, size: float) -> SharedUnknowns:
 
 
 def test_the_budget_has_the_largest_source_first_and_halves_it() -> None:
-    """One unknown, the logarithm of a modulus; two sources that move it by 1 and by 3 %."""
+    """The unknown is the logarithm of a modulus; two sources move it by 1 and by 3 %."""
     sources = [ConsideredSources(name, shared(name, 0.1), 0, (None,)) for name in ("depth", "width")]
     rng = np.random.default_rng(1)
     moved = np.array([[0.01], [0.03]])
@@ -170,7 +179,7 @@ def test_the_budget_has_the_largest_source_first_and_halves_it() -> None:
     assert 0.5 * np.log(high / low) == pytest.approx(1.96 * np.hypot(0.015, 0.01), rel=0.1)
 
 
-def test_draws_move_as_the_sources_do_and_hold_what_the_corrections_leave() -> None:
+def test_draws_contain_the_sources_and_the_remaining_errors_of_the_corrections() -> None:
     moves = Moves(
         np.full(1, 0.5),
         np.array([[0.01], [0.0], [-0.02]]),
@@ -192,22 +201,22 @@ def test_draws_move_as_the_sources_do_and_hold_what_the_corrections_leave() -> N
     assert interval_95(unit[0] + halves) == pytest.approx((0.4, 0.54), abs=2e-3)
 
 
-def test_a_quantity_has_its_ends_in_their_order_and_each_in_its_place() -> None:
+def test_the_ends_of_a_quantity_are_in_order_and_in_the_right_fields() -> None:
     every, alone = np.linspace(0, 100, 1001), np.linspace(40, 60, 1001)
-    found = quantity(50.0, "Pa", every, alone)
-    assert found.interval_95 == pytest.approx((2.5, 97.5))
-    assert found.interval_95_fit == pytest.approx((40.5, 59.5))
+    value = quantity(50.0, "Pa", every, alone)
+    assert value.interval_95 == pytest.approx((2.5, 97.5))
+    assert value.interval_95_fit == pytest.approx((40.5, 59.5))
 
 
 def problem(*freed: NuisancePrior, stated: tuple[str, ...] = ()) -> Problem:
-    known = tuple(StatedSource(source, SOURCES[source].usual, "here") for source in stated)
+    sources = tuple(StatedSource(source, SOURCES[source].usual, "here") for source in stated)
     model, loads = BeamModel(BEAM), Loads.along((3.0,))
-    experiment = Experiment(model, loads, NOWHERE, stated=known)
-    unknowns = Unknowns(search_space(LAWS["neo-hookean"]), nuisances(freed, 1, [known]))
+    experiment = Experiment(model, loads, NOWHERE, stated=sources)
+    unknowns = Unknowns(search_space(LAWS["neo-hookean"]), nuisances(freed, 1, [sources]))
     return Problem(LAWS["neo-hookean"], unknowns, (experiment,))
 
 
-def test_what_is_freed_and_what_says_the_same_is_not_counted_beside_it() -> None:
+def test_a_freed_source_and_its_equivalents_are_not_counted_again() -> None:
     both = ("remanence", "width")
     assert [group.source for group in sources_of(problem(stated=both))] == list(both)[::-1]
     assert [group.source for group in sources_of(problem(NuisancePrior("moment", 0.02), stated=both))] == ["width"]
@@ -215,7 +224,7 @@ def test_what_is_freed_and_what_says_the_same_is_not_counted_beside_it() -> None
 
 
 def test_a_freed_number_is_held_by_its_prior_alone() -> None:
-    """One standard deviation costs as much as one standard deviation of anything else."""
+    """One standard deviation of it costs as much as one standard deviation of any other quantity."""
     unknowns = problem(NuisancePrior("moment", 0.02)).unknowns
     one_off = np.array([[0.3, 0.5]])
     one_off[0, 1] += 1 / np.sqrt(unknowns.prior[1])
@@ -223,16 +232,16 @@ def test_a_freed_number_is_held_by_its_prior_alone() -> None:
     assert unknowns.freed[0].value(one_off[:, 1]) == pytest.approx([0.02])
 
 
-def test_a_curve_counts_as_its_independent_rows_and_its_weight() -> None:
+def test_a_curve_counts_with_its_independent_rows_and_its_weight() -> None:
     curve = TensileCurve(np.array([0.1, 0.2]), np.array([10e3, 20e3]), weight=0.5)
-    known = TensileEvidence(curve, noise_Pa=200.0, correlation_rows=4.0)
+    evidence = TensileEvidence(curve, noise_Pa=200.0, correlation_rows=4.0)
     law, mu = LAWS["neo-hookean"], np.array([[46e3]])
-    z = known.standardised(law, mu)[0]
+    z = evidence.standardised(law, mu)[0]
     residuals = engineering_stress(law, mu, curve.strain)[0] - curve.stress_Pa
     assert (z**2).sum() == pytest.approx(0.5 * (residuals**2).sum() / (4.0 * 200.0**2))
 
 
-def test_another_seed_draws_other_errors_of_the_sources() -> None:
+def test_the_draws_of_the_sources_depend_on_the_seed() -> None:
     model, loads = BeamModel(BEAM, 8, 1), Loads.along((3.0, 7.0))
     sides = points_on(edge_curves(model, model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads))[0], 1)[:, :, 1:-1]
     sigma = np.full(sides.shape[2], 0.01)
@@ -243,27 +252,27 @@ def test_another_seed_draws_other_errors_of_the_sources() -> None:
     one, other = (identify("neo-hookean", [experiment], seed=seed) for seed in (1, 2))
     assert (one.draws.seed, other.draws.seed) == (1, 2)
     space = search_space(LAWS["neo-hookean"])
-    problem, begun = Problem(LAWS["neo-hookean"], Unknowns(space), (experiment,)), np.full(1, 0.5)
-    first, again, second = (refine(problem, begun, seed).estimate.draws.values for seed in (1, 1, 2))
-    assert first == again != second  # of one optimum: what differs is drawn
+    problem, start = Problem(LAWS["neo-hookean"], Unknowns(space), (experiment,)), np.full(1, 0.5)
+    first, again, second = (refine(problem, start, seed).estimate.draws.values for seed in (1, 1, 2))
+    assert first == again != second  # the optimum is the same, only the draws differ
     assert one.initial_shear_modulus.value == pytest.approx(other.initial_shear_modulus.value, rel=1e-3)
     searched = [[generation.mean_mm for generation in fit.history] for fit in (one, other)]
     assert searched[0][0] != searched[1][0]
 
 
 @pytest.mark.parametrize(("times", "doubted"), [(8.0, False), (15.0, True)])
-def test_residuals_of_so_many_times_the_stated_noise_are_a_doubt(times: float, doubted: bool) -> None:
+def test_residuals_ten_times_the_stated_noise_are_a_doubt(times: float, doubted: bool) -> None:
     sigma = np.full(12, 0.002)
     points = np.zeros((12, 2))
-    seen = EdgeObservation.from_edges([(points, sigma, points, sigma)] * 5)
-    misfit = seen.of_residuals(np.full((1, 5, 2, 12), times * 0.002))
-    experiment = Experiment(MODEL, Loads.along(np.arange(5.0)), seen)
+    observed = EdgeObservation.from_edges([(points, sigma, points, sigma)] * 5)
+    misfit = observed.of_residuals(np.full((1, 5, 2, 12), times * 0.002))
+    experiment = Experiment(MODEL, Loads.along(np.arange(5.0)), observed)
     final: Any = SimpleNamespace(misfits=(misfit,))
     assert bool(doubts(final, [experiment])) == doubted
-    # One state far above the others is told by its number.
+    # One state with a far larger error is named by its number.
     one = np.full((1, 5, 2, 12), 0.002)
     one[:, 3] *= 6 * times
-    final = SimpleNamespace(misfits=(seen.of_residuals(one),))
+    final = SimpleNamespace(misfits=(observed.of_residuals(one),))
     assert [doubt.state for doubt in doubts(final, [experiment])] == [3]
 
 
@@ -271,7 +280,7 @@ def turned(angle_deg: float) -> Array:
     return np.array([np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))])
 
 
-def test_what_deviates_in_direction_turns_field_gravity_and_weight() -> None:
+def test_an_error_of_the_axis_turns_field_gravity_and_weight() -> None:
     loads = Loads.along([5.0], 90.0, 10.0, [0.02])
     for source, field_deg, gravity_deg in (("field", 93.0, 10.0), ("gravity", 90.0, 13.0), ("axis", 87.0, 7.0)):
         there = loads_under(loads, {source: np.array([3.0])})
@@ -280,13 +289,13 @@ def test_what_deviates_in_direction_turns_field_gravity_and_weight() -> None:
         assert there.tip_force_N[0] == pytest.approx(0.02 * turned(gravity_deg))
 
 
-def test_a_zero_of_the_current_adds_as_many_millitesla_to_every_field() -> None:
+def test_an_error_of_zero_current_adds_a_constant_to_every_field() -> None:
     loads = Loads.along([-2.0, 0.0, 5.0], 60.0)
     there = loads_under(loads, {"offset": np.array([0.5])})
     assert there.field_T == pytest.approx(Loads.along([-1.5, 0.5, 5.5], 60.0).field_T)
 
 
-def test_a_dimension_deviates_by_what_is_said_of_it() -> None:
+def test_a_dimension_deviates_by_its_stated_uncertainty() -> None:
     for source, own in (
         ("width", "width_mm"),
         ("depth", "depth_mm"),
@@ -299,7 +308,7 @@ def test_a_dimension_deviates_by_what_is_said_of_it() -> None:
         assert getattr(magnet, own) == getattr(BEAM.magnet, own) + 0.3
 
 
-def test_a_tip_force_stays_on_a_beam_whose_dimensions_deviate() -> None:
+def test_a_tip_force_stays_at_the_tip_of_a_beam_whose_dimensions_deviate() -> None:
     beam = replace(BEAM, magnet=None, tip_load_mm=(30.0, -1.5))
     smaller = specimen_under(beam, {"length": np.array([-0.3]), "width": np.array([-0.1])})
     assert smaller.tip_load_mm == pytest.approx((29.7, -1.45))

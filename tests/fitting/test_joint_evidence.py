@@ -1,4 +1,4 @@
-"""Fits to more than edges: tensile curves, freed nuisances, points, a free bulk modulus; and edges that are wrong."""
+"""Fits to edges together with tensile curves, freed nuisances, points or a free bulk modulus; fits to wrong edges."""
 
 from __future__ import annotations
 
@@ -34,27 +34,27 @@ def edges_of(
     field_mT: tuple[float, ...] = (0.0, 4.0, 7.0),
     turned_deg: float = 0.0,
 ) -> Experiment:
-    """Noisy edges of a beam of a known law whose field is off by a factor, seen by a camera that is rolled."""
+    """Return noisy edges of a known law in a field that is off by a factor, seen by a rolled camera."""
     rng = np.random.default_rng(1)
     loads = Loads.along(field_mT, gravity_angle_deg=gravity)
     fine = BeamModel(SPECIMEN, 52, 6)
     shapes = fine.solve(LAWS[model], np.array([parameters]), loads, field_factor=np.array([field_factor]))
     sides = points_on(edge_curves(fine, shapes)[0], 1)[:, :, 1:-1]
     c, s = np.cos(np.radians(turned_deg)), np.sin(np.radians(turned_deg))
-    seen = sides @ np.array([[c, s], [-s, c]]) + rng.normal(0, NOISE_MM, sides.shape)
+    edges = sides @ np.array([[c, s], [-s, c]]) + rng.normal(0, NOISE_MM, sides.shape)
     sigma = np.full(sides.shape[2], NOISE_MM)
-    observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in seen])
+    observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in edges])
     return Experiment(BeamModel(SPECIMEN).refined(), loads, observed)
 
 
 def relative_width(fit) -> float:
-    """Half-width of the modulus' interval over the modulus."""
+    """Return the half-width of the interval of the modulus divided by the modulus."""
     low, high = fit.initial_shear_modulus.interval_95
     return float(0.5 * (high - low) / fit.initial_shear_modulus.value)
 
 
 def ends(fit) -> list[tuple[float, float]]:
-    """Of the parameters' intervals."""
+    """Return the ends of the intervals of the parameters."""
     return [quantity.interval_95 for quantity in fit.parameters.values()]
 
 
@@ -80,9 +80,9 @@ def test_a_tensile_curve_separates_c10_from_c01():
 def test_an_unknown_moment_widens_the_modulus_by_its_prior():
     # Without gravity torque and stiffness scale together: the data fix the ratio of modulus and moment alone.
     bent = edges_of("neo-hookean", [46e3], gravity=None)
-    known = identify("neo-hookean", [bent], seed=1)
+    fixed = identify("neo-hookean", [bent], seed=1)
     freed = identify("neo-hookean", [bent], seed=1, free=[NuisancePrior("moment", 0.02)])
-    assert relative_width(known) < 2e-3
+    assert relative_width(fixed) < 2e-3
     assert relative_width(freed) == pytest.approx(1.96 * 0.02, rel=0.15)
     (moment,) = freed.freed
     assert (moment.name, moment.deviation.unit, moment.prior_standard_deviation) == ("moment", "1", 0.02)
@@ -92,7 +92,7 @@ def test_an_unknown_moment_widens_the_modulus_by_its_prior():
     assert "the data fix their ratio" in freed.identifiability.statement
 
 
-def test_gravity_tells_a_wrong_moment():
+def test_gravity_determines_the_magnetic_moment():
     bent = edges_of("neo-hookean", [46e3], field_factor=1.05, field_mT=(0.0, 3.0, 6.0, 9.0))
     taken_for_right = identify("neo-hookean", [bent], seed=1)
     freed = identify("neo-hookean", [bent], seed=1, free=[NuisancePrior("moment", 0.1)])
@@ -104,13 +104,13 @@ def test_gravity_tells_a_wrong_moment():
     assert abs(moment.deviation.value - 0.05) < 0.02
 
 
-def test_roll_and_clamp_are_found_and_a_coil_constant_is_common_to_all():
+def test_roll_and_clamp_are_identified_for_each_dataset_and_the_coil_constant_for_all():
     turned = edges_of("neo-hookean", [46e3], turned_deg=0.2)
     fit = identify("neo-hookean", [turned], seed=1, free=[NuisancePrior("roll", 0.3), NuisancePrior("clamp", 0.05)])
-    found = {value.name: value for value in fit.freed}
-    assert set(found) == {"roll", "clamp x", "clamp y"}
-    assert found["roll"].deviation.value == pytest.approx(0.2, abs=0.02)
-    assert abs(found["clamp y"].deviation.value) < 0.01
+    by_name = {value.name: value for value in fit.freed}
+    assert set(by_name) == {"roll", "clamp x", "clamp y"}
+    assert by_name["roll"].deviation.value == pytest.approx(0.2, abs=0.02)
+    assert abs(by_name["clamp y"].deviation.value) < 0.01
     assert fit.initial_shear_modulus.value == pytest.approx(46e3, rel=0.01)
     assert fit.error_mm.mean() == pytest.approx(NOISE_MM, rel=0.3)
     freed = [NuisancePrior("coil", 0.01), NuisancePrior("roll", 0.3)]
@@ -122,7 +122,7 @@ def test_roll_and_clamp_are_found_and_a_coil_constant_is_common_to_all():
     ]
 
 
-def test_edges_and_tracked_points_of_two_specimens_in_one_fit():
+def test_edges_and_tracked_points_of_two_specimens_are_fitted_together():
     plain = Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")
     loads = Loads.along([0.0, 0.0], 90.0, 90.0, [0.001, 0.002])
     model = BeamModel(plain).refined()
@@ -137,7 +137,7 @@ def test_edges_and_tracked_points_of_two_specimens_in_one_fit():
     assert low < 46e3 < high
 
 
-def test_a_free_bulk_modulus_is_told_as_not_fixed_and_refused_in_plane_stress():
+def test_a_free_bulk_modulus_is_reported_as_not_fixed_and_refused_in_plane_stress():
     bent = edges_of("neo-hookean", [46e3])
     fit = identify("neo-hookean", [bent], seed=1, free_bulk=True)
     assert fit.identifiability.not_fixed == ("log10 K/mu",)
@@ -151,7 +151,7 @@ def test_a_free_bulk_modulus_is_told_as_not_fixed_and_refused_in_plane_stress():
         identify("neo-hookean", [flat], free_bulk=True)
 
 
-# Of other kinds: tests/lab/test_fit_auxiliary.py
+# For other kinds see tests/lab/test_fit_auxiliary.py.
 GARBAGE = {
     "left for right": (lambda p: p[:, ::-1], NotExplained),
     "wrong sign of the field": (lambda p: p[:, ::-1] * [1, -1], NamedCause),
@@ -159,14 +159,14 @@ GARBAGE = {
 
 
 @pytest.mark.parametrize("kind", GARBAGE)
-def test_garbage_has_no_result(kind: str):
+def test_edges_that_no_material_explains_are_refused(kind: str):
     change, refusal = GARBAGE[kind]
     good = edges_of("neo-hookean", [46e3])
     points = np.ascontiguousarray(change(good.observed.points_mm))
     bad = replace(good, observed=replace(good.observed, points_mm=points))
-    with pytest.raises(refusal, match="no material explains this") as told:
+    with pytest.raises(refusal, match="no material explains this") as raised:
         identify("neo-hookean", [bad], seed=1, most_generations=30)
-    assert told.value.experiment == 0
+    assert raised.value.experiment == 0
 
 
 def test_residuals_far_above_the_stated_noise_are_a_doubt():

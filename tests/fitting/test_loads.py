@@ -1,4 +1,4 @@
-"""Each load against an exact result: the elastica in its own ordinary differential equation, and the thick cylinder."""
+"""Compare each load with an exact result: the elastica by its differential equation, and the thick cylinder."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ BENDING = 3 * 0.05 * WIDTH**3 / 12  # N mm² for each mm of depth, plane stress:
 
 
 def elastica(couple=None, dead=(0.0, 0.0), pressure=(0.0, 0.0, 0.0), force=(0.0, 0.0), end_couple=None):
-    """(rotation, x, y) at the tip of an inextensible rod clamped at 0, per mm of depth.
+    """Return (rotation, x, y) at the tip of an inextensible rod that is clamped at 0, per mm of depth.
 
-    couple(theta): N, on each mm; dead: N/mm², on each mm; pressure: (p, from, to), on the side below the rod, whose
-    face is longer or shorter than the rod by half its width times the curvature; force and end_couple: at the tip.
-    Shooting from the clamp, in five steps of all loads.
+    couple(theta): N, per mm of length; dead: N/mm², per mm; pressure: (p, from, to) on the side below the rod, whose
+    face is longer or shorter than the rod by half its width times the curvature; force and end_couple act at the tip.
+    The shooting method starts at the clamp, with five steps of all loads.
     """
     p, first, last = pressure
     scale = np.array([BENDING / LENGTH, BENDING / LENGTH**2, BENDING / LENGTH**2])
@@ -57,15 +57,15 @@ def elastica(couple=None, dead=(0.0, 0.0), pressure=(0.0, 0.0, 0.0), force=(0.0,
 
     clamp = np.zeros(3)
     for share in np.linspace(0.2, 1.0, 5):
-        found = root(miss, clamp, (share,), tol=1e-8)
-        assert found.success
-        clamp = found.x
+        solution = root(miss, clamp, (share,), tol=1e-8)
+        assert solution.success
+        clamp = solution.x
     y = integrate(clamp, 1.0)
     return np.array([y[0], y[4], y[5]])
 
 
 def beam(loads, **specimen):
-    """(rotation, x, y) at the tip of a slender plane-stress beam."""
+    """Return (rotation, x, y) at the tip of a slender plane-stress beam."""
     model = BeamModel(Specimen(LENGTH, WIDTH, DEPTH, specimen.pop("density", 0.0), "plane-stress", **specimen), 40, 1)
     shapes = model.solve(NEO, MU, loads, tolerance_mm=1e-7)
     assert shapes.converged[0]
@@ -74,14 +74,15 @@ def beam(loads, **specimen):
     )
 
 
-def check(found, exact, accuracy=1e-3):
-    assert abs(exact[0]) > 0.3  # far from small deflection
-    assert found[0] == pytest.approx(exact[0], rel=accuracy)
-    assert found[1:] == pytest.approx(exact[1:], abs=accuracy * LENGTH)
+def check(computed, exact, accuracy=1e-3):
+    """Compare rotation and place of the tip with the exact ones."""
+    assert abs(exact[0]) > 0.3  # a large deflection
+    assert computed[0] == pytest.approx(exact[0], rel=accuracy)
+    assert computed[1:] == pytest.approx(exact[1:], abs=accuracy * LENGTH)
 
 
 @pytest.mark.parametrize(("start", "stop", "strength"), [(0.0, LENGTH, 16.0), (30.0, 77.7, 26.0)])
-def test_pressure_on_a_face_follows_it(start, stop, strength):
+def test_a_pressure_follows_its_face(start, stop, strength):
     p = strength * BENDING / LENGTH**3
     loads = Loads.along(np.zeros(6), gravity_angle_deg=None, pressure_Pa=1e6 * np.linspace(0, p, 6))
     left, right = (beam(loads, pressure_face=PressureFace(side, start, stop)) for side in ("left", "right"))
@@ -90,37 +91,37 @@ def test_pressure_on_a_face_follows_it(start, stop, strength):
 
 
 @pytest.mark.parametrize(("angle", "direction"), [(30.0, 0.0), (150.0, 0.0), (100.0, 40.0)])
-def test_magnetised_silicone_in_a_field_at_an_angle(angle, direction):
+def test_magnetised_silicone_in_an_oblique_field_agrees_with_the_elastica(angle, direction):
     field, strength = np.radians(angle), 6 * BENDING / (WIDTH * LENGTH**2)  # M B, N/mm²
     at_rest = np.radians(direction)
     flux = 0.02
     magnetisation = 1e6 * strength / flux * np.array([np.cos(at_rest), np.sin(at_rest)])
-    found = beam(
+    computed = beam(
         Loads.along(1e3 * np.linspace(0, flux, 6), angle, None), magnetisation_A_per_m=tuple(map(float, magnetisation))
     )
-    check(found, elastica(couple=lambda theta: strength * WIDTH * np.sin(field - theta - at_rest)), 2e-3)
+    check(computed, elastica(couple=lambda theta: strength * WIDTH * np.sin(field - theta - at_rest)), 2e-3)
 
 
 @pytest.mark.parametrize("angle", [30.0, 120.0])
-def test_a_magnet_in_a_field_at_an_angle(angle):
+def test_a_magnet_in_an_oblique_field_agrees_with_the_elastica(angle):
     magnet = Magnet(1e-2, WIDTH, DEPTH, 1.0, 1.0)  # as good as a point at the tip
     moment = 2.5 * BENDING / LENGTH  # m B, N mm for each mm of depth
     flux = moment * DEPTH / (1e3 * magnet.moment_A_m2)
-    found = beam(Loads.along(1e3 * np.linspace(0, flux, 6), angle, None), magnet=magnet)
-    check(found, elastica(end_couple=lambda theta: moment * np.sin(np.radians(angle) - theta)))
+    computed = beam(Loads.along(1e3 * np.linspace(0, flux, 6), angle, None), magnet=magnet)
+    check(computed, elastica(end_couple=lambda theta: moment * np.sin(np.radians(angle) - theta)))
 
 
 @pytest.mark.parametrize("angle", [50.0, -130.0])
-def test_gravity_at_an_angle(angle):
+def test_oblique_gravity_agrees_with_the_elastica(angle):
     down = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
     weight = 12 * BENDING / LENGTH**3
     density = weight / (1e-9 * STANDARD_GRAVITY * WIDTH)
-    found = beam(Loads.along(0.0, gravity_angle_deg=angle), density=density)
-    check(found, elastica(dead=weight * down))
+    computed = beam(Loads.along(0.0, gravity_angle_deg=angle), density=density)
+    check(computed, elastica(dead=weight * down))
 
 
 @pytest.mark.parametrize(("angle", "place"), [(70.0, None), (110.0, (LENGTH, 0.5 * WIDTH))])
-def test_tip_force_at_an_angle_and_a_place(angle, place):
+def test_an_oblique_eccentric_tip_force_agrees_with_the_elastica(angle, place):
     force = 3 * BENDING / LENGTH**2
     down = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
     loads = Loads.along(0.0, gravity_angle_deg=angle, tip_force_N=force * DEPTH)
@@ -133,7 +134,7 @@ def test_tip_force_at_an_angle_and_a_place(angle, place):
 
 
 def cylinder(n):
-    """A quarter of a cylinder from radius 1 to 2, its inner face under pressure."""
+    """Return a quarter of a cylinder from radius 1 to 2 with a pressure on its inner face."""
     mesh = mapped_mesh(
         2 * n, n, lambda s, t: ((1 + t) * np.cos(np.pi / 2 * (1 - s)), (1 + t) * np.sin(np.pi / 2 * (1 - s)))
     )
@@ -143,7 +144,7 @@ def cylinder(n):
 
 
 @pytest.mark.parametrize(("stretch", "pressure"), [(1.1, 0.131562), (1.5, 0.428228), (2.0, 0.574054), (3.0, 0.660417)])
-def test_thick_cylinder_under_pressure(stretch, pressure):
+def test_a_thick_cylinder_under_pressure_agrees_with_the_exact_solution(stretch, pressure):
     # p/mu = ln(la/lb) + (lb^-2 - la^-2)/2 with A = 1, B = 2 (Ogden, Non-linear Elastic Deformations, 5.3.3).
     solid = cylinder(3)
     batch, now = Batch(NEO, np.array([[1.0]]), "plane-strain", np.array([1e6])), solid.rest(1)
@@ -177,14 +178,14 @@ def test_tangent_of_the_pressure_is_the_derivative_of_its_forces(seed):
         assert tangent[:, :, i] == pytest.approx(difference, abs=1e-6)
 
 
-def test_newton_with_the_pressures_tangent_ends_quadratically():
+def test_newtons_method_with_a_pressure_converges_quadratically():
     p = 16 * BENDING / LENGTH**3
     specimen = Specimen(LENGTH, WIDTH, DEPTH, 0.0, "plane-stress", pressure_face=PressureFace("left"))
     model = BeamModel(specimen, 40, 1)
     loads = Loads.along(0.0, gravity_angle_deg=None, pressure_Pa=1e6 * p)
     start = model.solve(NEO, MU, loads, tolerance_mm=1e-9)
     nearby = Loads.along(0.0, gravity_angle_deg=None, pressure_Pa=1.001e6 * p)
-    # Half a mm away at first: three steps that square the error reach a nanometre, linear ones would not.
+    # The start is 0.5 mm away: three steps with quadratic convergence reach 1 nm, linear convergence would not.
     assert model.solve(NEO, MU, nearby, tolerance_mm=1e-6, start=start.last).iterations[0, 0] <= 4
 
 
@@ -195,7 +196,7 @@ def test_pressure_at_the_sides_of_a_full_width_magnet_is_refused():
         BeamModel(specimen)
 
 
-def test_states_keep_their_pressure_when_taken_apart():
+def test_selected_states_keep_their_pressure():
     loads = Loads.along(np.arange(4.0), pressure_Pa=10.0 * np.arange(4.0))
     assert loads.take(np.array([3, 1])).state(0) == pytest.approx(loads.state(3))
     assert Loads.along(np.arange(4.0), pressure_Pa=5.0).take(np.array([3, 1])).state(1)[-1] == 5.0

@@ -1,4 +1,4 @@
-"""A magnet with silicone around it: against the same body as a very stiff part of the mesh, and its limits."""
+"""A magnet with silicone around it: compared with a very stiff part of the mesh, and in its limits."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FIELDS = np.linspace(0, 7.05, 8)
 
 
 def with_magnet(width_mm: float, tip_offset_mm: float = 0.0, section: str = "plane-strain") -> Specimen:
-    """Magnets of different width with the same moment and weight."""
+    """Return beams with magnets of different width and the same moment and weight."""
     share = 3.0 / width_mm
     magnet = Magnet(4.0, width_mm, 2.0, 1.2 * share, 7500.0 * share, tip_offset_mm)
     return Specimen(30.0 + tip_offset_mm, 3.0, 5.0, 1070.0, section, magnet)
@@ -32,18 +32,18 @@ def with_magnet(width_mm: float, tip_offset_mm: float = 0.0, section: str = "pla
 
 @dataclass(frozen=True)
 class TwoStiffnesses(NeoHookean):
-    """Neo-Hookean with a shear modulus for each element."""
+    """A Neo-Hookean law with a shear modulus for each element."""
 
     mu: np.ndarray | None = None
 
     def planar(self, parameters, a, J, section):
-        """The batch's parameters are not looked at."""
+        """Return the energy; the parameters of the batch are not used."""
         return super().planar(self.mu[:, None, None, None], a, J, section)
 
 
 @pytest.mark.parametrize("section", ["plane-strain", "plane-stress"])
 @pytest.mark.parametrize(("width", "offset"), [(2.0, 0.0), (2.0, 1.5), (3.0, 1.5)])
-def test_it_moves_as_a_very_stiff_part_of_the_mesh_does(section, width, offset):
+def test_a_magnet_moves_like_a_very_stiff_part_of_the_mesh(section, width, offset):
     model = BeamModel(with_magnet(width, offset, section), 10, 2)
     loads = Loads.along(FIELDS, gravity_angle_deg=None)
     ours = model.solve(NEO, MU, loads, tolerance_mm=1e-8)
@@ -76,7 +76,7 @@ def test_it_moves_as_a_very_stiff_part_of_the_mesh_does(section, width, offset):
     assert np.abs(now.displacement).max() > 10
 
 
-def test_it_becomes_the_full_width_magnet():
+def test_a_magnet_of_almost_full_width_approaches_the_full_width_magnet():
     tips = []
     for width in (2.0, 2.5, 2.8, 2.94):
         model = BeamModel(with_magnet(width), 26, 2)
@@ -93,24 +93,22 @@ def test_it_becomes_the_full_width_magnet():
 
 @pytest.mark.parametrize("width", [3.0, 2.0])
 @pytest.mark.parametrize("gravity_angle_deg", [0.0, 90.0, 180.0])
-def test_silicone_before_and_behind_a_shallow_magnet_weighs_as_much_as_a_deep_magnet_of_its_density(
-    width, gravity_angle_deg
-):
+def test_silicone_before_and_behind_a_shallow_magnet_has_its_weight(width, gravity_angle_deg):
     shapes = []
     for depth_mm in (1.0, 5.0):
         magnet = Magnet(4.0, width, depth_mm, 1.2 / depth_mm, FULL.density_kg_m3)
         model = BeamModel(replace(FULL, magnet=magnet))
         shapes.append(model.solve(NEO, MU, Loads.along([0.0, 7.0], gravity_angle_deg=gravity_angle_deg)))
-    shallow, deep = (own.displacement for own in shapes)
+    shallow, deep = (shape.displacement for shape in shapes)
     assert shallow == pytest.approx(deep, abs=1e-6)
     assert np.abs(deep).max() > 1
-    # And weight there is felt.
+    # The weight of this silicone has an effect.
     light = BeamModel(replace(FULL, magnet=replace(magnet, density_kg_m3=0.0)))
     light_shapes = light.solve(NEO, MU, Loads.along([0.0, 7.0], gravity_angle_deg=gravity_angle_deg))
     assert np.abs(light_shapes.displacement - deep).max() > 0.05
 
 
-def test_silicone_thinner_than_a_hundredth_of_the_width_is_carried():
+def test_silicone_thinner_than_a_hundredth_of_the_width_moves_rigidly_with_the_magnet():
     thin, full = BeamModel(with_magnet(2.95)), BeamModel(FULL)
     assert len(thin.mesh.elements) == len(full.mesh.elements)
     angles = [m.tip_angle_deg(m.solve(NEO, MU, Loads.along(7.05)))[0, 0] for m in (thin, full)]
@@ -118,7 +116,7 @@ def test_silicone_thinner_than_a_hundredth_of_the_width_is_carried():
 
 
 @pytest.mark.parametrize(("width", "offset"), [(2.0, 0.0), (2.0, 1.5), (3.0, 1.5)])
-def test_the_outline_is_the_silicones(width, offset):
+def test_the_outline_is_that_of_the_silicone(width, offset):
     model = BeamModel(with_magnet(width, offset), 20, 2)
     length = model.specimen.length_mm
     shapes = model.solve(NEO, MU, Loads.along(FIELDS))
@@ -130,23 +128,23 @@ def test_the_outline_is_the_silicones(width, offset):
         assert points[0] == pytest.approx(corners[0], abs=1e-9)
         assert points[-1] == pytest.approx(corners[2], abs=1e-9)
         assert signed_distance(curve, corners[1:2]) == pytest.approx(0, abs=1e-4)
-    # Silicone beside or beyond the magnet gives way: it is not where the magnet would carry it.
+    # Silicone beside or beyond the magnet deforms: it does not move rigidly with the magnet.
     carried = model.carried(shapes, rest)[0, -1]
     assert np.linalg.norm(place - carried, axis=1)[[2, 5]].max() > 1e-6
-    # What is on the magnet is carried exactly, and agrees with its nodes.
+    # Points on the magnet move rigidly and agree with its nodes.
     near = length - offset - 4.0
     inner = np.array([[near + 1.0, 0.0], [near + 3.0, 0.4 * width]])
     assert model.grid.on_magnet(inner).all()
     nodes, weights = model.place(inner)
     by_nodes = inner + np.einsum("nai,na->ni", shapes.displacement[0, -1][nodes], weights)
     assert model.positions(shapes, inner)[0, -1] == pytest.approx(by_nodes, abs=1e-9)
-    # And the metric sees its own outline.
+    # The metric is zero for the outline of the model itself.
     observed = EdgeObservation.from_edges([(left, np.ones(len(left)), right, np.ones(len(right)))])
     last = model.solve(NEO, MU, Loads.along(FIELDS[-1:]), start=shapes.last)
     assert observed.misfit(model, last).error_mm.max() < 1e-6
 
 
-def test_points_on_a_bare_magnet_may_stand_out_but_not_of_silicone():
+def test_points_may_lie_outside_a_bare_magnet_but_not_outside_silicone():
     assert BeamModel(FULL).grid.on_magnet(np.array([[30.4, 1.7], [25.9, 0.0]])).tolist() == [True, False]
     model = BeamModel(with_magnet(2.0, 1.0))
     assert model.grid.on_magnet(np.array([[28.0, 1.2], [30.5, 0.0], [28.0, 0.9]])).tolist() == [False, False, True]
@@ -188,8 +186,8 @@ def test_the_whole_tangent_is_the_derivative_of_the_forces():
 
     def residual(unknowns):
         _, force, tie = linearise(unknowns[:-3], unknowns[None, -3:])
-        own = system._assembly.vector(force)[0, : system.n]
-        return np.concatenate([own, np.einsum("ebdr,ebd->r", tie, force[body.elements])])
+        assembled = system._assembly.vector(force)[0, : system.n]
+        return np.concatenate([assembled, np.einsum("ebdr,ebd->r", tie, force[body.elements])])
 
     about = np.concatenate([free, rigid[0]])
     tangent = np.linalg.inv(np.array([solve(column) for column in np.eye(len(about))]).T)
@@ -200,7 +198,7 @@ def test_the_whole_tangent_is_the_derivative_of_the_forces():
     assert np.abs(tangent - tangent.T).max() > 1e-3 * pressure[0]
 
 
-def test_candidates_do_not_feel_each_other_through_the_border():
+def test_candidates_with_a_rigid_body_do_not_affect_each_other():
     model = BeamModel(with_magnet(2.0, 1.0))
     loads = Loads.along(FIELDS)
     crowd = np.array([[1.0], [np.nan], [46e3], [-3.0], [1e10], [np.inf]])
@@ -211,7 +209,7 @@ def test_candidates_do_not_feel_each_other_through_the_border():
 
 
 @pytest.mark.parametrize("flexible_mm", [0.1, 1.0])
-def test_a_short_flexible_part_costs_no_endless_mesh(flexible_mm):
+def test_a_short_flexible_part_has_a_mesh_of_limited_size(flexible_mm):
     model = BeamModel(replace(with_magnet(2.0, 20.0), length_mm=24.0 + flexible_mm))
     assert len(model.mesh.elements) < 1000
     assert model.solve(NEO, MU, Loads.along(FIELDS)).converged[0]

@@ -1,4 +1,4 @@
-"""Many states need the memory of what is kept of them, not of what was computed on the way."""
+"""Memory for many states: it grows with the stored results only, not with the intermediate arrays."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def solved(states: int, **more: Any) -> Shapes:
 
 
 def bytes_a_state(run: Callable[[int], object]) -> float:
-    """By how much the largest memory grows from few states to many, a state."""
+    """Return the growth of the largest memory from few states to many, per state."""
     peaks = []
     for states in (FEW, MANY):
         tracemalloc.start()
@@ -39,25 +39,25 @@ def bytes_a_state(run: Callable[[int], object]) -> float:
     return (peaks[1] - peaks[0]) / (MANY - FEW)
 
 
-def test_a_path_keeps_its_last_states_alone() -> None:
+def test_a_path_keeps_its_last_states_only() -> None:
     assert bytes_a_state(solved) < 1.5 * len(CANDIDATES) * NODE_BYTES
 
 
-def test_states_sought_together_need_no_more_for_being_many() -> None:
-    """A stiffness matrix of each element, of all states at once, would be a hundred times that of its nodes."""
+def test_states_solved_together_need_memory_for_a_block_only() -> None:
+    """The element stiffness matrices of all states together would take a hundred times the memory of the nodes."""
     every = {states: solved(states, keep=True).every for states in (FEW, MANY)}
     assert bytes_a_state(lambda states: solved(states, near=every[states])) < 30 * NODE_BYTES
 
 
 def test_states_are_compared_in_blocks() -> None:
-    """An ordinary lens sees both faces of every state at several depths, and points lie before all their stations."""
+    """An ordinary lens needs both faces of every state at several depths, and points are compared with all stations."""
     view = View(np.array([15.0, 0.0]), 300.0)
     shapes = {states: solved(states) for states in (FEW, MANY)}
-    seen = {}
-    for states, own in shapes.items():
-        points = points_on(outline(MODEL, own, view)[0], 4)
-        seen[states] = EdgeObservation(points, np.full(points.shape[:-1], 0.005), view)
-    residuals = seen[MANY].misfit(MODEL, shapes[MANY]).residuals
+    peaks = {}
+    for states, shape in shapes.items():
+        points = points_on(outline(MODEL, shape, view)[0], 4)
+        peaks[states] = EdgeObservation(points, np.full(points.shape[:-1], 0.005), view)
+    residuals = peaks[MANY].misfit(MODEL, shapes[MANY]).residuals
     assert np.abs(residuals[0]).max() < 1e-9 < np.abs(residuals[1]).max(axis=(1, 2)).min()
-    growth = bytes_a_state(lambda states: seen[states].misfit(MODEL, shapes[states]))
+    growth = bytes_a_state(lambda states: peaks[states].misfit(MODEL, shapes[states]))
     assert growth < 4 * residuals[:, 0].nbytes

@@ -1,4 +1,4 @@
-"""The modulus that is followed during a run: what it says of a beam of a known one, and how it goes on."""
+"""The modulus that is estimated during a run, for a beam of known modulus."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BEAM = Specimen(length_mm=30.0, width_mm=3.0, depth_mm=3.0, density_kg_m3=1070.0
 
 
 def seen(fields_mT: list[float]) -> Experiment:
-    """Edges of the beam in some fields, with noise."""
+    """Return noisy edges of the beam in some fields."""
     model = BeamModel(BEAM)
     loads = Loads.along(fields_mT, gravity_angle_deg=0.0)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[TRUE_PA]]), loads)
@@ -31,22 +31,22 @@ def seen(fields_mT: list[float]) -> Experiment:
     )
 
 
-def test_it_finds_the_modulus_from_few_states_and_narrows_with_more() -> None:
+def test_the_modulus_from_few_states_is_right_and_narrows_with_more() -> None:
     experiment = seen([0.0, 1.0, 2.0, 3.0, 4.0])
     first = modulus_so_far(experiment.of_states(np.arange(2)))
     last = modulus_so_far(experiment, before=first)
     cold = modulus_so_far(experiment)
-    for found in (first, last):
-        low, high = found.interval_95_Pa
+    for estimate in (first, last):
+        low, high = estimate.interval_95_Pa
         assert low < TRUE_PA < high
-        assert low < found.value_Pa < high
+        assert low < estimate.value_Pa < high
     assert (first.states, last.states) == (2, 5)
     assert np.ptp(last.interval_95_Pa) < np.ptp(first.interval_95_Pa) < 0.1 * TRUE_PA
     assert last.value_Pa == pytest.approx(TRUE_PA, rel=0.01)
     assert last.value_Pa == pytest.approx(cold.value_Pa, rel=1e-3)  # wherever it begins
 
 
-def test_what_its_section_does_to_the_modulus_is_taken_out() -> None:
+def test_the_expected_bias_of_the_planar_section_is_removed() -> None:
     experiment = seen([0.0, 3.0])
     plain, corrected = modulus_so_far(experiment), modulus_so_far(experiment, section_bias=0.25)
     assert corrected.value_Pa == pytest.approx(plain.value_Pa / 1.25)

@@ -1,4 +1,4 @@
-"""Distances to simulated edges, against curves whose distances are known."""
+"""Distances to simulated edges, compared with curves whose distances are known."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ARRAYS = ("displacement", "rigid", "status", "iterations", "max_stretch")
 
 
 def arc(radius: float, segments: int = 12, angle: float = 1.2) -> np.ndarray:
-    """(S, 3, 2) quadratic segments on a circle about the origin."""
+    """Return quadratic segments (S, 3, 2) on a circle about the origin."""
     ends = np.linspace(0, angle, 2 * segments + 1)
     points = radius * np.column_stack([np.cos(ends), np.sin(ends)])
     return np.stack([points[0:-1:2], points[1::2], points[2::2]], axis=1)
@@ -73,7 +73,7 @@ def test_error_and_deviation_by_hand():
 
 
 def test_error_and_deviation_of_points_by_hand():
-    """Distances of 0.5 and 0.1 mm, whichever way: root mean square 0.36, deviation 0.2 mm."""
+    """Distances of 0.5 and 0.1 mm in any direction: root mean square 0.36 mm, deviation 0.2 mm."""
     model = BeamModel(Specimen(50.0, 2.0, 4.0, 1.0, "plane-stress"))
     shapes = model.solve(LAWS["neo-hookean"], np.array([[4e4]]), Loads.along(0.0, gravity_angle_deg=None))
     rest = np.array([[[20.0, 0.0], [30.0, 0.5], [40.0, 0.0]]])
@@ -83,7 +83,7 @@ def test_error_and_deviation_of_points_by_hand():
     assert misfit.deviation_mm[0, 0] == pytest.approx(0.2, abs=1e-9)
 
 
-def test_padding_does_not_count():
+def test_padding_points_are_ignored():
     model = BeamModel(SPECIMEN)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[4e4]]), Loads.along(0.0, gravity_angle_deg=None))
     one, three = np.array([[5.0, -1.7]]), np.column_stack([[5.0, 10.0, 15.0], [1.7] * 3])
@@ -108,7 +108,7 @@ def test_points_of_each_state_are_compared_in_their_own_state():
 
 
 def test_many_states_are_compared_as_each_alone_is():
-    """They are taken in blocks; a point that only some states have is found in these."""
+    """States are compared in blocks; some points exist in some states only."""
     model = BeamModel(Specimen(50.0, 2.0, 4.0, 1.0, "plane-stress"))
     loads = Loads.along(np.zeros(35), 90.0, 90.0, np.linspace(0, 2e-6, 35))
     shapes = model.solve(LAWS["neo-hookean"], np.array([[4e4], [8e4]]), loads)
@@ -116,9 +116,9 @@ def test_many_states_are_compared_as_each_alone_is():
     points = edge_curves(model, shapes)[0, :, :, 3:9, 1] + 0.01 * rng.standard_normal((35, 2, 6, 2))
     rest = np.column_stack([np.linspace(10, 48, 5), np.zeros(5)]) + 0.5 * rng.integers(0, 2, (35, 1, 1))
     moved = rest + 0.01 * rng.standard_normal((35, 5, 2))
-    for seen in (EdgeObservation(points, np.ones((35, 2, 6))), PointObservation(rest, moved, np.ones((35, 5)))):
-        every = seen.misfit(model, shapes)
+    for observed in (EdgeObservation(points, np.ones((35, 2, 6))), PointObservation(rest, moved, np.ones((35, 5)))):
+        every = observed.misfit(model, shapes)
         for k in (0, 15, 16, 34):
-            own = {name: value[:, [k]] for name, value in vars(shapes).items() if name in ARRAYS}
-            alone = seen.of_states(np.array([k])).misfit(model, replace(shapes, **own))
+            part = {name: value[:, [k]] for name, value in vars(shapes).items() if name in ARRAYS}
+            alone = observed.of_states(np.array([k])).misfit(model, replace(shapes, **part))
             assert every.residuals[:, k] == pytest.approx(alone.residuals[:, 0], abs=1e-12)

@@ -1,4 +1,4 @@
-"""What a camera sees of a bent solid: its faces lie within the outline, and the outline touches them."""
+"""The outline of a bent solid as a camera sees it: the faces lie within the outline and touch it."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ def test_the_faces_lie_within_the_outline_and_touch_it(beam, view):
     for side, y in enumerate((-1.5, 1.5)):
         points = np.stack(np.broadcast_arrays(x[:, None], y, z), axis=-1)
         places = model.positions(shapes, points.reshape(-1, 3))[0]
-        seen = places[..., :2] if camera is None else camera.seen(places)
-        out = signed_distance(curves[:, side], seen).reshape(2, 60, 41) * (-1 if side == 0 else 1)
+        image = places[..., :2] if camera is None else camera.seen(places)
+        out = signed_distance(curves[:, side], image).reshape(2, 60, 41) * (-1 if side == 0 else 1)
         assert out.max() < 1.5e-3  # quadratic segments follow the envelope as well as that
         assert out.max(axis=2).min() > -1.5e-3
 
@@ -76,10 +76,10 @@ def test_with_the_depth_held_it_is_the_edge_of_plane_strain():
     assert outline(solid, shapes) == pytest.approx(one, abs=1e-6)
     # A flat section in perspective: the union of both faces, whichever lies farther out.
     camera = VIEWS["aside"]
-    seen = outline(solid, shapes, camera)[0, -1]
+    image = outline(solid, shapes, camera)[0, -1]
     faces = [camera.centre_mm + 300 / (300 + z) * (one[0, -1] - camera.centre_mm) for z in (-2.5, 2.5)]
     for side, sign in ((0, -1), (1, 1)):
-        points = points_on(seen[side], 2)[2:-8]
+        points = points_on(image[side], 2)[2:-8]
         out = sign * np.stack([signed_distance(face[side], points) for face in faces])
         assert out.min(axis=0) == pytest.approx(0, abs=2e-3)
 

@@ -1,4 +1,4 @@
-"""A prior on a law's own parameter: it is weighed with the data as Bayes' rule has it for normal errors."""
+"""A prior on a parameter of the law has the weight that Bayes' rule gives it for normal errors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NOISE_MM = 0.05
 
 
 def tracked(model: str, parameters: list[float], forces_N: Sequence[float] = (0.0, 0.001, 0.002, 0.004)) -> Experiment:
-    """Nine noisy markers of a level strip of a known law under tip forces."""
+    """Return nine noisy markers on a horizontal strip of a known law under tip forces."""
     beam = BeamModel(STRIP)
     loads = Loads.along(np.zeros(len(forces_N)), gravity_angle_deg=90.0, tip_force_N=forces_N)
     rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
@@ -35,18 +35,18 @@ SEEN = tracked("neo-hookean", [46e3])
 
 @pytest.fixture(scope="module")
 def alone():
-    """The fit of one parameter without a prior."""
+    """Return the fit of one parameter without a prior."""
     return identify("neo-hookean", [SEEN])
 
 
 def spread(fit) -> float:
-    """Standard deviation of the only parameter, from its interval."""
+    """Return the standard deviation of the only parameter, from its interval."""
     low, high = fit.parameters["mu"].interval_95
     return float((high - low) / (2 * 1.96))
 
 
 def objective_mm(prior: Prior, moduli_Pa: np.ndarray, independent_points: float) -> np.ndarray:
-    """The objective along the only parameter."""
+    """Return the objective along the only parameter."""
     space = search_space(LAWS["neo-hookean"])
     unit = np.log(moduli_Pa / space.lower[0]) / np.log(space.upper[0] / space.lower[0])
     problem = Problem(LAWS["neo-hookean"], Unknowns(space), (SEEN,), priors=(prior,))
@@ -56,11 +56,11 @@ def objective_mm(prior: Prior, moduli_Pa: np.ndarray, independent_points: float)
 @pytest.mark.parametrize("share", [0.5, 1.0, 2.0], ids=["firm", "equal", "loose"])
 def test_value_and_interval_are_those_of_two_normal_measurements(alone, share):
     """The posterior mean is weighted by inverse variances, and the posterior variance is their inverse sum."""
-    own, noise = alone.values[0], spread(alone)
-    mean, deviation = own - 2 * noise, share * noise
+    measured, noise = alone.values[0], spread(alone)
+    mean, deviation = measured - 2 * noise, share * noise
     fit = identify("neo-hookean", [SEEN], priors=[Prior("mu", mean, deviation)])
     weight, prior_weight = noise**-2, deviation**-2
-    expected = (weight * own + prior_weight * mean) / (weight + prior_weight)
+    expected = (weight * measured + prior_weight * mean) / (weight + prior_weight)
     assert fit.values[0] == pytest.approx(expected, abs=0.1 * noise)
     assert spread(fit) == pytest.approx((weight + prior_weight) ** -0.5, rel=0.1)
     assert fit.priors == (Prior("mu", mean, deviation),)
@@ -81,11 +81,11 @@ def test_a_very_wide_prior_changes_nothing(alone):
 
 
 def test_a_prior_fixes_what_the_data_leave_open():
-    """Bending hardly tells C10 from C01: what is known of C10 then determines both."""
+    """Bending hardly distinguishes C10 from C01; a prior on C10 then determines both."""
     truth = [16e3, 7e3]
-    seen = tracked("mooney-rivlin", truth)
-    without = identify("mooney-rivlin", [seen])
-    with_prior = identify("mooney-rivlin", [seen], priors=[Prior("C10", 16e3, 200.0)])
+    experiment = tracked("mooney-rivlin", truth)
+    without = identify("mooney-rivlin", [experiment])
+    with_prior = identify("mooney-rivlin", [experiment], priors=[Prior("C10", 16e3, 200.0)])
     assert without.identifiability.not_fixed == ("C01/(C10+C01)",)
     assert with_prior.identifiability.not_fixed == ()
     assert with_prior.identifiability.statement.startswith("These data and the stated priors fix")
@@ -103,21 +103,23 @@ def test_a_prior_on_the_initial_shear_modulus_is_one_on_the_sum(alone):
 
 
 def test_a_prior_goes_with_a_freed_nuisance(alone):
-    """Another stiffness explains what another width would: what is known of the one determines the other."""
+    """Another stiffness has the same effect as another width; a prior on one of them determines the other."""
     freed = [NuisancePrior("width", 0.1)]
     open_fit = identify("neo-hookean", [SEEN], free=freed)
-    held = identify("neo-hookean", [SEEN], free=freed, priors=[Prior("mu", 46e3, 50.0)])
-    assert spread(held) < 0.5 * spread(open_fit)
+    constrained = identify("neo-hookean", [SEEN], free=freed, priors=[Prior("mu", 46e3, 50.0)])
+    assert spread(constrained) < 0.5 * spread(open_fit)
 
 
 def test_a_prior_that_the_data_contradict_is_doubted():
-    seen = tracked("neo-hookean", [46e3], np.linspace(0.0, 0.004, 24).tolist())
-    own = identify("neo-hookean", [seen])
-    far, near = (Prior("mu", own.values[0] - away * spread(own), spread(own)) for away in (8, 1))
-    (distance,) = (fit := identify("neo-hookean", [seen], priors=[far])).prior_distances
+    experiment = tracked("neo-hookean", [46e3], np.linspace(0.0, 0.004, 24).tolist())
+    without_prior = identify("neo-hookean", [experiment])
+    far, near = (
+        Prior("mu", without_prior.values[0] - away * spread(without_prior), spread(without_prior)) for away in (8, 1)
+    )
+    (distance,) = (fit := identify("neo-hookean", [experiment], priors=[far])).prior_distances
     assert 3 < distance < 8
     assert any(re.search(r"lie \d+\.\d standard deviations from the prior on mu, ", d.words) for d in fit.doubts)
-    fit = identify("neo-hookean", [seen], priors=[near])
+    fit = identify("neo-hookean", [experiment], priors=[near])
     assert fit.prior_distances == pytest.approx([2**-0.5], rel=0.2)
     assert not any("prior" in d.words for d in fit.doubts)
 

@@ -1,4 +1,4 @@
-"""Steps of the load lead to the equilibrium that a fine path leads to, whatever the mesh, the steps and the law."""
+"""The path to an equilibrium: coarse load steps lead to the same equilibrium as fine ones, for any mesh and law."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def type3(section: Section) -> Specimen:
 
 
 def candidates(name: str, count: int, seed: int) -> np.ndarray:
-    """Random parameters, with moduli of the usual silicones."""
+    """Return random parameters with the moduli of common silicones."""
     space, rng = search_space(LAWS[name]), np.random.default_rng(seed)
     unit = rng.random((count, len(space.names)))
     unit[:, 0] = np.log(rng.uniform(1e4**0.1, 2e5**0.1, count) ** 10 / space.lower[0]) / np.log(1e3)
@@ -32,7 +32,7 @@ def candidates(name: str, count: int, seed: int) -> np.ndarray:
 
 
 def leaps(model: BeamModel, name: str, parameters: np.ndarray) -> tuple[int, int, int]:
-    """Runs of stable candidates in 12, 6, 4, 3 and 2 steps: those that end elsewhere than in 72, that fail, all."""
+    """Count runs of stable candidates in 12, 6, 4, 3 and 2 steps: another equilibrium than in 72 steps, failed, all."""
     law = LAWS[name]
     fine = model.solve(law, parameters, Loads.along(np.linspace(0, HIGHEST_MT, FINE_STEPS + 1)))
     stable = fine.converged
@@ -49,7 +49,7 @@ def leaps(model: BeamModel, name: str, parameters: np.ndarray) -> tuple[int, int
 
 
 @pytest.mark.parametrize("name", ["yeoh", pytest.param("ogden", marks=pytest.mark.slow)])
-def test_no_leap(name):
+def test_no_candidate_leaps_to_another_equilibrium(name):
     elsewhere, failed, total = leaps(BeamModel(type3("plane-strain")), name, candidates(name, 30, 0))
     assert total > 100
     assert elsewhere == 0
@@ -57,8 +57,8 @@ def test_no_leap(name):
 
 
 @pytest.mark.parametrize("section", ["plane-strain", "plane-stress"])
-def test_all_states_at_once_from_a_beam_nearby_as_one_after_another(section):
-    law, loads = LAWS["yeoh"], Loads.along(np.linspace(0, HIGHEST_MT, 80))  # more than are solved together
+def test_states_solved_at_once_from_a_nearby_beam_equal_those_solved_in_order(section):
+    law, loads = LAWS["yeoh"], Loads.along(np.linspace(0, HIGHEST_MT, 80))  # more states than one block holds
     parameters = np.array([[1.0], [0.99], [1.02]]) * candidates("yeoh", 1, 3)
     stated, wider = BeamModel(type3(section)), BeamModel(replace(type3(section), width_mm=4.04))
     near = stated.solve(law, parameters, loads, keep=True).every
@@ -72,7 +72,7 @@ def test_all_states_at_once_from_a_beam_nearby_as_one_after_another(section):
     assert once.every is not None
     np.testing.assert_allclose(once.every.displacement, alone.displacement[0], atol=1e-6)
     assert once.iterations.max() <= 4
-    # From a beam that stands elsewhere it goes one state after another.
+    # If the given beam is far away, the states are solved one after another.
     turned = Loads(-loads.field_T, loads.gravity, loads.tip_force_N)
     back = wider.solve(law, parameters, turned, tolerance_mm=1e-6, near=near)
     np.testing.assert_allclose(back.rigid[..., 2], -alone.rigid[..., 2], atol=1e-6)
@@ -82,23 +82,23 @@ def test_all_states_at_once_from_a_beam_nearby_as_one_after_another(section):
 @pytest.mark.parametrize("section", ["plane-strain", "plane-stress"])
 @pytest.mark.parametrize(("mesh", "count"), [((13, 1), 100), ((26, 3), 25)])
 @pytest.mark.parametrize("name", LAWS)
-def test_no_leap_of_a_thousand(name, section, mesh, count):
+def test_none_of_a_thousand_candidates_leaps_to_another_equilibrium(name, section, mesh, count):
     elsewhere, failed, total = leaps(BeamModel(type3(section), *mesh), name, candidates(name, count, 1))
     assert elsewhere == 0
     assert failed <= 0.01 * total
 
 
 def solid_leaps(name: str, parameters: np.ndarray, magnet: Magnet) -> tuple[int, int, int]:
-    """Runs of the solid beside its planar model in 6 and 3 steps: elsewhere than the solid alone in 24, failed, all."""
+    """Count runs of the solid in 6 and 3 steps: different equilibrium than the solid alone in 24 steps, failed, all."""
     law, specimen = LAWS[name], replace(type3("solid"), magnet=magnet)
     alone, beside = SolidModel(specimen, 8, 1), SolidBeside(specimen, 8, 1)
     elsewhere = failed = total = 0
-    for own in parameters:
-        fine = alone.solve(law, own, Loads.along(np.linspace(0, HIGHEST_MT, 25)), tolerance_mm=1e-3)
+    for candidate in parameters:
+        fine = alone.solve(law, candidate, Loads.along(np.linspace(0, HIGHEST_MT, 25)), tolerance_mm=1e-3)
         if not fine.converged[0]:
             continue
         for steps in (6, 3):
-            shapes = beside.solve(law, own, Loads.along(np.linspace(0, HIGHEST_MT, steps + 1)))
+            shapes = beside.solve(law, candidate, Loads.along(np.linspace(0, HIGHEST_MT, steps + 1)))
             arrived = np.isin(shapes.status[0], (Status.CONVERGED, Status.UNSTABLE)).all()
             every = 24 // steps
             turn = np.abs(shapes.rigid[0, :, 2] - fine.rigid[0, ::every, 2])
@@ -109,7 +109,7 @@ def solid_leaps(name: str, parameters: np.ndarray, magnet: Magnet) -> tuple[int,
     return elsewhere, failed, total
 
 
-def test_no_leap_of_the_solid():
+def test_no_solid_leaps_to_another_equilibrium():
     elsewhere, failed, total = solid_leaps("yeoh", candidates("yeoh", 2, 3), Magnet(4.0, 4.0, 2.0, 1.2, 7500.0))
     assert (elsewhere, failed) == (0, 0)
     assert total >= 2
@@ -118,7 +118,7 @@ def test_no_leap_of_the_solid():
 @pytest.mark.slow
 @pytest.mark.parametrize("magnet", [Magnet(4.0, 4.0, 2.0, 1.2, 7500.0), Magnet(4.0, 4.0, 5.0, 0.5, 7500.0)])
 @pytest.mark.parametrize("name", LAWS)
-def test_no_leap_of_a_hundred_solids(name, magnet):
+def test_none_of_a_hundred_solids_leaps_to_another_equilibrium(name, magnet):
     elsewhere, failed, total = solid_leaps(name, candidates(name, 15, 1), magnet)
     assert elsewhere == 0
     assert failed <= 0.01 * total
@@ -126,7 +126,7 @@ def test_no_leap_of_a_hundred_solids(name, magnet):
 
 @pytest.mark.parametrize("magnet", [Magnet(4.0, 2.8, 2.0, 1.2, 7500.0), Magnet(4.0, 3.0, 2.0, 1.2, 7500.0, 0.05)])
 def test_a_thin_layer_of_silicone_about_the_magnet_is_followed_in_big_steps(magnet):
-    """Beside it, or beyond it: whole steps fail there, and the path through them is no guide to small ones."""
+    """With a layer beside or beyond the magnet whole steps fail, and extrapolation does not predict small steps."""
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", magnet))
     four, forty = (
         model.solve(LAWS["neo-hookean"], np.array([[46390.0]]), Loads.along(np.linspace(0, 7.05, n + 1)))
@@ -136,8 +136,8 @@ def test_a_thin_layer_of_silicone_about_the_magnet_is_followed_in_big_steps(magn
     assert four.rigid[0] == pytest.approx(forty.rigid[0, ::10], abs=1e-5)
 
 
-def test_a_turn_that_has_just_begun_is_followed_on_a_fine_mesh():
-    """What two places foretell of a turn is too long by its square; small elements at the magnet take that ill."""
+def test_a_rotation_that_begins_late_is_followed_on_a_fine_mesh():
+    """Extrapolation from two states overshoots by the square of the rotation, which small elements do not tolerate."""
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)), 52, 6)
     one, forty = (
         model.solve(LAWS["neo-hookean"], [[20e3]], Loads.along(np.linspace(0, 15, n + 1)[1:]), tolerance_mm=1e-4)
@@ -149,7 +149,7 @@ def test_a_turn_that_has_just_begun_is_followed_on_a_fine_mesh():
 
 
 @pytest.mark.parametrize("mesh", [(13, 1), (26, 3), (52, 6)])
-def test_a_law_that_softens_beyond_its_stretches_stays_on_its_path(mesh):
+def test_a_law_that_softens_beyond_the_reached_stretches_stays_on_its_path(mesh):
     model, parameters = BeamModel(type3("plane-strain"), *mesh), np.array([[23044.0, 534.0, -91.0]])
     six = model.solve(LAWS["yeoh"], parameters, Loads.along(1.41 * np.arange(6)))
     sixteen = model.solve(LAWS["yeoh"], parameters, Loads.along(0.47 * np.arange(16)))

@@ -1,4 +1,4 @@
-"""What `import eimi_fitting` offers: every name, what its documentation shows, and how little an import loads."""
+"""The public names of `eimi_fitting`: their documentation and examples, and the modules that an import loads."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_every_name_is_documented_by_an_example(name: str) -> None:
     assert ">>> " in written
 
 
-def test_names_are_those_of_the_modules_and_no_others() -> None:
+def test_public_names_are_those_of_the_modules() -> None:
     assert set(eimi_fitting.__all__) <= set(dir(eimi_fitting))
     for name in eimi_fitting.__all__:
         assert getattr(eimi_fitting, name) is not None
@@ -35,18 +35,18 @@ def test_names_are_those_of_the_modules_and_no_others() -> None:
 
 
 def loaded_by(statement: str) -> set[str]:
-    """The modules that a fresh interpreter has loaded after a statement."""
+    """Return the modules that a new interpreter has loaded after a statement."""
     words = f"import sys\n{statement}\nprint(*sys.modules)"
-    told = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
-    return set(told.stdout.split())
+    process = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    return set(process.stdout.split())
 
 
-def test_an_import_loads_nothing_that_is_not_asked_for() -> None:
+def test_an_import_loads_only_the_requested_modules() -> None:
     assert not {"numpy", "scipy", "cma"} & loaded_by("import eimi_fitting")
     assert "cma" not in loaded_by("from eimi_fitting import BeamModel, Loads, Specimen, LAWS")
 
 
-def test_a_search_does_not_load_what_draws_and_leaves_it_to_others() -> None:
+def test_a_search_loads_neither_matplotlib_nor_scipy_stats() -> None:
     loaded = loaded_by("from eimi_fitting import identify")
     assert "cma" in loaded
     assert not {"matplotlib", "scipy.stats"} & loaded

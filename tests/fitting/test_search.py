@@ -1,4 +1,4 @@
-"""The search on functions whose optimum is known, and that it can be told again what it was told before."""
+"""The search on functions with a known optimum, and its continuation from recorded generations."""
 
 from __future__ import annotations
 
@@ -37,52 +37,52 @@ def valley(units: Array) -> Values:
 
 
 def rastrigin(units: Array) -> Values:
-    """Many local minima about the one at OPTIMUM (Rastrigin 1974, as generalised by Mühlenbein et al. 1991)."""
+    """Many local minima around the one at OPTIMUM (Rastrigin 1974, as generalised by Mühlenbein et al. 1991)."""
     x = 10 * (units - OPTIMUM[: units.shape[1]])
     return Values((x**2 - 10 * np.cos(2 * np.pi * x) + 10).sum(axis=1))
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_one_run_comes_near_enough_for_the_polish_and_says_why_it_stopped(n, seed):
-    seen: list[tuple[Generation, Objectives]] = []
-    found = search(valley, n, seed=seed, enough_mm=0.1, progress=lambda *generation: seen.append(generation))
-    assert np.abs(found.unit - OPTIMUM[:n]).max() < 0.01
-    (run,) = found.runs
-    assert (run.stop, found.stop) == ("population", "population")
-    assert [generation for generation, _ in seen] == list(found.history)
-    assert run.generations == len(found.history)
-    assert found.evaluations == run.generations * run.population
-    assert found.objective_mm == run.best_mm == found.history[-1].best_mm
-    assert found.discarded.unconverged == sum(generation.discarded for generation in found.history)
+def test_one_run_ends_near_the_optimum_and_reports_why_it_stopped(n, seed):
+    generations: list[tuple[Generation, Objectives]] = []
+    result = search(valley, n, seed=seed, enough_mm=0.1, progress=lambda *generation: generations.append(generation))
+    assert np.abs(result.unit - OPTIMUM[:n]).max() < 0.01
+    (run,) = result.runs
+    assert (run.stop, result.stop) == ("population", "population")
+    assert [generation for generation, _ in generations] == list(result.history)
+    assert run.generations == len(result.history)
+    assert result.evaluations == run.generations * run.population
+    assert result.objective_mm == run.best_mm == result.history[-1].best_mm
+    assert result.discarded.unconverged == sum(generation.discarded for generation in result.history)
     assert all(
-        later.best_mm <= earlier.best_mm for earlier, later in zip(found.history, found.history[1:], strict=False)
+        later.best_mm <= earlier.best_mm for earlier, later in zip(result.history, result.history[1:], strict=False)
     )
-    for generation, told in seen:
-        assert generation.best_mm <= min(told.objective_mm)
-        valid = [value for value in told.objective_mm if value < DISCARDED_MM]
+    for generation, objectives in generations:
+        assert generation.best_mm <= min(objectives.objective_mm)
+        valid = [value for value in objectives.objective_mm if value < DISCARDED_MM]
         assert generation.mean_mm == pytest.approx(np.mean(valid))
         assert generation.axis_ratio >= 1
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_beam_that_hardly_moved_is_searched_as_thoroughly(seed):
-    found = search(lambda units: Values(1e-2 * np.abs(units[:, 0] - OPTIMUM[0])), 1, seed=seed, enough_mm=1e-4)
-    assert found.unit == pytest.approx(OPTIMUM[:1], abs=0.03)
-    assert len(found.history) > 3
+def test_a_beam_that_hardly_moved_is_searched_to_a_smaller_error(seed):
+    result = search(lambda units: Values(1e-2 * np.abs(units[:, 0] - OPTIMUM[0])), 1, seed=seed, enough_mm=1e-4)
+    assert result.unit == pytest.approx(OPTIMUM[:1], abs=0.03)
+    assert len(result.history) > 3
 
 
 @pytest.mark.parametrize("bipop", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_restarts_find_the_optimum_among_many_minima_that_one_run_misses(bipop):
+def test_restarts_find_an_optimum_that_one_run_misses(bipop):
     alone = [search(rastrigin, 2, seed=seed).objective_mm for seed in range(1, 4)]
     assert max(alone) > 0.5  # the nearest local minima are about 1 above the optimum
     for seed in range(1, 4):
-        found = search(rastrigin, 2, seed=seed, restarts=4, bipop=bipop)
-        assert found.objective_mm < 0.1
-        assert found.unit == pytest.approx(OPTIMUM[:2], abs=0.01)
+        result = search(rastrigin, 2, seed=seed, restarts=4, bipop=bipop)
+        assert result.objective_mm < 0.1
+        assert result.unit == pytest.approx(OPTIMUM[:2], abs=0.01)
 
 
-def test_populations_double_and_small_ones_get_no_more_than_as_much_again():
+def test_large_populations_double_and_small_ones_get_similar_effort():
     grown = search(rastrigin, 2, seed=1, restarts=3)
     assert [run.population for run in grown.runs] == [12, 24, 48, 96]
     assert {run.step_size for run in grown.runs} == {0.25}
@@ -101,31 +101,31 @@ def test_populations_double_and_small_ones_get_no_more_than_as_much_again():
     assert cost[1] < 1.5 * cost[0]
 
 
-def test_told_again_it_goes_on_bit_for_bit_and_evaluates_only_what_is_new():
-    told: list[Objectives] = []
-    whole = search(rastrigin, 3, seed=4, restarts=2, bipop=True, progress=lambda _, values: told.append(values))
-    for known in (0, 1, len(told) // 2, len(told) - 1, len(told)):
+def test_a_replayed_search_continues_identically_and_evaluates_only_new_candidates():
+    record: list[Objectives] = []
+    whole = search(rastrigin, 3, seed=4, restarts=2, bipop=True, progress=lambda _, values: record.append(values))
+    for count in (0, 1, len(record) // 2, len(record) - 1, len(record)):
         evaluated = []
 
         def counted(units: Array, evaluated: list[int] = evaluated) -> Values:
             evaluated.append(len(units))
             return rastrigin(units)
 
-        np.random.seed(known)  # noqa: NPY002  the global generator decides nothing
-        again = search(counted, 3, seed=4, restarts=2, bipop=True, replay=told[:known])
+        np.random.seed(count)  # noqa: NPY002  the global generator decides nothing
+        again = search(counted, 3, seed=4, restarts=2, bipop=True, replay=record[:count])
         assert again.unit.tolist() == whole.unit.tolist()
         assert (again.history, again.runs) == (whole.history, whole.runs)
-        assert len(evaluated) == len(told) - known
+        assert len(evaluated) == len(record) - count
 
 
-def test_what_another_search_was_told_is_refused():
+def test_the_record_of_another_search_is_refused():
     with pytest.raises(OtherSearch, match="generation 1 has 12 candidates, the generation to replay has 3"):
         search(rastrigin, 2, replay=[Objectives((1.0, 2.0, 3.0), 0, 0)])
 
 
 @dataclass(frozen=True)
 class Line:
-    """Residuals of a linear model in two unit coordinates, of one state."""
+    """Residuals of a linear model in two unit coordinates and one state."""
 
     residuals: Array
 
@@ -143,7 +143,7 @@ def linear(slopes: Array, target: Array) -> Callable[[Array, Line | None], Line]
     return lambda units, _: Line(units @ slopes - target)
 
 
-def test_polish_ends_at_the_best_place_within_the_bounds():
+def test_the_polish_ends_at_the_best_point_within_the_bounds():
     slopes = np.array([[1.0, 0.5, 0.2, 0.1], [0.9, 0.7, -0.1, 0.3]])
     # Without bounds the second coordinate would be 1.4; on its bound the first one has another best value.
     model = linear(slopes, np.array([0.2, 1.4]) @ slopes)
@@ -154,7 +154,7 @@ def test_polish_ends_at_the_best_place_within_the_bounds():
 
 
 @pytest.mark.parametrize("start", [0.1, 0.5])
-def test_polish_follows_what_the_data_fix_far_less_well(start: float):
+def test_the_polish_follows_a_direction_that_the_data_hardly_determine(start: float):
     # As a beam's modulus and a higher coefficient: 40 mm and 1 µm from bound to bound, with 0.4 µm of noise.
     slopes = np.array([[40.0, 0.0, 0.0], [0.0, 1e-3, 0.0]])
     model = linear(slopes, np.array([0.3, 0.9]) @ slopes + np.array([0.0, 0.0, 4e-4]))

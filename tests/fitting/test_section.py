@@ -1,4 +1,4 @@
-"""A beam taken for the solid that it is: what a fit makes of edges that no planar model follows."""
+"""Beams that are fitted as solids: the modulus from edges that no planar model reproduces, and the depth effect."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def similar_to(*effects):
 
 @cache
 def hidden():
-    """A solid on a mesh that is finer than a fit's in all three directions."""
+    """Return a solid on a mesh that is finer than that of a fit in all three directions."""
     model = SolidModel(BEAM, 30, 3, more=1)
     return model, model.solve(NEO, np.array([[TRUE_PA]]), LOADS, tolerance_mm=1e-3)
 
@@ -44,8 +44,8 @@ def observed(sigma_mm=0.001):
     sigma = np.full(curves.shape[2], sigma_mm)
     return EdgeObservation.from_edges(
         [
-            (*(part for side in own for part in (side + sigma_mm * rng.normal(size=side.shape), sigma)),)
-            for own in curves
+            (*(part for side in curve for part in (side + sigma_mm * rng.normal(size=side.shape), sigma)),)
+            for curve in curves
         ]
     )
 
@@ -56,7 +56,7 @@ def fitted(section, free=()):
     return identify("neo-hookean", [Experiment(model, LOADS, observed())], free=free)
 
 
-def test_a_solid_beams_modulus_is_found_where_planar_assumptions_miss_it():
+def test_the_modulus_of_a_solid_is_right_where_planar_sections_are_biased():
     solid, strain = fitted("solid"), fitted("plane-strain")
     modulus = solid.initial_shear_modulus
     assert modulus.value == pytest.approx(TRUE_PA, rel=0.005)
@@ -69,7 +69,7 @@ def test_a_solid_beams_modulus_is_found_where_planar_assumptions_miss_it():
 
 
 @pytest.mark.parametrize("specimen", [BEAM, SHALLOW], ids=["a magnet over the depth", "a shallower one"])
-def test_few_states_tell_the_others(specimen):
+def test_the_depth_effect_of_few_states_predicts_the_others(specimen):
     loads, modulus = Loads.along(np.linspace(0, 6, 11)), np.array([[TRUE_PA]])
     beside = SolidBeside(specimen, 13, 1)
     every = beside.solid.solve(NEO, modulus, loads, tolerance_mm=1e-4)
@@ -84,7 +84,7 @@ def test_few_states_tell_the_others(specimen):
 
 
 @pytest.mark.parametrize("gravity_deg", [0.0, 90.0], ids=["hanging", "level"])
-def test_one_state_tells_of_a_candidate_very_near(gravity_deg):
+def test_one_state_is_enough_for_a_very_similar_candidate(gravity_deg):
     loads = Loads.along(np.linspace(0, 6, 7), gravity_angle_deg=gravity_deg)
     beside = SolidBeside(BEAM, 13, 1)
     effect = beside.solve(NEO, np.array([[TRUE_PA]]), loads).effect
@@ -92,14 +92,16 @@ def test_one_state_tells_of_a_candidate_very_near(gravity_deg):
     assert len(near.effect.places) == 1
     every = beside.solid.solve(NEO, np.array([[1.003 * TRUE_PA]]), loads, tolerance_mm=1e-4)
     assert near.displacement == pytest.approx(every.displacement, abs=1e-3)
-    assert len(beside.solve(NEO, np.array([[TRUE_PA]]), loads).effect.places) > 1  # that of a near one is not kept
+    assert (
+        len(beside.solve(NEO, np.array([[TRUE_PA]]), loads).effect.places) > 1
+    )  # an effect taken from a similar candidate is not stored
 
 
 def test_a_candidate_of_the_same_law_and_planar_shapes_is_not_solved_again(monkeypatch):
     loads, ogden = Loads.along(np.linspace(0, 6, 7)), LAWS["ogden"]
     beside = SolidBeside(BEAM, 13, 1)
 
-    def of_two_terms(share):  # one material, however it is shared out to equal exponents
+    def of_two_terms(share):  # the same material for any division between terms of equal exponent
         mu = TRUE_PA / 2 * np.array([share, 1 - share, 0.0])
         return np.array([[mu[0], 2.0, mu[1], 2.0, 0.0, 2.0]])
 
@@ -114,7 +116,7 @@ def test_a_candidate_of_the_same_law_and_planar_shapes_is_not_solved_again(monke
     assert again.displacement == pytest.approx(expected.displacement, abs=1e-4)
     # Another law, another shape and another bulk modulus are each solved.
     for law, parameters, bulk in (
-        (NEO, np.array([[TRUE_PA / 2]]), None),  # the same material by another name
+        (NEO, np.array([[TRUE_PA / 2]]), None),  # the same material as another law
         (ogden, 1.002 * of_two_terms(0.2), None),
         (ogden, of_two_terms(0.2), np.array([1e3 * TRUE_PA])),
     ):
@@ -122,25 +124,25 @@ def test_a_candidate_of_the_same_law_and_planar_shapes_is_not_solved_again(monke
             beside.solve(law, parameters, loads, bulk_modulus_Pa=bulk, options=options)
 
 
-def test_of_candidates_known_the_one_that_bends_alike_tells_of_another():
+def test_the_depth_effect_of_the_most_similar_candidate_is_used():
     loads = Loads.along(np.linspace(0, 6, 7))
     beside = SolidBeside(BEAM, 13, 1)
-    known = [beside.solve(NEO, np.array([[share * TRUE_PA]]), loads).effect for share in (0.8, 1.0, 1.5)]
+    effects = [beside.solve(NEO, np.array([[share * TRUE_PA]]), loads).effect for share in (0.8, 1.0, 1.5)]
     for candidate, fewest in ((0.803, 0), (1.003, 1)):
         modulus = np.array([[candidate * TRUE_PA]])
         every = beside.solid.solve(NEO, modulus, loads, tolerance_mm=1e-4)
-        for order in (known, known[::-1]):
+        for order in (effects, effects[::-1]):
             near = beside.solve(NEO, modulus, loads, options=similar_to(*order))
             assert len(near.effect.places) == 1
-            assert near.effect.base.places == known[fewest].places
+            assert near.effect.base.places == effects[fewest].places
             assert near.displacement == pytest.approx(every.displacement, abs=1e-3)
-    # One that was told by another is as good as one that was solved alone.
+    # A shape from the effect of another candidate is as accurate as one that is solved separately.
     again = beside.solve(NEO, np.array([[TRUE_PA]]), loads, options=similar_to(near.effect))
     assert len(again.effect.places) == 1
     assert again.displacement == pytest.approx(beside.solve(NEO, np.array([[TRUE_PA]]), loads).displacement, abs=1e-3)
 
 
-def test_what_is_known_no_better_than_asked_for_takes_fewer_states():
+def test_a_lower_accuracy_needs_fewer_solved_states():
     loads, modulus = Loads.along(np.linspace(0, 6, 7)), np.array([[0.9 * TRUE_PA]])
     beside = SolidBeside(BEAM, 13, 1)
     effect = beside.solve(NEO, np.array([[TRUE_PA]]), loads).effect
@@ -152,7 +154,7 @@ def test_what_is_known_no_better_than_asked_for_takes_fewer_states():
     assert 1e-5 < np.abs(loosely.displacement - well.displacement).max() < 2e-2
 
 
-def test_a_planar_shape_that_is_there_is_not_sought_again(monkeypatch):
+def test_a_given_planar_shape_is_not_solved_again(monkeypatch):
     loads, modulus = Loads.along(np.linspace(0, 6, 7)), np.array([[TRUE_PA]])
     beside = SolidBeside(BEAM, 13, 1)
     assert beside.has_mesh_of(BeamModel(BEAM, 13, 1, "plane-stress"))
@@ -167,25 +169,25 @@ def test_a_planar_shape_that_is_there_is_not_sought_again(monkeypatch):
     )
 
 
-def test_states_that_lie_on_no_ray_of_loads_are_all_solved():
+def test_every_state_is_solved_if_the_loads_lie_on_no_ray():
     loads = Loads.along([0.0, 3.0, 3.0], gravity_angle_deg=0.0, tip_force_N=[0.0, 0.0, 0.003])
     beside = SolidBeside(BEAM, 13, 1)
-    found = beside.solve(NEO, np.array([[TRUE_PA]]), loads)
+    shapes = beside.solve(NEO, np.array([[TRUE_PA]]), loads)
     every = beside.solid.solve(NEO, np.array([[TRUE_PA]]), loads, tolerance_mm=1e-4)
-    assert found.effect is None
-    assert found.displacement == pytest.approx(every.displacement, abs=1e-3)
+    assert shapes.effect is None
+    assert shapes.displacement == pytest.approx(every.displacement, abs=1e-3)
 
 
-def test_where_no_effect_is_carried_the_plane_leads_the_solid_from_state_to_state(monkeypatch):
+def test_without_a_depth_effect_the_planar_model_predicts_the_next_solid_state(monkeypatch):
     loads, spent = Loads.along([0.0, 3.0, 3.0], gravity_angle_deg=0.0, tip_force_N=[0.0, 0.0, 0.003]), []
     beside, modulus = SolidBeside(BEAM, 13, 1), np.array([[TRUE_PA]])
     plain = beside.solid.solve(NEO, modulus, loads)
     solve = SolidModel.solve
 
-    def counted(*given, **named):
-        found = solve(*given, **named)
-        spent.append(int(found.iterations.sum()))
-        return found
+    def counted(*arguments, **named):
+        result = solve(*arguments, **named)
+        spent.append(int(result.iterations.sum()))
+        return result
 
     monkeypatch.setattr(SolidModel, "solve", counted)
     assert beside.solve(NEO, modulus, loads).displacement == pytest.approx(plain.displacement, abs=1e-3)
@@ -193,7 +195,7 @@ def test_where_no_effect_is_carried_the_plane_leads_the_solid_from_state_to_stat
     assert led < beside.solid.solve(NEO, modulus, loads, tolerance_mm=1e-2).iterations.sum()
 
 
-def test_a_solid_that_is_not_near_its_plane_is_followed_where_that_is_allowed():
+def test_a_solid_far_from_its_planar_model_is_followed_if_allowed():
     """Solve every state separately if the loads do not lie on one ray; the check itself is free."""
     loads, modulus = Loads.along([0.0, 3.0, 3.0], gravity_angle_deg=0.0, tip_force_N=[0.0, 0.0, 0.003]), [[TRUE_PA]]
     beside = SolidBeside(BEAM, 13, 1)
@@ -208,15 +210,15 @@ def test_a_solid_that_is_not_near_its_plane_is_followed_where_that_is_allowed():
     assert beside.solve(NEO, np.array(modulus), on_a_ray, options=SolidOptions("follow")).effect is None
 
 
-def test_a_solid_stands_last_where_it_stands_in_the_last_state():
+def test_the_last_shape_is_that_of_the_last_state():
     loads, modulus = Loads.along(np.linspace(0, 6, 7)), np.array([[TRUE_PA]])
     beside = SolidBeside(BEAM, 13, 1)
-    found = beside.solve(NEO, modulus, loads)
-    assert found.last.displacement == pytest.approx(found.displacement[:, -1])
-    assert found.last.rigid == pytest.approx(found.rigid[:, -1])
-    on = beside.solid.solve(NEO, modulus, Loads.along([6.0]), start=found.last, tolerance_mm=1e-2)
+    shapes = beside.solve(NEO, modulus, loads)
+    assert shapes.last.displacement == pytest.approx(shapes.displacement[:, -1])
+    assert shapes.last.rigid == pytest.approx(shapes.rigid[:, -1])
+    on = beside.solid.solve(NEO, modulus, Loads.along([6.0]), start=shapes.last, tolerance_mm=1e-2)
     assert on.iterations[0, 0] == 1
-    near = beside.solve(NEO, 0.95 * modulus, loads, options=similar_to(found.effect))
+    near = beside.solve(NEO, 0.95 * modulus, loads, options=similar_to(shapes.effect))
     places = np.array([0.01, 0.05, 0.2])
     moved, turned = near.effect.displacements(places)
     for place, nodes, body in zip(places, moved, turned, strict=True):
@@ -224,7 +226,7 @@ def test_a_solid_stands_last_where_it_stands_in_the_last_state():
         assert body == pytest.approx(near.effect.at(place).rigid[0])
 
 
-def test_tracked_points_lie_at_their_depth():
+def test_tracked_points_are_compared_at_their_depth():
     model, shapes = hidden()
     rest = np.array([[x, y] for x in (8.0, 16.0, 24.0) for y in (-1.4, 1.4)])
     depth = np.full(len(rest), 2.4)
@@ -232,7 +234,7 @@ def test_tracked_points_lie_at_their_depth():
     k = len(LOADS)
     every = [np.tile(rest, (k, 1, 1)), moved, np.full((k, len(rest)), 0.002)]
     flat = BeamModel(BEAM, plane="plane-stress").refined()
-    found = identify("neo-hookean", [Experiment(flat, LOADS, PointObservation(*every, np.tile(depth, (k, 1))))])
+    fit = identify("neo-hookean", [Experiment(flat, LOADS, PointObservation(*every, np.tile(depth, (k, 1))))])
     amid = identify("neo-hookean", [Experiment(flat, LOADS, PointObservation(*every))])
-    assert found.initial_shear_modulus.value == pytest.approx(TRUE_PA, rel=0.005)
-    assert found.mean_error_mm < 0.003 < amid.mean_error_mm
+    assert fit.initial_shear_modulus.value == pytest.approx(TRUE_PA, rel=0.005)
+    assert fit.mean_error_mm < 0.003 < amid.mean_error_mm

@@ -1,4 +1,4 @@
-"""Sensitivities against differences made another way and against what the physics says."""
+"""Compare sensitivities with independent differences and with physical relations."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ CANDIDATES = {
 
 
 def edges_of(model: BeamModel, law: Law, parameters: np.ndarray, loads: Loads) -> np.ndarray:
-    """(K, 2, m, 2) of one candidate."""
+    """Return the edges (K, 2, m, 2) of one candidate."""
     return points_on(edge_curves(model, model.solve(law, parameters[None], loads, tolerance_mm=1e-9)), 2)[0]
 
 
 def derivative(function, size: float) -> np.ndarray:
-    """Of function(h) at zero, fourth order with the step ``size``."""
+    """Return the derivative of function(h) at zero, to fourth order with the step ``size``."""
     near, far = (function(k * size) - function(-k * size) for k in (1, 2))
     return (8 * near - far) / (12 * size)
 
 
 @pytest.mark.parametrize("name", CANDIDATES)
-def test_the_derivative_is_that_of_curves_solved_one_by_one(name):
+def test_the_derivative_agrees_with_curves_solved_separately(name):
     # Fourth order, steps a hundred times larger: nothing in common but the curves themselves.
     model, law, candidates = BeamModel(SPECIMEN), LAWS[name], np.array(CANDIDATES[name])
-    found = edge_sensitivity(model, law, candidates, LOADS)
-    assert found.converged.all()
-    for candidate, edges, slopes in zip(candidates, found.edges, found.slope, strict=True):
+    sensitivity = edge_sensitivity(model, law, candidates, LOADS)
+    assert sensitivity.converged.all()
+    for candidate, edges, slopes in zip(candidates, sensitivity.edges, sensitivity.slope, strict=True):
         assert edges == pytest.approx(edges_of(model, law, candidate, LOADS), abs=1e-7)
         modulus = law.initial_shear_modulus(candidate)
         for i, unit in enumerate(law.units):
@@ -48,28 +48,28 @@ def test_the_derivative_is_that_of_curves_solved_one_by_one(name):
             assert slopes[i] == pytest.approx(wide, abs=1e-3 * np.abs(wide).max())
 
 
-def test_stiffness_and_field_undo_each_other():
+def test_stiffness_and_field_have_opposite_effects():
     # Without gravity only field over modulus counts: mu d(edges)/d(mu) = -B d(edges)/dB, the right side from fields.
     model, law, mu, field = BeamModel(SPECIMEN), LAWS["neo-hookean"], np.array([46e3]), np.array([2.0, 4.5, 7.05])
-    found = edge_sensitivity(model, law, mu, Loads.along(field, gravity_angle_deg=None))
+    sensitivity = edge_sensitivity(model, law, mu, Loads.along(field, gravity_angle_deg=None))
     by_field = derivative(
         lambda h: edges_of(model, law, mu, Loads.along((1 + h) * field, gravity_angle_deg=None)), 1e-3
     )
-    assert mu * found.slope[0, 0] == pytest.approx(-by_field, rel=1e-5, abs=1e-5)
+    assert mu * sensitivity.slope[0, 0] == pytest.approx(-by_field, rel=1e-5, abs=1e-5)
 
 
-def test_a_stiffer_beam_bends_less_and_both_halves_of_mooney_rivlin_count_the_same():
+def test_a_stiffer_beam_bends_less_and_both_mooney_rivlin_terms_have_the_same_effect():
     model = BeamModel(SPECIMEN, 26, 2)
-    found = edge_sensitivity(model, LAWS["mooney-rivlin"], np.array([18e3, 5e3]), LOADS)
-    slope = found.slope[0]
-    assert found.edges.shape == (1, *slope.shape[1:])
+    sensitivity = edge_sensitivity(model, LAWS["mooney-rivlin"], np.array([18e3, 5e3]), LOADS)
+    slope = sensitivity.slope[0]
+    assert sensitivity.edges.shape == (1, *slope.shape[1:])
     assert np.all(slope[:, 1:, :, -1, 1] < 0)  # the tip's deflection in the field
     assert slope[0] == pytest.approx(slope[1], abs=5e-3 * np.abs(slope).max())
 
 
-def test_a_candidate_without_equilibrium_says_so_and_leaves_the_others_alone():
+def test_a_candidate_without_equilibrium_is_marked_and_affects_no_other():
     model, law = BeamModel(SPECIMEN), LAWS["neo-hookean"]
-    found = edge_sensitivity(model, law, np.array([[46e3], [-1.0], [np.nan]]), LOADS)
-    assert found.converged.tolist() == [True, False, False]
+    sensitivity = edge_sensitivity(model, law, np.array([[46e3], [-1.0], [np.nan]]), LOADS)
+    assert sensitivity.converged.tolist() == [True, False, False]
     alone = edge_sensitivity(model, law, np.array([46e3]), LOADS)
-    assert found.slope[0] == pytest.approx(alone.slope[0], rel=1e-9)
+    assert sensitivity.slope[0] == pytest.approx(alone.slope[0], rel=1e-9)

@@ -1,4 +1,4 @@
-"""The solid element and model: derivatives, exact solutions, plane strain as a limit, an independent program."""
+"""The solid element and model: derivatives, exact solutions, plane strain as a limit, and an independent program."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def one_brick(name: str) -> tuple[brick.Operators, Batch]:
 
 
 def potential(ops: brick.Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndarray) -> float:
-    """Integral of psi + p (J - 1), from the principal stretches."""
+    """Return the integral of psi + p (J - 1), computed from the principal stretches."""
     F = brick.gradients(ops, nodal)
     F[range(3), range(3)] += 1
     J = np.linalg.det(np.moveaxis(F, (0, 1), (-2, -1)))
@@ -48,7 +48,7 @@ def potential(ops: brick.Operators, batch: Batch, nodal: np.ndarray, pressure: n
 
 
 def differences(function, nodal: np.ndarray) -> np.ndarray:
-    """Central differences of function(nodal) with respect to the 81 nodal displacements, stacked first."""
+    """Return central differences of function(nodal) in the 81 nodal displacements."""
     steps = (np.eye(81) * H).reshape(81, 1, 1, 3, 27)
     return np.array([(np.asarray(function(nodal + s)) - np.asarray(function(nodal - s))) / (2 * H) for s in steps])
 
@@ -80,17 +80,17 @@ def test_forces_tangent_and_predicted_stress_are_derivatives_of_the_energy(name,
 
 
 @every_law
-def test_with_the_depth_held_it_is_plane_strain(name):
+def test_the_element_with_its_depth_held_is_in_plane_strain(name):
     assert checks.against_plane_strain(name) < 1e-6
 
 
 @every_law
 @pytest.mark.parametrize("stretches", [(1.5, 1.5**-0.5), (1.3, 1.3)])  # uniaxial, equibiaxial
-def test_a_patch_of_distorted_bricks_stretches_evenly(name, stretches):
+def test_a_patch_of_distorted_bricks_stretches_uniformly(name, stretches):
     assert checks.even_stretch(name, *stretches) < 2e-6
 
 
-def test_thick_cylinder_with_its_orders_of_convergence():
+def test_a_thick_cylinder_converges_with_the_expected_orders():
     coarse, fine = (np.array(checks.cylinder(n, 1.5)) for n in (2, 4))
     assert fine[0] < 1e-5
     orders = np.log2(coarse / fine)
@@ -99,13 +99,13 @@ def test_thick_cylinder_with_its_orders_of_convergence():
 
 
 @pytest.mark.parametrize(("name", "of_torque"), [("neo-hookean", 0.005), ("mooney-rivlin", 0.005)])
-def test_pure_torsion_of_a_block(name, of_torque):
+def test_pure_torsion_of_a_block_agrees_with_the_exact_solution(name, of_torque):
     inner, torque = checks.torsion(name, 2, 0.5)
     assert inner < 1e-4
     assert torque == pytest.approx(1.0, abs=of_torque)
 
 
-def test_a_cantilever_falls_as_far_as_felupe_says():
+def test_the_deflection_of_a_cantilever_agrees_with_felupe():
     pytest.importorskip("felupe", reason="FElupe is not installed (pip install -e '.[bench]')")
     ours = checks.drop(checks.CANTILEVER, 88e3, 13, 2)
     coarse, fine = (checks.felupe_drop(checks.CANTILEVER, 88e3, cells) for cells in ((10, 3, 2), (20, 6, 3)))
@@ -113,7 +113,7 @@ def test_a_cantilever_falls_as_far_as_felupe_says():
     assert fine == pytest.approx(ours, rel=0.02)
 
 
-def test_between_plane_strain_and_plane_stress_and_near_plane_stress_where_the_beam_is_shallow():
+def test_the_solid_lies_between_plane_strain_and_plane_stress():
     def angle(depth: float) -> list[float]:
         specimen = Specimen(30.0, 3.0, depth, 1070.0, "plane-stress", Magnet(4.0, 3.0, depth, 1.2, 7500.0))
         loads = Loads.along(np.linspace(0, 3, 4))
@@ -130,7 +130,7 @@ def test_between_plane_strain_and_plane_stress_and_near_plane_stress_where_the_b
     assert thin == pytest.approx(stress, rel=0.004)
 
 
-def test_mid_depth_mirrors_and_the_magnet_carries_its_own_points():
+def test_positions_are_symmetric_in_depth_and_rigid_on_the_magnet():
     model = SolidModel(SHALLOW, 8, 1)
     shapes = model.solve(NEO, MODULUS, Loads.along([3.0, 6.0]))
     assert shapes.converged[0]
@@ -147,7 +147,7 @@ def test_mid_depth_mirrors_and_the_magnet_carries_its_own_points():
 
 
 @pytest.mark.parametrize("magnet", [None, Magnet(4.0, 2.0, 2.0, 1.2, 7500.0, 1.0)])
-def test_weight_force_and_field_do_the_work_that_the_supports_take(magnet):
+def test_the_reactions_balance_weight_force_and_field(magnet):
     # Virtual work of a translation along y: the reactions at the clamp are weight and tip force.
     specimen = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", magnet, magnetisation_A_per_m=(2e4, 1e4))
     model = SolidModel(specimen, 8, 1)
@@ -164,11 +164,13 @@ def test_weight_force_and_field_do_the_work_that_the_supports_take(magnet):
     block = magnet.length_mm * magnet.width_mm * magnet.depth_mm if magnet else 0.0
     mass = 1e-9 * (1070.0 * (30 * 3 * 5 - block) + 7500.0 * block)
     expected = mass * 9.80665 + 2e-4
-    own = loads.on(model.loaded)(loads.state(0), np.ones(1)).nodal[0, clamp]  # borne by the clamp at once
-    assert 2 * (total[clamp] - own)[:, :2].sum(axis=0) == pytest.approx([0.0, expected], abs=1e-7 * expected + 1e-10)
+    at_clamp = loads.on(model.loaded)(loads.state(0), np.ones(1)).nodal[0, clamp]  # borne by the clamp at once
+    assert 2 * (total[clamp] - at_clamp)[:, :2].sum(axis=0) == pytest.approx(
+        [0.0, expected], abs=1e-7 * expected + 1e-10
+    )
 
 
-def test_what_the_solid_does_not_take_is_refused_by_name():
+def test_unsupported_input_of_the_solid_is_refused_by_name():
     with pytest.raises(ValueError, match="pressure_face"):
         SolidModel(replace(SHALLOW, pressure_face=PressureFace("left")))
     with pytest.raises(ValueError, match="pressure_Pa"):
@@ -180,7 +182,7 @@ def test_what_the_solid_does_not_take_is_refused_by_name():
 @pytest.mark.parametrize(
     "principal", [(1.3, 0.9, 0.8), (0.8, 0.9, 1.3), (0.9, 0.8, 0.7), (1.3, 1.3, 0.6), (1.0, 1.0, 1.0)]
 )
-def test_the_largest_stretch_is_told_whatever_its_direction(principal):
+def test_the_largest_stretch_does_not_depend_on_its_direction(principal):
     mesh = brick_mesh(np.array([0.0, 2.0]), np.array([-0.5, 0.5]), np.array([0.0, 1.5]), lambda x, y, z: (x, y, z))
     turn, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
     gradient = np.diag(principal) @ turn

@@ -1,4 +1,4 @@
-"""Steel and gel alike: the range of a search is that of the data. And what a clamp that is elsewhere does to a fit."""
+"""The range of moduli follows from the data, from gel to steel; a displaced clamp is a doubt."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ GEL = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2
 
 
 def rod(forces_N: list[float], offset_mm: float = 0.0) -> Experiment:
-    """A dial gauge at the tip of a rod, as beam theory has it: F L^3 / (3 E I), beside the rod under its weight."""
+    """Return a dial gauge at the tip of a rod by beam theory, F L^3 / (3 E I), relative to the rod under its weight."""
     second_moment_mm4 = ROD.depth_mm * ROD.width_mm**3 / 12
     sag_mm = np.array(forces_N) * ROD.length_mm**3 / (3 * 1e-6 * YOUNG_PA * second_moment_mm4)
     rest = np.tile([[[ROD.length_mm, 0.0]]], (len(forces_N), 1, 1))
@@ -36,7 +36,7 @@ def rod(forces_N: list[float], offset_mm: float = 0.0) -> Experiment:
 
 
 def gel(modulus_Pa: float) -> Experiment:
-    """Points on a beam that the same fields, over its modulus, bend as they bend silicone."""
+    """Return points on a beam that fields in proportion to its modulus bend as they bend silicone."""
     loads = Loads.along(np.array([0.0, 4.0, 7.0]) * modulus_Pa / 46e3, gravity_angle_deg=None)
     model = BeamModel(GEL).refined()
     rest = np.column_stack([np.linspace(3, 24, 8), np.zeros(8)])
@@ -45,7 +45,7 @@ def gel(modulus_Pa: float) -> Experiment:
     return Experiment(model, loads, PointObservation(np.tile(rest, (3, 1, 1)), places + noise, np.full((3, 8), 0.005)))
 
 
-def test_a_steel_rod_with_a_dial_gauge():
+def test_the_modulus_of_a_steel_rod_with_a_dial_gauge():
     fit = identify("neo-hookean", [rod([1.0, 2.0, 4.0])])
     # Incompressible, so E = 3 mu; beam theory leaves out shear, which is worth (h/L)^2.
     assert fit.initial_shear_modulus.value == pytest.approx(YOUNG_PA / 3, rel=5e-3)
@@ -54,39 +54,39 @@ def test_a_steel_rod_with_a_dial_gauge():
 
 
 @pytest.mark.parametrize("modulus_Pa", [100.0, 3e9])
-def test_gel_and_plastic_without_changing_units(modulus_Pa):
+def test_moduli_of_gel_and_plastic_are_identified(modulus_Pa):
     fit = identify("neo-hookean", [gel(modulus_Pa)])
     assert fit.initial_shear_modulus.value == pytest.approx(modulus_Pa, rel=0.02)
     assert not fit.identifiability.at_bound
 
 
-def test_without_a_load_there_is_nothing_to_find():
+def test_a_fit_without_any_load_is_refused():
     still = replace(gel(46e3), loads=Loads.along([0.0, 0.0, 0.0], gravity_angle_deg=None))
     with pytest.raises(NothingActs, match="no load acts on the specimen in any state"):
         identify("neo-hookean", [still])
 
 
-def test_the_largest_deflection_is_that_of_the_point_that_moved_most():
+def test_the_largest_deflection_is_that_of_the_most_displaced_point():
     bent = gel(46e3)
     moved = np.linalg.norm(bent.observed.moved_mm - bent.observed.rest_mm, axis=-1)
     assert deflection_mm(bent) == pytest.approx(moved.max(), rel=1e-3)
 
 
-def test_a_dial_gauge_that_does_not_begin_at_zero_is_a_doubt_and_no_refusal():
+def test_a_dial_gauge_with_an_offset_is_a_doubt_and_not_refused():
     fit = identify("neo-hookean", [rod([1.0, 2.0, 4.0], offset_mm=0.5)])
     (doubt,) = [doubt for doubt in fit.doubts if "clamp" in doubt.words]
     assert "+0.5) mm beside the simulated ones in all states" in doubt.words
 
 
-def test_a_clamp_that_is_elsewhere_is_a_doubt_with_its_remedy():
+def test_a_displaced_clamp_is_a_doubt_with_its_remedy():
     good = gel(46e3)
     shift = np.array([0.1, -0.9])
     off = replace(good, observed=replace(good.observed, moved_mm=good.observed.moved_mm + shift))
     fit = identify("neo-hookean", [off])
-    (said,) = [doubt for doubt in fit.doubts if "clamp" in doubt.words]
-    assert (said.dataset, said.state) == (0, None)
-    assert "clamp_midpoint_px" in said.words
-    assert "or free it (--free clamp=0.9)" in said.words
+    (clamp_doubt,) = [doubt for doubt in fit.doubts if "clamp" in doubt.words]
+    assert (clamp_doubt.dataset, clamp_doubt.state) == (0, None)
+    assert "clamp_midpoint_px" in clamp_doubt.words
+    assert "or free it (--free clamp=0.9)" in clamp_doubt.words
     freed = identify("neo-hookean", [off], free=[NuisancePrior("clamp", 0.9)])
     assert [doubt for doubt in freed.doubts if "clamp" in doubt.words] == []
     assert freed.initial_shear_modulus.value == pytest.approx(46e3, rel=0.02)

@@ -1,4 +1,4 @@
-"""Unknowns beside the law: one entry is all that a new one takes."""
+"""Unknowns other than those of the law: a new one needs a single entry."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ NOISE_MM = 3e-3
 
 @pytest.fixture
 def bent() -> Experiment:
-    """Edges of a beam of 46 kPa, with noise."""
+    """Return noisy edges of a beam of 46 kPa."""
     magnet = Magnet(length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0)
     beam = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", magnet)
     model, loads = BeamModel(beam, 26, 2), Loads.along((0.0, 4.0, 7.0))
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads)
     sides = points_on(edge_curves(model, shapes)[0], 1)[:, :, 1:-1]
-    seen = sides + np.random.default_rng(1).normal(0, NOISE_MM, sides.shape)
+    edges = sides + np.random.default_rng(1).normal(0, NOISE_MM, sides.shape)
     sigma = np.full(sides.shape[2], NOISE_MM)
-    observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in seen])
+    observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in edges])
     return Experiment(BeamModel(beam), loads, observed)
 
 
-def test_another_nuisance_is_one_entry(bent: Experiment, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_new_nuisance_needs_one_entry(bent: Experiment, monkeypatch: pytest.MonkeyPatch) -> None:
     def magnified(deviation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return (1 + deviation[:, :, None]) * np.eye(2), np.zeros((len(deviation), 2))
 
@@ -50,7 +50,7 @@ def test_another_nuisance_is_one_entry(bent: Experiment, monkeypatch: pytest.Mon
     assert fit.mean_error_mm == pytest.approx(NOISE_MM, rel=0.3)
 
 
-def test_what_the_camera_does_is_taken_out_as_it_was_put_in() -> None:
+def test_the_correction_of_the_camera_inverts_its_error() -> None:
     places = np.random.default_rng(0).uniform(-5, 30, (2, 7, 2))
     values = [("roll", 0, np.array([12.0])), ("clamp", 0, np.array([0.4])), ("clamp", 1, np.array([-0.7]))]
     setup = Setup.of(values, 1)
@@ -60,7 +60,7 @@ def test_what_the_camera_does_is_taken_out_as_it_was_put_in() -> None:
 
 
 @pytest.mark.parametrize("datasets", [1, 3])
-def test_every_number_that_is_freed_is_found_again_by_its_name(datasets: int) -> None:
+def test_every_freed_number_has_its_name_in_the_result(datasets: int) -> None:
     freed = nuisances([NuisancePrior(key, source.usual) for key, source in SOURCES.items()], datasets)
     assert len({nuisance.name for nuisance in freed}) == len(freed)
     for nuisance in freed:

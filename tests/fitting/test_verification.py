@@ -1,4 +1,4 @@
-"""The element and the solver against solutions that are exact or published, and their order of convergence."""
+"""Compare the element and the solver with exact or published solutions, and check the orders of convergence."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NEO = LAWS["neo-hookean"]
 
 
 def edge_forces(mesh: Mesh, nodes: np.ndarray, traction) -> np.ndarray:
-    """(N, 2) consistent nodal forces of a dead traction(x) (n, 2) in N/mm² on an edge, nodes in order."""
+    """Return the consistent nodal forces (N, 2) of a dead traction(x) (n, 2) in N/mm² on an edge with ordered nodes."""
     force = np.zeros((len(mesh.nodes), 2))
     for a, b, c in zip(nodes[0:-1:2], nodes[1::2], nodes[2::2], strict=True):
         x = mesh.nodes[[a, b, c]]
@@ -29,7 +29,7 @@ def edge_forces(mesh: Mesh, nodes: np.ndarray, traction) -> np.ndarray:
 
 
 def solve(solid: Solid, force: np.ndarray, mu: float, bulk: float, steps: int = 1) -> Configuration:
-    """Neo-Hookean equilibrium under dead nodal forces."""
+    """Return the Neo-Hookean equilibrium under dead nodal forces."""
     batch = Batch(NEO, np.array([[mu]]), "plane-strain", np.array([bulk]))
     now = solid.rest(1)
     for k in range(1, steps + 1):
@@ -40,7 +40,7 @@ def solve(solid: Solid, force: np.ndarray, mu: float, bulk: float, steps: int = 
 
 
 def cooks_membrane(n: int) -> tuple[Solid, np.ndarray]:
-    """Corners (0, 0), (48, 44), (48, 60), (0, 44), clamped on the left."""
+    """Return the mesh with corners (0, 0), (48, 44), (48, 60), (0, 44), clamped on the left."""
     mesh = mapped_mesh(n, n, lambda s, t: (48 * s, 44 * s + t * (44 * (1 - s) + 16 * s)))
     fixed = np.zeros((len(mesh.nodes), 2), bool)
     fixed[mesh.column(0)] = True
@@ -48,7 +48,7 @@ def cooks_membrane(n: int) -> tuple[Solid, np.ndarray]:
 
 
 def quarter_cylinder(n: int) -> tuple[Solid, np.ndarray]:
-    """Inner radius 1, outer 2, symmetric on both straight sides."""
+    """Return a quarter of a cylinder with inner radius 1 and outer radius 2, symmetric on both straight sides."""
     mesh = mapped_mesh(
         2 * n,
         n,
@@ -61,19 +61,19 @@ def quarter_cylinder(n: int) -> tuple[Solid, np.ndarray]:
 
 
 def inflate(n: int, stretch: float, pressure: float) -> tuple[Solid, Configuration]:
-    """Internal pressure as the dead radial traction pressure times stretch, which it equals at the exact solution."""
+    """Apply the internal pressure as a dead radial traction, pressure times stretch, which is exact at the solution."""
     solid, inner = quarter_cylinder(n)
     force = edge_forces(solid.mesh, inner, lambda x: pressure * stretch * x / np.linalg.norm(x))
     return solid, solve(solid, force, 1.0, 1e6, steps=6)
 
 
 @pytest.mark.parametrize(("stretch", "pressure"), [(1.1, 0.131562), (1.5, 0.428228), (2.0, 0.574054), (3.0, 0.660417)])
-def test_thick_cylinder(stretch, pressure):
+def test_a_thick_cylinder_agrees_with_the_exact_solution(stretch, pressure):
     # p/mu = ln(la/lb) + (lb^-2 - la^-2)/2 with A = 1, B = 2 (Ogden, Non-linear Elastic Deformations, 5.3.3).
     outer = np.sqrt((4 + stretch**2 - 1) / 4)
     assert np.log(stretch / outer) + 0.5 * (outer**-2 - stretch**-2) == pytest.approx(pressure, abs=1e-6)
-    solid, found = inflate(3, stretch, pressure)
-    radius = np.linalg.norm(solid.mesh.nodes + found.displacement[0], axis=1)[solid.mesh.row(0)]
+    solid, displacement = inflate(3, stretch, pressure)
+    radius = np.linalg.norm(solid.mesh.nodes + displacement.displacement[0], axis=1)[solid.mesh.row(0)]
     assert radius == pytest.approx(stretch, rel=2e-4)
 
 
@@ -86,18 +86,18 @@ def test_convergence_orders_of_displacement_and_pressure():
     values, slopes = shape_functions(xi, eta)
     errors = []
     for n in (2, 4, 8):
-        solid, found = inflate(n, stretch, pressure)
+        solid, state = inflate(n, stretch, pressure)
         rest = solid.mesh.nodes[solid.mesh.elements]
         jacobian = np.einsum("eai,qar->eqir", rest, slopes)
         area = np.linalg.det(jacobian) * weight
         X = np.einsum("qa,eai->eqi", values, rest)
-        u = np.einsum("qa,eai->eqi", values, found.displacement[0][solid.mesh.elements])
+        u = np.einsum("qa,eai->eqi", values, state.displacement[0][solid.mesh.elements])
         R = np.linalg.norm(X, axis=-1)
         r = np.sqrt(R**2 + stretch**2 - 1)
         displacement = np.sqrt(np.sum(area * np.sum((u - X * ((r - R) / R)[..., None]) ** 2, axis=-1)))
         # Pressure at the Gauss points of the element. At the exact solution the Kirchhoff stress is
         # b - 1/3 tr b + p, and its radial part vanishes at the outer radius.
-        p = np.einsum("eqk,ek->eq", solid.ops.basis, found.pressure[:, 0])
+        p = np.einsum("eqk,ek->eq", solid.ops.basis, state.pressure[:, 0])
         own_xi, own_eta = np.meshgrid(*(np.polynomial.legendre.leggauss(k)[0] for k in (2, 3)), indexing="ij")
         Xg = np.einsum("qa,eai->eqi", shape_functions(own_xi.ravel(), own_eta.ravel())[0], rest)
         exact = exact_pressure(np.linalg.norm(Xg, axis=-1), stretch)
@@ -108,7 +108,7 @@ def test_convergence_orders_of_displacement_and_pressure():
 
 
 def exact_pressure(R: np.ndarray, stretch: float) -> np.ndarray:
-    """Pressure unknown of the mixed form (mu = 1) at reference radius R of the inflated cylinder 1..2."""
+    """Return the pressure of the mixed form (mu = 1) at the reference radius R of the inflated cylinder 1..2."""
     lam = np.sqrt(R**2 + stretch**2 - 1) / R
     outer = np.sqrt((4 + stretch**2 - 1) / 4)
     # Radial equilibrium: sigma_r(R) = -(ln(lam/outer) + (outer^-2 - lam^-2)/2); sigma_r = lam^-2 - tr b/3 + p.
@@ -120,15 +120,15 @@ def exact_pressure(R: np.ndarray, stretch: float) -> np.ndarray:
 def test_cooks_membrane_nearly_incompressible(n):
     # G = 80.1938, K = 40.0942e4, load 100: 6.92 within 0.5 % (6.9083 published at 128 x 128; finer runs rise to 6.923).
     solid, right = cooks_membrane(n)
-    found = solve(solid, edge_forces(solid.mesh, right, lambda x: np.array([0.0, 100 / 16])), 80.1938, 40.0942e4)
-    assert found.displacement[0, right[-1], 1] == pytest.approx(6.92, rel=0.005)
+    displacement = solve(solid, edge_forces(solid.mesh, right, lambda x: np.array([0.0, 100 / 16])), 80.1938, 40.0942e4)
+    assert displacement.displacement[0, right[-1], 1] == pytest.approx(6.92, rel=0.005)
 
 
 def test_cooks_membrane_incompressible():
     # E = 3, nu = 1/2, traction 0.05: u_y = 4.7011.
     solid, right = cooks_membrane(16)
-    found = solve(solid, edge_forces(solid.mesh, right, lambda x: np.array([0.0, 0.05])), 1.0, 1e5)
-    assert found.displacement[0, right[-1], 1] == pytest.approx(4.7011, rel=1e-3)
+    displacement = solve(solid, edge_forces(solid.mesh, right, lambda x: np.array([0.0, 0.05])), 1.0, 1e5)
+    assert displacement.displacement[0, right[-1], 1] == pytest.approx(4.7011, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def test_hard_magnetic_elastica(q, angle, x, y):
     assert tip == pytest.approx([x, y], rel=0.005)
 
 
-def test_tip_moment_rolls_a_thin_beam_into_an_arc():
+def test_a_tip_moment_bends_a_thin_beam_to_an_arc():
     # u = L (sin t / t - 1), v = L (1 - cos t) / t with t = M L / (E I), exact in the thin limit.
     magnet = Magnet(1.0, 1.0, 1.0, 1.0, 0.0)
     length, width, mu = 100.0, 1.0, 0.05
@@ -173,7 +173,7 @@ def test_tip_moment_rolls_a_thin_beam_into_an_arc():
     assert end[:, 1] == pytest.approx(length * (1 - np.cos(t)) / t, abs=0.005 * length)
 
 
-def test_patch_of_distorted_elements_stretches_evenly():
+def test_a_patch_of_distorted_elements_stretches_uniformly():
     mesh = mapped_mesh(4, 3, lambda s, t: (2 * s + 0.1 * np.sin(3 * np.pi * s) * t * (1 - t) * 4, t))
     inside = (
         (mesh.nodes[:, 0] > 0.01) & (mesh.nodes[:, 0] < 1.99) & (mesh.nodes[:, 1] > 0.01) & (mesh.nodes[:, 1] < 0.99)
@@ -185,14 +185,16 @@ def test_patch_of_distorted_elements_stretches_evenly():
     solid = Solid(mesh, fixed)
     stretch = 1.3
     nominal = stretch - stretch**-3  # plane strain, free sides, mu = 1
-    found = solve(solid, edge_forces(mesh, mesh.column(-1), lambda x: np.array([nominal, 0.0])), 1.0, 1e6, steps=2)
+    displacement = solve(
+        solid, edge_forces(mesh, mesh.column(-1), lambda x: np.array([nominal, 0.0])), 1.0, 1e6, steps=2
+    )
     expected = mesh.nodes * [stretch - 1, 1 / stretch - 1]
-    assert found.displacement[0] == pytest.approx(expected, abs=2e-6)
-    assert solid.stretch(found.displacement) == pytest.approx(stretch, rel=1e-5)
+    assert displacement.displacement[0] == pytest.approx(expected, abs=2e-6)
+    assert solid.stretch(displacement.displacement) == pytest.approx(stretch, rel=1e-5)
 
 
 @pytest.mark.parametrize("principal", [(1.3, 0.8), (0.8, 1.3), (1.2, 1.1), (0.9, 0.8)])
-def test_the_largest_stretch_is_told_whatever_its_direction(principal):
+def test_the_largest_stretch_does_not_depend_on_its_direction(principal):
     mesh = mapped_mesh(2, 2, lambda s, t: (s, t))
     turn = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
     gradient = turn @ np.diag(principal) @ turn.T @ turn

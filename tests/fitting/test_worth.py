@@ -1,4 +1,4 @@
-"""What numbers are worth: profiles, directions, comparison of laws, coverage; on cases whose answer is known."""
+"""Profiles, directions, comparison of laws and coverage, in cases whose result is known."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.shared.virtual_measurements import Case, outcome, row
 
 
 def valley(bend: float):
-    """Rise of a narrow valley v = bend u^2 about (0.5, 0.5): the profile of u is that of u alone, (u / 0.05)^2."""
+    """Return the rise of a narrow valley v = bend u^2 about (0.5, 0.5); the profile of u is (u / 0.05)^2."""
 
     def rise(unit):
         u, v = (unit - 0.5).T
@@ -24,7 +24,7 @@ def valley(bend: float):
     return rise, np.diag([1 / 0.05**2, 1 / 0.01**2])
 
 
-def test_a_quadratic_needs_no_profile():
+def test_the_interval_of_a_quadratic_objective_needs_no_profile():
     rise, curvature = valley(0.0)
     half = 2 * np.array([0.05, 0.01])
     ends = interval_ends(rise, np.array([0.5, 0.5]), np.zeros(2), curvature, half, (0, 1))
@@ -32,7 +32,7 @@ def test_a_quadratic_needs_no_profile():
     assert np.column_stack([ends.low, ends.high]) == pytest.approx(np.array([[0.4, 0.6], [0.48, 0.52]]))
 
 
-def test_a_bent_valley_is_followed():
+def test_a_profile_follows_a_bent_valley():
     rise, curvature = valley(4.0)
     half = 2 * np.array([0.05, 0.01])
     ends = interval_ends(rise, np.array([0.5, 0.5]), np.zeros(2), curvature, half, (0,))
@@ -40,7 +40,7 @@ def test_a_bent_valley_is_followed():
     assert (ends.low[0], ends.high[0]) == pytest.approx((0.4, 0.6), abs=2e-3)
 
 
-def test_ends_of_a_skewed_objective_are_where_it_has_risen_as_far():
+def test_the_ends_of_a_skewed_objective_have_the_same_rise():
     def rise(unit):
         u = unit[:, :1] - 0.5
         z = (np.exp(20 * u) - 1) / (20 * 0.01)
@@ -52,7 +52,7 @@ def test_ends_of_a_skewed_objective_are_where_it_has_risen_as_far():
     assert (ends.low[0], ends.high[0]) == pytest.approx((0.5 + np.log(0.6) / 20, 0.5 + np.log(1.4) / 20), abs=3e-4)
 
 
-def test_ends_stay_within_the_bounds_and_an_objective_without_end_is_told_as_the_bound():
+def test_the_ends_stay_within_the_bounds_also_if_the_objective_is_flat():
     def rise(unit):
         u = unit[:, :1] - 0.9
         z = np.where(u < 0, u / 0.02, 0.0)  # nothing tells values above the optimum apart
@@ -63,10 +63,10 @@ def test_ends_stay_within_the_bounds_and_an_objective_without_end_is_told_as_the
     assert ends.high[0] == 1.0
 
 
-def test_directions_name_what_only_a_sum_or_a_ratio_fixes():
+def test_directions_name_a_determined_sum_or_ratio():
     names, prior = ("a", "b", "c"), np.diag([1.0, 1.0, 1.0])
-    seen = np.array([1.0, -1.0, 0.0]) * 50  # only a - b is seen
-    best, *others = directions(names, np.outer(seen, seen), prior)
+    slopes = np.array([1.0, -1.0, 0.0]) * 50  # only a - b is seen
+    best, *others = directions(names, np.outer(slopes, slopes), prior)
     assert best.words in ("a against b", "b against a")
     assert best.remaining == pytest.approx(1 / np.sqrt(5001), rel=1e-6)
     assert [d.remaining for d in others] == pytest.approx([1.0, 1.0])
@@ -87,7 +87,7 @@ def test_directions_name_what_only_a_sum_or_a_ratio_fixes():
         ((1856.0, 158872.0), (0.4, 0.05), ("mu",), "which may lie anywhere from 1856 to 1.589e+05 Pa."),
     ],
 )
-def test_words_on_what_is_fixed_follow_the_interval(interval, remaining, not_fixed, said):
+def test_the_statement_on_a_parameter_follows_its_interval(interval, remaining, not_fixed, said):
     modulus = Quantity(50e3, "Pa", interval)
     assert is_open(modulus) == ("mu" in not_fixed)
     words = statement(("mu", "ratio"), 2, not_fixed, np.eye(2), (), (), remaining, modulus)
@@ -120,13 +120,13 @@ def test_information_criteria_follow_their_definition():
     ("experiments", "least"), [(8, 75), pytest.param(100, 88, marks=pytest.mark.slow)], ids=["short", "long"]
 )
 def test_intervals_are_as_wide_as_the_scatter(experiments, least):
-    """Measurements with every source drawn; `python -m benchmarks.coverage` has more.
+    """Draw every source in several measurements; `python -m benchmarks.coverage` has more of them.
 
-    Intervals of 95 % hold the truth in less than 6 of 8 or 88 of 100 once in a thousand times. The short ones are of
-    Neo-Hookean beams, one of them a solid; the long ones of all laws.
+    Intervals of 95 % contain the truth in less than 6 of 8 or 88 of 100 cases once in a thousand times. The short test
+    uses Neo-Hookean beams, one of them a solid; the long one uses all laws.
     """
     numbers = (0, 4, 8, 12, 16, 20, 24, 36) if experiments == 8 else range(experiments)
-    found = row("all", [outcome(Case(number, seed=7)) for number in numbers])
-    assert found.held_percent >= least
-    assert found.over_needed < 2.0
-    assert found.fit_alone_percent < 50
+    coverage = row("all", [outcome(Case(number, seed=7)) for number in numbers])
+    assert coverage.held_percent >= least
+    assert coverage.over_needed < 2.0
+    assert coverage.fit_alone_percent < 50

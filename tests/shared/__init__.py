@@ -1,14 +1,14 @@
-"""What tests and benchmarks share; benchmarks import it from here, and tests import no benchmark.
+"""Code that tests and benchmarks share; benchmarks import it from here, and tests import no benchmark.
 
-rendered_edges        frames of beams of known shape, and the errors of edges; `edge_methods` finds edges otherwise
-photographs           coloured beams before clutter
+rendered_edges        frames of beams of known shape, and the errors of edges; `edge_methods` has other methods
+photographs           coloured beams in front of clutter
 lab_photographs       photographs of a bench with one difficulty each, from `lab_scene` and `lab_difficulties`
 flag_pictures         a picture for every flag
 real_pictures         photographs of other people with traced edges
-solid_cases           cases of the solid with known answers
+solid_cases           cases of the solid with known solutions
 virtual_measurements  measurements with every stated uncertainty drawn; planned_states, before and after a plan
 hidden_laws           laws of terms drawn at random
-mutated_files         files of every format that is read, changed at random
-processes             whether processes live
+mutated_files         datasets and TOML files changed at random
+processes             wait for processes and their effects
 outside               a package outside of this project, with a supply and a camera
 """

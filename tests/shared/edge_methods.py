@@ -1,6 +1,6 @@
-"""Other ways to find edges, so that the benchmark shows what the search gains over them.
+"""Other methods to detect edges, with which a benchmark compares the search.
 
-Each takes an image (height, width) and gives points (n, 2) px on whatever edges it finds.
+Each takes an image (height, width) and returns points (n, 2) in px on all edges that it detects.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ _LEAST_GRADIENT = 0.3  # of the steepest
 
 
 def otsu_contours(image: NDArray[np.uint8]) -> Array:
-    """Otsu's threshold (IEEE Trans. SMC 9, 1979) and the border pixels of what is darker."""
+    """Return the border pixels of the dark regions at Otsu's threshold (IEEE Trans. SMC 9, 1979)."""
     _, mask = cv2.threshold(image, 0, 255, cv2.THRESH_BINARY_INV + cv2.THRESH_OTSU)
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return np.concatenate([contour.reshape(-1, 2) for contour in contours]).astype(np.float64)
 
 
 def marching_squares(image: NDArray[np.uint8]) -> Array:
-    """The contour at Otsu's level, interpolated between pixels, by matplotlib."""
+    """Return the contour at Otsu's threshold, interpolated between pixels by matplotlib."""
     from matplotlib.figure import Figure
 
     level, _ = cv2.threshold(image, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
@@ -34,14 +34,14 @@ def marching_squares(image: NDArray[np.uint8]) -> Array:
 
 
 def devernay(image: NDArray[np.uint8]) -> Array:
-    """Gradient maxima along the gradient, by a parabola through three (Devernay, INRIA research report 2724, 1995)."""
+    """Return maxima of the gradient along its direction, by a parabola (Devernay, INRIA research report 2724, 1995)."""
     smooth: NDArray[Any] = gaussian_filter(image.astype(np.float32), _DEVERNAY_BLUR_PX)
     slope_y, slope_x = np.gradient(smooth)
     size = np.hypot(slope_x, slope_y)
     inner = size[1:-1, 1:-1]
     y, x = np.nonzero(inner > _LEAST_GRADIENT * inner.max())
     x, y = x + 1, y + 1
-    found = []
+    points = []
     for dx, dy, mostly in (
         (1, 0, np.abs(slope_x[y, x]) >= np.abs(slope_y[y, x])),
         (0, 1, np.abs(slope_x[y, x]) < np.abs(slope_y[y, x])),
@@ -49,8 +49,8 @@ def devernay(image: NDArray[np.uint8]) -> Array:
         before, here, after = (size[y + k * dy, x + k * dx] for k in (-1, 0, 1))
         top = mostly & (here > before) & (here >= after)
         offset = 0.5 * (before - after)[top] / (before - 2.0 * here + after)[top]
-        found.append(np.column_stack([x[top] + dx * offset, y[top] + dy * offset]))
-    return np.concatenate(found)
+        points.append(np.column_stack([x[top] + dx * offset, y[top] + dy * offset]))
+    return np.concatenate(points)
 
 
 METHODS = {"Otsu + contours": otsu_contours, "marching squares": marching_squares, "Devernay": devernay}

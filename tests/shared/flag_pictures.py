@@ -32,9 +32,9 @@ _DARK = 20
 
 @dataclass(frozen=True)
 class Case:
-    """An image and what a person believes of it; `edges` is what the search says.
+    """An image with the calibration and specimen that a user states for it; `edges` is the result of the search.
 
-    run_flags: what several frames, of which the image is the mean, said against one another.
+    run_flags: flags from comparing the frames of which the image is the mean.
     """
 
     image: Image
@@ -44,17 +44,19 @@ class Case:
     run_flags: tuple[Flag, ...] = ()
 
     def edges(self) -> EdgeSet:
-        found = find_edges(self.image, self.calibration, self.specimen, calibration_age_days=self.calibration_age_days)
-        return replace(found, flags=self.run_flags + found.flags)
+        edge_set = find_edges(
+            self.image, self.calibration, self.specimen, calibration_age_days=self.calibration_age_days
+        )
+        return replace(edge_set, flags=self.run_flags + edge_set.flags)
 
 
 def photograph(optics: Optics = NOMINAL, beam: BentBeam = BEAM) -> Image:
-    """One frame of the benchmark's beam."""
+    """Return one frame of the beam of the benchmark."""
     return expose(make_bent_scene(optics, CALIBRATION, SPECIMEN, beam), np.random.default_rng(0))
 
 
 def twisted(tip_deg: float, root_deg: float = 0.0) -> BentBeam:
-    """The beam turned about its own axis, evenly from the root to the tip: the outline of a box so turned."""
+    """Return the beam turned evenly about its own axis from root to tip: the outline of a twisted box."""
     width, depth = SPECIMEN.specimen.width_mm, SPECIMEN.specimen.depth_mm
     turn = np.radians(np.linspace(root_deg, tip_deg, len(BEAM.left)))
     wider = ((np.cos(turn) + depth / width * np.sin(turn) - 1.0) / 2.0)[:, None] * (BEAM.right - BEAM.left)
@@ -92,7 +94,7 @@ def _round_tip() -> Case:
 
 
 def _photographed(half_hidden: bool = False, share: float = 1.0) -> Case:
-    """A coloured beam in front of cloth, which is no back-light; half hidden by a plate, or in a smaller picture."""
+    """Return a coloured beam in front of cloth without a back-light, half hidden by a plate or in a smaller picture."""
     colours = np.array([[40.0, 60.0, 200.0], [150.0, 160.0, 90.0]])
     image = photographs.photograph("uneven light", np.random.default_rng(5), 25.0, colours).image
     if half_hidden:
@@ -105,13 +107,13 @@ def _photographed(half_hidden: bool = False, share: float = 1.0) -> Case:
 
 
 def _on_its_shadow() -> Case:
-    """A coloured beam close in front of a wall, whose shadow's border is a stronger edge than its own."""
+    """Return a coloured beam close to a wall; the border of its shadow is a stronger edge than that of the beam."""
     image = photographs.photograph("own shadow", np.random.default_rng([11, 22])).image
     return Case(image, photographs.CALIBRATION, photographs.SPECIMEN)
 
 
 def _two_stripes() -> Case:
-    """Two stripes as wide as the beam, side by side, and the clamp stated between them."""
+    """Return two stripes as wide as the beam, side by side, with the stated clamp between them."""
     colours = {"left": (40.0, 60.0, 200.0), "right": (200.0, 170.0, 40.0)}
     calibration = photographs.CALIBRATION.model_copy(update={"pixels_per_mm": 3.0, "clamp_midpoint_px": (100.0, 20.0)})
     image = np.full((160, 200, 3), 120.0)
@@ -126,7 +128,7 @@ def _believed(**beam: float) -> Case:
 
 
 def _state(angles_deg: Sequence[float], numbers: Sequence[int], copied: bool = False) -> Case:
-    """Frames of one state: the beam's angle and the camera's number in each; copied: the last is the one before."""
+    """Return the frames of one state for a beam angle and a number each; copied: repeat the last frame."""
     rng = np.random.default_rng(0)
     images = [
         expose(make_bent_scene(NOMINAL, CALIBRATION, SPECIMEN, bend(SPECIMEN, angle)), rng) for angle in angles_deg
@@ -163,7 +165,7 @@ CASES: dict[str, Callable[[], Case]] = {
 
 
 def table() -> str:
-    """The table of flags in Markdown."""
+    """Return the table of flags in Markdown."""
     rows = ["| flag | value | limit | severity | adds to σ at the limit |", "| --- | --- | --- | --- | --- |"]
     for check in CHECKS:
         below = "below " if check.below else ""

@@ -1,4 +1,4 @@
-"""Laws of one to three terms of the library, drawn at random, and the evidence that they give."""
+"""Laws of one to three terms of the library, drawn at random, and the evidence that is simulated for them."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ Array = NDArray[np.float64]
 STRAIN = np.linspace(0.02, 3.0, 150)
 MODULUS_PA = (15e3, 60e3)
 LEAST_SHARE = 0.15
-STATES, FIELD_PER_PA = 6, 7.05 / 46e3  # mT that bends type 1 as far as the protocols do
+STATES, FIELD_PER_PA = 6, 7.05 / 46e3  # mT per Pa: bends type 1 as far as the shipped protocols do
 PLANAR_MESH, SOLID_MESH = (70, 8), (26, 3, 1)
 
 
 @cache
 def beam(kind: str, solid: bool) -> BeamModel | SolidBeside:
-    """A shipped specimen that is to be hidden."""
+    """Return the mechanics of a shipped specimen."""
     section: Section = "solid" if solid else "plane-stress"
     specimen = replace(load_specimen(kind).mechanics(), section=section)
     return SolidBeside(specimen, *SOLID_MESH) if solid else BeamModel(specimen, *PLANAR_MESH)
@@ -40,14 +40,14 @@ def beam(kind: str, solid: bool) -> BeamModel | SolidBeside:
 
 @dataclass(frozen=True)
 class Hidden:
-    """A law that is to be found: terms and coefficients (k,) in Pa."""
+    """A law that a discovery has to identify: terms and coefficients (k,) in Pa."""
 
     terms: tuple[Term, ...]
     coefficients: Array
 
     @staticmethod
     def drawn(rng: np.random.Generator, off: float = 1.0) -> Hidden:
-        """Terms, their shares of the stress at the end, and the modulus; off: see `_elsewhere`."""
+        """Draw terms, their shares of the stress at the end of the test, and the modulus; off: see `_elsewhere`."""
         while True:
             chosen = rng.choice(len(LIBRARY), rng.integers(1, MOST_TERMS + 1), replace=False)
             terms = tuple(LIBRARY[i] for i in sorted(chosen))
@@ -68,12 +68,12 @@ class Hidden:
         return float(SumOfTerms(self.terms).initial_shear_modulus(self.coefficients))
 
     def curve(self, noise: float, rng: np.random.Generator) -> TensileCurve:
-        """Its tensile test; noise: as a share of the largest stress."""
+        """Return its tensile test; noise: as a share of the largest stress."""
         stress = engineering_stress(SumOfTerms(self.terms), self.coefficients, STRAIN)
         return TensileCurve(STRAIN, stress + rng.normal(0.0, noise * stress.max(), len(STRAIN)))
 
     def bent(self, solid: bool, rng: np.random.Generator) -> Experiment:
-        """A bent specimen of another lot. Raises NoEquilibrium."""
+        """Return a bent specimen of another lot; raise NoEquilibrium if the beam has none."""
         kind = f"type{rng.integers(1, 4)}"
         model, stiffness = beam(kind, solid), 1 + LOT * rng.normal()
         fields = np.linspace(0.0, FIELD_PER_PA * self.modulus_Pa, STATES)
@@ -87,7 +87,10 @@ class Hidden:
 
 
 def _elsewhere(term: Term, off: float, rng: np.random.Generator) -> Term:
-    """The term with a number up to so many times the library's, or a part of it; Jm never falls below the library's."""
+    """Return the term with its number changed by a random factor, at most ``off`` either way.
+
+    Jm does not fall below that of the library.
+    """
     shift = np.exp(rng.uniform(-1, 1) * np.log(off))
     if term.number is None:
         return term

@@ -1,4 +1,4 @@
-"""What real pictures of a bench have: glare, a ruler beside the beam, a second one, a hand, a hard shadow, motion."""
+"""Difficulties of photographs of a bench, for example glare, a ruler, a second beam, a hand, a hard shadow, motion."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ Hook = Callable[[Scene, Array], Array]
 
 @dataclass(frozen=True)
 class Kind:
-    """What is painted behind the beam and in front of it, done to its light, and to the picture by lens and camera.
+    """A difficulty: functions that paint behind and before the beam, change its light, and change the picture.
 
-    size: of the picture, times 960 x 720. magnification: of the beam, times 42 px in width. beam: whether there is one.
+    size: of the picture, relative to 960 x 720 px; magnification: of the beam, relative to a width of 42 px; beam:
+    whether there is a beam.
     """
 
     behind: Hook | None = None
@@ -35,14 +36,14 @@ class Kind:
 
 
 def _parallel_beam(scene: Scene, picture: Array) -> Array:
-    """Another beam of the same colour from the same clamp."""
+    """Paint another beam of the same colour from the same clamp."""
     away = scene.rng.choice([-1.0, 1.0]) * scene.rng.uniform(1.4, 3.0)
     scene.paint(picture, scene.outline(across=(away - 0.5, away + 0.5)), scene.own)
     return picture
 
 
 def _ruler(scene: Scene, picture: Array) -> Array:
-    """A ruler along the clamp's axis, with a tick every half width."""
+    """Paint a ruler along the axis of the clamp, with a tick every half width."""
     side = scene.rng.choice([-1.0, 1.0])
     near = side * scene.rng.uniform(0.7, 1.6)
     scene.paint(picture, scene.box((-0.5, 12.0), (near, near + 1.5 * side)), np.full(3, 225.0))
@@ -52,7 +53,7 @@ def _ruler(scene: Scene, picture: Array) -> Array:
 
 
 def _squared_paper(scene: Scene, picture: Array) -> Array:
-    """Lines as graph paper has them."""
+    """Paint the lines of graph paper."""
     picture += 0.8 * (230.0 - picture)
     scene_line = scene.rng.uniform(40.0, 190.0, 3)
     step = scene.width_px * scene.rng.uniform(0.4, 1.2)
@@ -64,7 +65,7 @@ def _squared_paper(scene: Scene, picture: Array) -> Array:
 
 
 def _stripes(scene: Scene, picture: Array) -> Array:
-    """Stripes along the clamp's axis, as wide as the beam or so."""
+    """Paint stripes along the axis of the clamp, about as wide as the beam."""
     wide = scene.rng.uniform(0.6, 1.6)
     colour = scene.other_colour()
     for at in np.arange(-14.0, 14.0, 2.0 * wide):
@@ -73,7 +74,7 @@ def _stripes(scene: Scene, picture: Array) -> Array:
 
 
 def _hard_shadow(scene: Scene, picture: Array) -> Array:
-    """Of a lamp like a point, on a wall close behind the beam."""
+    """Paint the shadow of a point-like lamp on a wall close behind the beam."""
     shift = scene.rng.uniform(0.08, 0.35) * scene.width_px * np.array([scene.rng.choice([-1.0, 1.0]), 0.1])
     shadow = coverage(scene.outline() + shift, scene.size).astype(np.float32)
     picture *= (1.0 - scene.rng.uniform(0.25, 0.5) * cv2.GaussianBlur(shadow, (0, 0), 0.8))[..., None]
@@ -81,7 +82,7 @@ def _hard_shadow(scene: Scene, picture: Array) -> Array:
 
 
 def _two_lamps(scene: Scene, picture: Array) -> Array:
-    """Soft shadows at both edges."""
+    """Paint soft shadows at both edges."""
     for side in (-1.0, 1.0):
         shift = scene.width_px * np.array([side * scene.rng.uniform(0.07, 0.3), scene.rng.uniform(-0.05, 0.05)])
         shadow = coverage(scene.outline() + shift, scene.size).astype(np.float32)
@@ -91,7 +92,7 @@ def _two_lamps(scene: Scene, picture: Array) -> Array:
 
 
 def _leaning(scene: Scene, picture: Array) -> Array:
-    """A beam that comes away from the wall toward its tip, and its shadow with it."""
+    """Paint the shadow of a beam whose distance from the wall grows toward its tip."""
     away = scene.width_px * scene.rng.uniform(0.2, 0.6) * scene.rng.choice([-1.0, 1.0])
     left, right = np.array_split(scene.outline(), 2)
     far = np.linspace(0.0, away, len(left))[:, None] * np.array([1.0, 0.1])
@@ -101,7 +102,7 @@ def _leaning(scene: Scene, picture: Array) -> Array:
 
 
 def _ruler_touching(scene: Scene, picture: Array) -> Array:
-    """A ruler that the beam's edge runs along or crosses."""
+    """Paint a ruler that the edge of the beam follows or crosses."""
     side = scene.rng.choice([-1.0, 1.0])
     scene.paint(picture, scene.box((0.3, 12.0), (0.45 * side, 2.0 * side)), np.full(3, 225.0))
     for tick in np.arange(0.5, 12.0, 0.5):
@@ -117,27 +118,27 @@ def _writing_behind(scene: Scene, picture: Array) -> Array:
 
 
 def _same_clamp(scene: Scene, picture: Array) -> Array:
-    """A clamp of the beam's own colour."""
+    """Paint a clamp of the colour of the beam."""
     scene.paint(picture, scene.box((-4.0, 0.0), (-3.0, 3.0)), scene.own)
     return picture
 
 
 def _glare(scene: Scene, picture: Array) -> Array:
-    """A lamp's reflection along the beam."""
+    """Paint the reflection of a lamp along the beam."""
     at = scene.rng.uniform(-0.3, 0.3)
     shine = coverage(scene.outline((0.05, 0.9), (at - 0.06, at + 0.06)), scene.size).astype(np.float32)
     return np.asarray(picture + 220.0 * cv2.GaussianBlur(shine, (0, 0), 0.05 * scene.width_px)[..., None])
 
 
 def _glare_at_edge(scene: Scene, picture: Array) -> Array:
-    """A lamp's reflection on one of the edges over a third of the length."""
+    """Paint the reflection of a lamp on one of the edges over a third of the length."""
     at, begin = scene.rng.choice([-0.45, 0.45]), scene.rng.uniform(0.1, 0.6)
     shine = coverage(scene.outline((begin, begin + 0.33), (at - 0.06, at + 0.06)), scene.size).astype(np.float32)
     return np.asarray(picture + 220.0 * cv2.GaussianBlur(shine, (0, 0), 0.04 * scene.width_px)[..., None])
 
 
 def _markers(scene: Scene, picture: Array) -> Array:
-    """Dots for tracking along the middle."""
+    """Paint dots for tracking along the middle line."""
     colour = scene.other_colour()
     for place in np.arange(0.08, 0.95, 0.12):
         scene.paint(picture, scene.outline((place, place + 0.03), (-0.18, 0.18)), colour)
@@ -145,7 +146,7 @@ def _markers(scene: Scene, picture: Array) -> Array:
 
 
 def _bands(scene: Scene, picture: Array) -> Array:
-    """Tape around the beam, over all of its width."""
+    """Paint tape around the beam over its whole width."""
     colour = scene.other_colour()
     for place in scene.rng.uniform(0.1, 0.9, 3):
         scene.paint(picture, scene.outline((place, place + 0.04)), colour)
@@ -153,19 +154,19 @@ def _bands(scene: Scene, picture: Array) -> Array:
 
 
 def _other_tip(scene: Scene, picture: Array) -> Array:
-    """A magnet at the tip."""
+    """Paint a magnet at the tip."""
     scene.paint(picture, scene.outline((0.85, 1.0)), scene.other_colour())
     return picture
 
 
 def _two_faces(scene: Scene, picture: Array) -> Array:
-    """The upper face beside the front one, lighter."""
+    """Paint the upper face, which is lighter, beside the front one."""
     scene.paint(picture, scene.outline(across=(-0.5, -0.5 + scene.rng.uniform(0.15, 0.4))), scene.own * 0.5 + 127.0)
     return picture
 
 
 def _round(scene: Scene, picture: Array) -> Array:
-    """A round cord, dark toward both edges."""
+    """Shade the beam as a round cord, dark toward both edges."""
     for depth in np.linspace(0.5, 0.35, 8):
         for side in (-1.0, 1.0):
             scene.paint(picture, scene.outline(across=(side * depth, side * (depth - 0.02))), 0.0, (depth - 0.3) * 2.0)
@@ -173,7 +174,7 @@ def _round(scene: Scene, picture: Array) -> Array:
 
 
 def _fading(scene: Scene, picture: Array) -> Array:
-    """A lamp at the clamp: the tip has half of the light."""
+    """Shade the beam as with a lamp at the clamp: the tip has half of the light."""
     inside = coverage(scene.outline(), scene.size)[..., None]
     x, y = np.meshgrid(*(np.arange(extent, dtype=np.float64) for extent in scene.size))
     away = np.hypot(x - scene.calibration.clamp_midpoint_px[0], y - scene.calibration.clamp_midpoint_px[1])
@@ -181,7 +182,7 @@ def _fading(scene: Scene, picture: Array) -> Array:
 
 
 def _clear(scene: Scene, picture: Array) -> Array:
-    """Silicone through which half of what is behind it is seen, with darker edges."""
+    """Show half of the background through the silicone, with darker edges."""
     rest = cloth(scene)
     inside = coverage(scene.outline(), scene.size)[..., None]
     picture += 0.5 * inside * (rest - picture)
@@ -191,7 +192,7 @@ def _clear(scene: Scene, picture: Array) -> Array:
 
 
 def _hand(scene: Scene, picture: Array) -> Array:
-    """Fingers that hold something near the beam, and cover a sixth of it."""
+    """Paint fingers that hold an object near the beam and cover a sixth of it."""
     share = scene.rng.uniform(0.2, 0.8)
     middle = scene.outline((share, share + 0.02)).mean(axis=0)
     turn = scene.rng.uniform(0.0, 2.0 * np.pi)
@@ -202,7 +203,7 @@ def _hand(scene: Scene, picture: Array) -> Array:
 
 
 def _thread(scene: Scene, picture: Array) -> Array:
-    """Wires across the beam."""
+    """Paint wires across the beam."""
     for share in scene.rng.uniform(0.15, 0.9, 3):
         middle = scene.outline((share, share + 0.02)).mean(axis=0)
         turn = scene.rng.uniform(0.0, np.pi)
@@ -254,7 +255,7 @@ def _jpeg_40(scene: Scene, picture: Array) -> Array:
 
 
 def _cut_off(scene: Scene, picture: Array) -> Array:
-    """The picture ends amid the beam's way: what is beyond is black, as letter-boxed video has it."""
+    """Blacken the picture beyond a part of the beam, as in letter-boxed video."""
     tip = scene.outline((0.97, 1.0)).mean(axis=0)
     picture[int(tip[1]) :] = 0.0
     return picture

@@ -1,4 +1,4 @@
-"""Rendered photographs of a bench with one difficulty each, and the verdict on the edges found in them."""
+"""Rendered photographs of a bench with one difficulty each, and the verdict on the edges detected in them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _QUALITY = 85
 
 
 def lab_photograph(name: str, rng: np.random.Generator) -> tuple[Image, Scene]:
-    """A picture (height, width, 3) uint8 of a kind of `KINDS`, and what is in it."""
+    """Return a picture (height, width, 3) uint8 of a kind of `KINDS`, and its scene."""
     kind = KINDS[name]
     size = (round(960 * kind.size), round(720 * kind.size))
     share = kind.magnification / kind.size
@@ -54,7 +54,7 @@ def lab_photograph(name: str, rng: np.random.Generator) -> tuple[Image, Scene]:
 
 
 def stated(scene: Scene, rng: np.random.Generator) -> tuple[Calibration, SpecimenFile]:
-    """Clamp, axis, width and length as an eye and a ruler have them."""
+    """Return clamp, axis, width and length with the errors of estimates by eye and ruler."""
     beam = scene.specimen.specimen
     aside = rng.uniform(-0.08, 0.08, 2) * scene.width_px
     changes = {
@@ -67,7 +67,7 @@ def stated(scene: Scene, rng: np.random.Generator) -> tuple[Calibration, Specime
 
 
 def verdict(name: str, scene: Scene, edges: EdgeSet, calibration: Calibration) -> tuple[str, float]:
-    """good, doubted, refused or silent; and the error, in widths."""
+    """Return good, doubted, refused or silent, and the error in widths."""
     severities = {flag.severity for flag in edges.flags}
     if not len(edges.left.points_mm) or Severity.UNUSABLE in severities:
         return "refused", np.nan

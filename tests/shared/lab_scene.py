@@ -1,4 +1,4 @@
-"""A rendered bench: a beam of known shape in front of cloth, and what is painted behind, on and before it."""
+"""A rendered bench: a beam of known shape in front of cloth, with things painted behind, on and in front of it."""
 
 from __future__ import annotations
 
@@ -17,12 +17,15 @@ from tests.shared.rendered_edges import BentBeam
 
 Array = NDArray[np.float64]
 Image = NDArray[Any]
-_APART = 70.0  # of two colours that an eye clearly parts
+_APART = 70.0  # smallest distance of two colours that an eye distinguishes clearly
 
 
 @dataclass(frozen=True)
 class Scene:
-    """One bench. size: (width, height) px. beam: the true outline, of a beam as `specimen` and `calibration` state."""
+    """One bench.
+
+    size: (width, height) px; beam: the true outline, of a beam as `specimen` and `calibration` state.
+    """
 
     rng: np.random.Generator
     size: tuple[int, int]
@@ -37,7 +40,10 @@ class Scene:
         return self.specimen.specimen.width_mm * self.calibration.pixels_per_mm
 
     def outline(self, along: tuple[float, float] = (0.0, 1.0), across: tuple[float, float] = (-0.5, 0.5)) -> Array:
-        """(n, 2) px: a part of the beam from a share of its length to another, between places across it in widths."""
+        """Return the outline (n, 2) in px of a part of the beam.
+
+        The part lies between two shares of the length and two places across, in widths.
+        """
         count = len(self.beam.left)
         first, last = (int(np.clip(round(share * (count - 1)), 0, count - 1)) for share in along)
         left, right = self.beam.left[first : last + 1], self.beam.right[first : last + 1]
@@ -45,21 +51,21 @@ class Scene:
         return BeamFrame(self.calibration).to_px(np.vstack([one, other[::-1]]))
 
     def paint(self, picture: Array, polygon: Array, colour: Array | float, share: float = 1.0) -> None:
-        """A polygon (n, 2) px of one colour, in place."""
+        """Fill a polygon (n, 2) px with one colour, in place."""
         picture += share * coverage(polygon, self.size)[..., None] * (np.asarray(colour) - picture)
 
     def box(self, ahead: tuple[float, float], aside: tuple[float, float]) -> Array:
-        """(4, 2) px: a rectangle in the beam's frame, in widths from the clamp and from the axis."""
+        """Return a rectangle (4, 2) px in the frame of the beam, in widths from the clamp and from the axis."""
         corners = [[a, b] for a, b in zip((*ahead, *ahead[::-1]), np.repeat(aside, 2), strict=True)]
         return BeamFrame(self.calibration).to_px(self.specimen.specimen.width_mm * np.array(corners))
 
     def other_colour(self) -> Array:
-        """One that is neither the beam's nor what is behind it."""
+        """Return a colour that differs clearly from the beam and the background."""
         return another_colour(self.rng, self.own, self.behind)
 
 
 def another_colour(rng: np.random.Generator, *others: Array) -> Array:
-    """One that is none of those."""
+    """Return a random colour that differs clearly from the others."""
     while True:
         colour = rng.uniform(25.0, 235.0, 3)
         if all(np.linalg.norm(colour - other) > _APART for other in others):
@@ -67,7 +73,7 @@ def another_colour(rng: np.random.Generator, *others: Array) -> Array:
 
 
 def cloth(scene: Scene) -> Array:
-    """What is behind: a colour in uneven light, with some grain."""
+    """Return the background: a colour in uneven light with some grain."""
     rng = np.random.default_rng(int(1e3 * scene.behind.sum()))  # the same each time
     lumps = rng.uniform(-10.0, 10.0, (6, 8, 3)).astype(np.float32)
     grain = rng.standard_normal((scene.size[1], scene.size[0])).astype(np.float32)
@@ -76,6 +82,6 @@ def cloth(scene: Scene) -> Array:
 
 
 def through_jpeg(picture: Array, quality: int) -> Image:
-    """A picture (height, width, 3) of 255 as a camera stores it."""
+    """Return a picture (height, width, 3) with values up to 255 as a camera stores it."""
     image = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
     return cv2.imdecode(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1], cv2.IMREAD_COLOR)

@@ -1,8 +1,7 @@
-"""Files of every format that is read, changed at random: each is read to its end or refused in one line.
+"""Datasets, TOML, JSON and CSV files and images changed at random: each must be read completely or refused in one line.
 
-A process reads many files; one that dies or takes more than 10 s of processor time for a file is counted and replaced.
-The program reads a C3D file in a process of its own. To save time, that is done here only for the files that end the
-process which reads many.
+One process reads many files. A process that dies, or takes more than 10 s of processor time for a file, is counted and
+replaced.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ READERS = {
 
 
 def sources(folder: Path) -> list[Path]:
-    """Sound files to begin with."""
+    """Return the valid files that are mutated."""
     header = Header(load_specimen("type1"), load_calibration("virtual_calibration"), load_protocol("dragon_skin_10"))
     random = np.random.default_rng(0)
     with DatasetWriter(folder / "finished.h5", header, Frame(np.zeros((24, 32), np.uint8), 0, 0.0)) as writer:
@@ -115,7 +114,7 @@ def _motion_capture(folder: Path) -> list[Path]:
 
 
 def mutated(raw: bytes, random: np.random.Generator) -> bytes:
-    """A few changes at random places."""
+    """Return the bytes with a few changes at random places."""
     changed = bytearray(raw)
     for _ in range(int(random.integers(1, 5))):
         at = int(random.integers(0, max(len(changed), 1)))
@@ -137,7 +136,10 @@ def mutated(raw: bytes, random: np.random.Generator) -> bytes:
 
 
 def recovered(path: Path) -> str:
-    """How `eimi recover` takes a file: copied, or refused in one line. Raises what nobody caught."""
+    """Recover a file as `eimi recover` does; return whether it was copied or refused in one line.
+
+    Any other error is raised.
+    """
     try:
         copy_readable(path, path.with_name("copy.h5"))
     except InputError as error:
@@ -149,7 +151,10 @@ def recovered(path: Path) -> str:
 
 
 def read(path: Path) -> str:
-    """How a file is taken: read, or refused in one line. Raises what nobody caught."""
+    """Read a file; return whether it was read or refused in one line.
+
+    Any other error is raised.
+    """
     try:
         match next(kind for ending, kind in READERS.items() if path.name.endswith(ending)):
             case "dataset":
@@ -184,17 +189,14 @@ def read(path: Path) -> str:
 
 
 def serve(pipe: Connection, recover: bool) -> None:
-    """Read, or recover, files as they are named, and say what came of each.
-
-    A library that prints something is a fault, since the refusal is then not the only line.
-    """
+    """Read or recover the files whose names arrive, and report the outcome of each."""
     if recover:
         limit_memory(MEMORY_BYTES)
     with tempfile.TemporaryFile() as printed:
         for descriptor in (1, 2):
             os.dup2(printed.fileno(), descriptor)
         while (path := pipe.recv()) is not None:
-            signal.setitimer(signal.ITIMER_PROF, WITHIN_S)  # whose signal ends a process, wherever it is
+            signal.setitimer(signal.ITIMER_PROF, WITHIN_S)  # its signal ends the process in any state
             try:
                 outcome, words = recovered(path) if recover else read(path), ""
             except Exception as error:
@@ -217,7 +219,7 @@ def read_guarded(path: Path) -> str:
 
 
 def fuzz(files: int, seed: int, recover: bool = False) -> collections.Counter[str]:
-    """Outcomes by name of so many mutated files."""
+    """Return the number of files for each outcome."""
     counts: collections.Counter[str] = collections.Counter()
     random = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as name:

@@ -1,4 +1,4 @@
-"""Rendered photographs of coloured beams whose outline is known, and what the edges found in them are worth.
+"""Rendered photographs of coloured beams whose outline is known, and the errors of the edges detected in them.
 
 A beam of random colour and bend hangs in front of clutter. It is lit unevenly from the front, with its shadow beside or
 under it, and stored as a JPEG of quality 80.
@@ -53,7 +53,10 @@ WRONG_PX = 3.0
 
 @dataclass(frozen=True)
 class Photograph:
-    """image: (height, width, 3) uint8. beam: the true outline."""
+    """A picture and its truth.
+
+    image: (height, width, 3) uint8; beam: the true outline.
+    """
 
     kind: str
     image: Image
@@ -63,19 +66,19 @@ class Photograph:
 def photograph(
     kind: str, rng: np.random.Generator, angle_deg: float | None = None, colours: Array | None = None
 ) -> Photograph:
-    """One picture of a kind of `KINDS`. colours: (2, 3) of the beam and of what is behind it; else random ones."""
+    """Return a picture of a kind of `KINDS`; colours: (2, 3) of the beam and of the background, by default random."""
     beam = bend(SPECIMEN, rng.uniform(-90.0, 90.0) if angle_deg is None else angle_deg)
     frame = BeamFrame(CALIBRATION)
     outline = frame.to_px(beam.outline)
-    own, behind = colours if colours is not None else _two_colours(rng)
-    picture = _background(behind, own, rng, 14 if kind == "clutter" else 4)
+    colour, behind = colours if colours is not None else _two_colours(rng)
+    picture = _background(behind, colour, rng, 14 if kind == "clutter" else 4)
     if kind in ("shadow beside", "own shadow"):
         far = (22.0, 34.0) if kind == "shadow beside" else (4.0, 12.0)
         shift = rng.uniform(*far) * np.array([rng.choice([-1.0, 1.0]), rng.uniform(-0.3, 0.3)])
         shadow = cv2.GaussianBlur(coverage(outline + shift, SIZE).astype(np.float32), (0, 0), rng.uniform(2.0, 5.0))
         picture *= (1.0 - rng.uniform(0.2, 0.5) * shadow)[..., None]
     inside = coverage(outline, SIZE)[..., None]
-    picture += inside * (own * _shading(beam, frame, rng)[..., None] - picture)
+    picture += inside * (colour * _shading(beam, frame, rng)[..., None] - picture)
     plate = frame.to_px([[0.0, -6.0], [0.0, 6.0], [-5.0, 6.0], [-5.0, -6.0]])
     picture += coverage(plate, SIZE)[..., None] * (rng.uniform(30.0, 220.0) - picture)
     if kind == "uneven light":
@@ -89,7 +92,7 @@ def photograph(
 
 
 def _two_colours(rng: np.random.Generator) -> Array:
-    """Of the beam and of what is behind it, clearly different to an eye."""
+    """Return colours of the beam and of the background that an eye distinguishes clearly."""
     while True:
         colours = rng.uniform(25.0, 235.0, (2, 3))
         if np.linalg.norm(colours[0] - colours[1]) > 70.0:
@@ -97,33 +100,33 @@ def _two_colours(rng: np.random.Generator) -> Array:
 
 
 def _background(colour: Array, other: Array, rng: np.random.Generator, things: int) -> Array:
-    """Cloth of a colour with things on it, none of which has the beam's own colour."""
+    """Return cloth of a colour with objects on it, none of which has the colour of the beam."""
     knots = rng.uniform(-12.0, 12.0, (9, 12, 3)).astype(np.float32)
     picture = colour + cv2.resize(knots, SIZE, interpolation=cv2.INTER_CUBIC)
     picture += (
         cv2.GaussianBlur(rng.standard_normal((SIZE[1], SIZE[0])).astype(np.float32), (0, 0), 1.5)[..., None] * 12.0
     )
     for _ in range(things):
-        own = _two_colours(rng)[0]
-        if np.linalg.norm(own - other) < 70.0:
+        beam_colour = _two_colours(rng)[0]
+        if np.linalg.norm(beam_colour - other) < 70.0:
             continue
         middle, half = rng.uniform([0, 0], SIZE), rng.uniform(8.0, 120.0, 2)
         turn = rng.uniform(0.0, np.pi)
         way = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         box = middle + (np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half) @ way
-        picture += coverage(box, SIZE)[..., None] * (own - picture)
+        picture += coverage(box, SIZE)[..., None] * (beam_colour - picture)
     return picture
 
 
 def _shading(beam: BentBeam, frame: BeamFrame, rng: np.random.Generator) -> Array:
-    """(height, width) light on a beam that is lit from one side: up to a tenth brighter there than on the other."""
+    """Return the light (height, width) on a beam that is lit from one side, where it is up to a tenth brighter."""
     x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     direction = rng.uniform(-0.1, 0.1, 2)
     return 1.0 + direction[0] * (x / SIZE[0] - 0.5) * 2.0 + direction[1] * (y / SIZE[1] - 0.5) * 2.0
 
 
 def _light(rng: np.random.Generator) -> Array:
-    """(height, width) a lamp from one corner, and lumps."""
+    """Return the light (height, width) of a lamp in one corner, with random variations."""
     x, y = np.meshgrid(np.linspace(-1.0, 1.0, SIZE[0]), np.linspace(-1.0, 1.0, SIZE[1]))
     turn = rng.uniform(0.0, 2.0 * np.pi)
     knots = rng.uniform(-0.12, 0.12, (5, 7)).astype(np.float32)
@@ -133,8 +136,11 @@ def _light(rng: np.random.Generator) -> Array:
 
 @dataclass(frozen=True)
 class Outcome:
-    """kind; rms_px, pull (RMS of error over stated deviation) and coverage where there are edges; usable by a fit, and
-    whether a flag says that it is doubtful."""
+    """The result for one photograph.
+
+    kind; rms_px, pull (RMS of error over stated deviation) and coverage if there are edges; usable by a fit; doubtful:
+    whether a flag says so.
+    """
 
     kind: str
     rms_px: float
@@ -146,7 +152,7 @@ class Outcome:
 
 
 def measured(photo: Photograph, edges: EdgeSet, seconds: float) -> Outcome:
-    """Errors along the normal."""
+    """Measure the errors along the normal."""
     usable = len(edges.left.points_mm) > 0 and all(flag.severity is not Severity.UNUSABLE for flag in edges.flags)
     errors = np.concatenate(errors_px(edges, photo.beam, CALIBRATION)) if usable else np.array([np.nan])
     sigma = np.concatenate([edges.left.sigma_mm, edges.right.sigma_mm]) * CALIBRATION.pixels_per_mm
@@ -159,7 +165,7 @@ def measured(photo: Photograph, edges: EdgeSet, seconds: float) -> Outcome:
 
 
 def run(pictures: int, seed: int, kinds: Sequence[str] = KINDS) -> list[Outcome]:
-    """Of so many pictures, each kind in turn."""
+    """Return the outcomes of this number of pictures; the kinds alternate."""
     outcomes = []
     for number in range(pictures):
         photo = photograph(kinds[number % len(kinds)], np.random.default_rng([seed, number]))

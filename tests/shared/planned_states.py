@@ -29,13 +29,13 @@ from tests.shared.virtual_measurements import with_noise
 Array = NDArray[np.float64]
 TRUTH_PA = 46e3
 FIELD_MT = np.linspace(0.0, 7.05, 31)
-ALONG = 13  # elements of the fits: half of what `eimi fit` takes
-POINTS = 3  # simulated ones from an element's corner to the next
+ALONG = 13  # elements of the fits: half as many as in `eimi fit`
+POINTS = 3  # simulated points from one corner of an element to the next
 
 
 @dataclass(frozen=True)
 class Setting:
-    """How the beam is mounted: gravity's angle in the beam frame and what hangs at its tip."""
+    """The mounting of the beam: the angle of gravity in the beam frame, and the force at its tip."""
 
     name: str
     specimen: Specimen
@@ -43,24 +43,24 @@ class Setting:
     tip_force_N: float = 0.0
 
     def loads(self, field_mT: Array = FIELD_MT) -> Loads:
-        """Of so many fields."""
+        """Return the loads of these fields."""
         return Loads.along(field_mT, gravity_angle_deg=self.gravity_angle_deg, tip_force_N=self.tip_force_N)
 
 
 @dataclass(frozen=True)
 class Bench:
-    """What is stated as uncertain, and the standard deviation of each of the noise's two parts."""
+    """The stated uncertainties, and the standard deviation of each of the two parts of the noise."""
 
     stated: tuple[StatedSource, ...]
     noise_mm: float
 
 
 def measured(setting: Setting, loads: Loads, bench: Bench, rng: np.random.Generator) -> Experiment:
-    """What is stated, with what was seen."""
+    """Return an experiment with the stated values and simulated edges."""
     deviations = {
         s.source: s.standard_uncertainty * rng.normal(size=len(SOURCES[s.source].parts)) for s in bench.stated
     }
-    setup = Setup.of(((s, part, value) for s, own in deviations.items() for part, value in enumerate(own)), 1)
+    setup = Setup.of(((s, part, value) for s, values in deviations.items() for part, value in enumerate(values)), 1)
     model = BeamModel(specimen_under(setting.specimen, deviations)).refined()
     shapes = model.solve(
         LAWS["neo-hookean"],
@@ -68,25 +68,25 @@ def measured(setting: Setting, loads: Loads, bench: Bench, rng: np.random.Genera
         loads_under(loads, deviations),
         field_factor=setup.field_factor,
     )
-    seen = setup.imaged(points_on(edge_curves(model, shapes)[0], POINTS)[:, :, 4:-4])
-    observed = with_noise(seen, bench.noise_mm, rng)
+    edges = setup.imaged(points_on(edge_curves(model, shapes)[0], POINTS)[:, :, 4:-4])
+    observed = with_noise(edges, bench.noise_mm, rng)
     return Experiment(BeamModel(setting.specimen, ALONG), loads, observed, stated=bench.stated)
 
 
 def fitted(experiment: Experiment) -> Estimate:
-    """As `eimi fit` ends, begun at the truth in place of the search's result."""
+    """Return the estimate as `eimi fit` ends; the fit starts at the truth instead of the result of a search."""
     unknowns, unit = KnownLaw(LAWS["neo-hookean"], np.array([TRUTH_PA])).unknowns()
     return refine(Problem(LAWS["neo-hookean"], unknowns, (experiment,)), unit, 1).estimate
 
 
 def half_percent(estimate: Estimate) -> float:
-    """Half-width of the modulus' interval."""
+    """Return the half-width of the interval of the modulus in per cent."""
     modulus = estimate.initial_shear_modulus
     return 50 * (modulus.interval_95[1] - modulus.interval_95[0]) / modulus.value
 
 
 def planned(setting: Setting, estimate: Estimate, bench: Bench, states: int) -> Candidates:
-    """The states that could be measured in a setting, by a fit of an earlier run."""
+    """Return the states that could be measured in a setting, planned from a fit of an earlier run."""
     noise = EdgeNoise.of(estimate.identifiability, states)
-    known = KnownLaw(LAWS["neo-hookean"], np.array([estimate.initial_shear_modulus.value]))
-    return candidates(known, setting.specimen, setting.loads(), bench.stated, noise, along=ALONG)
+    law = KnownLaw(LAWS["neo-hookean"], np.array([estimate.initial_shear_modulus.value]))
+    return candidates(law, setting.specimen, setting.loads(), bench.stated, noise, along=ALONG)

@@ -1,4 +1,4 @@
-"""Processes that a test started: whether they live, and waiting for what they do."""
+"""Wait for processes that a test started, and for their effects."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ WAIT_AT_MOST_S = 600.0
 
 
 def wait_until(true: Callable[[], bool], otherwise: str) -> None:
-    """Wait; raises RuntimeError where it never comes true."""
+    """Wait until the condition is true; raise RuntimeError at the time limit."""
     until = time.monotonic() + WAIT_AT_MOST_S
     while not true():
         if time.monotonic() > until:
@@ -19,7 +19,7 @@ def wait_until(true: Callable[[], bool], otherwise: str) -> None:
 
 
 def alive(process: int) -> bool:
-    """Whether a process is there, and is more than the entry of one that has ended."""
+    """Return whether a process exists and is not a zombie."""
     try:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
     except OSError:

@@ -1,7 +1,7 @@
 """Photographs that other people made, with traced edges, and the score of edges against them.
 
-The pictures lie in ``../shared/data/pictures``, beside the checkout, with their own way of scoring; they are not ours
-to ship.
+The pictures and the rules for scoring them are in ``../shared/data/pictures``, beside the checkout; they may not be
+distributed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,10 @@ COVERAGE, MEDIAN_PX, P95_PX = 0.85, 1.5, 4.0
 
 @dataclass(frozen=True)
 class PictureScore:
-    """coverage: share of the traced edges that has points; median, p95: distance from them, px; NaN without points."""
+    """The score of edges against traced ones.
+
+    coverage: share of the traced edges that has points; median, p95: distance from them in px, NaN without points.
+    """
 
     coverage: float
     median: float
@@ -43,13 +46,13 @@ class PictureScore:
 
     @property
     def wrong(self) -> bool:
-        """Points that lie elsewhere; too few of them are no wrong ones."""
+        """Whether points are far from the traced edges; too few points are not wrong."""
         return not (self.median <= MEDIAN_PX and self.p95 <= P95_PX)
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A photograph with what a hopeful user states of it, and the folder with the traced edges, if it has a beam."""
+    """A photograph with the values that an optimistic user states, and the folder with the traced edges, if any."""
 
     name: str
     image: NDArray[Any]
@@ -63,7 +66,7 @@ class Picture:
         return find_edges(self.image, calibration, specimen)
 
     def wrongly_stated(self, rng: np.random.Generator) -> tuple[Calibration, SpecimenFile]:
-        """Clamp, axis, width and length as an eye and a ruler may have them."""
+        """Return clamp, axis, width and length with the errors of estimates by eye and ruler."""
         clamp = np.array(self.calibration.clamp_midpoint_px) + rng.uniform(-4.0, 4.0, 2)
         turn = rng.uniform(-4.0, 4.0)
         beam = self.specimen.specimen
@@ -79,18 +82,18 @@ class Picture:
         return calibration, self.specimen.model_copy(update={"specimen": beam.model_copy(update=size)})
 
     def score(self, edges: EdgeSet, calibration: Calibration) -> PictureScore:
-        """Against the traced edges, by the way of scoring that comes with the pictures: either side may be the left."""
+        """Score edges by the rules that come with the pictures; either side may be the left one."""
         reference = json.loads((self.folder / "reference.json").read_text())
         if not self.beam or not len(edges.left.points_mm):
             return PictureScore(0.0, math.nan, math.nan)
         foot = _foot()
         frame = BeamFrame(calibration)
-        found = [frame.to_px(edge.points_mm) for edge in (edges.left, edges.right)]
+        edges_px = [frame.to_px(edge.points_mm) for edge in (edges.left, edges.right)]
         lines = [np.array(reference[side]) for side in ("side_a", "side_b")]
         near = max(3.0 * reference["uncertainty_px"], 0.15 * reference["width_px"])
         reach = max(reference["width_px"] / 4.0, reference["length_px"] / 50.0)
         ways = []
-        for sides in (found, found[::-1]):
+        for sides in (edges_px, edges_px[::-1]):
             distances, covered, total = [], 0, 0
             for points, line in zip(sides, lines, strict=True):
                 length = float(np.hypot(*np.diff(line, axis=0).T).sum())
@@ -107,11 +110,11 @@ class Picture:
 
 
 def pictures(group: str) -> Iterator[Picture]:
-    """Those of a group, ``development`` or ``refusal``; none where the folder is missing."""
+    """Yield the pictures of a group, ``development`` or ``refusal``; none if the folder is missing."""
     for folder in sorted((PICTURES / group).glob("*/")):
         image = cv2.imread(str(folder / "frame.png"), cv2.IMREAD_UNCHANGED)
         if image.ndim == 3 and np.ptp(image, axis=2).max() == 0:
-            image = image[..., 0]  # as a dataset keeps it
+            image = image[..., 0]  # as a dataset stores it
         calibration = load_calibration(folder / "calibration.toml")
         specimen = load_specimen(folder / "specimen.toml")
         yield Picture(folder.name, image, calibration, specimen, folder, group == "development")

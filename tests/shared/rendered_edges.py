@@ -1,4 +1,4 @@
-"""Rendered frames of beams of known shape, and the errors of the edges found in them.
+"""Rendered frames of beams of known shape, and the errors of the edges detected in them.
 
 A beam is a circular arc with a straight magnet block at its end, so that its outline is known exactly.
 """
@@ -51,8 +51,8 @@ CONDITIONS = {
     "hard": replace(NOMINAL, blur_px=1.5, full_well_e=2500.0, gradient=0.25, lumps=0.08, silicone_transmission=0.15),
     "defocused": replace(NOMINAL, blur_px=3.0),
 }
-# Silicone beside a magnet that is narrower than the beam: its width in pixels, and by which share of it the magnet is
-# off the beam's middle.
+# Width in px of the silicone beside a magnet that is narrower than the beam, and displacement of the magnet from the
+# middle as a share of this width.
 BESIDE = {
     "1 px beside the magnet": (NOMINAL, 1.0, 0.0),
     "3 px beside the magnet": (NOMINAL, 3.0, 0.0),
@@ -63,15 +63,15 @@ BESIDE = {
     "0.5 px, hard, 40 000 electrons": (replace(CONDITIONS["hard"], full_well_e=40_000.0), 0.5, 0.0),
 }
 POINTS_PER_MM = 50.0
-NEAR_MM = 0.12  # of an edge, for a point of another method to count as one of it
-END_MM = 1.0  # left out at both ends, where clamp and corners blur into the edge
+NEAR_MM = 0.12  # largest distance at which a point of another method counts as a point of the edge
+END_MM = 1.0  # excluded at both ends, where clamp and corners disturb the edge
 
 
 @dataclass(frozen=True)
 class BentBeam:
-    """A beam bent to a tip angle (positive toward +y), its outline in the beam frame in millimetres.
+    """A beam bent to a tip angle (positive toward +y): its outline in the beam frame in mm.
 
-    left, right: (n, 2) dense points of the edges from the clamp to the tip. magnet: (4, 2) or None.
+    left, right: (n, 2) dense points of the edges from the clamp to the tip; magnet: (4, 2) or None.
     """
 
     left: Array
@@ -84,7 +84,7 @@ class BentBeam:
 
 
 def bend(specimen_file: SpecimenFile, tip_angle_deg: float, points_per_mm: float = POINTS_PER_MM) -> BentBeam:
-    """The flexible part as a circular arc of its own length, then the magnet's block straight on."""
+    """Bend the flexible part to a circular arc of its own length, with the magnet block straight beyond it."""
     mechanics = specimen_file.mechanics()
     flexible, half = mechanics.flexible_length_mm, 0.5 * mechanics.width_mm
     place = np.linspace(0.0, mechanics.length_mm, max(8, round(points_per_mm * mechanics.length_mm)))
@@ -111,9 +111,9 @@ def make_bent_scene(
     beam: BentBeam,
     size: tuple[int, int] = SIZE,
 ) -> Scene:
-    """A scene with the beam and a clamp four times as wide, whose lower edge is at x = 0.
+    """Return a scene with the beam and a clamp four times as wide, whose lower edge is at x = 0.
 
-    Oversampled, so that the renderer's own error does not count as the search's.
+    The scene is oversampled, so that the error of the renderer does not count as an error of the search.
     """
     frame = BeamFrame(calibration)
     wide, high = 2.0 * specimen_file.specimen.width_mm, 0.5 * specimen_file.specimen.length_mm
@@ -123,7 +123,7 @@ def make_bent_scene(
 
 
 def outward_errors_mm(points_mm: Array, edge_mm: Array, outward: float) -> Array:
-    """Signed distances (n,) of points from a dense edge; outward: +1 where outside is toward +y of its run."""
+    """Return signed distances (n,) of points from a dense edge; outward: +1 if outside is on the +y side."""
     tangent = np.gradient(edge_mm, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     nearest = cKDTree(edge_mm).query(points_mm)[1]
@@ -132,21 +132,21 @@ def outward_errors_mm(points_mm: Array, edge_mm: Array, outward: float) -> Array
 
 
 def errors_px(edges: EdgeSet, beam: BentBeam, calibration: Calibration) -> tuple[Array, Array]:
-    """Signed errors of the left and right points along the normal, outward positive, in pixels."""
+    """Return signed errors of the left and right points along the normal in px, outward positive."""
     left = outward_errors_mm(edges.left.points_mm, beam.left, -1.0)
     right = outward_errors_mm(edges.right.points_mm, beam.right, 1.0)
     return left * calibration.pixels_per_mm, right * calibration.pixels_per_mm
 
 
 def with_silicone_beside(magnet_px: float) -> SpecimenFile:
-    """The benchmark's specimen with a magnet narrower than the beam by so many pixels on each side."""
+    """Return the specimen of the benchmark with a magnet narrower than the beam by this number of px on each side."""
     assert SPECIMEN.magnet is not None
     width_mm = SPECIMEN.specimen.width_mm - 2.0 * magnet_px / CALIBRATION.pixels_per_mm
     return SpecimenFile(specimen=SPECIMEN.specimen, magnet=SPECIMEN.magnet.model_copy(update={"width_mm": width_mm}))
 
 
 def off_middle(beam: BentBeam, distance_mm: float) -> BentBeam:
-    """The beam with its magnet moved toward the right edge."""
+    """Return the beam with its magnet displaced toward the right edge."""
     assert beam.magnet is not None
     across = beam.magnet[3] - beam.magnet[0]
     return replace(beam, magnet=beam.magnet + distance_mm * across / np.linalg.norm(across))
@@ -161,9 +161,10 @@ def measure(
     off_middle_mm: float = 0.0,
     from_tip_mm: float = math.inf,
 ) -> list[dict[str, Any]]:
-    """Bias, RMS and time for each angle, over several frames of it.
+    """Return bias, RMS and time for each angle, over several frames.
 
-    off_middle_mm: of the magnet. from_tip_mm: only points no farther from the end of their edge count.
+    off_middle_mm: displacement of the magnet; from_tip_mm: count only points at most this far from the end of their
+    edge.
     """
     rng = np.random.default_rng(seed)
     rows = []
@@ -207,13 +208,14 @@ def measure(
 
 
 def _mean(values: Array) -> float:
-    """NaN where a side gave no points."""
+    """Return the mean, or NaN if a side has no points."""
     return float(values.mean()) if len(values) else math.nan
 
 
 def overall(rows: list[dict[str, Any]]) -> dict[str, float]:
-    """Bias and RMS of each side, largest error, pull (also the least and largest of a row) and time over the rows
-    of `measure`.
+    """Summarise the rows of `measure`.
+
+    The summary has bias and RMS of each side, the largest error, the pull (also its extremes in a row) and the time.
     """
     summary = {name: float(np.nanmean([row[name] for row in rows])) for name in ("left_bias", "right_bias", "ms")}
     for name in ("left_rms", "right_rms", "pull"):
@@ -229,7 +231,7 @@ def overall(rows: list[dict[str, Any]]) -> dict[str, float]:
 def measure_other(
     method: Callable[[NDArray[Any]], Array], optics: Optics, angles_deg: tuple[float, ...], seed: int
 ) -> dict[str, float]:
-    """Bias, RMS and time of another method; of its points those count that are near an edge and clear of its ends."""
+    """Return bias, RMS and time of another method, from its points that are near an edge and away from the ends."""
     rng = np.random.default_rng(seed)
     frame, ppm = BeamFrame(CALIBRATION), CALIBRATION.pixels_per_mm
     errors: dict[str, list[Array]] = {"left": [], "right": []}
@@ -243,9 +245,9 @@ def measure_other(
         places = frame.to_mm(points)
         for side, edge, outward in (("left", beam.left, -1.0), ("right", beam.right, 1.0)):
             distance, nearest = cKDTree(edge).query(places)
-            kept = (distance < NEAR_MM) & (nearest > END_MM * POINTS_PER_MM)
-            kept &= nearest < len(edge) - END_MM * POINTS_PER_MM
-            errors[side].append(ppm * outward_errors_mm(places[kept], edge, outward))
+            counted = (distance < NEAR_MM) & (nearest > END_MM * POINTS_PER_MM)
+            counted &= nearest < len(edge) - END_MM * POINTS_PER_MM
+            errors[side].append(ppm * outward_errors_mm(places[counted], edge, outward))
     left, right = (np.concatenate(errors[side]) for side in ("left", "right"))
     return {
         "left_bias": float(left.mean()),

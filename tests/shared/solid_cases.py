@@ -28,7 +28,7 @@ MAGNETIC = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 5.0
 
 
 def equilibrium(solid: Solid, name: str, force: np.ndarray, bulk: float, steps: int) -> Configuration:
-    """Under dead nodal forces (N, 3), which rise in even steps."""
+    """Return the equilibrium under dead nodal forces (N, 3), which are applied in equal steps."""
     batch = Batch(LAWS[name], np.array([LAW_EXAMPLES[name]]), "solid", np.array([bulk]))
     now = solid.rest(1)
     for part in np.linspace(0, 1, steps + 1)[1:]:
@@ -39,7 +39,7 @@ def equilibrium(solid: Solid, name: str, force: np.ndarray, bulk: float, steps: 
 
 
 def face_forces(mesh: Bricks, axis: int, at: int, traction: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """(N, 3) nodal forces of a dead traction(x) (n, 3) on the face ``at`` (0 or -1) of the grid's axis."""
+    """Return the nodal forces (N, 3) of a dead traction(x) (n, 3) on the face ``at`` (0 or -1) of a grid axis."""
     numbers = np.take(mesh.numbers, at, axis=axis)
     corner = numbers[0:-1:2, 0:-1:2].ravel()
     faces = corner[:, None] + (numbers[:3, :3] - numbers[0, 0]).ravel()
@@ -57,19 +57,19 @@ def face_forces(mesh: Bricks, axis: int, at: int, traction: Callable[[np.ndarray
 
 
 def principal_stress(name: str, stretches: np.ndarray) -> np.ndarray:
-    """(3,) nominal stresses of an incompressible material whose third face is free."""
+    """Return the nominal stresses (3,) of an incompressible material whose third face is free."""
     _, tau, _ = LAWS[name].principal(np.array(LAW_EXAMPLES[name]), stretches)
     return np.asarray((tau - tau[2]) / stretches)
 
 
 def distorted(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The unit cube of eight elements, its middle out of place; their sides stay straight."""
+    """Return the unit cube of eight elements with its middle node displaced; the sides stay straight."""
     inner = (1 - np.abs(2 * x - 1)) * (1 - np.abs(2 * y - 1)) * (1 - np.abs(2 * z - 1))
     return x + 0.11 * inner, y - 0.07 * inner, z + 0.09 * inner
 
 
 def even_stretch(name: str, along: float, across: float) -> float:
-    """Largest error of a distorted patch pulled to the stretches; by dead tractions on two faces."""
+    """Return the largest error of a distorted patch that dead tractions on two faces pull to the stretches."""
     stretches = np.array([along, across, 1 / (along * across)])
     lines = np.linspace(0, 1, 3)
     mesh = brick_mesh(lines, lines, lines, distorted)
@@ -78,12 +78,12 @@ def even_stretch(name: str, along: float, across: float) -> float:
     pull = [
         face_forces(mesh, k, -1, lambda x, k=k: np.broadcast_to(nominal[k] * np.eye(3)[k], x.shape)) for k in (0, 1)
     ]
-    found = equilibrium(Solid(mesh, fixed), name, pull[0] + pull[1], 1e7, 8)
-    return float(np.abs(found.displacement[0] - mesh.nodes * (stretches - 1)).max())
+    displacement = equilibrium(Solid(mesh, fixed), name, pull[0] + pull[1], 1e7, 8)
+    return float(np.abs(displacement.displacement[0] - mesh.nodes * (stretches - 1)).max())
 
 
 def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float]:
-    """A 1 x 1 x 1 block whose surface turns about z by ``twist`` z: inner displacement's error, torque over exact.
+    """Turn the surface of a unit cube about z by ``twist`` z; return the inner error and the torque over the exact one.
 
     Pure torsion of an isotropic, incompressible body is possible under tractions on its surface alone (Rivlin 1948,
     Phil. Trans. R. Soc. A 241:379). Neo-Hookean: shear stress mu twist r, torque mu twist a^4 / 6 of a square.
@@ -107,7 +107,7 @@ def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float
         now, status, _ = solid.equilibrium(batch, nothing, now, 1e-10)
         assert status[0] == Status.CONVERGED
     force = solid.kind.evaluate(solid.ops, batch, solid.by_element(now.displacement), now.pressure).force[:, 0]
-    # The torque that the middle section carries: of the forces on its nodes from the elements on one side of it.
+    # The torque in the middle section, from the forces on its nodes by the elements on one side.
     upper = mesh.nodes[mesh.elements].mean(axis=1)[:, 2] > 0
     half = np.zeros(mesh.nodes.shape)
     np.add.at(half, mesh.elements[upper], force[upper].transpose(0, 2, 1))
@@ -120,9 +120,10 @@ def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float
 
 
 def cylinder(divisions: int, stretch: float) -> tuple[float, float, float]:
-    """Inner radius 1, outer 2, one layer held in depth, inflated: errors of the inner radius, displacement, pressure.
+    """Inflate a thick cylinder, one layer held in depth; return the errors of inner radius, displacement and pressure.
 
-    p / mu = ln(la / lb) + (lb^-2 - la^-2) / 2 (Ogden, Non-linear Elastic Deformations, 5.3.3); the last two in L2.
+    The inner radius is 1, the outer one 2. p / mu = ln(la / lb) + (lb^-2 - la^-2) / 2 (Ogden, Non-linear Elastic
+    Deformations, 5.3.3). The errors of displacement and pressure are L2 norms.
     """
     outer = np.sqrt((3 + stretch**2) / 4)
     load = stretch * (np.log(stretch / outer) + 0.5 * (outer**-2 - stretch**-2))
@@ -139,21 +140,21 @@ def cylinder(divisions: int, stretch: float) -> tuple[float, float, float]:
     fixed[:, 2] = True
     force = face_forces(mesh, 1, 0, lambda x: load * x * [1, 1, 0] / np.linalg.norm(x[:, :2], axis=1)[:, None])
     solid = Solid(mesh, fixed)
-    found = equilibrium(solid, "neo-hookean", force, 1e6, 6)
+    displacement = equilibrium(solid, "neo-hookean", force, 1e6, 6)
     rest = mesh.nodes[mesh.elements]
     grid = np.meshgrid(*(np.polynomial.legendre.leggauss(k)[0] for k in (2, 3, 3)), indexing="ij")
     values, _ = shape_functions(*(g.ravel() for g in grid))
     X = np.einsum("qa,eai->eqi", values, rest)
-    u = np.einsum("qa,eai->eqi", values, found.displacement[0][mesh.elements])
+    u = np.einsum("qa,eai->eqi", values, displacement.displacement[0][mesh.elements])
     R = np.linalg.norm(X[..., :2], axis=-1)
     local = np.sqrt(R**2 + stretch**2 - 1) / R
     gap = u[..., :2] - X[..., :2] * (local - 1)[..., None]
-    p = np.einsum("eqk,ek->eq", solid.ops.basis, found.pressure[:, 0])
+    p = np.einsum("eqk,ek->eq", solid.ops.basis, displacement.pressure[:, 0])
     sigma = -(np.log(local / outer) + 0.5 * (outer**-2 - local**-2))
     exact = sigma - local**-2 + (local**2 + local**-2 + 1) / 3
-    w = solid.ops.weights * divisions  # of one unit in depth
+    w = solid.ops.weights * divisions  # for one unit of depth
     inner = mesh.numbers[:, 0, 0]
-    radius = np.linalg.norm((mesh.nodes + found.displacement[0])[inner, :2], axis=1)
+    radius = np.linalg.norm((mesh.nodes + displacement.displacement[0])[inner, :2], axis=1)
     return (
         float(np.abs(radius / stretch - 1).max()),
         float(np.sqrt(np.sum(w * np.sum(gap**2, axis=-1)))),
@@ -162,7 +163,7 @@ def cylinder(divisions: int, stretch: float) -> tuple[float, float, float]:
 
 
 def held(specimen: Specimen, along: int, across: int) -> SolidModel:
-    """A solid model whose displacement in depth is held everywhere: plane strain."""
+    """Return a solid model whose displacement in depth is held everywhere, which is plane strain."""
     model = SolidModel(specimen, along, across)
     fixed = np.zeros(model.mesh.nodes.shape, bool)
     fixed[model.mesh.numbers[0].ravel()] = True
@@ -172,7 +173,7 @@ def held(specimen: Specimen, along: int, across: int) -> SolidModel:
 
 
 def against_plane_strain(name: str) -> float:
-    """Largest distance in mm of points of a beam with a magnet at 7 mT, held in depth, from plane strain's."""
+    """Return the largest distance in mm between plane strain and the solid held in depth, for a magnet at 7 mT."""
     law = LAWS[name]
     parameters = np.array(LAW_EXAMPLES[name]) * [1 if u == "1" else 4.6e4 for u in law.units]
     loads = Loads.along(np.linspace(0, 7, 6), 70.0, 10.0, 1e-4)
@@ -186,7 +187,7 @@ def against_plane_strain(name: str) -> float:
 
 
 def drop(specimen: Specimen, mu: float, along: int, across: int, more: int = 0) -> float:
-    """How far the middle of a horizontal beam's tip sinks under its weight, mm."""
+    """Return how far the middle of the tip of a horizontal beam sinks under its weight, in mm."""
     model = SolidModel(specimen, along, across, more)
     loads = Loads.along(np.zeros(4), 90.0, -90.0)
     loads = replace(loads, gravity=loads.gravity * np.array([[0.25], [0.5], [0.75], [1.0]]))
@@ -196,7 +197,7 @@ def drop(specimen: Specimen, mu: float, along: int, across: int, more: int = 0) 
 
 
 def felupe_drop(specimen: Specimen, mu: float, cells: tuple[int, int, int]) -> float:
-    """The same by FElupe: bilinear bricks with mean dilatation, cells along, across and over half the depth."""
+    """Return the same by FElupe: bilinear bricks with mean dilatation; cells along, across and over half the depth."""
     import felupe
 
     half = 0.5 * specimen.depth_mm

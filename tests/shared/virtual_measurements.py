@@ -1,8 +1,7 @@
-"""Virtual measurements with every stated uncertainty drawn, and what the intervals of their fits hold.
+"""Virtual measurements with every stated uncertainty drawn, and the coverage of the intervals of their fits.
 
-Every source that specimen, calibration and rig can state is drawn from its stated uncertainty. The beam that results
-is simulated on 26 x 3 elements, and each edge point gets noise. The fit knows the nominal numbers and their
-uncertainties.
+Every source that specimen, calibration and rig can state is drawn from its stated uncertainty. The beam that results is
+simulated on 26 x 3 elements, and each edge point gets noise. The fit knows the nominal numbers and their uncertainties.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ Array = NDArray[np.float64]
 FIELD_MT = np.array([0.75, 1.75, 3.0, 4.5])
 CORRELATED_OVER_MM = 1.0
 NOISE_MM = (0.001, 0.005, 0.05)
-# Of each law a material of about 46 kPa: initial shear modulus in Pa and ratios, away from the bounds of the search.
+# A material of about 46 kPa for each law: modulus in Pa and ratios, away from the bounds of the search.
 COORDINATES = {
     "neo-hookean": (46e3,),
     "mooney-rivlin": (46e3, 0.2),
@@ -56,7 +55,7 @@ NORMAL = 1.96
 
 @dataclass(frozen=True)
 class Case:
-    """One experiment, counted from 0: law, noise, specimen and section go round."""
+    """One experiment, counted from 0; law, noise, specimen and section alternate."""
 
     number: int
     seed: int
@@ -68,26 +67,27 @@ class Case:
 
     @property
     def noise_mm(self) -> float:
-        """Standard deviation of each of the two parts."""
+        """Standard deviation of each of the two parts of the noise."""
         return NOISE_MM[self.number // 4 % 3]
 
     @property
     def is_solid(self) -> bool:
-        """Every fourth round of laws and levels of noise."""
+        """Whether the beam is a solid: one round of laws and noise levels in four."""
         return self.number // 12 % 4 == 3
 
     @property
     def specimen(self) -> Specimen:
-        """As it is stated."""
+        """The specimen with its nominal values."""
         name = SPECIMENS[self.number // 48 % 4]
         return replace(load_specimen(name).mechanics(), section="solid" if self.is_solid else "plane-stress")
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Identified over true modulus, its interval's ends over the truth, those of the fit alone; processor time.
+    """The identified modulus, its interval and the interval of the fit alone, all divided by the true modulus.
 
-    drawn: how far the drawn sources move the modulus by its intervals' own word, in standard deviations of all sources.
+    drawn: sum of the drawn deviations times their effects in the budget, in standard deviations; seconds: processor
+    time.
     """
 
     case: Case
@@ -100,7 +100,7 @@ class Outcome:
 
 @cache
 def stated() -> tuple[StatedSource, ...]:
-    """What the bench examples state, of the sources that a telecentric camera has."""
+    """Return the uncertainties that the bench examples state, of the sources of a telecentric camera."""
     rig = load_rig("bench_example")
     every = (
         *load_specimen("bench_example").stated_sources(),
@@ -112,7 +112,7 @@ def stated() -> tuple[StatedSource, ...]:
 
 @cache
 def true_parameters(model: str) -> Array:
-    """(1, n) of the law, in Pa."""
+    """Return the parameters (1, n) of the law in Pa."""
     space = search_space(LAWS[model])
     lower, upper, true = np.array(space.lower), np.array(space.upper), np.array(COORDINATES[model])
     unit = (true - lower) / (upper - lower)
@@ -121,7 +121,7 @@ def true_parameters(model: str) -> Array:
 
 
 def begun_at(model: str, rng: np.random.Generator) -> Array:
-    """(n,) unit coordinates from which the polish begins."""
+    """Return the unit coordinates (n,) at which the polish starts."""
     space = search_space(LAWS[model])
     modulus = COORDINATES[model][0] * np.exp(rng.uniform(-BEGUN_WITHIN, BEGUN_WITHIN))
     unit = rng.uniform(0.25, 0.75, len(space.names))
@@ -131,7 +131,7 @@ def begun_at(model: str, rng: np.random.Generator) -> Array:
 
 @cache
 def effect_of_depth(model: str, specimen: Specimen) -> DepthEffect | None:
-    """What depth adds to a planar beam as stated, by how far its tip is turned; None of a planar section."""
+    """Return the depth effect of the nominal beam as a function of the tip rotation; None for a planar section."""
     if specimen.section != "solid":
         return None
     turns = Loads.along(np.linspace(0.0, 1.1 * FIELD_MT[-1], 8))
@@ -139,13 +139,13 @@ def effect_of_depth(model: str, specimen: Specimen) -> DepthEffect | None:
 
 
 def deviations_drawn(rng: np.random.Generator) -> dict[str, Array]:
-    """What every source (parts,) is off in one experiment."""
+    """Draw the deviations (parts,) of every source for one experiment."""
     return {s.source: s.standard_uncertainty * rng.normal(size=len(SOURCES[s.source].parts)) for s in stated()}
 
 
 def measured(case: Case, deviations: Mapping[str, Array], rng: np.random.Generator) -> Experiment:
-    """What is stated, with what was seen of the hidden beam."""
-    setup = Setup.of(((s, part, value) for s, own in deviations.items() for part, value in enumerate(own)), 1)
+    """Return an experiment with the stated values and the edges of the hidden beam."""
+    setup = Setup.of(((s, part, value) for s, values in deviations.items() for part, value in enumerate(values)), 1)
     loads = Loads.along(FIELD_MT)
     beam = specimen_under(case.specimen, deviations)
     effect = effect_of_depth(case.model, case.specimen)
@@ -165,13 +165,13 @@ def measured(case: Case, deviations: Mapping[str, Array], rng: np.random.Generat
     )
     if not shapes.converged[0]:
         raise RuntimeError(f"{case}: the true beam has no equilibrium")
-    seen = setup.imaged(points_on(outline(model, shapes)[0], 4)[:, :, 4:-4])
+    edges = setup.imaged(points_on(outline(model, shapes)[0], 4)[:, :, 4:-4])
     flat = BeamModel(case.specimen, plane=case.specimen.planar_section)
-    return Experiment(flat, loads, with_noise(seen, case.noise_mm, rng), stated=stated())
+    return Experiment(flat, loads, with_noise(edges, case.noise_mm, rng), stated=stated())
 
 
 def with_noise(edges: Array, noise_mm: float, rng: np.random.Generator) -> EdgeObservation:
-    """Noise across the edges (K, 2, m, 2), white and correlated."""
+    """Add white and correlated noise across the edges (K, 2, m, 2)."""
     along = np.gradient(edges, axis=2)
     across = np.stack([-along[..., 1], along[..., 0]], axis=-1) / np.linalg.norm(along, axis=-1, keepdims=True)
     length = np.cumsum(np.linalg.norm(np.diff(edges[0, 0], axis=0, prepend=edges[0, 0, :1]), axis=1))
@@ -184,8 +184,8 @@ def with_noise(edges: Array, noise_mm: float, rng: np.random.Generator) -> EdgeO
 
 
 def outcome(case: Case) -> Outcome:
-    """One measurement and its fit."""
-    begun = time.process_time()
+    """Simulate one measurement and fit it."""
+    start_s = time.process_time()
     rng = np.random.default_rng([case.seed, case.number])
     deviations, law = deviations_drawn(rng), LAWS[case.model]
     experiment = measured(case, deviations, rng)
@@ -201,15 +201,15 @@ def outcome(case: Case) -> Outcome:
         interval=(low / truth, high / truth),
         fit_alone=(alone_low / truth, alone_high / truth),
         drawn=drawn(case.model, estimate, deviations),
-        seconds=time.process_time() - begun,
+        seconds=time.process_time() - start_s,
     )
 
 
 def drawn(model: str, estimate: Estimate, deviations: Mapping[str, Array]) -> float:
-    """`Outcome.drawn`, by what the sources do to the modulus in the estimate's draws."""
+    """Return `Outcome.drawn` from the effects of the sources in the draws of the estimate."""
     law = LAWS[model]
     parameters = np.column_stack([estimate.draws.column(name) for name in law.parameter_names])
-    numbers = [(key, part) for key, own in deviations.items() for part in range(len(own))]
+    numbers = [(key, part) for key, values in deviations.items() for part in range(len(values))]
     moved = np.column_stack([estimate.draws.column(SOURCES[key].parts[part]) for key, part in numbers])
     all_of_it = np.column_stack([np.ones(len(moved)), moved])
     slopes = np.linalg.lstsq(all_of_it, np.log(law.initial_shear_modulus(parameters)), rcond=None)[0][1:]
@@ -221,9 +221,9 @@ def drawn(model: str, estimate: Estimate, deviations: Mapping[str, Array]) -> fl
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """What a group of experiments says, in percent; over_needed: half-widths over those that would hold 95 %.
+    """Statistics of a group of experiments in per cent; over_needed: half-width over that which 95 % coverage needs.
 
-    chance_percent: between which the share that holds may lie, with 95 % confidence; drawn_percent: see `Outcome`.
+    chance_percent: 95 % confidence interval of the coverage; drawn_percent: see `Outcome`.
     """
 
     name: str
@@ -239,26 +239,28 @@ class Row:
 
     @property
     def is_right(self) -> bool:
-        """Whether it is within the limits, as far as so many experiments tell."""
+        """Whether the coverage is within the limits, given the number of experiments."""
         low, high = self.chance_percent
         return low <= HIGHEST and high >= LOWEST and self.over_needed_least <= LARGEST_RATIO
 
 
 def row(name: str, outcomes: Sequence[Outcome]) -> Row:
-    """Of some outcomes; a half-width is the one on the side of the truth."""
+    """Return the row of some outcomes; the half-width is that on the side of the truth."""
     logs = np.log([[o.value, *o.interval, *o.fit_alone] for o in outcomes])
     value, low, high, fit_low, fit_high = logs.T
-    held = (low <= 0) & (high >= 0)
-    chance = stats.binomtest(int(held.sum()), len(held)).proportion_ci(0.95, "exact")  # Clopper and Pearson 1934
+    contains_truth = (low <= 0) & (high >= 0)
+    chance = stats.binomtest(int(contains_truth.sum()), len(contains_truth)).proportion_ci(
+        0.95, "exact"
+    )  # Clopper and Pearson 1934
     shares = np.sort(np.abs(value) / np.where(value > 0, value - low, high - value))
-    # The order statistics that lie about the quantile of 95 % with a confidence of 95 %.
+    # The order statistics that enclose the 95 % quantile with a confidence of 95 %.
     upper = min(int(stats.binom.ppf(0.975, len(shares), 0.95)), len(shares) - 1)
     return Row(
         name=name,
         experiments=len(outcomes),
         half_width_percent=float(50 * np.mean(high - low)),
         fit_alone_half_width_percent=float(50 * np.mean(fit_high - fit_low)),
-        held_percent=float(100 * np.mean(held)),
+        held_percent=float(100 * np.mean(contains_truth)),
         chance_percent=(100 * chance.low, 100 * chance.high),
         drawn_percent=float(100 * np.mean([abs(o.drawn) < NORMAL for o in outcomes])),
         fit_alone_percent=float(100 * np.mean((fit_low <= 0) & (fit_high >= 0))),

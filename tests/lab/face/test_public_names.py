@@ -34,7 +34,7 @@ def test_no_submodule_hides_a_name():
     assert told.stdout.split() == []
 
 
-def test_an_import_loads_nothing_that_is_not_asked_for():
+def test_an_import_loads_only_the_requested_modules():
     assert not {"numpy", "scipy", "cma", "h5py", "cv2", "pydantic", "matplotlib"} & loaded_by("import eimi_lab")
     assert not {"cma", "matplotlib", "typer"} & loaded_by("import eimi_lab\neimi_lab.open")
 

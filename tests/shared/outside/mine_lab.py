@@ -1,4 +1,4 @@
-"""A package outside of this project: a supply and a camera that inherit nothing and import values and errors alone."""
+"""A package outside of this project: a supply and a camera that inherit nothing and import only values and errors."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TIMEOUT_S = 2.0
 
 
 class Mine:
-    """One output that speaks SCPI over a serial line, through pyserial."""
+    """A supply with one output that uses SCPI over a serial line, through pyserial."""
 
     def __init__(self, address, limits, clock):
         self.limits, self._address, self._clock = limits, address, clock
@@ -110,7 +110,7 @@ class Mine:
 
 
 class Eye:
-    """A dark beam at rest before a bright wall; nothing can be set."""
+    """A camera that shows a dark beam at rest in front of a bright wall; it has no settings."""
 
     def __init__(self, source, settings):
         if source == "nowhere":

@@ -167,9 +167,9 @@ class Doubt:
     words : str
         The doubt in English, for a person. Programs decide by `kind`.
     dataset, state, curve : int, optional
-        Counted from 0; all of them None for what is doubtful of the fit as a whole.
+        Index from 0; all three are None if the doubt concerns the fit as a whole.
     kind : DoubtKind, optional
-        What the doubt is about. None where the doubt was read from a file, which does not hold the kind.
+        Subject of the doubt; None if the doubt was read from a file, which does not store the kind.
     """
 
     words: str
