@@ -218,10 +218,14 @@ def _listen(host: str, port: int) -> socket.socket:
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         listening = socket.socket(family, socket.SOCK_STREAM)
-        if os.name == "posix" and sys.platform != "cygwin":
-            listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listening.bind((host, port))
-        listening.listen()  # now, because the address is printed before the server runs
+        try:
+            if os.name == "posix" and sys.platform != "cygwin":
+                listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listening.bind((host, port))
+            listening.listen()  # now, because the address is printed before the server runs
+        except OSError:
+            listening.close()
+            raise
     except OSError as error:
         raise InputError(
             f"--host {host} --port {port}: cannot be listened on ({error.strerror}); give another address or port"

@@ -71,6 +71,7 @@ def test_faults_of_the_line_are_played_back(tmp_path: Path) -> None:
     line.inject(Fault.SILENCE, lambda message: message == b"MEAS:CURR?\n")
     with pytest.raises(InstrumentTimeout):
         supply.measure()
+    supply.close()
     again, wire = replayed("scpi", file)
     with pytest.raises(InstrumentTimeout, match="here: no complete answer within 1 s"):
         again.measure()

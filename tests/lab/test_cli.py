@@ -136,7 +136,9 @@ def test_an_emulated_supply_is_served_until_ctrl_c(files: Path) -> None:
         assert server.stdout.readline() == 'driver = "scpi"\n'
         address = server.stdout.readline().split('"')[1]
         line = server.stdout.readline()
-        assert RemoteCoil(line.split('source = "')[1].split('"')[0]).coil_current_A() == 0.0
+        coil = RemoteCoil(line.split('source = "')[1].split('"')[0])
+        assert coil.coil_current_A() == 0.0
+        coil.close()
         supply = open_supply("scpi", address, Limits(1.0, 10.0))
         supply.set_current(0.25)
         assert not supply.output_on()

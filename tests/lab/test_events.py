@@ -337,23 +337,24 @@ def test_a_reader_that_is_gone_or_does_not_read_never_holds_up_the_run(bench: Pa
 
 def test_a_killed_run_s_guardian_goes_on_with_the_events(bench: Path) -> None:
     with emulated(bench) as coil:
-        process = subprocess.Popen(
-            command("rig.toml"), cwd=bench, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
-        assert process.stdout is not None
         events = []
-        for line in process.stdout:
-            events += read([line])
-            if isinstance(events[-1], StateStored) and events[-1].state == 1:
-                process.kill()
-        assert process.wait(60) == -signal.SIGKILL
+        with subprocess.Popen(
+            command("rig.toml"), cwd=bench, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as process:
+            assert process.stdout is not None
+            assert process.stderr is not None
+            for line in process.stdout:
+                events += read([line])
+                if isinstance(events[-1], StateStored) and events[-1].state == 1:
+                    process.kill()
+            messages = process.stderr.read()
+        assert process.returncode == -signal.SIGKILL
         assert not coil.state.output
-        said = process.stderr.read() if process.stderr else ""
     assert isinstance(events[-2], GuardianTookOver)
     off = events[-1]
     assert isinstance(off, OffConfirmed)
     assert (off.by, off.takeover) == ("guardian", "run_died")
-    assert f"eimi guardian: {in_words(off)}" in said
+    assert f"eimi guardian: {in_words(off)}" in messages
 
 
 def test_lines_for_a_reader_that_left_are_dropped_in_silence() -> None:

@@ -60,16 +60,16 @@ supply = {{ driver = "{driver}", address = "{address}", limits = {{ current_A = 
 camera = {{ driver = "opencv", source = "{bench / "recording"}" }}
 """)
     command = [sys.executable, "-m", "eimi_lab", "acquire", "protocol.toml", "--specimen", "specimen.toml"]
-    process = subprocess.Popen(
+    lines = []
+    with subprocess.Popen(
         [*command, "--rig", "rig.toml", "-o", "run.h5"], cwd=bench, stderr=subprocess.PIPE, text=True
-    )
-    said = []
-    assert process.stderr is not None
-    for line in process.stderr:
-        said.append(line.rstrip())
-        if line.startswith(f"acquire {after}/"):
-            act(process)
-    return RunEnd(process.wait(PATIENCE_S), said)
+    ) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            lines.append(line.rstrip())
+            if line.startswith(f"acquire {after}/"):
+                act(process)
+        return RunEnd(process.wait(PATIENCE_S), lines)
 
 
 def assert_off(coil: CoilSupply) -> None:

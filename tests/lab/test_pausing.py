@@ -180,6 +180,7 @@ camera = {{ driver = "opencv", source = "{bench / "recording"}" }}
                 WallClock().sleep(6.0 if not off else 0.0)  # longer than the guardian has patience with a run
                 off.append(not coil.state.output and coil.state.set_current_A == 0.0)
                 os.write(keys, b"\n")
+        process.stderr.close()
         assert process.wait(PATIENCE_S) == 0, said
     os.close(keys)
     assert off == [True]
