@@ -48,7 +48,7 @@ CONFIRMED_WITHIN_S = 4.0
 CLOSED_WITHIN_S = 10.0
 KEPT_LINES = 40
 LONGEST_LINE = 1 << 24  # bytes: the first event of a run holds every current of its protocol
-NOTHING_SWITCHED = "nothing is switched: the coil is simulated"
+NOTHING_SWITCHED = "nothing happens, because the coil is simulated"
 SAID = (
     StateStored,
     StateStoredBefore,
@@ -110,13 +110,13 @@ class Progress:
     last_words: str = ""
     said: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
 
-    def told(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, Any]:
         """Return the state as a JSON object."""
         return {**vars(self), "said": list(self.said)}
 
 
 class BenchRun:
-    """A run, under way or ended.
+    """A run that is in progress or has ended.
 
     Parameters
     ----------
@@ -125,9 +125,9 @@ class BenchRun:
     name : str
         Name of the dataset on the page.
     changed : callable
-        Is called at every change of ``progress``.
+        Called at every change of ``progress``.
     seen : callable
-        Is called with each frame and with each set of edges.
+        Called with each frame and with each set of edges.
     """
 
     def __init__(
@@ -152,8 +152,8 @@ class BenchRun:
     async def begin(self) -> None:
         """Start the run and the two processes that look at its frames."""
         memory = new_memory()
-        heard, bell = os.pipe()
-        told, events = os.pipe()
+        bell_read_end, bell = os.pipe()
+        events_read_end, events = os.pipe()
         closed, open_while_seen = os.pipe()
         for_run = (memory, bell, events)
         self._run = await asyncio.create_subprocess_exec(
@@ -167,12 +167,12 @@ class BenchRun:
         )
         rig, specimen = self.order.rig, self.order.specimen
         self._eyes = [
-            await self._eye(FRAMES, memory, heard, rig),
+            await self._eye(FRAMES, memory, bell_read_end, rig),
             await self._eye(EDGES, memory, closed, rig, specimen),
         ]
-        for descriptor in (memory, bell, events, heard, closed):
+        for descriptor in (memory, bell, events, bell_read_end, closed):
             os.close(descriptor)
-        for work in (self._hear(told), self._see_all(open_while_seen)):
+        for work in (self._hear(events_read_end), self._see_all(open_while_seen)):
             self._tasks.append(asyncio.create_task(work))
 
     async def _eye(self, what: str, memory: int, until: int, *files: str) -> asyncio.subprocess.Process:
@@ -258,7 +258,7 @@ class BenchRun:
             self._answered.set()
 
     async def _hear(self, events: int) -> None:
-        """Read events and messages until the run has ended; if its guardian took over, until that has ended, too."""
+        """Read events and messages until the run has ended, and its guardian too if it took over."""
         await asyncio.gather(self._hear_events(events), self._hear_words())
         self.progress.status = await self._run.wait()
         if self.progress.coil == "on":  # no event confirmed the coil; a run without a guardian is simulated
@@ -325,7 +325,7 @@ class BenchRun:
                 self.progress.last_words = line.removeprefix("eimi: ")
 
     async def _see_all(self, open_while_seen: int) -> None:
-        """Pass on frames and edges until both processes have ended: frames end with the run, edges end after it."""
+        """Pass on frames and edges until both processes have ended, that of the frames first."""
         frames, edges = self._eyes
         finding = asyncio.create_task(self._see(edges))
         await self._see(frames)
@@ -336,7 +336,7 @@ class BenchRun:
         assert eye.stdout is not None
         with suppress(asyncio.IncompleteReadError):
             while True:
-                told, picture = SIZES.unpack(await eye.stdout.readexactly(SIZES.size))
-                about = json.loads(await eye.stdout.readexactly(told))
-                self._seen(about, await eye.stdout.readexactly(picture) if picture else b"")
+                about_bytes, picture_bytes = SIZES.unpack(await eye.stdout.readexactly(SIZES.size))
+                about = json.loads(await eye.stdout.readexactly(about_bytes))
+                self._seen(about, await eye.stdout.readexactly(picture_bytes) if picture_bytes else b"")
         await eye.wait()

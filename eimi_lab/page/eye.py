@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
-from eimi_lab.page.frame_memory import FrameMemory, Seen
+from eimi_lab.page.frame_memory import FrameMemory, NewestFrame
 from eimi_lab.page.stored_runs import finite, in_pixels, jpeg, shown_flags
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.edge_set import tip_angle_deg
@@ -48,46 +48,46 @@ def show_frames(memory: int, bell: int, rig: str) -> None:
         select.select([bell], [], [])
         if not os.read(bell, 4096):
             return
-        seen = frames.read(last)
-        if seen is not None:
-            last = seen.number
-            _send(_described(seen, calibration), jpeg(seen.image, WIDEST_PX))
+        frame = frames.read(last)
+        if frame is not None:
+            last = frame.number
+            _send(_described(frame, calibration), jpeg(frame.image, WIDEST_PX))
 
 
 def find_in_frames(memory: int, until_closed: int, rig: str, specimen: str) -> None:
-    """Send the edges of the newest frame, again and again, until the descriptor `until_closed` is closed.
+    """Send the edges of the newest frame repeatedly, until the descriptor `until_closed` is closed.
 
-    The search takes at most half of the time. The edges of the last frame are sent, too.
+    The search for edges takes at most half of the time. The edges of the last frame are also sent.
     """
     calibration, beam, frames = load_rig(rig).calibration, load_specimen(specimen), FrameMemory(memory)
     place, last, pause_s, going_on = BeamFrame(calibration), 0, SHORTEST_PAUSE_S, True
     while going_on:
         going_on = not select.select([until_closed], [], [], pause_s)[0]
-        seen = frames.read(last)
-        if seen is None or seen.kept > 1:
+        frame = frames.read(last)
+        if frame is None or frame.kept > 1:
             continue
-        last, began = seen.number, time.monotonic()
-        _send({"kind": "edges", "seen": last, **edges_in(seen.image, calibration, beam, place)})
+        last, began = frame.number, time.monotonic()
+        _send({"kind": "edges", "seen": last, **edges_in(frame.image, calibration, beam, place)})
         pause_s = max(SHORTEST_PAUSE_S, (time.monotonic() - began) * (1 / _EDGES_SHARE - 1))
 
 
-def _described(seen: Seen, calibration: Calibration) -> dict[str, Any]:
-    height, width = seen.image.shape[:2]
-    current_A = seen.about["measured_A"] if seen.about["on"] else 0.0
+def _described(frame: NewestFrame, calibration: Calibration) -> dict[str, Any]:
+    height, width = frame.image.shape[:2]
+    current_A = frame.about["measured_A"] if frame.about["on"] else 0.0
     return {
         "kind": "frame",
-        "seen": seen.number,
-        "size_px": [width * seen.kept, height * seen.kept],
+        "seen": frame.number,
+        "size_px": [width * frame.kept, height * frame.kept],
         "field_mT": current_A * calibration.coil_constant_mT_per_A,
-        **light(seen.image),
-        **seen.about,
+        **light(frame.image),
+        **frame.about,
     }
 
 
 def light(image: NDArray[Any]) -> dict[str, Any]:
-    """Return how an image is exposed: the histogram of its pixels up to full scale, and the share of saturated pixels.
+    """Return the exposure of an image: the histogram of its pixels up to full scale, and the share of saturated pixels.
 
-    In a colour image the brightest channel counts, because an edge is displaced where one channel is saturated.
+    In a colour image the brightest channel of each pixel is used, because one saturated channel displaces an edge.
     """
     some = image[::4, ::4] if image.size > 1 << 18 else image
     brightest = some if some.ndim == 2 else some.max(axis=2)
@@ -102,7 +102,7 @@ def light(image: NDArray[Any]) -> dict[str, Any]:
 def edges_in(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, place: BeamFrame) -> dict[str, Any]:
     """Return the edges of an image in pixels, the direction of the tip, and the blur.
 
-    With a limit of 0 the flag for blur is always set, so that it states the blur.
+    The search runs with a blur limit of 0, so that its flag for blur is always set and contains the blur.
     """
     edge_set = find_edges(image, calibration, specimen, limits={"blur_px": 0.0})
     blur = next((flag for flag in edge_set.flags if flag.name == _BLUR.name and flag.limit == 0.0), None)

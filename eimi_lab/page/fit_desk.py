@@ -30,12 +30,12 @@ FITS, LOG, REPORT = ".fits.json", ".fits.log", ".report.html"
 
 @dataclass
 class Fitting:
-    """A fit under way, or ended.
+    """A fit that is running or has ended.
 
     Parameters
     ----------
     number : int
-        Counts the fits of this page, so that a tab can tell two fits of one dataset apart.
+        Number of the fit on this page, by which a tab distinguishes two fits of one dataset.
     dataset, model : str
         The dataset's name in the folder, and the law.
     phase : str
@@ -73,7 +73,7 @@ class FitDesk:
             Route("/api/fit/end", self._steered(self._end), methods=["POST"]),
         ]
 
-    def told(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, Any]:
         """Return the state of the fit, which is sent to every tab."""
         return {"fit": asdict(self.fitting) if self.fitting else None}
 
@@ -86,9 +86,9 @@ class FitDesk:
     async def _stored(self, request: Request) -> Response:
         dataset = self._folder.inside(request.query_params.get("file", ""))
         fits, report = dataset.with_suffix(FITS), dataset.with_suffix(REPORT)
-        found = await self._worker.do(stored_fits.summaries, fits) if fits.is_file() else []
+        summaries = await self._worker.do(stored_fits.summaries, fits) if fits.is_file() else []
         link = self._reports.link_to(self._folder.name_of(report)) if report.is_file() else None
-        return JSONResponse({"fits": found, "report": link})
+        return JSONResponse({"fits": summaries, "report": link})
 
     async def _start(self, asked: dict[str, Any]) -> Any:
         if self._task is not None and not self._task.done():
@@ -170,10 +170,10 @@ class FitDesk:
             with log.open("rb") as file:
                 file.seek(read)
                 *whole, rest = file.read().split(b"\n")
-            new = [one for line in whole if (one := _generation(line)) is not None]
+            new = [generation for line in whole if (generation := _generation(line)) is not None]
             read += sum(len(line) + 1 for line in whole)
-            if (one := _generation(rest)) is not None:  # the newest line has no end yet
-                new, read = [*new, one], read + len(rest)
+            if (generation := _generation(rest)) is not None:  # the newest line has no end yet
+                new, read = [*new, generation], read + len(rest)
             if new:
                 fitting.generations = [*fitting.generations, *new][-MOST_GENERATIONS:]
                 self._changed()
@@ -181,7 +181,7 @@ class FitDesk:
 
 def _generation(line: bytes) -> tuple[int, float, float] | None:
     try:
-        told = json.loads(line)
-        return told["generation"], told["search"]["best_mm"], told["search"]["mean_mm"]
-    except (ValueError, KeyError, TypeError, RecursionError):  # another line of the log, or half of one
+        entry = json.loads(line)
+        return entry["generation"], entry["search"]["best_mm"], entry["search"]["mean_mm"]
+    except (ValueError, KeyError, TypeError, RecursionError):  # another line of the log, or an incomplete one
         return None

@@ -1,7 +1,7 @@
 """The newest frame of a run, in memory that the run and the page share.
 
-The run never waits: it fills two slots in turn. The page reads the newest slot. Two counters of the slot show whether
-it was overwritten meanwhile; then the page reads again.
+The run fills two slots in turn and never waits. The page reads the newest slot. Two counters in the slot show whether
+the run overwrote it during the read; in this case the page reads again.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ _TRIES = 5
 
 
 @dataclass(frozen=True)
-class Seen:
-    """A frame that was read.
+class NewestFrame:
+    """A frame read from the shared memory.
 
     Parameters
     ----------
@@ -38,9 +38,9 @@ class Seen:
     image : NDArray
         (H, W) or (H, W, 3).
     about : dict
-        What the run states about the frame.
+        Description of the frame by the run: state, set-point, measured current, output and heat.
     kept : int
-        1 if the image has every pixel, 2 if it has every second one, and so on.
+        1 if the image has every pixel, 2 if it has every second pixel in each direction, and so on.
     """
 
     number: int
@@ -89,22 +89,22 @@ class FrameMemory:
         _PLACE.pack_into(self._memory, at, number, number, *sizes)
         _NEWEST.pack_into(self._memory, 0, number)
 
-    def read(self, after: int) -> Seen | None:
+    def read(self, after: int) -> NewestFrame | None:
         """Return the newest frame, or None if its number is not larger than `after`."""
         for _ in range(_TRIES):
             number = self.newest()
             if number <= after:
                 return None
             at = self._place(number)
-            begun, ended, height, width, channels, itemsize, kept, told = _PLACE.unpack_from(self._memory, at)
+            begun, ended, height, width, channels, itemsize, kept, about_bytes = _PLACE.unpack_from(self._memory, at)
             begin = at + _PLACE.size
-            text = self._memory[begin : begin + told]
+            text = self._memory[begin : begin + about_bytes]
             begin += ABOUT_BYTES
             pixels = self._memory[begin : begin + height * width * max(1, channels) * itemsize]
             if begun == ended == _PLACE.unpack_from(self._memory, at)[0]:
                 shape = (height, width, channels) if channels else (height, width)
                 image = np.frombuffer(pixels, np.uint8 if itemsize == 1 else np.uint16).reshape(shape)
-                return Seen(number, image, json.loads(text), kept)
+                return NewestFrame(number, image, json.loads(text), kept)
         return None
 
     @staticmethod

@@ -38,9 +38,9 @@ class RunDesk:
         if self.run is not None:
             await self.run.closed()
 
-    def told(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, Any]:
         """Return the state of the run, which is sent to every tab."""
-        return {"run": self.run.progress.told() if self.run else None}
+        return {"run": self.run.progress.as_json() if self.run else None}
 
     async def _choices(self, request: Request) -> Response:
         return JSONResponse(await self._worker.do(choices.choices, self._folder))

@@ -48,7 +48,7 @@ class Page:
             raise InputError(f"{folder}: is not a folder; give the folder with datasets and pictures")
         self.folder = DataFolder(folder.resolve())
         self.worker = Worker()
-        self.tabs = Tabs(lambda: {**self.desk.told(), **self.fits.told()})
+        self.tabs = Tabs(lambda: {**self.desk.as_json(), **self.fits.as_json()})
         self.desk = RunDesk(self.folder, self.worker, self.tabs)
         self.reports = ReportLinks()
         self.fits = FitDesk(self.folder, self.worker, self.tabs, self.reports)
@@ -70,8 +70,8 @@ class Page:
             *self.fits.routes(),
             Mount("/static", StaticFiles(directory=STATIC)),
         ]
-        told = {InputError: _told, OSError: _told}
-        return Starlette(routes=routes, exception_handlers=told, lifespan=self._lifespan)
+        handlers = {InputError: _error_answer, OSError: _error_answer}
+        return Starlette(routes=routes, exception_handlers=handlers, lifespan=self._lifespan)
 
     @asynccontextmanager
     async def _lifespan(self, application: Starlette) -> AsyncIterator[None]:
@@ -102,7 +102,7 @@ class Page:
         return JSONResponse(await self.worker.do(stored_runs.modulus, self._file(request), _number(request, "states")))
 
     async def _figures(self, request: Request) -> Response:
-        """Answer with the ages of the last frames, in s, when the answer arrived that a tab had shown them."""
+        """Answer with the delays of the last frames, in s, from their capture to the confirmation of a tab."""
         return JSONResponse({"frame_to_screen_s": list(self.tabs.ages_s)})
 
     async def _report(self, request: Request) -> Response:
@@ -131,7 +131,7 @@ async def _index(request: Request) -> Response:
     return FileResponse(STATIC / "index.html", media_type="text/html")
 
 
-async def _told(request: Request, error: Exception) -> Response:
+async def _error_answer(request: Request, error: Exception) -> Response:
     """Answer with the message of an error, in one line."""
     return JSONResponse({"error": " ".join(str(error).split())}, 400)
 
@@ -162,7 +162,7 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None]) -> Non
     Stopped
         After a signal has ended the page.
     """
-    one_thread_each()  # also in the processes started from here, which share the machine with a run
+    one_thread_each()  # the processes started here inherit this, because they share the machine with a run
     page = Page(folder)
     listening = _listen(host, port)
     bound = listening.getsockname()[1]
@@ -190,7 +190,7 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None]) -> Non
 
 
 class _Server(uvicorn.Server):
-    """A server that closes in order at every signal that stops the program; uvicorn does not do so at SIGHUP.
+    """A server that shuts down orderly after every signal that stops the program; uvicorn does not after SIGHUP.
 
     The attribute ``asked`` lists the signals that came. After the first, closing takes at most `CLOSE_WITHIN_S`.
     """

@@ -84,7 +84,7 @@ def picture(path: Path, index: int) -> bytes:
 
 
 def edges(path: Path, index: int) -> Edges:
-    """Return the edges of a state in pixels; edges that are not stored are found now.
+    """Return the edges of a state in pixels; if the dataset has no edges, find them.
 
     Raises
     ------

@@ -61,7 +61,7 @@ class Tab:
 
 
 class Tabs:
-    """The open tabs.
+    """The open tabs, one of which may be in control.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class Tabs:
         sending = asyncio.create_task(self._send(tab))
         try:
             while True:
-                self._heard(tab, await socket.receive_json())
+                self._handle(tab, await socket.receive_json())
         except WebSocketDisconnect:
             pass
         except (ValueError, KeyError, TypeError, RecursionError):  # not a client of this page
@@ -136,7 +136,7 @@ class Tabs:
                 self._steers = None
             self.changed()
 
-    def _heard(self, tab: Tab, message: Any) -> None:
+    def _handle(self, tab: Tab, message: Any) -> None:
         """Handle a message of a tab; raise TypeError if it is not a JSON object."""
         if not isinstance(message, dict):
             raise TypeError(message)
@@ -156,7 +156,7 @@ class Tabs:
                 tab.wake.clear()
                 if tab.stale:
                     tab.stale = False
-                    await tab.socket.send_text(json.dumps(self._told(tab)))
+                    await tab.socket.send_text(json.dumps(self._state_for(tab)))
                 if tab.edges is not None:
                     text, tab.edges = tab.edges, None
                     await tab.socket.send_text(text)
@@ -167,6 +167,6 @@ class Tabs:
                     tab.waiting = now, self._at_s
                     await tab.socket.send_bytes(frame)
 
-    def _told(self, tab: Tab) -> dict[str, Any]:
+    def _state_for(self, tab: Tab) -> dict[str, Any]:
         control = "nobody" if self._steers is None else "you" if self._steers is tab else "other"
         return {"kind": "state", "tab": tab.name, "control": control, "tabs": len(self._open), **self._state()}

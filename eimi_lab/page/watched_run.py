@@ -1,8 +1,8 @@
-"""The side of the run: `eimi acquire`, started by the page, shows its frames and takes requests.
+"""Connect a run that the page started to the page: send frames and events, and receive requests.
 
-Nothing here keeps the run waiting. Frames go into shared memory, and events through a pipe (`event_lines`). The
-requests of the page arrive as lines on standard input, as if they were typed. When standard input closes, the page has
-ended, and the run ends with its coil off.
+This code runs in the process of `eimi acquire` and never delays the run. It writes frames into shared memory and events
+into a pipe (`event_lines`). The requests of the page arrive as lines on standard input, as if they were typed. When
+standard input closes, the page has ended, and the run ends with its coil off.
 """
 
 from __future__ import annotations
@@ -36,7 +36,10 @@ RATE_OVER_S = 1.0
 
 @dataclass(frozen=True)
 class Descriptors:
-    """File descriptors that a run inherits from the page: memory of frames, bell for new frames, and pipe of events."""
+    """File descriptors that a run inherits from the page.
+
+    memory: shared memory for the newest frame. bell: pipe that signals a new frame. events: pipe for events.
+    """
 
     memory: int
     bell: int
@@ -50,7 +53,7 @@ class Descriptors:
 
 @dataclass(frozen=True)
 class Watched:
-    """What `acquire` takes so that a person can watch the run and pause it."""
+    """The arguments of `acquire` with which a person can watch the run and pause it."""
 
     bench: Bench
     show: Show = show_nothing
@@ -59,7 +62,7 @@ class Watched:
 
 @contextmanager
 def watched(page: Descriptors | None, bench: Bench, rig: Rig, on_event: OnEvent) -> Iterator[Watched]:
-    """Yield the bench and the functions by which a run is watched; without a page, those of a run at a terminal."""
+    """Yield the arguments for a run that the page watches; if `page` is None, those for a run at a terminal."""
     if page is None:
         yield Watched(bench)
         return
@@ -84,7 +87,7 @@ def _listen(typed: queue.SimpleQueue[str], on_event: OnEvent) -> None:
 
 
 class WatchedSupply:
-    """A supply that remembers its set-point and its last measurement; see `PowerSupply` for each method."""
+    """A supply that records its set-point, its last measurement and the heat of the coil."""
 
     def __init__(self, supply: PowerSupply, clock: Clock, rig: Rig) -> None:
         self._supply, self._clock = supply, clock
@@ -95,52 +98,60 @@ class WatchedSupply:
 
     @property
     def without_contact(self) -> str:
-        """Return what the supply does if it loses contact, as its driver states it."""
+        """State of the coil after its cable is pulled, in the words of the driver."""
         return without_contact(self._supply)
 
     @property
     def measures_current(self) -> bool:
-        """As the driver has it."""
+        """Whether the supply can measure its current."""
         return bool(getattr(self._supply, "measures_current", True))
 
     @property
     def reads_zero_within_A(self) -> float:
-        """As the driver has it."""
+        """Largest current that the supply shows when no current flows, A."""
         return float(getattr(self._supply, "reads_zero_within_A", 0.0))
 
     def values(self) -> dict[str, Any]:
-        """Return set-point, measured current, output, and heat as a share of the largest continuous heat."""
+        """Return set-point, measured current, output, and heat as a fraction of the heat at the continuous current."""
         heat = self._warming.share(self._clock.now()) if self._warming else None
         return {"set_A": self.set_A, "measured_A": self.measured_A, "on": self.on, "heat_share": heat}
 
     def identify(self) -> Identity:
+        """See `PowerSupply.identify`."""
         return self._supply.identify()
 
     def set_voltage(self, voltage_V: float) -> None:
+        """See `PowerSupply.set_voltage`."""
         self._supply.set_voltage(voltage_V)
 
     def set_current(self, current_A: float) -> None:
+        """See `PowerSupply.set_current`."""
         self._supply.set_current(current_A)
         self.set_A = current_A
         if self._warming:
             self._warming.flows(self._clock.now(), current_A if self.on else 0.0)
 
     def set_output(self, on: bool) -> None:
+        """See `PowerSupply.set_output`."""
         self._supply.set_output(on)
         self._switched(on)
 
     def output_on(self) -> bool:
+        """See `PowerSupply.output_on`."""
         return self._supply.output_on()
 
     def measure(self) -> Reading:
+        """See `PowerSupply.measure`."""
         reading = self._supply.measure()
         self.measured_A = reading.current_A
         return reading
 
     def check(self) -> None:
+        """See `PowerSupply.check`."""
         self._supply.check()
 
     def safe_off(self) -> Off | None:
+        """See `PowerSupply.safe_off`."""
         try:
             off = switch_off(self._supply, self._clock)
         except SwitchOffFailed as error:
@@ -151,6 +162,7 @@ class WatchedSupply:
         return off
 
     def close(self) -> None:
+        """See `PowerSupply.close`."""
         self._supply.close()
 
     def _switched(self, on: bool) -> None:
@@ -160,7 +172,7 @@ class WatchedSupply:
 
 
 class _Shown:
-    """Writes frames into the shared memory and rings the bell."""
+    """Writes frames into the shared memory and signals each of them through the bell."""
 
     def __init__(self, memory: FrameMemory, bell: int, supply: WatchedSupply) -> None:
         self._memory, self._bell, self._supply = memory, bell, supply
@@ -183,5 +195,5 @@ class _Shown:
             "number": live.frame.number,
         }
         self._memory.write(live.frame.image, about | self._supply.values())
-        with suppress(OSError):  # the page has ended, or the bell has been rung already
+        with suppress(OSError):  # the page has ended, or the pipe is full of signals
             os.write(self._bell, b"\0")

@@ -1,6 +1,6 @@
-"""One process beside the server for work that takes long or may crash: HDF5 files, edges, fits.
+"""A separate process for work that is long or may crash: reading HDF5 files, finding edges, reading fits.
 
-A library that crashes on a damaged file ends this process, and neither the page nor a run.
+If a library crashes on a damaged file, only this process ends; the page and a run continue.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Worker:
             raise InputError(f"the request took more than {LONGEST_S:g} s and was cancelled") from error
 
     def close(self) -> None:
-        """End the process, also during a task."""
+        """End the process, even during a task."""
         if self._pool is not None:
             self._drop(self._pool)
 

@@ -1,10 +1,10 @@
-"""Correct flipped bits of an HDF5 file by its checksums, for a reader; the file itself is never changed.
+"""Correct single flipped bits of an HDF5 file by its checksums. Only the bytes read are corrected, never the file.
 
-mended_file  a file to read with some of its bytes replaced, which h5py takes for a file
-checksums    lookup3 of the metadata and fletcher32 of the chunks, and the one bit that explains a wrong one
-blocks       one block of metadata: sound, or one flipped bit away from it
-metadata     every block of metadata in a file, found by its signature
-superblock   the first block, which says whether the file was closed
-chunks       the chunks of one dataset
-probing      another process that finds out whether a file that was never closed can be read at all
+mended_file  a file object for h5py that replaces some bytes of a file when they are read
+checksums    the checksums lookup3 (metadata) and fletcher32 (chunks), and the bit whose flip explains a wrong checksum
+blocks       check one block of metadata, and correct one flipped bit in it
+metadata     find every block of metadata of a file by its signature, and correct it
+superblock   the first block of a file, which states whether the file was closed
+chunks       correct the chunks of one dataset
+probing      check in another process whether a file that was never closed can be read
 """

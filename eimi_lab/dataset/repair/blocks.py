@@ -1,4 +1,4 @@
-"""One block of metadata, which ends with its checksum: whether it is sound, and the bit that was flipped in it."""
+"""Check one block of HDF5 metadata by the checksum at its end, and correct one flipped bit."""
 
 from __future__ import annotations
 
@@ -7,10 +7,14 @@ from eimi_lab.dataset.repair.mended_file import MendedFile
 
 LONGEST_BLOCK = 1 << 14
 MOST_SEARCHED_BYTES = 1 << 30
-"""Of what is hashed in vain in one file: one with a flipped bit needs little of it, one cut in two would need hours."""
+"""Largest number of bytes that are hashed without success in one file.
+
+A file with a flipped bit needs few of them; a truncated file would need hours.
+"""
 
 
 def is_sound(file: MendedFile, at: int, length: int) -> bool:
+    """Return whether the checksum of the block of `length` bytes at position `at` is correct."""
     block = file.bytes_at(at, length)
     return 8 < length <= LONGEST_BLOCK and len(block) == length and lookup3(block[:-4]) == _stored(block)
 
@@ -20,7 +24,22 @@ def _stored(block: bytes) -> int:
 
 
 def mend_block(file: MendedFile, at: int, length: int) -> bool | None:
-    """Put one flipped bit right; True where there was one, None for a sound block, False where it is worse."""
+    """Correct one flipped bit of a block.
+
+    Parameters
+    ----------
+    file : MendedFile
+        The file.
+    at : int
+        Position of the block in the file, bytes.
+    length : int
+        Length of the block with its checksum, bytes.
+
+    Returns
+    -------
+    bool or None
+        True if a bit was corrected, None if the block was sound, False if no single bit explains the checksum.
+    """
     block = file.bytes_at(at, length)
     if not 8 < length <= LONGEST_BLOCK or len(block) < length:
         return False
@@ -38,8 +57,11 @@ def mend_block(file: MendedFile, at: int, length: int) -> bool | None:
 
 
 def flipped_bit_within_budget(file: MendedFile, block: bytes, stored: int) -> int | None:
-    """The flipped bit of a block; None for none, and where too much was searched in vain already."""
-    cost = 8 * len(block) ** 2  # a checksum of the whole block for each of its bits
+    """Return the index of the flipped bit of a block, or None if no single bit explains the checksum.
+
+    It also returns None, without a search, if the search would exceed `MOST_SEARCHED_BYTES` for the file.
+    """
+    cost = 8 * len(block) ** 2  # one checksum of the whole block for each of its bits
     if file.searched_bytes + cost > MOST_SEARCHED_BYTES:
         return None
     bit = flipped_bit(block, stored)

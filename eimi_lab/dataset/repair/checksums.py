@@ -1,7 +1,8 @@
-"""The checksum of HDF5's metadata: Bob Jenkins' lookup3, `hashlittle` with 0 to begin with (public domain, 2006).
+"""Checksums of HDF5: lookup3 of the metadata and fletcher32 of chunks, and the search for one flipped bit.
 
-See HDF5 File Format Specification 3.0, appendix B. Many blocks of one length are done at once, which is what a search
-for a flipped bit needs.
+The metadata use Bob Jenkins' lookup3, the function `hashlittle` with the initial value 0 (public domain, 2006); see
+HDF5 File Format Specification 3.0, appendix B. For the search, the checksums of many blocks of one length are computed
+together.
 """
 
 from __future__ import annotations
@@ -13,12 +14,12 @@ Words = NDArray[np.uint32]
 
 
 def lookup3(block: bytes) -> int:
-    """The checksum of one block."""
+    """Return the lookup3 checksum of one block."""
     return int(lookup3_of_many(_words(np.frombuffer(block, np.uint8)[None, :]), len(block))[0])
 
 
 def _words(blocks: NDArray[np.uint8]) -> Words:
-    """Blocks (m, n) as little-endian words (m, k) of a length that is a multiple of 12 bytes, filled up with zeros."""
+    """Return blocks (m, n) as little-endian words (m, k), padded with zeros to a multiple of 12 bytes."""
     length = blocks.shape[1]
     padded = np.zeros((len(blocks), max(12, -(-length // 12) * 12)), np.uint8)
     padded[:, :length] = blocks
@@ -26,7 +27,20 @@ def _words(blocks: NDArray[np.uint8]) -> Words:
 
 
 def lookup3_of_many(words: Words, length: int) -> Words:
-    """The checksums (m,) of blocks (m, k) in words, each `length` bytes long, one byte at least."""
+    """Return the lookup3 checksums of several blocks.
+
+    Parameters
+    ----------
+    words : (m, k) array of uint32
+        The blocks, padded as `_words` does.
+    length : int
+        Length of each block without the padding, bytes; at least 1.
+
+    Returns
+    -------
+    (m,) array of uint32
+        The checksums.
+    """
     begin = np.uint32((0xDEADBEEF + length) & 0xFFFFFFFF)
     a, b, c = (np.full(len(words), begin) for _ in range(3))
     last = words.shape[1] - 3
@@ -62,25 +76,38 @@ def _final(a: Words, b: Words, c: Words) -> Words:
 
 
 def flipped_bit(block: bytes, stored: int) -> int | None:
-    """The one bit of a block, counted from its first byte's lowest, whose flip brings the checksum to `stored`."""
+    """Return the index of the bit whose flip makes the lookup3 checksum of a block equal to `stored`.
+
+    Parameters
+    ----------
+    block : bytes
+        The block without its checksum.
+    stored : int
+        The checksum in the file.
+
+    Returns
+    -------
+    int or None
+        Index of the bit, counted from the lowest bit of the first byte; None if there is no such bit.
+    """
     plain = np.frombuffer(block, np.uint8)
     length = len(plain)
     for first in range(0, length, 128):  # bytes, 1024 bits at a time
         places = np.repeat(np.arange(first, min(first + 128, length)), 8)
         variants = np.tile(plain, (len(places), 1))
         variants[np.arange(len(places)), places] ^= np.tile(1 << np.arange(8), len(places) // 8).astype(np.uint8)
-        found = np.flatnonzero(lookup3_of_many(_words(variants), length) == stored)
-        if len(found):
-            return 8 * first + int(found[0])
+        matches = np.flatnonzero(lookup3_of_many(_words(variants), length) == stored)
+        if len(matches):
+            return 8 * first + int(matches[0])
     return None
 
 
 def fletcher32(chunk: bytes) -> int:
-    """The checksum of HDF5's filter fletcher32: both sums of big-endian words of 16 bits, modulo 65535."""
+    """Return the checksum of HDF5's filter fletcher32: two sums of big-endian words of 16 bits, modulo 65535."""
     words = _big_endian(chunk)
     first = int(words.sum()) % 65535
     second = int((words * np.arange(len(words), 0, -1)).sum() % 65535)
-    # Sums are folded, not divided, in HDF5: a multiple of 65535 is 65535 there, and 0 where every word is 0.
+    # HDF5 folds the sums instead of dividing them: a multiple of 65535 gives 65535, or 0 if every word is 0.
     return (second or 65535 * bool(words.any())) << 16 | (first or 65535 * bool(words.any()))
 
 
@@ -89,13 +116,24 @@ def _big_endian(chunk: bytes) -> NDArray[np.int64]:
 
 
 def flipped_bit_of_chunk(raw: bytes) -> int | None:
-    """The one bit of a chunk, its checksum at its end included, whose flip makes both agree."""
-    stored, found = int.from_bytes(raw[-4:], "little"), fletcher32(raw[:-4])
-    if (stored ^ found).bit_count() == 1:
-        return 8 * (len(raw) - 4) + (stored ^ found).bit_length() - 1
+    """Return the index of the bit whose flip makes a chunk and its fletcher32 checksum agree.
+
+    Parameters
+    ----------
+    raw : bytes
+        The chunk, with its checksum in the last four bytes.
+
+    Returns
+    -------
+    int or None
+        Index of the bit, counted from the lowest bit of the first byte; None if there is no such bit.
+    """
+    stored, computed = int.from_bytes(raw[-4:], "little"), fletcher32(raw[:-4])
+    if (stored ^ computed).bit_count() == 1:
+        return 8 * (len(raw) - 4) + (stored ^ computed).bit_length() - 1
     words = _big_endian(raw[:-4])
     weights = np.arange(len(words), 0, -1)
-    change = (stored & 0xFFFF) - (found & 0xFFFF), (stored >> 16) - (found >> 16)
+    change = (stored & 0xFFFF) - (computed & 0xFFFF), (stored >> 16) - (computed >> 16)
     for bit in range(16):
         sign = np.where(words >> bit & 1, -1, 1)
         fits = ((sign << bit) - change[0]) % 65535 == 0

@@ -1,4 +1,4 @@
-"""Chunks of a dataset that HDF5 stored with the filter fletcher32, whose checksum is at the end of each."""
+"""Correct chunks that HDF5 stored with the filter fletcher32, which appends a checksum to each chunk."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import h5py
 from eimi_lab.dataset.repair.checksums import fletcher32, flipped_bit_of_chunk
 from eimi_lab.dataset.repair.mended_file import MendedFile
 
-FLETCHER32 = 3  # the filter's number
+FLETCHER32 = 3  # number of the filter in HDF5
 
 
 def mend_chunks(file: MendedFile, dataset: h5py.Dataset) -> int:
-    """Put a flipped bit in each chunk of a dataset right whose checksum is wrong; returns how many."""
+    """Correct one flipped bit in each chunk whose checksum is wrong; return the number of corrected chunks."""
     plist = dataset.id.get_create_plist()
     filters = [plist.get_filter(number)[0] for number in range(plist.get_nfilters())]
     if not dataset.chunks or filters[-1:] != [FLETCHER32]:

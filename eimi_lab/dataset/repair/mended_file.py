@@ -1,4 +1,4 @@
-"""A file with some of its bytes replaced for whoever reads it; the file itself stays as it is."""
+"""A file object that replaces some bytes when they are read; the file itself does not change."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from pathlib import Path
 
 
 class MendedFile(io.RawIOBase):
-    """A file to read, with some of its bytes replaced: what `h5py.File` takes for a file.
+    """A file, open for reading, with some of its bytes replaced. `h5py.File` accepts it as a file.
 
-    patches: bytes by their place in the file. searched_bytes: hashed in vain so far, see `blocks.MOST_SEARCHED_BYTES`.
+    patches: replaced bytes by their position in the file. searched_bytes: number of bytes hashed without success so
+    far, see `blocks.MOST_SEARCHED_BYTES`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -25,22 +26,22 @@ class MendedFile(io.RawIOBase):
         self._at = 0
 
     def bytes_at(self, at: int, length: int) -> bytes:
-        """What stands there, fewer bytes at the end of the file."""
-        found = self._map[at : at + length] if at >= 0 else b""
-        if any(at <= place < at + len(found) for place in self.patches):
-            patched = bytearray(found)
+        """Return `length` bytes from position `at`, with replacements; fewer bytes at the end of the file."""
+        content = self._map[at : at + length] if at >= 0 else b""
+        if any(at <= place < at + len(content) for place in self.patches):
+            patched = bytearray(content)
             for place, byte in self.patches.items():
-                if at <= place < at + len(found):
+                if at <= place < at + len(content):
                     patched[place - at] = byte
             return bytes(patched)
-        return found
+        return content
 
     def readable(self) -> bool:
-        """Yes."""
+        """See `io.RawIOBase.readable`."""
         return True
 
     def seekable(self) -> bool:
-        """Yes."""
+        """See `io.RawIOBase.seekable`."""
         return True
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
@@ -54,27 +55,27 @@ class MendedFile(io.RawIOBase):
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
         """See `io.RawIOBase.readinto`."""
-        found = self.bytes_at(self._at, len(buffer))
-        buffer[: len(found)] = found
-        self._at += len(found)
-        return len(found)
+        content = self.bytes_at(self._at, len(buffer))
+        buffer[: len(content)] = content
+        self._at += len(content)
+        return len(content)
 
     def close(self) -> None:
-        """Release the file."""
+        """Close the file."""
         if not self.closed and isinstance(self._map, mmap.mmap):
             self._map.close()
         self._file.close()
         super().close()
 
     def find(self, pattern: re.Pattern[bytes]) -> Iterator[int]:
-        """Where a pattern stands in the file as it is."""
+        """Yield the positions of a pattern in the file without replacements."""
         return (match.start() for match in pattern.finditer(self._map))
 
     def patch(self, at: int, content: bytes) -> None:
-        """Let other bytes stand there."""
+        """Replace the bytes from position `at` by `content`."""
         self.patches |= {at + offset: byte for offset, byte in enumerate(content)}
 
     def flip(self, at: int, bit: int) -> None:
-        """Let a bit be the other one, counted from the lowest of the byte at a place."""
+        """Flip a bit, counted from the lowest bit of the byte at position `at`."""
         place = at + bit // 8
         self.patch(place, bytes([self.bytes_at(place, 1)[0] ^ 1 << bit % 8]))

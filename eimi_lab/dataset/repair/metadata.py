@@ -1,8 +1,8 @@
-"""Single flipped bits in the metadata of an HDF5 file, found by its checksums and put right without HDF5.
+"""Find single flipped bits in the metadata of an HDF5 file by its checksums, and correct them without HDF5.
 
-Files of this suite are of HDF5's latest format, in which every block of metadata ends with a checksum. A block is found
-by its signature, in which one bit may be wrong, too; its length follows from its own first bytes or from its header.
-See HDF5 File Format Specification 3.0, sections II to IV and VII.
+The datasets of this program use HDF5's latest format, in which every block of metadata ends with a checksum. A block is
+located by its signature, in which one bit may also be wrong. Its length follows from its own first bytes or from its
+header. See HDF5 File Format Specification 3.0, sections II to IV and VII.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ _OTHERS = re.compile(b"EAHD|EAIB|EADB|FRHP|FHDB|BTHD|BTLF")
 
 
 def mend_metadata(file: MendedFile) -> int:
-    """Put flipped bits in blocks of metadata right; returns how many."""
+    """Correct one flipped bit in each block of metadata that has one; return the number of corrected blocks."""
     mended = 0
-    for any_bit in (False, True):  # in most cases the signature itself is sound, and the search is short
+    for any_bit in (False, True):  # usually the signature itself is sound, and the first search is short
         for at in file.find(_with_one_wrong(OBJECT_HEADER) if any_bit else OBJECT_HEADER):
-            if _meant(file.bytes_at(at, 4), OBJECT_HEADER):
+            if _nearest_signature(file.bytes_at(at, 4), OBJECT_HEADER):
                 mended += _mend_header(file, at)
         for place in file.find(_with_one_wrong(_OTHERS) if any_bit else _OTHERS):
-            signature = _meant(file.bytes_at(place, 4), _OTHERS)
+            signature = _nearest_signature(file.bytes_at(place, 4), _OTHERS)
             if signature:
                 mended += _mend_signed(file, place, signature)
         if mended:
@@ -40,19 +40,19 @@ def _with_one_wrong(pattern: re.Pattern[bytes]) -> re.Pattern[bytes]:
     return re.compile(b"|".join(name[:k] + b"." + name[k + 1 :] for name in names for k in range(4)), re.DOTALL)
 
 
-def _meant(found: bytes, pattern: re.Pattern[bytes]) -> bytes | None:
-    """The signature that differs from what was found by one bit at most."""
+def _nearest_signature(content: bytes, pattern: re.Pattern[bytes]) -> bytes | None:
+    """Return the signature that differs from `content` by at most one bit, or None."""
     for name in pattern.pattern.split(b"|"):
-        if len(found) == 4 and (int.from_bytes(found, "little") ^ int.from_bytes(name, "little")).bit_count() <= 1:
+        if len(content) == 4 and (int.from_bytes(content, "little") ^ int.from_bytes(name, "little")).bit_count() <= 1:
             return name
     return None
 
 
 def _mend_header(file: MendedFile, at: int) -> int:
-    """An object header and the blocks that go on with it."""
+    """Correct an object header and its continuation blocks; return the number of corrected blocks."""
     lengths = {_header_length(file.bytes_at(at, 64))}
     head = file.bytes_at(at, 64)
-    for bit in range(32, 8 * min(len(head), 34)):  # a flipped bit may be in what tells the length
+    for bit in range(32, 8 * min(len(head), 34)):  # the flipped bit may be in the field that holds the length
         changed = bytearray(head)
         changed[bit // 8] ^= 1 << bit % 8
         lengths.add(_header_length(bytes(changed)))
@@ -61,21 +61,24 @@ def _mend_header(file: MendedFile, at: int) -> int:
         return 0
     header = file.bytes_at(at, whole)
     first = _header_length(header) - 4 - int.from_bytes(header[_width_at(header) :][: 1 << (header[5] & 3)], "little")
-    going_on, seen = list(_continuations(header[first:-4], header[5])), set()
-    while going_on:
-        address, length = going_on.pop()
-        if (address, length) in seen:  # a loop
+    waiting, visited = list(_continuations(header[first:-4], header[5])), set()
+    while waiting:
+        address, length = waiting.pop()
+        if (address, length) in visited:  # a loop
             continue
-        seen.add((address, length))
+        visited.add((address, length))
         outcome = mend_block(file, address, length)
         mended += outcome is True
         if outcome is not False:
-            going_on += _continuations(file.bytes_at(address, length)[4:-4], header[5])
+            waiting += _continuations(file.bytes_at(address, length)[4:-4], header[5])
     return mended
 
 
 def _mend_any(file: MendedFile, at: int, lengths: list[int]) -> tuple[int, int]:
-    """How many bits were put right in a block of one of these lengths, and the length; (0, 0) for none of them."""
+    """Correct a block that has one of these lengths; return the number of corrected bits and the length.
+
+    Both are 0 if the block has none of these lengths.
+    """
     for length in lengths:
         if is_sound(file, at, length):
             return 0, length
@@ -86,7 +89,10 @@ def _mend_any(file: MendedFile, at: int, lengths: list[int]) -> tuple[int, int]:
 
 
 def _header_length(head: bytes) -> int:
-    """Of an object header of version 2 with its checksum; 0 for none (Specification, section IV.A.1.b)."""
+    """Return the length of an object header of version 2 with its checksum, or 0 if `head` is none.
+
+    See the Specification, section IV.A.1.b.
+    """
     if len(head) < 34 or head[4] != 2:
         return 0
     at, width = _width_at(head), 1 << (head[5] & 3)
@@ -94,12 +100,12 @@ def _header_length(head: bytes) -> int:
 
 
 def _width_at(head: bytes) -> int:
-    """Where an object header tells its length."""
+    """Return the position of the field of an object header that holds its length."""
     return 6 + (16 if head[5] & 0x20 else 0) + (4 if head[5] & 0x10 else 0)
 
 
 def _continuations(messages: bytes, flags: int) -> Iterator[tuple[int, int]]:
-    """Place and length of the blocks that go on with an object header of these messages."""
+    """Yield position and length of the continuation blocks that the messages of an object header name."""
     at, prefix = 0, 6 if flags & 4 else 4
     while at + prefix <= len(messages):
         length = int.from_bytes(messages[at + 1 : at + 3], "little")
@@ -116,7 +122,10 @@ def _mend_signed(file: MendedFile, at: int, signature: bytes) -> int:
 
 
 def _mend_heap(file: MendedFile, at: int) -> int:
-    """The first block of a heap of names, with its checksum before the names (Specification, section III.G)."""
+    """Correct the first block of a heap of names; return the number of corrected bits.
+
+    The checksum of this block stands before the names (Specification, section III.G).
+    """
     header = file.bytes_at(int.from_bytes(file.bytes_at(at + 5, 8), "little"), 146)
     if len(header) < 146 or not header[9] & 2:
         return 0
@@ -139,7 +148,7 @@ def _mend_heap(file: MendedFile, at: int) -> int:
 
 
 def _block_lengths(file: MendedFile, at: int, signature: bytes) -> list[int]:
-    """The lengths that a block of metadata may have (Specification, sections III.A.2, III.G and VII)."""
+    """Return the possible lengths of a block of metadata (Specification, sections III.A.2, III.G and VII)."""
     match signature:
         case b"EAHD":
             return [72]

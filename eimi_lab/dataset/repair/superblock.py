@@ -1,4 +1,4 @@
-"""The first block of an HDF5 file: whether it is one, and a superblock that says that the file was closed."""
+"""Recognise an HDF5 file by its first block, and correct the superblock of a file that was never closed."""
 
 from __future__ import annotations
 
@@ -13,17 +13,21 @@ FLAGS_AT, END_AT = 11, 28
 
 
 def is_hdf5(file: MendedFile) -> bool:
-    """Whether it was an HDF5 file once: half of its signature or a header of an object is left."""
-    sound = sum(found == meant for found, meant in zip(file.bytes_at(0, len(SIGNATURE)), SIGNATURE, strict=False))
+    """Return whether a file is an HDF5 file, possibly a damaged one.
+
+    A damaged file is recognised by half of the signature or by one object header.
+    """
+    beginning = file.bytes_at(0, len(SIGNATURE))
+    sound_bytes = sum(byte == right for byte, right in zip(beginning, SIGNATURE, strict=False))
     return file.size >= SUPERBLOCK_BYTES and (
-        sound >= len(SIGNATURE) / 2 or any(True for _ in file.find(OBJECT_HEADER))
+        sound_bytes >= len(SIGNATURE) / 2 or any(True for _ in file.find(OBJECT_HEADER))
     )
 
 
 def close_superblock(file: MendedFile) -> None:
-    """Let a file that was never closed read as a closed one, as HDF5's own h5clear does, and mend its superblock.
+    """Correct the superblock of a file, and mark the file as closed, as HDF5's h5clear does.
 
-    Nothing is done to other versions of the superblock, which nobody writes to in the mode that this suite uses.
+    The superblock is assumed to be of version 3, the only one that HDF5 writes in the mode used by this program.
     """
     file.patch(0, SIGNATURE + b"\x03\x08\x08")
     mend_block(file, 0, SUPERBLOCK_BYTES)

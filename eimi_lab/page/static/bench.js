@@ -35,7 +35,7 @@ function order() {
 }
 
 byId("dry").addEventListener("click", tried(async () => {
-  tell("running dry …");
+  tell("computing the dry run …");
   const { lines } = await steer("/api/run/dry", order());
   byId("dry-lines").textContent = lines.join("\n");
   byId("dry-lines").hidden = false;

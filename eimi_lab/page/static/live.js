@@ -62,7 +62,7 @@ function showHeader(gone) {
   byId("coil").textContent = gone ? "? not connected" : COIL[coil];
   byId("coil").className = gone ? "" : coil;
   byId("take").hidden = gone || state.control === "you";
-  byId("control-words").textContent = gone ? "" : { you: "in control", other: "watching", nobody: "nobody in control" }[state.control];
+  byId("control-words").textContent = gone ? "" : { you: "in control", other: "watching", nobody: "no tab in control" }[state.control];
 }
 
 async function stop() {

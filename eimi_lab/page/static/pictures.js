@@ -25,7 +25,7 @@ export async function showPictures() {
   byId("picture-folder").replaceChildren(...folders.map((name) => el("option", { value: name }, name || "(this folder)")));
   byId("picture-specimen").replaceChildren(...choices.specimen.map((name) => el("option", { value: name }, name)));
   if (folders.length) await openFolder();
-  else byId("by-hand-words").textContent = "No folder here holds pictures.";
+  else byId("by-hand-words").textContent = "No folder contains pictures.";
 }
 
 async function openFolder() {
@@ -151,7 +151,7 @@ async function findEdges() {
     picture.draw(edges);
     flagList(byId("by-hand-flags"), edges.flags);
     const points = edges.left.length + edges.right.length;
-    byId("by-hand-words").textContent = points ? `edges found: ${points} points, blur σ ${number(edges.blur_px)} px, tip at ${number(edges.tip_angle_deg)}°` : "no edges found; the flags below state why";
+    byId("by-hand-words").textContent = points ? `edges found: ${points} points, blur σ ${number(edges.blur_px)} px, tip at ${number(edges.tip_angle_deg)}°` : "no edges found; the flags below give the reason";
     byId("by-hand").dataset.points = points;
   } catch (error) {
     if (mine === asked) { picture.draw(null); byId("by-hand-words").textContent = error.message; }

@@ -80,7 +80,7 @@ def test_one_run_at_a_time(served: Any, monkeypatch: pytest.MonkeyPatch) -> None
 
     class GoingOn:
         going_on = True
-        progress = SimpleNamespace(told=dict)
+        progress = SimpleNamespace(as_json=dict)
 
         async def closed(self) -> None: ...
 

@@ -102,4 +102,4 @@ def test_the_page_counts_states_and_ignores_events_of_a_later_release() -> None:
     run.heard(None)
     assert (run.progress.states, run.progress.stored) == (4, 3)
     assert run.progress.left_s == pytest.approx(7.0)
-    assert run.progress.without_contact == "nothing is switched: the coil is simulated"
+    assert run.progress.without_contact == "nothing happens, because the coil is simulated"
