@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -12,6 +13,7 @@ import pyvisa
 from serial.tools import list_ports
 
 from eimi_drivers.cameras import CAMERAS
+from eimi_drivers.interfaces import raised
 from eimi_drivers.supplies import SUPPLIES
 from eimi_drivers.supplies.transport import visa_library
 
@@ -63,19 +65,29 @@ class Discovery:
 
 def discover() -> Discovery:
     """List serial ports, VISA resources and cameras. The search waits one second for answers from the LAN (VXI-11)."""
-    ports = list_serial_ports()
+    ports, port_notes = _search("serial ports", list_serial_ports)
     resources, notes = list_visa_resources()
-    cameras = (*list_cameras(), *list_basler_cameras())
+    attached, camera_notes = _search("cameras", list_cameras)
+    basler, basler_notes = _search("Basler cameras", list_basler_cameras)
+    cameras = (*attached, *basler)
     return Discovery(
         found=(*ports, *resources, *cameras),
         notes=(
-            *notes,
+            *(*port_notes, *notes, *camera_notes, *basler_notes),
             *(_no_permission(found.address) for found in ports if _forbidden(found.address)),
             *((NO_SUPPLY,) if not (ports or resources) else ()),
             *(() if cameras else (NO_CAMERA if VIDEO_DEVICES.is_dir() else UNLISTED_CAMERAS,)),
             *_drivers_from_elsewhere(),
         ),
     )
+
+
+def _search(kind: str, search: Callable[[], tuple[Found, ...]]) -> tuple[tuple[Found, ...], tuple[str, ...]]:
+    """Return the instruments that a search found, and a note if the library of the search raised an error."""
+    try:
+        return search(), ()
+    except Exception as error:  # these libraries belong to others and can raise anything
+        return (), (f"{kind}: cannot be searched: {raised(error)}",)
 
 
 NO_SUPPLY = (
@@ -125,8 +137,8 @@ def list_visa_resources() -> tuple[tuple[Found, ...], tuple[str, ...]]:
         warnings.simplefilter("always")
         try:
             names = pyvisa.ResourceManager(visa_library()).list_resources("?*::INSTR")
-        except (OSError, ValueError, pyvisa.errors.Error) as error:
-            return (), (f"VISA: cannot be searched: {error}",)
+        except Exception as error:  # a VISA library can raise anything
+            return (), (f"VISA: cannot be searched: {raised(error)}",)
     notes = [f"VISA: {warning.message}" for warning in caught if warning.category is UserWarning]
     resources = tuple(
         Found(kind="supply", driver=SCPI_DRIVERS, address=name, text="VISA resource")

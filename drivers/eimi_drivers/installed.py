@@ -10,7 +10,7 @@ from difflib import get_close_matches
 from importlib.metadata import entry_points
 from typing import Generic, TypeVar, cast
 
-from eimi_drivers.interfaces import UnknownDriver, UnusableDriver
+from eimi_drivers.interfaces import UnknownDriver, UnusableDriver, raised
 
 Driver = TypeVar("Driver")
 
@@ -67,9 +67,10 @@ class Drivers(MutableMapping[str, Driver], Generic[Driver]):
             raise self._unknown(name) from None
         try:
             return cast(Driver, announced.load())
-        except (ImportError, AttributeError) as error:
+        except Exception as error:  # the module of another package can raise anything
             raise UnusableDriver(
-                f"the {self._kind} driver {name!r} is announced as {announced.value} but cannot be imported: {error}"
+                f"the {self._kind} driver {name!r} is announced as {announced.value} but cannot be imported: "
+                f"{raised(error)}"
             ) from error
 
     def __setitem__(self, name: str, driver: Driver) -> None:

@@ -30,7 +30,7 @@ def pack(name: str) -> str:
 
     try:
         pickled = cloudpickle.dumps(SUPPLIES[name])
-    except (pickle.PicklingError, TypeError, AttributeError, ValueError) as error:
+    except Exception as error:  # the driver's own code is called
         raise UnusableDriver(
             f"the supply driver {name!r} cannot be sent to the process that switches the coil off if the run dies: "
             f"{error}; write it as a class in a module of its own"

@@ -196,6 +196,49 @@ def test_each_missing_member_of_a_camera_is_one_line_and_status_2(
     assert not (files / "run.h5").exists()
 
 
+@pytest.mark.parametrize("member", ["set_current", "set_output", "measure", "check"])
+def test_an_error_of_a_drivers_own_kind_ends_the_run_in_one_line_with_the_coil_off(
+    outside: Path, files: Path, rig: Callable[..., Path], run: Any, member: str
+) -> None:
+    with (outside / "mine_lab.py").open("a") as module:
+        module.write(VENDOR_ERROR.format(member=member))
+    import mine_lab
+
+    SUPPLIES["mine"], CAMERAS["eye"] = mine_lab.Mine, mine_lab.Eye
+    coil = CoilSupply(WallClock())
+    try:
+        with serve_pty(emulate("scpi", coil)) as port:
+            arguments = ["acquire", files / "protocol.toml", "--specimen", files / "specimen.toml", "--rig", rig(port)]
+            status, told = run(*arguments, "-o", files / "run.h5")
+    finally:
+        del SUPPLIES["mine"], CAMERAS["eye"]
+    assert (status, "Traceback" in told) == (1, False), told
+    error = f"mine supply {port}: its driver raised VendorError: code 7 in {member}"
+    assert error in [line for line in told.splitlines() if line.startswith("eimi: ")][-1]
+    assert not coil.state.output
+    assert coil.state.set_current_A == 0.0
+
+
+VENDOR_ERROR = """
+
+class VendorError(Exception):
+    pass
+
+
+def _fail_after(act):
+    def failing(self, *arguments):
+        answer = act(self, *arguments)
+        if self._switched_on:
+            raise VendorError("code 7")
+        return answer
+
+    return failing
+
+
+Mine.{member} = _fail_after(Mine.{member})
+"""
+
+
 def spoil(outside: Path, driver: str, member: str) -> None:
     """Remove a method from a driver of the package."""
     path = outside / "mine_lab.py"

@@ -11,6 +11,7 @@ scpi            supplies that speak SCPI
 scpi_profiles   the command strings of each SCPI family
 transport       bytes over a serial line, over VISA or to an emulator in the same process
 interruptible   a line that can be left between two messages
+foreign         the errors of other packages' drivers in one line
 logged          a line whose messages go into the log
 transcript      a line whose messages are written to a file, or read from one
 """

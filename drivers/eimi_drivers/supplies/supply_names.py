@@ -5,13 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from eimi_drivers.clock import WallClock
 from eimi_drivers.contract import check_supply, check_supply_driver
 from eimi_drivers.installed import Drivers
-from eimi_drivers.interfaces import Clock, Limits, PowerSupply, SupplyDriver, UnusableDriver
+from eimi_drivers.interfaces import (
+    Clock,
+    InstrumentError,
+    Limits,
+    PowerSupply,
+    SupplyDriver,
+    UnusableDriver,
+    raised,
+)
 from eimi_drivers.supplies.base import SupplyBase
+from eimi_drivers.supplies.foreign import ForeignSupply, Interruptions
 from eimi_drivers.supplies.genesys import GenesysSupply
 from eimi_drivers.supplies.interruptible import InterruptibleTransport
 from eimi_drivers.supplies.kepco import KepcoBopSupply
@@ -20,6 +29,8 @@ from eimi_drivers.supplies.logged import LoggedTransport, is_logged
 from eimi_drivers.supplies.scpi import scpi_driver
 from eimi_drivers.supplies.scpi_profiles import PROFILES
 from eimi_drivers.supplies.transcript import RecordingTransport
+
+_Opened = TypeVar("_Opened")
 
 _OWN: tuple[type[SupplyBase], ...] = (
     KoradSupply,
@@ -93,7 +104,8 @@ def open_supply(
     Returns
     -------
     PowerSupply
-        The open supply with every member of `PowerSupply`.
+        The open supply with every member of `PowerSupply`. Errors of another package's driver that are no
+        InstrumentError are raised as one.
 
     Raises
     ------
@@ -104,7 +116,10 @@ def open_supply(
     InstrumentDisconnected
         The address cannot be opened.
     """
-    return open_with(supply_driver(driver), driver, address, limits, clock or WallClock(), transcript, between_messages)
+    chosen = supply_driver(driver)
+    interruptions = Interruptions(between_messages) if between_messages is not None else None
+    supply = open_with(chosen, driver, address, limits, clock or WallClock(), transcript, interruptions)
+    return supply if chosen in _OWN else ForeignSupply(supply, driver, address, interruptions)
 
 
 def open_with(
@@ -124,7 +139,7 @@ def open_with(
     with ExitStack() as opened:
         link: Any = address
         if connect is not None:
-            link = connect(address)
+            link = _opened(name, address, lambda: connect(address))
             if transcript is not None:
                 opened.callback(link.close)
                 link = RecordingTransport(link, transcript, clock)
@@ -133,7 +148,17 @@ def open_with(
             if between_messages is not None:
                 link = InterruptibleTransport(link, between_messages)
             opened.callback(link.close)
-        supply = driver(link, limits, clock)
+        supply = _opened(name, address, lambda: driver(link, limits, clock))
         check_supply(name, driver, supply)
         opened.pop_all()
     return supply
+
+
+def _opened(name: str, address: str, open_it: Callable[[], _Opened]) -> _Opened:
+    """Open a line or a supply; raise the errors of another package's driver as InstrumentError."""
+    try:
+        return open_it()
+    except InstrumentError:
+        raise
+    except Exception as error:
+        raise InstrumentError(f"{name} supply {address}: its driver raised {raised(error)} when opened") from error

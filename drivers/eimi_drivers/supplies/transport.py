@@ -6,6 +6,7 @@ message contains the address, and its cause is the original error.
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import time
@@ -22,8 +23,9 @@ try:
 except ImportError:  # Windows has no termios, and pyserial does without it there
     TerminalError = OSError  # type: ignore[assignment,misc]
 
-from eimi_drivers.interfaces import Clock, InstrumentDisconnected, InstrumentError, InstrumentTimeout
+from eimi_drivers.interfaces import Clock, InstrumentDisconnected, InstrumentError, InstrumentTimeout, raised
 
+_log = logging.getLogger(__name__)
 _sharing = False
 
 
@@ -84,7 +86,12 @@ def usb_serial_number(address: str) -> str:
     name = f"COM{port}" if port.isdecimal() else os.path.realpath(port)
     if "://" in port or "::" in port or name.startswith("/dev/pts/"):
         return ""
-    return next((str(device.serial_number or "") for device in list_ports.comports() if device.device == name), "")
+    try:
+        devices = list_ports.comports()
+    except Exception as error:  # without a serial number the supply counts as one that cannot be identified
+        _log.info("the serial ports cannot be listed: %s", raised(error))
+        return ""
+    return next((str(device.serial_number or "") for device in devices if device.device == name), "")
 
 
 def check_address(address: str) -> None:
@@ -156,6 +163,10 @@ class SerialTransport:
             raise InstrumentDisconnected(f"{self.address}: the port is not open") from error
         except ValueError as error:
             raise InstrumentError(f"{self.address}: {error}") from error
+        except InstrumentError:
+            raise
+        except Exception as error:  # a driver of the operating system below pyserial can raise anything
+            raise InstrumentDisconnected(f"{self.address}: {raised(error)}") from error
 
     def write(self, message: bytes) -> None:
         """See `Transport.write`."""
