@@ -13,6 +13,6 @@ materials         materials.toml: the true materials of a virtual rig's specimen
 simulated_optics  the table [virtual.optics] of a rig: back-light, lens and sensor of the virtual camera
 uncertainty       the table [uncertainty] of specimens, calibrations and rigs
 rig_uncertainty   the uncertainty of the current, read from the text of a rig that a dataset stores
-json_text         parsing of JSON text, without depth, digits or NaN that no file should have
+json_text         parsing of JSON text, which refuses NaN, very long numbers and very deep nesting
 toml              validation of TOML text against a model, with one-line error messages
 """

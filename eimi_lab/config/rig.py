@@ -45,8 +45,8 @@ class Supply(Table):
     limits: SupplyLimits
     """Limits that the coil tolerates; the protocol also has limits, and the stricter ones apply."""
     off_below_A: float | None = Field(default=None, gt=0)
-    """Measured current below which the coil counts as off; without it the larger of 20 mA and what a healthy unit of
-    the family shows at zero."""
+    """Measured current below which the coil counts as off. The default is 20 mA, or more if a healthy unit of the
+    family shows more at zero."""
 
     @field_validator("driver")
     @classmethod
@@ -55,7 +55,7 @@ class Supply(Table):
 
     @property
     def opened_with(self) -> Limits:
-        """The limits that the driver is opened with."""
+        """Current limit, voltage limit and off limit for opening the driver."""
         return Limits(self.limits.current_A, self.limits.voltage_V, self.off_below_A)
 
     @field_validator("address")
@@ -78,7 +78,7 @@ class Playback(Table):
     """How a recording replaces the camera."""
 
     picture_a_state: bool = False
-    """true: one picture serves for a whole state. false: every frame is the next picture."""
+    """true: all frames of a state show the same picture. false: every frame shows the next picture."""
     loop: bool = False
     """Whether the recording starts again after its last picture."""
 

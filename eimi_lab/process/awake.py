@@ -1,4 +1,4 @@
-"""Keep the computer from going to sleep, as far as its system offers a way."""
+"""Keep the computer awake, if its operating system supports this."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ _CONTINUOUS, _SYSTEM_REQUIRED = 0x80000000, 0x00000001
 
 @contextmanager
 def kept_awake(reason: str) -> Iterator[None]:
-    """Inhibit sleep while the context lasts; it does nothing where the system offers no way.
+    """Inhibit sleep within the context, if the operating system supports this.
 
     Linux: systemd-inhibit, if it is installed. macOS: caffeinate. Windows: SetThreadExecutionState. The inhibition ends
-    with this process, however it ends. A lid that is closed or a person can still put the computer to sleep.
+    with this process, in whatever way it ends. Closing the lid or a command of a person can still put the computer to
+    sleep.
 
     Parameters
     ----------
     reason
-        What goes on, for a person who asks the system what inhibits sleep.
+        Reason for the inhibition, which the system shows to a person who asks for it.
     """
     if sys.platform == "win32":
         import ctypes
@@ -60,7 +61,7 @@ def _inhibitor(reason: str) -> subprocess.Popen[bytes] | None:
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C ends the run, which ends it
+            start_new_session=True,  # Ctrl-C must not end this program before the run
         )
     except OSError:
         return None

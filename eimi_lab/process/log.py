@@ -1,4 +1,4 @@
-"""The log of a maintainer: off unless it is asked for, then on standard error."""
+"""The log for maintainers, printed on standard error on request."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import os
 import sys
 
 VARIABLE = "EIMI_LOG"
-"""The environment variable that holds the level; processes that this one starts have it, too."""
+"""Name of the environment variable that holds the level; the processes started by this one inherit it."""
 
 LEVELS = ("info", "debug")
 PACKAGES = ("eimi_lab", "eimi_drivers", "eimi_fitting")
 
 
 def log_to_stderr(level: str) -> None:
-    """Write what the packages log from this level on, one of `LEVELS`, to standard error; nothing for any other."""
+    """Print the log of the packages from a level of `LEVELS` upward; any other text prints no log."""
     if level not in LEVELS:
         return
     os.environ[VARIABLE] = level

@@ -45,7 +45,9 @@ def check_distinct(read: Sequence[Path], written: Sequence[Path]) -> None:
         used.add(followed(path))
     for path in written:
         if followed(path) in used:
-            raise InputError(f"{path}: cannot be written, it is in use as another file here; give another name")
+            raise InputError(
+                f"{path}: cannot be written, because the same command uses it as another file; give another name"
+            )
         used.add(followed(path))
 
 
@@ -76,7 +78,9 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
         try:
             descriptor, name = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent)
         except OSError as error:  # such as a file system mounted read-only
-            raise InputError(f"{path}: the folder {file.parent} takes no new file ({error.strerror})") from error
+            raise InputError(
+                f"{path}: no file can be created in the folder {file.parent} ({error.strerror})"
+            ) from error
         os.close(descriptor)
         temporary = Path(name)
         try:
@@ -96,7 +100,7 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
 
 
 def write_file(path: Path, content: str | bytes, force: bool) -> None:
-    """Write a file that is there whole or not at all; text as UTF-8. Raises InputError as `whole_file` does."""
+    """Write a file completely or not at all; text is encoded as UTF-8. Raises the errors of `whole_file`."""
     with whole_file(path, force) as temporary:
         temporary.write_bytes(content.encode() if isinstance(content, str) else content)
 
@@ -108,7 +112,7 @@ def new_folder(folder: Path, force: bool) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be made a folder ({error.strerror})") from error
+        raise InputError(f"{folder}: the folder cannot be created ({error.strerror})") from error
 
 
 @contextmanager
@@ -137,7 +141,7 @@ def whole_folder(folder: Path, force: bool) -> Iterator[Path]:
         try:  # created inside the folder, because its parent may be on another file system
             unfinished = tempfile.TemporaryDirectory(prefix=".unfinished.", dir=folder)
         except OSError as error:
-            raise InputError(f"{folder}: takes no new file ({error.strerror})") from error
+            raise InputError(f"{folder}: no file can be created in this folder ({error.strerror})") from error
         with unfinished as name:
             yield Path(name)
             for file in sorted(Path(name).iterdir()):

@@ -1,11 +1,11 @@
 """A lock that allows one writer at a time for each file; the system releases it when its holder ends.
 
 The lock is the system's lock (flock(2), or LockFileEx on Windows, by the library filelock) on a separate file,
-`.run.h5.lock` beside `run.h5`. A lock on the data file itself would not do: HDF5 locks and unlocks it at times of its
-own choice, and the lock would be lost when the file is replaced. Symbolic links to the data file are followed, so that
-all its names share one lock. A lock file that is itself a link is never followed or written to, because another user
-may have put it there. A run that was killed leaves its lock file behind; the
-file does not lock anything and is used again.
+`.run.h5.lock` beside `run.h5`. The data file itself cannot be locked: HDF5 locks and unlocks it at times of its own
+choice, and the lock would be lost when the file is replaced. Symbolic links to the data file are followed, so that all
+its names share one lock. A lock file that is itself a link is never followed or written to, because another user may
+have put it there. A run that was killed leaves its lock file behind; this file does not lock anything and is used
+again.
 """
 
 from __future__ import annotations
@@ -147,7 +147,9 @@ def _take(file: Path, path: Path) -> int | None:
                 raise InputError(f"{file}: is a link and should be a lock file of this program; remove it") from error
             if not file.parent.is_dir():
                 raise InputError(f"{path}: there is no folder {file.parent}") from error
-            raise InputError(f"{path}: the folder {file.parent} takes no new file ({error.strerror})") from error
+            raise InputError(
+                f"{path}: no file can be created in the folder {file.parent} ({error.strerror})"
+            ) from error
         try:
             locked = lock_descriptor(descriptor, blocking=False)
         except OSError as error:

@@ -198,8 +198,14 @@ def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path
         (("--tensile", "long.csv", "--tensile", "again.csv"), "again.csv: holds the same as long.csv"),
         (("again.h5",), "again.h5: holds the same as strip.h5"),
         (("./strip.h5", "--each"), "strip.h5: is given twice"),
-        (("--checkpoint", "fits.json"), "fits.json: cannot be written, it is in use as another file"),
-        (("--checkpoint", "strip.h5", "--force"), "strip.h5: cannot be written, it is in use as another file"),
+        (
+            ("--checkpoint", "fits.json"),
+            "fits.json: cannot be written, because the same command uses it as another file",
+        ),
+        (
+            ("--checkpoint", "strip.h5", "--force"),
+            "strip.h5: cannot be written, because the same command uses it as another file",
+        ),
         (
             ("--tensile", "wrong_unit.csv", "--tensile-weight", "1e6"),
             "no material explains this and the tensile curves",

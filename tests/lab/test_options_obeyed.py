@@ -236,7 +236,7 @@ def test_a_file_that_a_command_reads_is_never_overwritten_even_with_force(
     status, said = run(*arguments, "--force")
     assert status == 2
     assert said.count("\n") == 1
-    assert "it is in use as another file here" in said
+    assert "the same command uses it as another file" in said
     for name in ("a.h5", "b.csv", "c.toml", "f.json", "p.toml", "r.toml", "s.toml", "t.csv", "x.png"):
         assert (tmp_path / name).read_text() == f"what {name} holds"
 
