@@ -13,7 +13,6 @@ from eimi_drivers.supplies.supply_names import supply_driver
 from eimi_drivers.supplies.transport import InProcessTransport
 
 LIMITS = Limits(1.0, 12.0)
-ENDS = 200
 
 
 @pytest.fixture
@@ -42,18 +41,30 @@ def test_a_shorted_regulator_is_never_called_off(driver, coil):
     assert supply.safe_off().current_A <= off_limit_A(supply)
 
 
+@pytest.mark.parametrize("ends", [10, pytest.param(200, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("driver", DIALECTS)
-def test_a_healthy_supply_at_its_worst_offset_gives_no_false_alarm(driver, sign, coil):
+def test_a_healthy_supply_at_its_worst_offset_gives_no_false_alarm(driver, sign, ends, coil):
+    """Genesys (0.3 % of the rating) and Kepco (50 mA) have assumed offsets; that of the E3631A is in its manual."""
     supply = energised(driver, coil)
     coil.offset_A = sign * max(LEAST_OFF_A, supply.reads_zero_within_A) * 0.999
-    for _ in range(ENDS // 20):
+    false_alarms, largest_A = [], 0.0
+    for _ in range(ends):
         supply.set_current(0.8)
         supply.set_output(True)
         coil.clock.sleep(1.0)
-        off = supply.safe_off()
-        assert abs(off.current_A) <= off.limit_A
+        try:
+            off = supply.safe_off()
+        except SwitchOffFailed as error:
+            false_alarms.append(str(error))
+            continue
+        largest_A = max(largest_A, abs(off.current_A))
         assert abs(coil.coil_current_A()) <= 2 * off.limit_A  # a meter that shows too little hides as much
+    print(
+        f"{driver}: {ends} ends at an offset of {coil.offset_A:+.4f} A, limit {off_limit_A(supply):g} A: "
+        f"{len(false_alarms)} false alarms, largest reading {largest_A:.4f} A"
+    )
+    assert false_alarms == []
 
 
 def test_a_slow_coil_is_waited_for():
