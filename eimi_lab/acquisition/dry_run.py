@@ -15,7 +15,7 @@ from eimi_drivers.interfaces import Clock, Frame, Identity, Limits
 from eimi_drivers.supplies.supply_names import supply_driver
 from eimi_drivers.supplies.transport import InProcessTransport, Responder
 from eimi_lab.acquisition.coil import without_contact
-from eimi_lab.acquisition.event_words import in_words
+from eimi_lab.acquisition.event_words import in_words, protection_in_words
 from eimi_lab.acquisition.events import Event, StateStored
 from eimi_lab.acquisition.heating import hottest
 from eimi_lab.acquisition.open_bench import Bench
@@ -125,7 +125,7 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
     if protocol.release:
         say(f"release: to zero in one step, recorded for {protocol.release.seconds:g} s")
     if not rig.virtual:
-        say(f"if the cable is pulled or the computer dies: {without_contact(supply_driver(driver))}")
+        say(protection_in_words(without_contact(supply_driver(driver))))
     if shows_messages:
         because = ", because the virtual supply exchanges no messages" if rig.simulated else ""
         say(f"messages to the supply, in the language of {language}{because}:")

@@ -57,10 +57,20 @@ def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = t
     def listen(event: Event) -> None:
         if isinstance(event, StateStored | StateStoredBefore):
             report(in_words(event))
+        elif isinstance(event, RunBegun) and event.guardian:
+            remark(protection_in_words(event.without_contact))
         elif isinstance(event, _REMARKS) or _left_unfinished(event):
             remark(in_words(event))
 
     return listen
+
+
+def protection_in_words(without_contact: str) -> str:
+    """Say what protects the coil where no process of this program can. without_contact: the words of the driver."""
+    return (
+        "if the cable or the computer fails, or this program and its guardian are killed together: "
+        f"{without_contact}; see docs/why/safety.md"
+    )
 
 
 def _left_unfinished(event: Event) -> bool:

@@ -52,6 +52,7 @@ from eimi_lab.acquisition.guardian import (
     Ward,
 )
 from eimi_lab.process.log import VARIABLE, log_to_stderr
+from eimi_lab.process.scope import move_to_own_scope
 from eimi_lab.process.stderr import never_blocking
 
 _log = logging.getLogger("eimi_lab.acquisition.guardian_process")  # the process runs this module as __main__
@@ -73,6 +74,8 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     run = os.getppid()
     os.set_blocking(TO_RUN, False)
+    scoped = move_to_own_scope("eimi-guardian", f"switches the supply at {ward.address} off if its run dies")
+    _log.info("in a scope of its own: %s", scoped)
     _say(READY)
     takeover, ward = _wait_until_needed(ward)
     if takeover:

@@ -8,6 +8,7 @@ threads      the number of threads of linear algebra
 garbage      less frequent garbage collection, and reuse of freed memory
 workers      distribution of tasks to processes or a cluster
 awake        no sleep of the computer while a run goes on
+scope        a systemd scope of its own for a process
 writer_lock  one writer at a time for each file
 log          the log for a maintainer, off by default
 limits       limits of memory and processor time

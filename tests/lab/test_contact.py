@@ -12,6 +12,7 @@ import pytest
 from eimi_drivers.emulators.faults import Fault
 from eimi_drivers.interfaces import InstrumentError, InstrumentTimeout, ProtectionTripped
 from eimi_lab.acquisition.dry_run import dry_run
+from eimi_lab.acquisition.event_words import protection_in_words
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset import writing
@@ -67,7 +68,7 @@ def test_the_dry_run_says_what_a_pulled_cable_does(setup: Any, driver: str, word
     supply = setup.rig.supply.model_copy(update={"driver": driver})
     told: list[str] = []
     dry_run(setup.protocol, setup.specimen, setup.rig.model_copy(update={"supply": supply}), told.append)
-    assert f"if the cable is pulled or the computer dies: {words}" in told
+    assert protection_in_words(words) in told
 
 
 def test_the_dataset_says_what_a_pulled_cable_would_have_done(setup: Any) -> None:

@@ -79,7 +79,7 @@ function showState({ run, control }) {
     ["states", `${run.stored} of ${run.states}`],
     ["time left", goingOn ? minutes(run.left_s) : "—"],
     ["largest heat of the coil", run.hottest_share === null ? "not rated in the rig" : `${percent(run.hottest_share)} of the continuous rating`],
-    ["if the run fails", (run.guardian ? "a guardian process switches the coil off; if cable or computer fail: " : "") + run.without_contact],
+    ["if the run fails", (run.guardian ? "a guardian process switches the coil off; if it is killed too, or the cable or the computer fails: " : "") + run.without_contact],
   ]);
   byId("said").replaceChildren(...run.said.slice().reverse().map((words) => el("li", {}, words)));
   followStates(run);

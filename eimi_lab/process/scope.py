@@ -1,0 +1,62 @@
+"""A systemd scope of its own for a process, so that whatever ends the group of a program does not end it too.
+
+systemd-oomd, a desktop that closes a program, and a service that is stopped end every process of a control group.
+"""
+
+from __future__ import annotations
+
+import getpass
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+WITHIN_S = 3.0
+_MANAGER = ("org.freedesktop.systemd1", "/org/freedesktop/systemd1", "org.freedesktop.systemd1.Manager")
+_LINGER = Path("/var/lib/systemd/linger")
+_OWN_GROUP = Path("/proc/self/cgroup")
+
+
+def move_to_own_scope(name: str, description: str) -> bool:
+    """Move this process into a new scope of the user's systemd, and return whether systemd took it.
+
+    Nothing happens without such a manager, or if it would end the scope at the end of the user's session although this
+    process would outlive that session now.
+
+    Parameters
+    ----------
+    name
+        The first part of the scope's name.
+    description
+        What the process does, for a person who asks systemd.
+
+    References
+    ----------
+    StartTransientUnit in org.freedesktop.systemd1(5), which systemd-run --scope uses; loginctl(1), enable-linger.
+    """
+    busctl = shutil.which("busctl")
+    if busctl is None or not _ends_with_the_session_anyway():
+        return False
+    properties = ["2", "Description", "s", description, "PIDs", "au", "1", str(os.getpid())]
+    call = [
+        *_MANAGER,
+        "StartTransientUnit",
+        "ssa(sv)a(sa(sv))",
+        f"{name}-{os.getpid()}.scope",
+        "fail",
+        *properties,
+        "0",
+    ]
+    try:
+        done = subprocess.run([busctl, "--user", "call", *call], capture_output=True, timeout=WITHIN_S, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return done.returncode == 0
+
+
+def _ends_with_the_session_anyway() -> bool:
+    """Return whether the user's systemd stays for as long as this process would without a scope of its own."""
+    try:
+        return (_LINGER / getpass.getuser()).exists() or "/user@" in _OWN_GROUP.read_text(encoding="utf-8")
+    except (OSError, KeyError):  # no such system; no name of the user
+        return False
