@@ -58,7 +58,7 @@ def _member(path: Path, parent: h5py.Group, name: str) -> Any:
     """Return the member of a group; raise InputError if it is a link to another place."""
     if not isinstance(parent.get(name, getlink=True), h5py.HardLink):
         place = f"{parent.name}/{name}".lstrip("/")
-        raise InputError(f"{path}: {place} is a link to another place; a dataset holds everything itself")
+        raise InputError(f"{path}: {place} is a link to another place; a dataset must contain all of its data")
     return parent[name]
 
 
@@ -66,7 +66,7 @@ def _refuse_storage(path: Path, item: Any) -> None:
     if not isinstance(item, h5py.Dataset):
         return
     if item.external or item.is_virtual:
-        raise InputError(f"{path}: {item.name} is kept in another file; a dataset holds everything itself")
+        raise InputError(f"{path}: {item.name} is kept in another file; a dataset must contain all of its data")
     if item.dtype.hasobject or item.dtype.kind not in "iufS":
         raise InputError(f"{path}: {item.name} is of type {item.dtype}; only numbers and text of fixed length are read")
     row = item.nbytes if item.ndim < 3 else int(np.prod(item.shape[1:], dtype=object)) * item.dtype.itemsize

@@ -131,7 +131,7 @@ class FitOptions:
         for dataset in evidence:
             same = path_of_content.setdefault(dataset.sha256, dataset.path)
             if same != dataset.path:
-                raise InputError(f"{dataset.path}: holds the same as {same}; the same data would count twice")
+                raise InputError(f"{dataset.path}: has the same content as {same}; the same data would count twice")
             section = dataset.experiment.model.specimen.section
             if self._bulk and section != "plane-strain":
                 raise InputError(
@@ -193,7 +193,9 @@ class FitOptions:
         for i, curve in enumerate(curves):
             for other in curves[:i]:
                 if curve.sha256 == other.sha256:
-                    raise InputError(f"{curve.path}: holds the same as {other.path}; the same data would count twice")
+                    raise InputError(
+                        f"{curve.path}: has the same content as {other.path}; the same data would count twice"
+                    )
         return curves
 
 

@@ -158,7 +158,7 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None]) -> Non
     Raises
     ------
     InputError
-        If the folder does not exist or the address cannot be listened on.
+        If the folder does not exist, or if the program cannot listen at the address.
     Stopped
         After a signal has ended the page.
     """
@@ -228,7 +228,8 @@ def _listen(host: str, port: int) -> socket.socket:
             raise
     except OSError as error:
         raise InputError(
-            f"--host {host} --port {port}: cannot be listened on ({error.strerror}); give another address or port"
+            f"--host {host} --port {port}: the program cannot listen there ({error.strerror}); "
+            "give another address or port"
         ) from error
     return listening
 
@@ -248,7 +249,7 @@ def check_host(host: str, open_to_network: bool) -> None:
             "coil over an unencrypted connection; use a tunnel (ssh -L), or allow it with --open-to-network"
         )
     if host in ("0.0.0.0", "::"):
-        raise InputError(f"--host {host}: give one address of this machine, the one in the address of the page")
+        raise InputError(f"--host {host}: stands for all addresses of this machine; give the one that browsers use")
 
 
 def _in_address(host: str) -> str:

@@ -195,8 +195,8 @@ def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path
         ),
         (("--tensile", "short.csv", "--tensile-weight", "0"), "--tensile-weight 0: should be a number above 0"),
         (("--tensile-window", "20"), "--tensile-window 20: needs a tensile curve; give --tensile, too"),
-        (("--tensile", "long.csv", "--tensile", "again.csv"), "again.csv: holds the same as long.csv"),
-        (("again.h5",), "again.h5: holds the same as strip.h5"),
+        (("--tensile", "long.csv", "--tensile", "again.csv"), "again.csv: has the same content as long.csv"),
+        (("again.h5",), "again.h5: has the same content as strip.h5"),
         (("./strip.h5", "--each"), "strip.h5: is given twice"),
         (
             ("--checkpoint", "fits.json"),

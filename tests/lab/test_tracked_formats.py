@@ -366,7 +366,7 @@ MISTAKES: dict[str, tuple[tuple[object, ...], str]] = {
             "--gravity-angle",
             "0",
         ),
-        "of 1 points none lies on the beam at rest, which reaches from 0, -1 to 10, 1 mm from its clamp; the first",
+        "none of the points (1) lies on the beam at rest, which reaches from 0, -1 to 10, 1 mm from its clamp; the",
     ),
     "other unit": (
         ("--unit", "mm", "--sigma=1", "--rest=0", *BY_CALIBRATION),

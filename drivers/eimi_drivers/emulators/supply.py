@@ -180,7 +180,7 @@ class CoilSupply:
         return self._obey(armed=armed)
 
     def set_trip_levels(self, *, current_A: float | None = None, voltage_V: float | None = None) -> bool:
-        """Set the levels of the protections that have their own, unless locked; None leaves a level unchanged."""
+        """Set the trip levels of current and voltage, unless they are locked; None leaves a level unchanged."""
         state = self.state
         return self._obey(
             trip_current_A=state.trip_current_A if current_A is None else current_A,

@@ -122,7 +122,7 @@ def _on_the_beam(placed: PlacedTracks, at: list[int], specimen: SpecimenFile, so
             x, y = rest[with_rest[0]]
             where = f"the first lies at {x:.4g}, {y:.4g} mm"
         raise InputError(
-            f"{source}: of {len(rest)} points none lies on the beam at rest, which reaches from 0, "
+            f"{source}: none of the points ({len(rest)}) lies on the beam at rest, which reaches from 0, "
             f"{-beam.width_mm / 2:g} to {beam.length_mm:g}, {beam.width_mm / 2:g} mm from its clamp; {where}: check "
             "clamp, axis and unit"
         )

@@ -336,10 +336,10 @@ def _clear_of_ends(points: Array, margin: float) -> NDArray[np.bool_]:
 
 
 def _arc_lengths(begin: float, end: float, spacing: float, widest: float) -> tuple[Array, int]:
-    """Return evenly spaced arc lengths, and the stride of those that were asked for.
+    """Return evenly spaced arc lengths, and the stride at which the requested ones stand among them.
 
-    At most `MOST_POINTS` are asked for. Points are added between them until no two are farther apart than `widest`,
-    unless their profiles would then overlap.
+    At most `MOST_POINTS` are requested. More points are added between these until neighbours are at most `widest`
+    apart, unless their profiles would then overlap.
     """
     length = max(end - begin, 0.0)
     gaps = min(int(length / spacing), MOST_POINTS - 1)

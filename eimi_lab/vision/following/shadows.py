@@ -36,7 +36,7 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The picture along the strip. A grey picture has no such colours, and its seams are returned as they are.
+        The picture along the strip. The seams of a grey picture are returned unchanged.
     colour_seams : Seams
         Seams in all colours.
     noise : float

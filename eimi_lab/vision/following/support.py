@@ -156,9 +156,9 @@ def _turn(seam: Array, arm: int) -> Array:
 def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: int) -> Mask:
     """Return the longest chain of runs of sound stations of one side that continue each other.
 
-    Behind a gap an edge must lie where a straight continuation leads, within what it may have bent meanwhile, and the
-    beam must be as wide as before. This separates the beam from the head of a hammer, from the border of a shadow and
-    from a body behind the tip. It also separates a reflection near the clamp from the long edge that it interrupts.
+    After a gap the edge must lie near the straight continuation of the edge before it, within the largest bend over the
+    gap, and the beam must be as wide as before. This condition excludes the head of a hammer, the border of a shadow
+    and a body beyond the tip. It also separates a reflection near the clamp from the long edge that it interrupts.
 
     Parameters
     ----------

@@ -75,7 +75,7 @@ class Places(Protocol):
         """Return the points (n, 2) of the straight strip that lie at given places (n, 2) at rest."""
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return (n,): which points (n, 2) of the straight strip the magnet carries."""
+        """Return for points (n, 2) of the straight strip whether they move with the magnet, (n,)."""
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
         """Return nodes and weights that spread a force along the line in depth through a point (2,)."""

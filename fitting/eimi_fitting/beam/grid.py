@@ -138,9 +138,9 @@ class Grid:
         return self.strip.straightened(np.atleast_2d(np.asarray(points_mm, float)))
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return (n,): which points (n, 2) of the straight strip the magnet carries.
+        """Return for points (n, 2) of the straight strip whether they move with the magnet, (n,).
 
-        It also carries points outside the specimen beyond those of its faces that no silicone covers.
+        Points outside the specimen move with the magnet if they lie beyond a face of the magnet without silicone.
         """
         x, y = np.atleast_2d(np.asarray(points_mm, float)).T
         near, (length, width, _) = self._straight.flexible_length_mm, self.block_mm

@@ -97,7 +97,7 @@ class SolidGrid:
         return np.column_stack([flat, self.strip.straight_depth_mm(flat[:, 0], points[:, 2])])
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return (n,): which points (n, 2) at mid-depth or (n, 3) of the straight strip the magnet carries."""
+        """Return for points (n, 2) at mid-depth or (n, 3) of the straight strip whether they move with the magnet."""
         points = np.atleast_2d(np.asarray(points_mm, float))
         on = self.flat.on_magnet(points[:, :2])
         if points.shape[1] == 3 and self.block_mm[2] < self._straight.depth_mm:

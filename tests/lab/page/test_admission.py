@@ -220,8 +220,8 @@ def test_static_files_are_the_pages_own(served: Any) -> None:
     ("arguments", "words"),
     [
         (["--host", "192.0.2.1"], "--open-to-network"),
-        (["--host", "0.0.0.0", "--open-to-network"], "one address of this machine"),
-        (["--host", "192.0.2.1", "--open-to-network"], "cannot be listened on"),
+        (["--host", "0.0.0.0", "--open-to-network"], "stands for all addresses of this machine"),
+        (["--host", "192.0.2.1", "--open-to-network"], "the program cannot listen there"),
         (["nowhere"], "is not a folder"),
     ],
 )

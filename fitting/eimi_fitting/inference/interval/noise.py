@@ -42,7 +42,7 @@ _PASSES = 3  # largest number of Gauss-Newton steps, each with renewed slopes
 
 @dataclass(frozen=True)
 class Explained:
-    """The evidence linearised where unknowns and sources explain it best.
+    """The evidence, linearised at the optimum over the unknowns and the sources.
 
     Parameters
     ----------
