@@ -9,6 +9,7 @@ protocol          protocol.toml: the currents of a run and the conditions at eac
 rig               rig.toml: the supply, the camera and the coil of a bench
 interlock         the table [[interlocks]] of a rig: bounds of a reading that keep the coil on
 calibration       calibration.toml: scale, orientation and lens of the camera, and the coil constant
+coil_shape        the table [field] of a calibration: how the coil's field changes from place to place
 materials         materials.toml: the true materials of a virtual rig's specimens
 simulated_optics  the table [virtual.optics] of a rig: back-light, lens and sensor of the virtual camera
 uncertainty       the table [uncertainty] of specimens, calibrations and rigs

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from eimi_fitting.inference.evidence.sources import StatedSource
+from eimi_lab.config.coil_shape import CoilShapeTable, with_rows_of_map
 from eimi_lab.config.toml import Document, Table, check, locate, parse_table, read_text, to_toml
 from eimi_lab.config.uncertainty import OfCalibration, check_sizes, keys_of, stated_sources
 
@@ -26,6 +27,9 @@ Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 # Numbers of distortion coefficients that OpenCV's camera model accepts (OpenCV documentation, "Camera Calibration and
 # 3D Reconstruction").
 DISTORTION_LENGTHS = (4, 5, 8, 12, 14)
+
+
+_ROUNDING = 1e-9  # of the sine of an angle
 
 
 class Picture(Table):
@@ -75,6 +79,10 @@ class Calibration(Document):
     """false if the weight does not act, as for a beam that bends in a horizontal plane; tip forces keep the angle."""
     field_angle_deg: Angle
     """Direction of the field of a positive current, across the beam; clockwise from the image's +x."""
+    background_field_mT: Pair | None = None
+    """Field at the magnet without a current, such as that of the earth: to the right and down in the image."""
+    field: CoilShapeTable | None = None
+    """How the coil's field changes from place to place; by default it is uniform."""
     camera_matrix: Matrix | None = None
     """OpenCV's camera matrix; give it together with distortion."""
     distortion: Numbers | None = None
@@ -93,7 +101,7 @@ class Calibration(Document):
     @model_validator(mode="after")
     def _consistent(self) -> Calibration:
         across = math.sin(math.radians(self.field_angle_deg - self.axis_angle_deg))
-        if abs(across) < 0.5:
+        if abs(across) < 0.5 - _ROUNDING:
             raise ValueError(
                 f"field_angle_deg = {self.field_angle_deg:g} must lie across the beam, at least 30 degrees from "
                 f"axis_angle_deg = {self.axis_angle_deg:g}"
@@ -112,7 +120,7 @@ class Calibration(Document):
 
     def uncertain_keys(self) -> tuple[str, ...]:
         """Return the keys that have a value here and may have an uncertainty."""
-        return tuple(key for key in keys_of("calibration") if getattr(self, key) is not None)
+        return tuple(key for key in keys_of("calibration") if getattr(self, key, None) is not None)
 
     def stated_sources(self) -> tuple[StatedSource, ...]:
         """Return the uncertainties that the file states.
@@ -173,7 +181,10 @@ def load_calibration(path: str | Path, changes: Changes | None = None) -> Calibr
     """
     file = locate(path, "rigs")
     text = read_text(file)
-    return _changed(parse_table(text, file), changes, text, file)
+    table = parse_table(text, file)
+    if with_rows_of_map(table, file):
+        text = to_toml(check(Calibration, table, "", file))
+    return _changed(table, changes, text, file)
 
 
 def missing_places(path: str | Path, changes: Changes) -> tuple[str, ...]:

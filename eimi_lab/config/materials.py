@@ -1,12 +1,13 @@
-"""materials.toml of a virtual rig: the true materials of its specimens."""
+"""materials.toml of a virtual rig: the true materials of its specimens, and what its bench does unstated."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from eimi_fitting.laws import LAWS
+from eimi_lab.config.coil_shape import CoilShapeTable, Pair
 from eimi_lab.config.toml import Document, Table, parse, read_text
 
 
@@ -41,11 +42,24 @@ class TrueMaterial(Table):
         return tuple(self.parameters[key] for key in self._keys)
 
 
+class TrueBench(Table):
+    """What a virtual bench does that its specimen and its calibration do not state."""
+
+    magnetisation_angle_deg: float = Field(default=0.0, ge=-180.0, le=180.0)
+    """Angle by which the magnetisation is turned from its stated direction."""
+    background_field_mT: Pair | None = None
+    """Field without a current, instead of the stated one: to the right and down in the image."""
+    field: CoilShapeTable | None = None
+    """How the coil's field changes from place to place, instead of what is stated."""
+
+
 class TrueMaterials(Document):
     """The contents of materials.toml."""
 
     silicone: dict[str, TrueMaterial]
     """One table for each material, under the name that specimen.material has."""
+    bench: TrueBench | None = None
+    """What the bench does that its files do not state."""
 
 
 def load_materials(path: Path) -> TrueMaterials:

@@ -33,6 +33,7 @@ from eimi_lab.showing.tables import html_table
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import leaves_out
 from eimi_lab.vision.edges.edge_set import EdgeSet
+from eimi_lab.vision.field_at_beam import in_stated_field
 
 Array = NDArray[np.float64]
 
@@ -197,7 +198,8 @@ def experiment_so_far(dataset: Dataset, edges: Sequence[EdgeSet]) -> Experiment 
 
 
 def _loads(dataset: Dataset, states: Sequence[State]) -> Loads:
-    return Loads.along(
+    """Return the loads of some states. Raises InputError."""
+    loads = Loads.along(
         [s.field_mT for s in states],
         dataset.field_angle_deg,
         dataset.gravity_angle_deg if dataset.gravity else None,
@@ -206,6 +208,12 @@ def _loads(dataset: Dataset, states: Sequence[State]) -> Loads:
             dataset.gravity_angle_deg if s.tip_force_angle_deg is None else s.tip_force_angle_deg for s in states
         ],
     )
+    if dataset.calibration is None:
+        return loads
+    try:
+        return in_stated_field(loads, dataset.calibration, dataset.specimen.mechanics())
+    except InputError as error:
+        raise InputError(f"{dataset.path}: {error}") from error
 
 
 def _stated(dataset: Dataset) -> tuple[StatedSource, ...]:

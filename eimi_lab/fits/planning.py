@@ -37,6 +37,7 @@ from eimi_lab.fits.fits_file import AnyFit
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.field_at_beam import in_stated_field
 
 Array = NDArray[np.float64]
 
@@ -222,6 +223,7 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
         mounting.gravity_angle_deg,
         mounting.tip_force_N,
     )
+    loads = in_stated_field(loads, rig.calibration, mounting.specimen.mechanics())
     stated = (
         *mounting.specimen.stated_sources(),
         *rig.calibration.stated_sources(),

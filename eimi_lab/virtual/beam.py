@@ -6,13 +6,16 @@ shape and the planar shape is interpolated, with an error below a micrometre (`e
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from eimi_fitting.beam.beside import SolidBeside, SolidOptions
+from eimi_fitting.beam.coil_field import CoilShape
 from eimi_fitting.beam.depth_effect import DepthEffect
+from eimi_fitting.beam.kinds_of_load import UniformField
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Specimen
@@ -25,6 +28,33 @@ Array = NDArray[np.float64]
 _SAME_FIELD_MT = 5e-5  # a change of field by less moves the tip by less than a thousandth of a pixel
 _FIELDS = 17  # candidates for the fields in which the solid is solved
 _BACKWARD = 0.05  # the positive solution also serves for negative fields up to this fraction of the strongest one
+
+
+@dataclass(frozen=True)
+class VirtualLoads:
+    """The loads on the virtual beam in a field of the coil.
+
+    Parameters
+    ----------
+    gravity_angle_deg, field_angle_deg
+        Directions in the beam frame; no weight without a direction of gravity.
+    background_T
+        Field without a current, in the beam frame.
+    coil
+        Shape of the coil's field; None: it is uniform.
+    """
+
+    gravity_angle_deg: float | None
+    field_angle_deg: float
+    background_T: tuple[float, float] = (0.0, 0.0)
+    coil: CoilShape | None = None
+
+    def at(self, field_mT: ArrayLike) -> Loads:
+        """Return the loads in one field or in several fields of the coil at the magnet."""
+        loads = replace(Loads.along(field_mT, self.field_angle_deg, self.gravity_angle_deg), coil=self.coil)
+        if not any(self.background_T):
+            return loads
+        return loads.plus(UniformField(np.tile(np.array(self.background_T), (len(loads), 1))))
 
 
 class VirtualBeam:
@@ -40,8 +70,8 @@ class VirtualBeam:
         Its true material.
     mesh
         Number of elements along and across, and the refinement factor in depth.
-    gravity_angle_deg, field_angle_deg
-        Directions in the beam frame; no weight without a direction of gravity.
+    loads
+        The loads in a field of the coil.
     strongest_mT
         Largest field that will occur.
     view
@@ -53,13 +83,11 @@ class VirtualBeam:
         specimen: Specimen,
         material: TrueMaterial,
         mesh: tuple[int, int, int],
-        gravity_angle_deg: float | None,
-        field_angle_deg: float,
+        loads: VirtualLoads,
         strongest_mT: float,
         view: View | None = None,
     ) -> None:
-        self._specimen, self._material, self._mesh = specimen, material, mesh
-        self._gravity_angle_deg, self._field_angle_deg = gravity_angle_deg, field_angle_deg
+        self._specimen, self._material, self._mesh, self._loads = specimen, material, mesh, loads
         self._strongest_mT, self._view = strongest_mT, view
         self._field_mT: float | None = None
 
@@ -88,12 +116,11 @@ class VirtualBeam:
             material.model,
             tuple(material.values),
             self._mesh,
-            self._gravity_angle_deg,
-            self._field_angle_deg,
+            self._loads,
             sign * self._strongest_mT,
         )
         options = SolidOptions(effect=effect if abs(field_mT) <= abs(reach_mT) else None)
-        loads = Loads.along(field_mT, self._field_angle_deg, self._gravity_angle_deg)
+        loads = self._loads.at(field_mT)
         shape = model.solve(LAWS[material.model], np.array([material.values]), loads, options=options)
         if not shape.converged[0]:
             raise ArithmeticError(f"no equilibrium of the virtual beam was found at {field_mT:g} mT")
@@ -114,8 +141,7 @@ def _solved(
     law: str,
     values: tuple[float, ...],
     mesh: tuple[int, int, int],
-    gravity_angle_deg: float | None,
-    field_angle_deg: float,
+    virtual_loads: VirtualLoads,
     strongest_mT: float,
 ) -> tuple[SolidBeside, DepthEffect | None, float]:
     """Return the solid model, its depth effect, and the largest field in mT that the effect covers.
@@ -124,7 +150,7 @@ def _solved(
     """
     beside, reach_mT = SolidBeside(specimen, *mesh), strongest_mT
     for _ in range(3):
-        loads = Loads.along(np.linspace(0, reach_mT, _FIELDS), field_angle_deg, gravity_angle_deg)
+        loads = virtual_loads.at(np.linspace(0, reach_mT, _FIELDS))
         effect = beside.solve(LAWS[law], np.array([values]), loads).effect
         if effect is not None and effect.by_turn:
             return beside, effect, reach_mT

@@ -10,11 +10,12 @@ emulate`).
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, Protocol
 
 import numpy as np
 
+import eimi_fitting.beam.specimen as mechanics
 from eimi_drivers.cameras.settings import NO_SETTINGS
 from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.emulators.coil_line import RemoteCoil
@@ -23,13 +24,15 @@ from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import Clock, Frame, Identity, PowerSupply
 from eimi_drivers.supplies.korad import KoradSupply
 from eimi_drivers.supplies.transport import InProcessTransport
-from eimi_lab.config.materials import TrueMaterial
+from eimi_lab.config.calibration import Calibration
+from eimi_lab.config.materials import TrueBench, TrueMaterial
 from eimi_lab.config.rig import Rig, Virtual
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.process.errors import InputError
-from eimi_lab.virtual.beam import VirtualBeam
+from eimi_lab.virtual.beam import VirtualBeam, VirtualLoads
 from eimi_lab.virtual.optics import Scene, expose, make_scene
 from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.field_at_beam import stated_background_T, stated_coil
 
 _FRAME_PERIOD_S = 0.1
 _CLAMP_HALF_WIDTH_MM, _CLAMP_HEIGHT_MM = 12.0, 40.0
@@ -150,7 +153,10 @@ def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -
     gravity_deg = frame.gravity_deg if rig.calibration.gravity else None
     mT_per_A = rig.calibration.coil_constant_mT_per_A
     strongest_mT = abs(mT_per_A) * rig.supply.limits.current_A
-    beam = VirtualBeam(specimen.mechanics(), material, virtual.mesh, gravity_deg, frame.field_deg, strongest_mT, view)
+    true_beam, true_field = _as_it_is(specimen, rig.calibration, virtual.materials.bench or TrueBench())
+    x_T, y_T = stated_background_T(true_field).tolist()
+    loads = VirtualLoads(gravity_deg, frame.field_deg, (x_T, y_T), stated_coil(true_field, true_beam))
+    beam = VirtualBeam(true_beam, material, virtual.mesh, loads, strongest_mT, view)
     return VirtualCamera(beam, coil, clock, frame, mT_per_A, virtual)
 
 
@@ -164,7 +170,20 @@ def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
         "mesh": list(virtual.mesh),
         "seed": virtual.seed,
         "optics": asdict(virtual.optics),
+        **({"bench": bench.model_dump(exclude_unset=True)} if (bench := virtual.materials.bench) else {}),
     }
+
+
+def _as_it_is(
+    specimen: SpecimenFile, calibration: Calibration, bench: TrueBench
+) -> tuple[mechanics.Specimen, Calibration]:
+    """Return the specimen and the calibration with what the bench does that they do not state."""
+    beam = specimen.mechanics()
+    if beam.magnet:
+        turned_deg = beam.magnet.magnetisation_angle_deg + bench.magnetisation_angle_deg
+        beam = replace(beam, magnet=replace(beam.magnet, magnetisation_angle_deg=turned_deg))
+    hidden = {key: value for key in ("background_field_mT", "field") if (value := getattr(bench, key)) is not None}
+    return beam, calibration.model_copy(update=hidden)
 
 
 def _virtual(rig: Rig) -> Virtual:

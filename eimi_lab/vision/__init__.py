@@ -9,6 +9,7 @@ image_wholeness      check that an image file is complete
 intensity            combine colours and frames into one image, and correct it by a dark frame and a flat field
 projection           choose the colour projection in which the beam differs most from its surroundings
 beam_frame           map pixels to millimetres in the beam frame, and back
+field_at_beam        the coil's field and the background field as a calibration states them
 check                one quality check of a state, and the flag that it raises
 flags                the table of all quality checks
 followed_checks      the rows of that table for followed beams

@@ -97,6 +97,10 @@ class BeamFrame:
         points = self._undistort(np.asarray(points_px, dtype=np.float64).reshape(-1, 2))
         return (points - self._origin) @ self._axes.T / self._scale
 
+    def components(self, vector: tuple[float, float]) -> Array:
+        """Return the components (2,) in the beam frame of a vector in the image, given to the right and down."""
+        return np.asarray(self._axes @ np.array(vector))
+
     def to_px(self, points_mm: ArrayLike) -> Array:
         """Map millimetres (n, 2) in the beam frame to image pixels (n, 2)."""
         points = np.asarray(points_mm, dtype=np.float64).reshape(-1, 2) @ self._axes * self._scale + self._origin

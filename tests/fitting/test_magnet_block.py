@@ -176,7 +176,8 @@ def test_the_whole_tangent_is_the_derivative_of_the_forces():
 
     def solve(right):
         stiffness, force, tie = linearise(free, rigid)
-        turning = body.stiffness_of_turning(force, rigid)
+        turning = np.zeros((1, 3, 3))
+        turning[:, 2, 2] = body.stiffness_of_turning(force, rigid)
         zero = np.zeros_like(force)
         x, r, sound, _ = system.solve(
             stiffness, zero, right[None, :-3], (tie, turning, right[None, -3:]), np.ones(1, bool), False

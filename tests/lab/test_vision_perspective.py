@@ -12,7 +12,7 @@ from eimi_fitting.beam.view import View
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, signed_distance
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.materials import TrueMaterial
-from eimi_lab.virtual.beam import VirtualBeam
+from eimi_lab.virtual.beam import VirtualBeam, VirtualLoads
 from eimi_lab.virtual.optics import expose, make_scene
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.finding import find_edges
@@ -29,7 +29,9 @@ def photographed_edges(calibration):
     frame, specimen = BeamFrame(calibration), SPECIMEN.mechanics()
     material = TrueMaterial(model="neo-hookean", parameters={"mu_Pa": TRUE_PA})
     view = frame.view(specimen.depth_mm, SIZE)
-    beam = VirtualBeam(specimen, material, (*MESH, 1), frame.gravity_deg, frame.field_deg, max(FIELDS_MT), view)
+    beam = VirtualBeam(
+        specimen, material, (*MESH, 1), VirtualLoads(frame.gravity_deg, frame.field_deg), max(FIELDS_MT), view
+    )
     edges = []
     for field in FIELDS_MT:
         outline_mm, _ = beam.outlines_mm(field)

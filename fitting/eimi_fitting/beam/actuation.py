@@ -104,6 +104,8 @@ class LoadedMesh:
         Product of ``slopes`` and the magnetisation of the silicone: the nodal force in a field of 1 T.
     magnet_mass : float
         Mass, in kg, of the magnet and of the silicone that it carries rigidly.
+    magnet_face_mm : ndarray, shape (2,)
+        The reference point of the rigid body at rest.
     magnet_centre_mm : ndarray, shape (2,)
         Centre of mass from the reference point of the rigid body, which is the middle of the magnet's inner face.
     magnet_dipole : ndarray, shape (2,)
@@ -127,6 +129,7 @@ class LoadedMesh:
             magnetisation = _turned(np.array(specimen.magnetisation_A_per_m), angle)
             dipoles = np.einsum("eai,ie->ea", solid.ops.slope[..., :2], magnetisation)
             np.add.at(self.nodal_dipole, elements, MPA_PER_PA * dipoles)
+        self.magnet_face_mm = np.array(grid.face_mm)
         self.magnet_mass, self.magnet_centre_mm, self.magnet_dipole = 0.0, np.zeros(2), np.zeros(2)
         if magnet:
             volume = magnet.length_mm * magnet.width_mm * magnet.depth_mm

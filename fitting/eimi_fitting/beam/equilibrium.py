@@ -8,7 +8,7 @@ Garcea 2017, Int. J. Numer. Meth. Engng 109:1237).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from eimi_fitting.beam import brick, element
 from eimi_fitting.beam.bricks import Bricks
+from eimi_fitting.beam.coil_field import DipoleInField
 from eimi_fitting.beam.element import Batch
 from eimi_fitting.beam.mesh import Indices, Mesh
 from eimi_fitting.beam.pressure import FollowerPressure
@@ -42,7 +43,7 @@ class Status(IntEnum):
     BUCKLED = 5  # in an unstable equilibrium: the tangent is not positive definite
 
 
-@dataclass(frozen=True)
+@dataclass
 class SolidLoads:
     """Loads on a mesh, with one row for each of B candidates or one row for all; see `beam.actuation`.
 
@@ -56,6 +57,8 @@ class SolidLoads:
         Load on the rigid body, in N and N mm. Its potential is -force . U - tensor : R(theta) - moment theta.
     pressure : ndarray, shape (B,)
         Pressure on the face in N/mm².
+    in_coil : DipoleInField or None
+        The magnet in the field of a coil that is not uniform.
     """
 
     nodal: Array
@@ -63,6 +66,7 @@ class SolidLoads:
     tensor: Array
     pressure: Array
     moment: Array
+    in_coil: DipoleInField | None = None
 
 
 @dataclass(frozen=True)
@@ -126,7 +130,12 @@ def joined(parts: Sequence[Configuration]) -> Configuration:
 
 def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
     """Return the loads of batches one after another as those of one batch."""
-    return SolidLoads(*(np.concatenate([getattr(part, name) for part in parts]) for name in _LOADS))
+    arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _LOADS}
+    first = next((part.in_coil for part in parts if part.in_coil), None)
+    if first is None:
+        return SolidLoads(**arrays)
+    fields = [part.in_coil.field_T if part.in_coil else np.zeros_like(part.force) for part in parts]
+    return SolidLoads(**arrays, in_coil=replace(first, field_T=np.concatenate(fields)))
 
 
 @dataclass(frozen=True)
@@ -242,7 +251,12 @@ class Solid:
             moment, turning = dead_moment(loads.tensor, now.rigid)
             pull = np.empty((b, 3))
             pull[:, :2], pull[:, 2] = loads.force, moment + loads.moment
-            tied = tie, turning + body.stiffness_of_turning(force, now.rigid), pull
+            stiffness = np.zeros((b, 3, 3))
+            stiffness[:, 2, 2] = turning + body.stiffness_of_turning(force, now.rigid)
+            if loads.in_coil:
+                in_coil, stiffness_in_coil = loads.in_coil.load(now.rigid)
+                pull, stiffness = pull + in_coil, stiffness + stiffness_in_coil
+            tied = tie, stiffness, pull
         x, rigid, sound, indefinite = self.system.solve(K, effective, right, tied, ev.valid, symmetric, only_definite)
         flat = np.zeros((b, self.dimensions * len(self.mesh.nodes)))
         flat[:, self._free] = x
@@ -339,4 +353,5 @@ def _rows_of_batch(batch: Batch, rows: Indices) -> Batch:
 def _rows_of_loads(loads: SolidLoads, rows: Indices) -> SolidLoads:
     if len(loads.force) == 1:
         return loads
-    return SolidLoads(*(getattr(loads, name)[rows] for name in _LOADS))
+    in_coil = replace(loads.in_coil, field_T=loads.in_coil.field_T[rows]) if loads.in_coil else None
+    return SolidLoads(**{name: getattr(loads, name)[rows] for name in _LOADS}, in_coil=in_coil)

@@ -1,4 +1,4 @@
-"""The actuations that every specimen knows: a uniform field, gravity, a force at the tip, a pressure on a face."""
+"""The actuations that every specimen knows: a field, gravity, a force at the tip, a pressure on a face."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.actuation import LoadedMesh
+from eimi_fitting.beam.coil_field import CoilShape, DipoleInField
 from eimi_fitting.beam.equilibrium import SolidLoads
 from eimi_fitting.units import MPA_PER_PA
 
@@ -33,6 +34,35 @@ class UniformField:
         """Add B m' to the magnet's tensor and the dead forces on magnetised silicone to the nodes."""
         field = field_factor[:, None] * numbers  # (B, 2)
         total.tensor[:] += field[:, :, None] * mesh.magnet_dipole
+        if mesh.nodal_dipole.any():
+            total.nodal[..., :2] += mesh.nodal_dipole[:, None] * field[:, None, :]
+
+
+@dataclass(frozen=True)
+class CoilField:
+    """The field of a coil that is not uniform, on the magnet.
+
+    Magnetised silicone is taken to be in the uniform field.
+
+    Parameters
+    ----------
+    numbers : ndarray, shape (K, 2)
+        The field in T at the place of the magnet at rest.
+    shape : CoilShape
+        Its change from place to place.
+    """
+
+    numbers: Array
+    shape: CoilShape
+
+    def take(self, states: States) -> CoilField:
+        """Return the field in some of the states."""
+        return CoilField(self.numbers[states], self.shape)
+
+    def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
+        """Put the magnet into the field; its load follows the magnet."""
+        field = field_factor[:, None] * numbers  # (B, 2)
+        total.in_coil = DipoleInField(self.shape, mesh.magnet_dipole, mesh.magnet_centre_mm, mesh.magnet_face_mm, field)
         if mesh.nodal_dipole.any():
             total.nodal[..., :2] += mesh.nodal_dipole[:, None] * field[:, None, :]
 

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eimi_fitting.beam.kinds_of_load import Gravity, Pressure, TipForce, UniformField
+from eimi_fitting.beam.kinds_of_load import CoilField, Gravity, Pressure, TipForce, UniformField
 from eimi_fitting.beam.specimen import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from eimi_fitting.beam.actuation import Actuation, LoadedMesh
+    from eimi_fitting.beam.coil_field import CoilShape
     from eimi_fitting.beam.equilibrium import SolidLoads
 
 Array = NDArray[np.float64]
@@ -33,7 +34,7 @@ class Loads:
     Parameters
     ----------
     field_T : ndarray, shape (K, 2)
-        Uniform magnetic flux density in T.
+        Magnetic flux density in T.
     gravity : ndarray, shape (K, 2)
         Acceleration of gravity in m/s².
     tip_force_N : ndarray, shape (K, 2)
@@ -42,6 +43,9 @@ class Loads:
         Pressure on the specimen's pressure face, positive into the body, one value for all states or one for each.
     others : tuple of Actuation
         Further kinds of load, see `plus`.
+    coil : CoilShape or None
+        How the field changes from place to place, if ``field_T`` is the field at the magnet's place at rest; None: it
+        is uniform.
 
     Examples
     --------
@@ -57,6 +61,7 @@ class Loads:
     tip_force_N: Array
     pressure_Pa: ArrayLike = 0.0
     others: tuple[Actuation, ...] = ()
+    coil: CoilShape | None = None
 
     @staticmethod
     def along(
@@ -126,7 +131,7 @@ class Loads:
         """Every kind of load, in the order in which `state` has their numbers."""
         pressure = np.broadcast_to(np.asarray(self.pressure_Pa, float), len(self))
         return (
-            UniformField(self.field_T),
+            UniformField(self.field_T) if self.coil is None else CoilField(self.field_T, self.coil),
             Gravity(self.gravity),
             TipForce(self.tip_force_N),
             Pressure(pressure[:, None]),
@@ -145,6 +150,7 @@ class Loads:
             self.tip_force_N[states],
             pressure[states] if pressure.ndim else pressure,
             tuple(actuation.take(states) for actuation in self.others),
+            self.coil,
         )
 
     def state(self, k: int) -> Array:

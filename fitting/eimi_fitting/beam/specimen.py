@@ -132,3 +132,8 @@ class Specimen:
         """The length between the clamp and the magnet."""
         magnet = self.magnet
         return self.length_mm - (magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0)
+
+    @property
+    def field_place_mm(self) -> float:
+        """The x of the place at which the strength of a field is stated: the middle of the magnet, or of the beam."""
+        return self.flexible_length_mm + 0.5 * self.magnet.length_mm if self.magnet else 0.5 * self.length_mm

@@ -88,8 +88,8 @@ class System:
         force : ndarray, shape (E, B, d)
         right : ndarray, shape (B or 1, n)
         body : tuple of three ndarrays, or None
-            Derivatives (Et, B, d, 3) of the tied elements' unknowns by those of the body, further stiffness (B,) of the
-            rotation, and the body's right-hand side (B or 1, 3).
+            Derivatives (Et, B, d, 3) of the tied elements' unknowns by those of the body, further stiffness (B, 3, 3)
+            of the body, and the body's right-hand side (B or 1, 3).
         sound : ndarray of bool, shape (B,)
             Which candidates to solve.
         symmetric : bool
@@ -103,11 +103,10 @@ class System:
                 self._assembly.matrix(stiffness), stiffness, None, sound & bounded(rest), symmetric, only_definite
             )
             return Solution(factor.solve(rest), np.zeros((len(rest), 3)), factor.sound, factor.indefinite)
-        tie, turning, pull = body
+        tie, further, pull = body
         tied_stiffness, follow = stiffness[self._tied], tie.swapaxes(-1, -2)
         rows = np.matmul(follow, tied_stiffness)  # (Et, B, 3, d)
-        corner = np.matmul(rows, tie).sum(axis=0)
-        corner[:, 2, 2] += turning
+        corner = np.matmul(rows, tie).sum(axis=0) + further
         pull = pull - np.matmul(follow, force[self._tied][..., None])[..., 0].sum(axis=0)
         both = np.concatenate([rest, pull], axis=1)
         sound = sound & bounded(both)

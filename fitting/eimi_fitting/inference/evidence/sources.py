@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.beam.coil_field import CoilShape
+from eimi_fitting.beam.kinds_of_load import UniformField
 from eimi_fitting.beam.specimen import Specimen
 
 if TYPE_CHECKING:
@@ -148,6 +150,23 @@ def _field_offset(loads: Loads, deviation: Array) -> Loads:
     return replace(loads, field_T=loads.field_T + 1e-3 * deviation[0] * strongest / size) if size else loads
 
 
+def _background_field(loads: Loads, deviation: Array) -> Loads:
+    """Add a uniform field (2,) in mT that does not depend on the current."""
+    return loads.plus(UniformField(np.tile(1e-3 * deviation, (len(loads), 1))))
+
+
+def _field_graded(loads: Loads, deviation: Array) -> Loads:
+    """Change the strength of the coil's field along and across the beam, by shares per metre."""
+    strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
+    size = float(np.linalg.norm(strongest))
+    if not size:
+        return loads
+    shape = loads.coil or CoilShape((float(strongest[0] / size), float(strongest[1] / size)))
+    along, across = shape.gradient_per_m
+    more = (along + float(deviation[0]), across + float(deviation[1]))
+    return replace(loads, coil=replace(shape, gradient_per_m=more))
+
+
 def _farther(stand_off_mm: float, deviation: Array) -> float:
     return stand_off_mm + float(deviation[0])
 
@@ -260,6 +279,27 @@ SOURCES: dict[str, Source] = {
         stated_in="calibration",
         key="field_angle_deg",
         loads=_field_turned,
+    ),
+    "background-field": Source(
+        words="background field",
+        parts=("background field x", "background field y"),
+        unit="mT",
+        largest=2.0,
+        usual=0.03,
+        is_even=True,
+        stated_in="calibration",
+        key="background_field_mT",
+        loads=_background_field,
+    ),
+    "field-gradient": Source(
+        words="gradient of the coil's field",
+        parts=("field gradient along the beam", "field gradient across the beam"),
+        unit="1/m",
+        largest=20.0,
+        usual=1.0,
+        stated_in="calibration",
+        key="field_gradient_per_m",
+        loads=_field_graded,
     ),
     "stand-off": Source(
         words="stand-off of the lens",

@@ -1,0 +1,60 @@
+"""The field at the beam, as a calibration states it: the shape of the coil's field and the background field."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.coil_field import CoilShape
+from eimi_fitting.beam.kinds_of_load import UniformField
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.specimen import Specimen
+from eimi_lab.config.calibration import Calibration
+from eimi_lab.process.errors import InputError
+from eimi_lab.vision.beam_frame import BeamFrame
+
+
+def in_stated_field(loads: Loads, calibration: Calibration, specimen: Specimen) -> Loads:
+    """Return loads with the shape of the coil's field and the background field of a calibration.
+
+    Parameters
+    ----------
+    loads
+        The loads, with the coil's field at the magnet.
+    calibration
+        The calibration.
+    specimen
+        The specimen.
+
+    Raises
+    ------
+    InputError
+        If the stated field does not fit to the specimen.
+    """
+    background_T = stated_background_T(calibration)
+    loads = replace(loads, coil=stated_coil(calibration, specimen))
+    if not background_T.any():
+        return loads
+    return loads.plus(UniformField(np.tile(background_T, (len(loads), 1))))
+
+
+def stated_coil(calibration: Calibration, specimen: Specimen) -> CoilShape | None:
+    """Return the stated shape of the coil's field, None for a uniform one; raise InputError as `in_stated_field`."""
+    if calibration.field is None:
+        return None
+    if any(specimen.magnetisation_A_per_m):
+        raise InputError(
+            "calibration.field: an uneven field acts on a magnet only, but the specimen has magnetisation_kA_per_m; "
+            "omit [field] or the magnetisation"
+        )
+    try:
+        return calibration.field.shape(specimen, BeamFrame(calibration).field_deg)
+    except ValueError as error:
+        raise InputError(f"calibration.field: {error}") from error
+
+
+def stated_background_T(calibration: Calibration) -> NDArray[np.float64]:
+    """Return the stated background field in the beam frame, (2,) in T; zero if none is stated."""
+    return 1e-3 * BeamFrame(calibration).components(calibration.background_field_mT or (0.0, 0.0))
