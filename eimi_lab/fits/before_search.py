@@ -147,8 +147,8 @@ def check_width(dataset: Dataset) -> None:
     )
     if abs(width_mm / beam.depth_mm - 1) < _SAME:
         raise InputError(
-            f"{words}; this equals depth_mm: width_mm is the side in the picture, depth_mm points to the camera; "
-            f"{_with('exchange them', 'specimen', dataset.path)}"
+            f"{words}; the width in the picture equals depth_mm, but depth_mm should be the size along the line of "
+            f"sight; {_with('exchange width_mm and depth_mm', 'specimen', dataset.path)}"
         )
     raise InputError(
         f"{words}; {_with('correct width_mm', 'specimen', dataset.path)}; or "

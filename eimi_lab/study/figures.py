@@ -35,7 +35,7 @@ def all_figures(findings: Findings) -> dict[str, bytes]:
 
 
 def _best_tension(findings: Findings, key: str, section: str) -> int:
-    """Return the index of the best route from the material's tensile curve, by the errors on the unseen types."""
+    """Return the index of the tensile fit of the material with the smallest errors on the unseen types."""
     kinds = untwisted(findings)
     routes = findings.routes(key, section)
     errors = findings.errors

@@ -1,4 +1,4 @@
-"""A run and its supply stay in touch; what a lost contact would do is told; signals that are answered in words."""
+"""A run detects the loss of its supply, states what a lost connection would do, and answers signals with messages."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_the_dataset_says_what_a_pulled_cable_would_have_done(setup: Any) -> Non
         assert file["entry/instrument/supply/without_contact"][()].decode() == STAYS
 
 
-def test_ctrl_z_is_refused_in_words_and_the_run_goes_on(setup: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_ctrl_z_is_refused_with_a_message_and_the_run_continues(setup: Any, capsys: pytest.CaptureFixture[str]) -> None:
     before = signal.getsignal(signal.SIGTSTP)
     setup.camera.event = lambda number: signal.raise_signal(signal.SIGTSTP) if number == 30 else None
     setup.run()
@@ -115,7 +115,7 @@ def test_a_second_ctrl_c_leaves_out_the_ramp(setup: Any) -> None:
 
 
 def test_two_signals_while_a_state_is_stored_switch_off_first(setup: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is stored all the same."""
+    """The state is still stored."""
     still_on: list[bool] = []
 
     def slow(column: h5py.Dataset, rows: Any) -> None:
@@ -144,7 +144,7 @@ def stopped_twice() -> None:
         raise Stopped(signal.SIGHUP)
 
 
-def test_a_second_signal_on_the_way_out_does_not_take_the_first_ones_words() -> None:
+def test_a_second_signal_during_the_end_does_not_replace_the_message_of_the_first() -> None:
     with pytest.raises(Stopped) as caught:
         stopped_twice()
     assert caught.value.in_words() == "stopped by SIGHUP: the coil is off; 1 of 4 states are in run.h5"

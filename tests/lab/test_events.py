@@ -139,7 +139,7 @@ def test_an_event_or_a_key_of_a_later_release_is_tolerated() -> None:
 
 
 @pytest.mark.parametrize("line", ["", "acquire 1/4: 0 A", "[]", "{}", '{"event": "resumed"}', '{"event": "resum'])
-def test_what_is_no_event_is_refused(line: str) -> None:
+def test_a_line_that_is_no_event_is_refused(line: str) -> None:
     with pytest.raises(ValueError):  # noqa: PT011  of the JSON reader or of the fields
         from_line(line)
 
@@ -180,7 +180,7 @@ def test_a_run_sends_its_events_in_order(setup: Any) -> None:
     assert abs(off.current_A) <= 0.02
 
 
-def test_a_fault_and_a_stop_are_told_apart_and_both_end_with_the_coil_off(setup: Any) -> None:
+def test_a_fault_and_a_stop_give_different_events_and_both_end_with_the_coil_off(setup: Any) -> None:
     events: list[Event] = []
 
     def fail(number: int) -> None:
@@ -212,7 +212,7 @@ def test_a_fault_and_a_stop_are_told_apart_and_both_end_with_the_coil_off(setup:
     assert events[-1] == RunEnded(status="stopped", reason="SIGTERM", stored=2, states=4, dataset=path)
 
 
-def test_a_coil_that_could_not_be_switched_off_is_told_as_such(setup: Any) -> None:
+def test_a_coil_that_could_not_be_switched_off_is_reported_as_not_confirmed(setup: Any) -> None:
     events: list[Event] = []
 
     def deaf(at: int) -> None:
@@ -335,7 +335,7 @@ def test_a_reader_that_is_gone_or_does_not_read_never_holds_up_the_run(bench: Pa
         os.close(reads)
 
 
-def test_a_killed_run_s_guardian_goes_on_with_the_events(bench: Path) -> None:
+def test_the_guardian_of_a_killed_run_continues_the_events(bench: Path) -> None:
     with emulated(bench) as coil:
         events = []
         with subprocess.Popen(
@@ -357,7 +357,7 @@ def test_a_killed_run_s_guardian_goes_on_with_the_events(bench: Path) -> None:
     assert f"eimi guardian: {in_words(off)}" in messages
 
 
-def test_lines_for_a_reader_that_left_are_dropped_in_silence() -> None:
+def test_lines_for_a_reader_that_is_gone_are_dropped_without_a_message() -> None:
     reads, writes = os.pipe()
     os.close(reads)
     lines = EventLines(writes)
@@ -366,7 +366,7 @@ def test_lines_for_a_reader_that_left_are_dropped_in_silence() -> None:
     lines.finish()
 
 
-def test_the_log_tells_a_maintainer_of_wire_guardian_and_events(bench: Path) -> None:
+def test_the_log_contains_messages_to_the_supply_the_guardian_and_events(bench: Path) -> None:
     with emulated(bench):
         logged = subprocess.run(
             command("rig.toml"),
@@ -384,6 +384,6 @@ def test_the_log_tells_a_maintainer_of_wire_guardian_and_events(bench: Path) -> 
     assert re.search(r"eimi_lab\.acquisition\.run: StateStored\(", logged.stderr)
 
 
-def test_a_level_that_there_is_not_is_refused_in_one_line(run: Callable[..., tuple[int, str]]) -> None:
+def test_an_unknown_log_level_is_refused_in_one_line(run: Callable[..., tuple[int, str]]) -> None:
     status, said = run("--log", "loud", "instruments")
     assert (status, said) == (2, "eimi: --log loud (or EIMI_LOG): should be one of info, debug\n")

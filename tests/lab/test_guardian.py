@@ -81,7 +81,7 @@ def test_a_run_that_switched_off_itself_is_left_alone() -> None:
         assert bench.heard == []
 
 
-def test_signals_do_not_end_it() -> None:
+def test_signals_do_not_end_the_guardian() -> None:
     bench = Bench("korad")
     with bench.ward() as ward:
         with guarding(ward) as guardian:
@@ -132,7 +132,7 @@ def test_a_pseudo_terminal_that_is_gone_is_not_waited_for(capfd: pytest.CaptureF
     assert f"{ward.address} does not exist any more, nor does its emulated supply" in capfd.readouterr().err
 
 
-def test_no_ramp_is_no_reason_to_stay_on() -> None:
+def test_a_failed_ramp_does_not_prevent_switching_off() -> None:
     bench = Bench("korad")
     measured: list[bytes] = []
 
@@ -148,7 +148,7 @@ def test_no_ramp_is_no_reason_to_stay_on() -> None:
     assert bench.is_off()
 
 
-def test_a_run_without_its_guardian_is_told() -> None:
+def test_a_run_whose_guardian_is_gone_raises_an_error() -> None:
     bench = Bench("korad")
     with bench.ward() as ward, guarding(ward) as guardian:
         guardian.arm()
@@ -159,7 +159,7 @@ def test_a_run_without_its_guardian_is_told() -> None:
             guardian.check()
 
 
-def test_a_run_that_stands_still_is_taken_over_and_told(capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_guardian_takes_over_a_run_that_stands_still_and_reports_it(capfd: pytest.CaptureFixture[str]) -> None:
     bench = Bench("korad")
     with bench.ward() as ward, guarding(ward) as guardian:
         busy = open_supply(ward.driver, ward.address, Limits(ward.current_A, ward.voltage_V))
@@ -211,7 +211,7 @@ def test_a_run_that_stood_still_as_its_guardian_did_sends_no_further_set_point(
 
 
 def check_for(guardian: Guardian, seconds: float) -> None:
-    """Check a guardian again and again, as a run does; its answers from before it was stopped may still be unread."""
+    """Check a guardian repeatedly, as a run does; answers from before it was stopped may still be unread."""
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:
         guardian.beat()
@@ -219,7 +219,7 @@ def check_for(guardian: Guardian, seconds: float) -> None:
         time.sleep(0.2)
 
 
-def test_a_guardian_that_is_stopped_is_told_and_still_does_its_work() -> None:
+def test_a_stopped_guardian_is_noticed_and_still_switches_off_after_the_run() -> None:
     bench = Bench("korad")
     with bench.ward() as ward:
         with guarding(ward) as guardian:
@@ -231,7 +231,7 @@ def test_a_guardian_that_is_stopped_is_told_and_still_does_its_work() -> None:
     assert bench.is_off()
 
 
-def test_a_line_that_is_dropped_does_not_end_it() -> None:
+def test_a_dropped_line_does_not_end_the_guardian() -> None:
     bench = Bench("scpi")
     bench.line.inject(Fault.DROP)
     with bench.ward() as ward:
@@ -241,7 +241,7 @@ def test_a_line_that_is_dropped_does_not_end_it() -> None:
     assert bench.is_off()
 
 
-def test_it_says_what_is_so(capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_guardian_reports_the_outcome(capfd: pytest.CaptureFixture[str]) -> None:
     bench = Bench("korad")
     with bench.ward() as ward:
         with guarding(ward) as guardian:
@@ -250,7 +250,7 @@ def test_it_says_what_is_so(capfd: pytest.CaptureFixture[str]) -> None:
     assert f"the run could not switch off itself; {ward.address}: the coil was switched off" in capfd.readouterr().err
 
 
-def test_a_run_killed_before_its_guardian_is_ready_leaves_no_word() -> None:
+def test_a_run_killed_before_its_guardian_is_ready_leaves_no_message() -> None:
     ward = json.dumps({"driver": "korad", "address": "/dev/nowhere", "current_A": 1.0, "voltage_V": 10.0})
     command = [sys.executable, "-P", "-m", "eimi_lab.acquisition.guardian_process", ward]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as guardian:

@@ -126,7 +126,7 @@ def test_a_field_on_a_specimen_without_a_magnet_is_named(tmp_path: Path, run) ->
         (
             "width_mm = 2.0\ndepth_mm = 2.0",
             "width_mm = 0.8\ndepth_mm = 2.0",
-            "this equals depth_mm: width_mm is the side in the picture",
+            "the width in the picture equals depth_mm, but depth_mm should be the size along the line of sight",
         ),
     ],
 )

@@ -1,4 +1,4 @@
-"""Drivers that inherit nothing, in a package outside: the suites for them, whole runs, and what is said of a gap."""
+"""Drivers of another package that inherit nothing: conformance checks, whole runs, and errors for missing methods."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ camera = {{ driver = "{camera}", source = "wall" }}
 
 
 def announce(folder: Path) -> None:
-    """What an installer leaves of a package that announces its drivers."""
+    """Write the files by which an installed package announces its drivers."""
     information = folder / "mine_lab-1.0.dist-info"
     information.mkdir()
     (information / "METADATA").write_text("Metadata-Version: 2.1\nName: mine-lab\nVersion: 1.0\n")
@@ -157,7 +157,7 @@ def test_the_guardian_switches_off_with_an_added_driver(lab: Any, monkeypatch: p
 
 
 @pytest.mark.usefixtures("added")
-def test_a_driver_that_the_guardian_cannot_have_is_refused() -> None:
+def test_a_driver_that_cannot_be_sent_to_the_guardian_is_refused() -> None:
     import threading
 
     lock = threading.Lock()
@@ -274,7 +274,7 @@ def test_a_wrong_signature_is_named(lab: Any, change: dict[str, object], told: s
     assert "\n" not in str(caught.value)
 
 
-def test_what_a_function_opens_is_checked_and_closed(lab: Any) -> None:
+def test_the_driver_that_a_function_opens_is_checked_and_closed(lab: Any) -> None:
     closed = []
     CAMERAS["eye"] = lambda source, settings: type("Blind", (), {"close": lambda self: closed.append(source)})()
     try:

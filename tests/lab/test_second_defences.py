@@ -78,7 +78,7 @@ def noise_of(draw: Callable[..., NDArray[Any]]) -> Noise:
 
 
 def waited_s(frame: Callable[..., NDArray[Any]], place_px: Callable[[int], float], **changes: Any) -> float:
-    """How long the wait lasted; the beam has to come to rest within it."""
+    """Return the duration of the wait, s; fail if the beam did not come to rest."""
     camera = FilmedBeam(place_px, frame)
     found = wait_until_settled(camera, camera.clock, RULE.model_copy(update=changes), noise_of(frame), never)
     assert found.flags == ()
@@ -90,17 +90,17 @@ def test_a_beam_at_rest_is_watched_for_its_pairs_and_for_the_window(frame: Calla
 
 
 def test_a_beam_that_creeps_too_slowly_for_two_neighbours_is_waited_for(frame: Callable[..., NDArray[Any]]) -> None:
-    """A fiftieth of a pixel from frame to frame is nothing, two fifths of a pixel in the window are not."""
+    """A motion of 1/50 pixel between two frames is below the limit; 2/5 pixel within the window is above it."""
     assert waited_s(frame, lambda number: 0.02 * min(number, 60)) > 6.0
 
 
 @pytest.mark.parametrize("window_s", [0.05, 2.0])
-def test_quiet_pairs_between_jerks_are_no_rest(frame: Callable[..., NDArray[Any]], window_s: float) -> None:
+def test_quiet_pairs_between_jerks_do_not_count_as_rest(frame: Callable[..., NDArray[Any]], window_s: float) -> None:
     """A beam that is jerked every third frame: two quiet pairs in a row, but never three, however short the window."""
     assert waited_s(frame, lambda number: 2.0 * (min(number, 60) // 3), drift_window_s=window_s) > 6.0
 
 
-def test_what_the_camera_had_ready_is_thrown_away(frame: Callable[..., NDArray[Any]]) -> None:
+def test_frames_buffered_by_the_camera_are_discarded(frame: Callable[..., NDArray[Any]]) -> None:
     camera = FilmedBeam(lambda number: 0.0, frame)
     camera.buffered = 4
     seen: list[int] = []
@@ -112,8 +112,8 @@ def test_what_the_camera_had_ready_is_thrown_away(frame: Callable[..., NDArray[A
     assert taken.measured_A == (0.5, 0.5, 0.5)
 
 
-def test_a_run_throws_away_what_the_camera_had_ready_before_it(setup: Any) -> None:
-    """The noise is measured on frames of the beam at rest, not on those of yesterday."""
+def test_a_run_discards_frames_that_the_camera_buffered_before_it(setup: Any) -> None:
+    """The noise is measured on new frames of the beam at rest, not on buffered frames."""
     stale, grab = [3], setup.camera.grab
 
     def flushed() -> None:
@@ -133,7 +133,7 @@ def test_a_run_throws_away_what_the_camera_had_ready_before_it(setup: Any) -> No
 
 
 class Obstinate:
-    """A supply that is set to what it is told, and measures something else."""
+    """A supply that accepts every set-point and measures another current."""
 
     limits = Limits(1.0, 10.0)
 
@@ -173,7 +173,7 @@ def test_the_current_of_every_frame_is_compared_with_the_one_asked_for(measured_
 
 
 @pytest.mark.parametrize("asked_A", [0.0, 0.5])
-def test_a_supply_hears_of_the_run_before_its_watchdog_loses_patience(asked_A: float) -> None:
+def test_the_run_sends_a_message_before_the_watchdog_of_the_supply_expires(asked_A: float) -> None:
     clock = SimulatedClock()
     supply = Obstinate(asked_A, clock)
     coil = Coil(supply, clock, RAMP, asked_A=asked_A)  # type: ignore[arg-type]
@@ -185,7 +185,7 @@ def test_a_supply_hears_of_the_run_before_its_watchdog_loses_patience(asked_A: f
 
 
 class Watcher:
-    """A guardian that writes down what it is told, and may raise."""
+    """A guardian that records its calls, and may raise an error."""
 
     def __init__(self, did: list[str]) -> None:
         self.did, self.lost = did, False
@@ -237,7 +237,7 @@ def test_a_run_without_its_guardian_ends_with_the_coil_off() -> None:
 
 
 @pytest.mark.parametrize(("signals", "ramped"), [(1, True), (2, False)])
-def test_a_second_signal_leaves_the_ramp_down_out(signals: int, ramped: bool) -> None:
+def test_a_second_signal_skips_the_ramp_down(signals: int, ramped: bool) -> None:
     clock = SimulatedClock()
     supply = Obstinate(0.5, clock)
 
@@ -256,7 +256,7 @@ OFF = [b"ISET1:0.000", b"OUT0", b"ISET1?", b"ISET1?", b"STATUS?", b"STATUS?", b"
 
 
 class Interrupting(KoradDialect):
-    """Somebody asks to stop, so many times, while the current is set to 0.7 A."""
+    """Send this number of signals while the current is set to 0.7 A."""
 
     signals = 0
 
@@ -268,7 +268,7 @@ class Interrupting(KoradDialect):
 
 
 def a_korad(clock: SimulatedClock, interruption: Interruption, signals: int = 0) -> tuple[KoradSupply, list[bytes]]:
-    """One on an emulator, and every message that it was sent so far."""
+    """Return a Korad supply on an emulator, and a list that collects every message sent to it."""
     dialect = Interrupting(CoilSupply(clock))
     dialect.signals = signals
     wire = InProcessTransport(dialect, clock)
@@ -278,8 +278,8 @@ def a_korad(clock: SimulatedClock, interruption: Interruption, signals: int = 0)
 
 @pytest.mark.parametrize("shown", [False, True])
 @pytest.mark.parametrize(("signals", "asked_on"), [(1, True), (2, False)])
-def test_a_second_signal_leaves_the_read_backs_under_way_out(signals: int, asked_on: bool, shown: bool) -> None:
-    """They are most of what a set-point takes. What switches off is still read back. shown: by the page."""
+def test_a_second_signal_skips_the_remaining_read_backs(signals: int, asked_on: bool, shown: bool) -> None:
+    """Read-backs take most of the time of a set-point. Only the read-back after switching off remains."""
     clock = SimulatedClock()
     interruption = Interruption()
     supply, sent = a_korad(clock, interruption, signals)
@@ -302,7 +302,7 @@ def test_a_second_signal_leaves_the_read_backs_under_way_out(signals: int, asked
 
 
 def test_a_second_signal_while_a_state_is_stored_switches_off_first() -> None:
-    """It is stored to its end all the same. The coil's being off is made sure of once more on the way out."""
+    """The state is still stored completely. The end of the run confirms once more that the coil is off."""
     clock = SimulatedClock()
     interruption = Interruption()
     supply, sent = a_korad(clock, interruption)
@@ -330,7 +330,7 @@ def test_a_second_signal_while_a_state_is_stored_switches_off_first() -> None:
     assert sent == [*OFF, *OFF]
 
 
-def test_a_coil_that_could_not_be_switched_off_stays_under_guard() -> None:
+def test_the_guardian_stays_armed_if_the_coil_could_not_be_switched_off() -> None:
     class Stuck(Obstinate):
         def safe_off(self) -> None:
             raise InstrumentError("it stays on")
@@ -345,7 +345,7 @@ def test_a_coil_that_could_not_be_switched_off_stays_under_guard() -> None:
     assert "disarm" not in supply.did
 
 
-def test_a_pause_ends_under_guard(setup: Any) -> None:
+def test_the_guardian_is_armed_when_a_pause_ends(setup: Any) -> None:
     did: list[str] = []
     setup.bench = dataclasses.replace(setup.bench, guardian=Watcher(did))
     switch = setup.coil.switch
@@ -374,7 +374,7 @@ def test_the_stricter_of_both_limits_reaches_the_supply(files: Any) -> None:
             bench.supply.set_current(0.6 * limits.current_A)
 
 
-def test_a_supply_is_given_its_voltage_and_the_file_its_weight(setup: Any) -> None:
+def test_the_supply_gets_its_voltage_limit_and_the_dataset_its_tip_force(setup: Any) -> None:
     setup.protocol = parse(Protocol, "tip_force_N = 0.02\n" + setup.protocol.text, "p")
     setup.run()
     assert setup.coil.state.set_voltage_V == 10.0
@@ -384,7 +384,7 @@ def test_a_supply_is_given_its_voltage_and_the_file_its_weight(setup: Any) -> No
         check_request(setup.protocol, setup.specimen, load_rig("virtual"))
 
 
-def test_a_dry_run_tells_the_stricter_limits_and_the_longest_time(setup: Any) -> None:
+def test_a_dry_run_prints_the_stricter_limits_and_the_longest_duration(setup: Any) -> None:
     told: list[str] = []
     dry_run(setup.protocol, setup.specimen, setup.rig, told.append)
     assert any(line.startswith("limits: 1 A, 10 V;") for line in told)

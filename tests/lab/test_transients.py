@@ -1,4 +1,4 @@
-"""What a run keeps of the beam between its states, over real files."""
+"""Frames of the moving beam that a run stores between its states, in real files."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_frames_are_kept_while_the_beam_settles(setup: Any) -> None:
         assert last.time_s[-1] <= of_states[-2] < of_states[-1]
 
 
-def test_none_are_kept_on_request(setup: Any) -> None:
+def test_no_transient_frames_are_kept_on_request(setup: Any) -> None:
     asked(setup, "transients = { frames_per_state = 0 }")
     setup.run()
     assert transients(setup.path) == [None] * 4
@@ -67,7 +67,7 @@ def test_none_are_kept_on_request(setup: Any) -> None:
         assert "transients" not in file["entry"]
 
 
-def test_a_beam_that_never_rests_takes_no_more_than_the_budget(setup: Any) -> None:
+def test_a_beam_that_never_comes_to_rest_stores_at_most_the_budget_of_frames(setup: Any) -> None:
     setup.camera.sway_px = 0.5
     setup.run()
     kept = transients(setup.path)[2]
@@ -92,7 +92,7 @@ def test_the_release_is_recorded_at_the_rate_of_the_camera(setup: Any) -> None:
     assert middle(release.images[-1]) == pytest.approx(64.0, abs=0.5)
 
 
-def test_a_supply_that_does_not_let_go_ends_the_release_and_the_run(setup: Any) -> None:
+def test_a_supply_that_cannot_be_set_to_zero_ends_the_release_and_the_run(setup: Any) -> None:
     asked(setup, "release = { seconds = 500 }")
 
     def deaf(data: bytes) -> bool:
@@ -105,7 +105,7 @@ def test_a_supply_that_does_not_let_go_ends_the_release_and_the_run(setup: Any) 
     assert not setup.coil.state.output
 
 
-def test_ctrl_c_keeps_what_was_recorded_of_the_release(setup: Any) -> None:
+def test_ctrl_c_keeps_the_recorded_frames_of_the_release(setup: Any) -> None:
     asked(setup, "release = { seconds = 500 }")
     let_go: list[int] = []
 
@@ -155,7 +155,7 @@ def test_a_crash_loses_no_transient_of_a_state_that_was_acknowledged(setup: Any)
     assert [one.belongs_to[0] for one in kept if one is not None] == [0, 1, 2, 3]
 
 
-def test_recovery_leaves_out_what_is_damaged_of_the_transients_alone(setup: Any) -> None:
+def test_recovery_leaves_out_only_the_damaged_frames_of_the_transients(setup: Any) -> None:
     setup.run()
     before = transients(setup.path)
     assert before[1] is not None
@@ -187,7 +187,7 @@ def test_segmentation_leaves_the_transients_as_they_were(setup: Any) -> None:
         assert dataset.release() is not None
 
 
-def test_a_dry_run_tells_what_is_kept_and_counts_the_release(setup: Any) -> None:
+def test_a_dry_run_prints_the_number_of_transient_frames_and_counts_the_release(setup: Any) -> None:
     told: list[str] = []
     asked(setup, "release = { seconds = 100 }\ntransients = { frames_per_state = 7 }")
     dry_run(setup.protocol, setup.specimen, setup.rig, told.append)

@@ -24,7 +24,7 @@ def restless(setup: Any) -> None:
 
 
 def spoil_at(setup: Any, current_A: float, fault: Any) -> list[float]:
-    """Bring a fault about in the first frame at a set-point; give when it came and when the output went off."""
+    """Cause a fault at the first frame of a set-point; return the times of the fault and of the switched-off output."""
     times_s: list[float] = []
     switch = setup.coil.switch
 
@@ -63,7 +63,7 @@ def test_a_current_that_departs_while_the_beam_settles_ends_the_run(setup: Any, 
     assert any(isinstance(event, OffConfirmed) and event.determined_by == "measured" for event in events)
 
 
-def test_a_shorted_regulator_at_the_end_of_a_protocol_is_said_to_be_on(setup: Any) -> None:
+def test_a_shorted_regulator_at_the_end_of_a_protocol_is_reported_as_possibly_on(setup: Any) -> None:
     def short(number: int) -> None:
         if setup.coil.state.set_current_A == 0.3:
             setup.coil.shorted_A = 0.3

@@ -130,7 +130,7 @@ def test_a_virtual_beam_hangs_in_the_coil_of_an_emulated_supply(files: Path) -> 
     assert np.abs(means[3] - means[0]).max() > 60.0  # and that is not where it was at rest
 
 
-def test_the_coil_s_line_tells_the_true_current_and_its_own_end() -> None:
+def test_the_emulated_coil_sends_its_true_current_and_reports_its_end() -> None:
     coil = CoilSupply(WallClock())
     with serve_coil(coil) as line:
         far = RemoteCoil(line)
@@ -174,7 +174,7 @@ def test_the_coil_s_line_tells_the_true_current_and_its_own_end() -> None:
         ),
     ],
 )
-def test_instruments_that_do_not_go_together_are_told(
+def test_instruments_that_do_not_fit_together_are_refused(
     files: Path, supply: str, camera: str, more: str, told: str
 ) -> None:
     materials = load_rig("virtual").virtual
@@ -195,7 +195,7 @@ def test_a_picture_is_held_for_each_state(pictures: Path) -> None:
     assert shown(pictures / "run.h5", pictures / "shots") == [0, 1, 2, 3]
 
 
-def test_pictures_begin_again_where_they_may(pictures: Path) -> None:
+def test_a_looped_recording_starts_again_after_its_last_picture(pictures: Path) -> None:
     (pictures / "shots" / "f_3.png").rename(pictures / "f_3.png")
     with emulated() as (_, supply):
         camera = 'driver = "opencv", source = "shots", playback = { picture_a_state = true, loop = true }'

@@ -38,7 +38,7 @@ class TripLevel:
         self.apply(level, on)
 
     def apply(self, level: float, on: bool) -> bool:
-        """Take the level and the switch; return False if the level is out of range or the supply is locked."""
+        """Set level and switch; return False if the level is out of range or the supply is locked."""
         if not 0 < level <= self._highest:
             return False
         taken = self._supply.set_trip_levels(**{self._quantity: level if on else math.inf})
@@ -47,7 +47,7 @@ class TripLevel:
         return taken
 
     def set_level(self, level: float) -> bool:
-        """Take a new level, and leave the switch as it is."""
+        """Set a new level and keep the position of the switch."""
         return self.apply(level, self.on)
 
     def switch(self, on: bool) -> bool:

@@ -1,4 +1,4 @@
-"""Measure the light of a picture at the edges, by the names of the table of flags."""
+"""Measure contrast, clipping, blur and gamma of a picture at the edges, under the names that `vision.flags` uses."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _gamma(edge_pass: PassResult, inverted_from: float | None) -> float | None:
 
 
 def describe_turn_effects(twist_deg: float, even_turn_deg: float, width: float, depth: float) -> dict[str, str]:
-    """Return the words of the remedies about the effect of a turn on a fitted modulus.
+    """Return the sentences of the remedies that state the effect of a turn on a fitted modulus.
 
     Parameters
     ----------

@@ -189,9 +189,10 @@ def _slopes_of_lines(profiles: Array, places: Array) -> tuple[Array, Array]:
 
 
 def _common(slope: Array, residual_rms: Array) -> Array:
-    """Return the median (n,) of the slopes of neighbours; 0 where most of them are too steep or not straight.
+    """Return, for each profile, the median (n,) of the slopes of its neighbours.
 
-    Such a profile shows another body.
+    Neighbours whose slope is too steep or not straight are left out, because they show another body. The value is 0 if
+    most neighbours are left out.
     """
     even = (np.abs(slope) < _STEEPEST_PER_PX) & (residual_rms < max(_EVEN, 2.0 * float(np.median(residual_rms))))
     padded = np.pad(np.where(even, slope, np.nan), _NEIGHBOURS, constant_values=np.nan)

@@ -178,15 +178,15 @@ def _is_at_border(place: Array, width_px: float, size: tuple[int, int]) -> bool:
 
 
 def _change(width: Array) -> float:
-    """Return the relative difference of the beam's widest and narrowest fifths."""
+    """Return the relative difference between the widths of the widest and the narrowest fifth of the beam's length."""
     medians = [float(np.median(part)) for part in np.array_split(width, _FIFTHS) if len(part)]
     return max(medians) / max(min(medians), 1e-3) - 1.0
 
 
 def _narrowing(width: Array) -> float:
-    """Return the largest relative narrowing of a fifth of the beam against a fifth before it.
+    """Return the largest fraction by which a fifth of the beam's length is narrower than a fifth before it.
 
-    A fish's tail or the neck of a drop narrows; a beam does not.
+    A fish's tail or the neck of a drop becomes narrower; a beam does not.
     """
     medians = np.array([np.median(part) for part in np.array_split(width, _FIFTHS) if len(part)])
     return float(max(0.0, (1.0 - medians / np.maximum.accumulate(medians)).max()))

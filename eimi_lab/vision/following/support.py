@@ -134,7 +134,7 @@ def _end(along: Array, sound: Mask, length: float) -> int:
 def _sound(
     unrolled: UnrolledPicture, edge: Array, support: Array, projected: tuple[ColourProjection, ColourProjection]
 ) -> Mask:
-    """Return where (2, n) each edge has a full step, is straight and separates its two sides."""
+    """Return a mask (2, n) of the stations where each edge has a full step, is straight and separates its sides."""
     seam = unrolled.middle + edge[..., None] * unrolled.aside
     turn = np.stack([_turn(side, round(_ARM * unrolled.stations_in_width)) for side in seam])
     separation = np.stack([side.separation for side in projected])

@@ -31,7 +31,7 @@ def test_a_run_takes_texts_and_objects(bench, tmp_path):
     assert "3 states of frames" in repr(by_object)
 
 
-def test_a_dry_run_tells_each_step_and_writes_nothing(bench, tmp_path):
+def test_a_dry_run_lists_each_step_and_writes_nothing(bench, tmp_path):
     steps = eimi.acquire("dragon_skin_10", "type1", "bench_example", dry_run=True)
     assert sum(" stored: " in line for line in steps.lines) == 16
     assert repr(steps).splitlines() == list(steps.lines)
@@ -65,7 +65,7 @@ def test_an_error_in_a_listener_ends_the_run_with_the_coil_off(bench, tmp_path):
     assert "off_confirmed" in events
 
 
-def test_an_open_dataset_is_segmented_and_goes_on_being_read(run):
+def test_an_open_dataset_is_segmented_and_stays_open(run):
     opened = eimi.open(str(run))
     assert eimi.open(opened) is opened
     again = eimi.segment(opened, calibration=opened.calibration, axis=opened.calibration.axis_angle_deg, force=True)
@@ -131,7 +131,7 @@ def test_residuals_are_arrays_by_state_edge_and_arc_length(bench, fitted):
     assert len(residuals.plot().axes) == 3
 
 
-def test_residuals_of_a_stored_fit_say_where_they_are_had(fitted, tmp_path):
+def test_residuals_of_a_stored_fit_name_the_function_that_computes_them(fitted, tmp_path):
     Fits.of([fitted]).write(tmp_path / "fits.json")
     stored = eimi.open_fits(tmp_path / "fits.json")[0]
     with pytest.raises(eimi.InputError, match=r"eimi.validate\(DATASET, fit\).residuals\(\)"):
@@ -186,7 +186,7 @@ def test_the_next_run_is_planned(bench, fitted, tmp_path):
     assert "<table>" in planned._repr_html_()
 
 
-def test_a_tensile_curve_is_fitted_exported_and_tells_terms(bench, tmp_path):
+def test_a_tensile_curve_is_fitted_exported_and_used_for_discovery(bench, tmp_path):
     strain = np.linspace(0.02, 1.0, 30)
     rows = (f"{e},{46.0 * (1 + e - (1 + e) ** -2)}" for e in strain)
     curve = tmp_path / "curve.csv"

@@ -72,7 +72,7 @@ def test_a_program_is_short_and_uses_public_names_alone(name: str) -> None:
             assert node.module in PUBLIC or (node.module or "").startswith("eimi_drivers.")
 
 
-def test_there_are_ten() -> None:
+def test_there_are_ten_programs() -> None:
     assert len(NAMES) == 10
 
 
@@ -93,7 +93,7 @@ def test_a_custom_supply_runs_a_protocol(files: Path, pictures: Path, monkeypatc
     assert not coil.state.output
 
 
-def test_a_custom_camera_is_filmed_with(files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_custom_camera_takes_the_frames_of_a_run(files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(files)
     with rig(files, "scpi", "eye", "wall") as coil:
         try:
@@ -103,7 +103,7 @@ def test_a_custom_camera_is_filmed_with(files: Path, monkeypatch: pytest.MonkeyP
     assert not coil.state.output
 
 
-def test_a_custom_actuation_bends_as_beam_theory_has_it() -> None:
+def test_a_custom_actuation_bends_as_beam_theory_predicts() -> None:
     angle = result_of("custom_actuation.py")
     stiffness_N_mm2 = 3 * 46e3 * 1e-6 * 5.0 * 3.0**3 / 12
     assert angle == pytest.approx(np.degrees(np.array([0.0, 0.001, 0.002]) * 26.0 / stiffness_N_mm2), rel=0.03)
@@ -137,7 +137,7 @@ def test_residuals_are_arrays(folder: Path) -> None:
     assert np.isfinite(distances).all()
 
 
-def test_the_solid_and_its_planar_model_are_told_apart() -> None:
+def test_the_solid_and_its_planar_model_give_different_tips() -> None:
     solid, planar = result_of("forward_curve_of_the_solid.py")
     assert solid[0] == pytest.approx(0.0, abs=1e-6)
     assert solid[-1] > 20

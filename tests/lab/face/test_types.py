@@ -79,7 +79,7 @@ def test_a_program_with_every_public_name_is_typed(tmp_path: Path) -> None:
     assert checked(PROGRAM, tmp_path) == ""
 
 
-def test_a_program_that_is_wrong_is_told(tmp_path: Path) -> None:
+def test_the_type_checker_reports_a_wrong_program(tmp_path: Path) -> None:
     lines = checked("import eimi_lab as eimi\n" + "\n".join(line for line, _ in WRONG.values()), tmp_path).splitlines()
     errors = [line for line in lines if ": error: " in line]
     assert [line.rsplit("[", 1)[1].rstrip("]") for line in errors] == [kind for _, kind in WRONG.values()], lines

@@ -104,7 +104,7 @@ def test_another_user_of_the_computer_gets_neither_the_token_nor_an_answer(serve
 def test_the_browser_is_given_a_file_and_not_the_token(
     data_folder: Path, tab: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The command that `BROWSER` names stands for a browser: it writes down its command line."""
+    """The command in `BROWSER` replaces a browser; it writes its own command line into a file."""
     shown = tmp_path / "shown"
     shim = tmp_path / "browser"
     os.mkfifo(shown)

@@ -53,7 +53,7 @@ def test_a_report_opens_only_by_its_link_and_runs_no_script(served: Any) -> None
         assert served.ask(other).status == 403
 
 
-def test_fits_that_cannot_be_used_are_told_in_one_line(served: Any) -> None:
+def test_fits_that_cannot_be_used_are_reported_in_one_line(served: Any) -> None:
     (served.folder / "odd.fits.json").write_text('{"fits": [' + "9" * 5000 + "]}")
     answer = served.ask("/api/fit?file=odd.h5")
     assert answer.status == 400

@@ -93,10 +93,10 @@ class Evaluation:
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """The residuals for least squares: those of each experiment, and z as one more state.
+        """Residuals for least squares: those of each experiment, and the standardised residuals z as one more state.
 
-        With K states and their mean error e, the residuals of the additional state are e sqrt(K / N) z, and its error
-        is e. Its weight in least squares is then its weight in the objective.
+        With K states, their mean error e and N independent points, the residuals of the additional state are
+        e sqrt(K / N) z, and its error is e. Its weight in least squares then equals its weight in the objective.
         """
         standardised = self.standardised
         p, m = standardised.shape

@@ -143,7 +143,7 @@ def budget(
 def budget_entries(
     sources: Sequence[ConsideredSources], unit: Array, sizes: Array, modulus: Callable[[Array], Array]
 ) -> tuple[BudgetEntry, ...]:
-    """Return what each source does to the modulus, the largest effect first.
+    """Return the effect of each source on the modulus, the largest effect first.
 
     Parameters
     ----------

@@ -141,7 +141,7 @@ class Linearisation:
 
     @property
     def law_prior_information(self) -> Array:
-        """The contribution of the priors on the law's parameters to P, (n, n)."""
+        """Inverse variance (n, n) of the priors on the law's parameters, which is a part of P (see the module)."""
         return np.asarray(self.law_prior_slopes @ self.law_prior_slopes.T)
 
     @property
