@@ -24,7 +24,7 @@ from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.fits.evidence import load_evidence
 from eimi_lab.fits.fit_grid import fit_grid, grid
-from eimi_lab.fits.fits_file import write_fits
+from eimi_lab.fits.fits_file import Fits
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import new_folder
@@ -108,7 +108,7 @@ def demonstrate(
     tasks = grid(models, [evidence], [seed])
     with progress("fit", len(models)) as step_done:
         fits = fit_grid(tasks, {}, executor=executor_for(len(models), None), report=step_done)
-    write_fits(fits_file, fits, force)
+    Fits.of(fits).write(fits_file, force)
     write_report(report, [dataset], [fits_file], force=force, progress=progress)
     with open_dataset(dataset) as opened:
         truth = opened.truth()

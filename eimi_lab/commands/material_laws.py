@@ -11,8 +11,6 @@ from eimi_lab.commands.result import Result
 from eimi_lab.commands.shared_options import Force, Output, Specimen, Workers, with_fields
 from eimi_lab.fits.options import FitOptions
 
-_DRAWS = 60  # parameter sets drawn from a fit, for the intervals of a simulation
-
 
 @with_fields(FitOptions)
 def fit(
@@ -100,33 +98,20 @@ def validate(
     Every fit predicts every dataset. The tables list the fits of each dataset, best first; for several datasets a
     matrix of fits and specimens follows.
     """
-    from eimi_lab.fits.evidence import load_evidence
+    from eimi_lab.face.using import validate as validate_fits
     from eimi_lab.fits.fit_summary import section_remarks
-    from eimi_lab.fits.fits_file import read_any_fits
     from eimi_lab.fits.fitting import check_section
-    from eimi_lab.fits.prediction import predict
-    from eimi_lab.fits.simulated_fit import FittedLaw
-    from eimi_lab.fits.validation import write_validation
     from eimi_lab.fits.validation_tables import by_dataset, matrix
     from eimi_lab.fits.validation_tables import by_state as state_tables
-    from eimi_lab.process.outputs import check_distinct, refuse_existing
-    from eimi_lab.process.progress import progress
 
-    chosen = check_section(section)
-    check_distinct([*datasets, *fit], [output])
-    refuse_existing(output, force)
-    fits = [FittedLaw(path, index, record) for path in fit for index, record in enumerate(read_any_fits(path))]
-    evidence = [load_evidence(path, section=chosen, flagged=include_flagged) for path in datasets]
-    validations = []
-    with progress("validate", len(evidence)) as report:
-        for measured in evidence:
-            validations += [prediction.validation for prediction in predict([(law, measured) for law in fits])]
-            report(f"{measured.path}, {len(fits)} fits")
-    content = write_validation(output, validations, force)
+    judged = validate_fits(
+        datasets, fit, section=check_section(section), include_flagged=include_flagged, output=output, force=force
+    )
+    validations = list(judged)
     tables = by_dataset(validations) + (state_tables(validations) if by_state else [])
-    if len(evidence) > 1:
+    if len(datasets) > 1:
         tables += matrix(validations)
-    return Result([*tables, *section_remarks(evidence)], content.model_dump(mode="json"))
+    return Result([*tables, *section_remarks(judged.evidence)], judged.content)
 
 
 def tensile(
@@ -149,23 +134,17 @@ def tensile(
     force: Force = False,
 ) -> Result:
     """Fit laws to a tensile test."""
+    from eimi_lab.face.identifying import tensile as fit_tensile_test
     from eimi_lab.fits.fit_summary import tensile_remarks
-    from eimi_lab.fits.fits_file import write_fits
-    from eimi_lab.fits.fitting import check_models
-    from eimi_lab.fits.tensile_files import WINDOWS, check_windows, read_tensile
-    from eimi_lab.fits.tensile_fits import fit_window
-    from eimi_lab.process.outputs import check_distinct, refuse_existing
+    from eimi_lab.fits.records import TensileRecord
+    from eimi_lab.fits.tensile_files import WINDOWS
 
-    models, windows = check_models(model), check_windows(window or list(WINDOWS))
-    check_distinct([curve], [output])
-    refuse_existing(output, force)
-    test = read_tensile(curve)
-    fits = [fit_window(test, name, percent, relative) for percent in windows for name in models]
-    content = write_fits(output, fits, force)
+    fits = fit_tensile_test(curve, model, window=window or WINDOWS, relative=relative, output=output, force=force)
     lines = []
-    for tensile_fit in fits:
-        lines += [tensile_fit.summary(), *(f"  {line}" for line in tensile_remarks(tensile_fit))]
-    return Result(lines, content.model_dump(mode="json"))
+    for record in fits:
+        assert isinstance(record, TensileRecord)
+        lines += [record.summary(), *(f"  {line}" for line in tensile_remarks(record))]
+    return Result(lines, fits.model_dump(mode="json"))
 
 
 def export(
@@ -190,19 +169,14 @@ def export(
     force: Force = False,
 ) -> Result:
     """Write a fit as a material card for a finite-element program."""
-    from eimi_lab.fits.export import bulk_modulus_Pa, card, check_solver, choose_fit
-    from eimi_lab.fits.fits_file import read_any_fits
-    from eimi_lab.fits.fitting import check_models
+    from eimi_lab.face.using import card_of
     from eimi_lab.process.errors import tell
     from eimi_lab.process.outputs import check_distinct, write_file
 
-    solver = check_solver(to)
     check_distinct([fits], [output] if output else [])
-    (law,) = check_models([model])
-    chosen = choose_fit(fits, read_any_fits(fits), law, index)
-    text = card(fits, chosen, solver, bulk_modulus_Pa(chosen, bulk_modulus_kPa, bulk_ratio))
+    text, chosen = card_of(fits, model, to, index, bulk_modulus_kPa, bulk_ratio)
     for words in chosen.caveats():
-        tell(f"{fits}: {law}: {words}")
+        tell(f"{fits}: {model}: {words}")
     if output is None:
         return Result([text.removesuffix("\n")], {"card": text})
     write_file(output, text, force)
@@ -254,36 +228,25 @@ def simulate(
 
     The folder contains the shapes, the tip curve and the stretch as CSV, a figure, and VTU files for ParaView.
     """
-    import numpy as np
+    from eimi_lab.face.using import simulate as simulate_beam
 
-    from eimi_fitting.laws import LAWS
-    from eimi_lab.config.protocol import load_protocol
-    from eimi_lab.config.specimen import load_specimen
-    from eimi_lab.fits.export import choose_fit
-    from eimi_lab.fits.fits_file import read_any_fits
-    from eimi_lab.process.errors import InputError
-    from eimi_lab.process.outputs import whole_folder
-    from eimi_lab.virtual.simulation import parse_parameters, write_simulation
-    from eimi_lab.virtual.simulation import simulate as run
-
-    if fit is None:
-        (law, values), drawn = parse_parameters(model, parameter or []), None
-    elif parameter:
-        raise InputError(f"--fit {fit}: contains the parameters; leave out --fit or --parameter {parameter[0]}")
-    else:
-        chosen = choose_fit(fit, read_any_fits(fit), model, index)
-        law, values, drawn = LAWS[chosen.model], np.array(chosen.values()), chosen.drawn(_DRAWS)
-    beam, field_mT = load_specimen(specimen), coil_constant * np.array(load_protocol(protocol).currents_A)
-    result = run(beam, law, values, field_mT, gravity_angle, field_angle, bulk_modulus_kPa, drawn)
-    with whole_folder(output, force) as unfinished:
-        write_simulation(unfinished, result)
+    result = simulate_beam(
+        protocol,
+        specimen,
+        model,
+        parameter=parameter or (),
+        fit=fit,
+        index=index,
+        coil_constant=coil_constant,
+        gravity_angle=gravity_angle,
+        field_angle=field_angle,
+        bulk_modulus_kPa=bulk_modulus_kPa,
+        output=output,
+        force=force,
+    )
     low_high = "" if result.tips is None else " [{:.2f}, {:.2f}]".format(*result.tips[-1, 2])
-    angle = result.model.tip_angle_deg(result.shapes)[0, -1]
+    angles = result.tip_angle_deg.tolist()
     return Result(
-        [f"{output}: {len(field_mT)} states, tip at {angle:.2f}{low_high} degrees"],
-        {
-            "folder": output,
-            "field_mT": field_mT.tolist(),
-            "tip_angle_deg": result.model.tip_angle_deg(result.shapes)[0].tolist(),
-        },
+        [f"{output}: {len(angles)} states, tip at {angles[-1]:.2f}{low_high} degrees"],
+        {"folder": output, "field_mT": result.field_mT.tolist(), "tip_angle_deg": angles},
     )

@@ -59,19 +59,20 @@ def plan(
 
     The table lists the possible runs and what each is expected to achieve, best first.
     """
-    from eimi_lab.config.protocol import load_protocol
-    from eimi_lab.config.rig import load_rig
-    from eimi_lab.config.specimen import load_specimen
+    from eimi_lab.face.using import plan as plan_run
     from eimi_lab.fits import planning
-    from eimi_lab.fits.fits_file import read_any_fits
-    from eimi_lab.process.outputs import check_distinct, refuse_existing, write_file
 
-    inputs = dict.fromkeys([fits, *map(Path, (protocol, rig, *specimen))])  # a specimen and a rig may have one name
-    check_distinct(list(inputs), [output])
-    base, bench, beams = load_protocol(protocol), load_rig(rig), [load_specimen(name) for name in specimen]
-    refuse_existing(output, force)
-    aim = planning.Goal.of(fits, read_any_fits(fits), model, goal)
-    choice = planning.mountings(beams, bench, gravity_angle or [], tip_weight or [])
-    runs = planning.plan(aim, choice, bench, base, states or len(base.currents_A))
-    write_file(output, planning.protocol_text(aim, runs[0], base), force)
-    return Result([*planning.table(aim, runs), output], planning.content(aim, runs))
+    planned = plan_run(
+        fits,
+        protocol,
+        specimen,
+        rig,
+        states=states,
+        goal=goal,
+        model=model,
+        gravity_angle=gravity_angle or (),
+        tip_weight=tip_weight or (),
+        output=output,
+        force=force,
+    )
+    return Result([*planning.table(planned.goal, planned.runs), output], planning.content(planned.goal, planned.runs))

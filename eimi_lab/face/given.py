@@ -14,6 +14,7 @@ from eimi_lab.config.protocol import Protocol, load_protocol
 from eimi_lab.config.rig import Rig, load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.dataset.reading import Dataset
+from eimi_lab.process.outputs import check_distinct, refuse_existing
 
 AnyPath: TypeAlias = str | Path
 """Path of a file."""
@@ -80,6 +81,18 @@ def specimen_of(given: AnySpecimen) -> SpecimenFile:
 def rig_of(given: AnyRig) -> Rig:
     """Return the given rig, or load it from its file. Raises InputError."""
     return given if isinstance(given, Rig) else load_rig(Path(given))
+
+
+def output_of(output: AnyPath | None, read: Sequence[Path], force: bool) -> Path | None:
+    """Return the path of an output, if there is one.
+
+    Raises InputError if it is one of the files that are read, or exists and `force` is false.
+    """
+    path = None if output is None else Path(output)
+    check_distinct(read, [path] if path else [])
+    if path:
+        refuse_existing(path, force)
+    return path
 
 
 def files(*given: object) -> list[Path]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TypeAlias, overload
 
 from eimi_fitting.inference.evidence.parameter_priors import Prior
-from eimi_lab.face.given import AnyDataset, AnyPath, SectionName, closed_meanwhile, named_options, several
+from eimi_lab.face.given import AnyDataset, AnyPath, SectionName, closed_meanwhile, named_options, output_of, several
 from eimi_lab.face.results import Discovered
 from eimi_lab.fits.evidence import Evidence, load_evidence
 from eimi_lab.fits.fits_file import Fits, read_fits_file
@@ -332,13 +332,11 @@ def tensile(
     from eimi_lab.fits.tensile_fits import fit_window
 
     models, windows = check_models(several(model)), check_windows([f"{percent}" for percent in several(window)])
-    check_distinct([Path(curve)], [] if output is None else [Path(output)])
-    if output is not None:
-        refuse_existing(Path(output), force)
+    path = output_of(output, [Path(curve)], force)
     test = read_tensile(Path(curve))
     fits = Fits.of([fit_window(test, name, percent, relative) for percent in windows for name in models])
-    if output is not None:
-        fits.write(Path(output), force)
+    if path:
+        fits.write(path, force)
     return fits
 
 
@@ -397,14 +395,12 @@ def discover(
     (percent,) = check_windows([f"{tensile_window}"], "--tensile-window")
     curve_paths = [Path(path) for path in several(tensile)]
     with closed_meanwhile(several(datasets)) as paths:
-        check_distinct([*paths, *curve_paths], [] if output is None else [Path(output)])
-        if output is not None:
-            refuse_existing(Path(output), force)
+        path = output_of(output, [*paths, *curve_paths], force)
         curves = tuple(read_curve(path, percent, 1.0) for path in curve_paths)
         evidence = tuple(load_evidence(path, section=chosen, flagged=include_flagged) for path in paths)
         numbers = {"most_terms": most_terms, "lot": lot, "seed": seed}
         discovery = discovered(evidence, curves, library=library, **numbers)
     result = Discovered(discovery, content(discovery, evidence, curves, **numbers))
-    if output is not None:
-        result.write(output, force)
+    if path:
+        result.write(path, force)
     return result

@@ -13,9 +13,10 @@ from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
 from eimi_lab.fits import planning
 from eimi_lab.fits.discovering import lines
+from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.residuals import Residuals
 from eimi_lab.fits.simulated_fit import FittedLaw, Prediction
-from eimi_lab.fits.validation import Validation, write_validation
+from eimi_lab.fits.validation import Validation, ValidationFile
 from eimi_lab.fits.validation_tables import by_dataset
 from eimi_lab.process.outputs import write_file
 from eimi_lab.showing.tables import html_table, installed
@@ -36,6 +37,16 @@ class Validations:
     def __getitem__(self, index: int) -> Validation:
         return self.predictions[index].validation
 
+    @property
+    def evidence(self) -> tuple[Evidence, ...]:
+        """The evidence of each dataset, in the order in which the datasets were given."""
+        return tuple({id(prediction.evidence): prediction.evidence for prediction in self.predictions}.values())
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """The content of validation.json."""
+        return ValidationFile(validations=tuple(self)).model_dump(mode="json")
+
     def residuals(self, index: int = 0) -> Residuals:
         """Return the distances between measured and predicted edges of one prediction, see `Residuals`."""
         prediction = self.predictions[index]
@@ -51,7 +62,7 @@ class Validations:
 
     def write(self, path: str | Path, force: bool = False) -> Path:
         """Write validation.json and return its path. Raises InputError if the file exists and ``force`` is not set."""
-        write_validation(Path(path), list(self), force)
+        write_file(Path(path), ValidationFile(validations=tuple(self)).model_dump_json(indent=1) + "\n", force)
         return Path(path)
 
     def plot(self) -> Any:

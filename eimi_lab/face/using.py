@@ -21,6 +21,7 @@ from eimi_lab.face.given import (
     closed_meanwhile,
     files,
     named_options,
+    output_of,
     protocol_of,
     rig_of,
     several,
@@ -34,9 +35,10 @@ from eimi_lab.fits.export import bulk_modulus_Pa, card, check_solver, choose_fit
 from eimi_lab.fits.fits_file import Fits
 from eimi_lab.fits.fitting import check_models, check_section
 from eimi_lab.fits.prediction import predict
+from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.fits.simulated_fit import FittedLaw, Prediction
 from eimi_lab.process.errors import InputError
-from eimi_lab.process.outputs import check_distinct, refuse_existing, write_file
+from eimi_lab.process.outputs import check_distinct, write_file
 from eimi_lab.process.progress import progress
 from eimi_lab.virtual.simulation import Simulation, keys_of, parse_parameters
 from eimi_lab.virtual.simulation import simulate as simulated
@@ -171,20 +173,18 @@ def validate(
         If a name does not exist, or if a fit used one of these datasets with another section model.
     """
     chosen = check_section(section)
-    fits = fits_of(fit)
     predictions: list[Prediction[FittedLaw]] = []
     with closed_meanwhile(several(datasets)) as paths:
-        check_distinct([*paths, *files(*several(fit))], [] if output is None else [Path(output)])
-        if output is not None:
-            refuse_existing(Path(output), force)
+        to_write = output_of(output, [*paths, *files(*several(fit))], force)
+        fits = fits_of(fit)
         evidence = [load_evidence(path, section=chosen, flagged=include_flagged) for path in paths]
         with progress("validate", len(evidence)) as report:
             for measured in evidence:
                 predictions += predict([(law, measured) for law in fits])
                 report(f"{measured.path}, {len(fits)} fits")
     validations = Validations(tuple(predictions))
-    if output is not None:
-        validations.write(output, force)
+    if to_write:
+        validations.write(to_write, force)
     return validations
 
 
@@ -240,18 +240,16 @@ def plan(
     InputError
         If a name does not exist, or if too few states have an equilibrium.
     """
+    path = output_of(output, files(fits, protocol, rig, *several(specimen)), force)
     base, bench = protocol_of(protocol), rig_of(rig)
     beams = [specimen_of(specimen_or_path) for specimen_or_path in several(specimen)]
-    check_distinct(files(fits, protocol, rig, *several(specimen)), [] if output is None else [Path(output)])
-    if output is not None:
-        refuse_existing(Path(output), force)
     fitted_laws = fits_of(fits)
     aim = planning.Goal.of(fitted_laws[0].path, [fitted_law.fit for fitted_law in fitted_laws], model, goal)
     choice = planning.mountings(beams, bench, several(gravity_angle), several(tip_weight))
     runs = planning.plan(aim, choice, bench, base, states or len(base.currents_A))
     planned = Plan(aim, tuple(runs), base)
-    if output is not None:
-        planned.write(output, force)
+    if path:
+        planned.write(path, force)
     return planned
 
 
@@ -355,11 +353,23 @@ def export(
     InputError
         If a name does not exist, or if the program does not have the law.
     """
+    text, _ = card_of(fits, model, to, index, bulk_modulus_kPa, bulk_ratio)
+    if output is not None:
+        write_file(Path(output), text, force)
+    return text
+
+
+def card_of(
+    fits: AnyFit,
+    model: str | None,
+    to: str,
+    index: int | None,
+    bulk_modulus_kPa: float | None,
+    bulk_ratio: float | None,
+) -> tuple[str, FitRecord | TensileRecord]:
+    """Return the card that `export` returns, and the fit that it contains. Raises InputError."""
     solver, fitted_laws = check_solver(to), fits_of(fits)
     records = [fitted_law.fit for fitted_law in fitted_laws]
     (name,) = check_models([model or records[0].model])
     chosen = choose_fit(fitted_laws[0].path, records, name, index)
-    text = card(fitted_laws[0].path, chosen, solver, bulk_modulus_Pa(chosen, bulk_modulus_kPa, bulk_ratio))
-    if output is not None:
-        write_file(Path(output), text, force)
-    return text
+    return card(fitted_laws[0].path, chosen, solver, bulk_modulus_Pa(chosen, bulk_modulus_kPa, bulk_ratio)), chosen

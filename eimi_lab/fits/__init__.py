@@ -5,7 +5,7 @@ states_used         the states that a fit uses, and the flags of those that it l
 perspective         detect in the edges that the lens sees the depth of the beam in perspective
 before_search       check a dataset for errors that no material could explain
 options             the options of a fit
-fitting             fit one law to one or several datasets
+fitting             check the options of a fit, and state why it is refused
 fit_grid            fit several laws to several datasets, with several seeds and bootstrap replicates
 checkpoint          log all generations of a search, so that an interrupted one can be resumed
 discovering         discover the terms of a law

@@ -119,19 +119,7 @@ def _candidate(fit: FitRecord, points: float, error_mm: float, stated_squares: f
     )
 
 
-def write_fits(path: Path, fits: Sequence[FitRecord | TensileRecord], force: bool = False) -> Fits:
-    """Write fits.json and return its content. Raises InputError if the file exists and `force` is false."""
-    content = Fits.of(fits)
-    content.write(path, force)
-    return content
-
-
 _EXPECTED = "expected a file that `eimi fit` or `eimi tensile` of this release wrote"
-
-
-def read_any_fits(path: str | Path) -> tuple[FitRecord | TensileRecord, ...]:
-    """Read the fits of fits.json, including tensile fits. Raises InputError as `read_fits_file` does."""
-    return read_fits_file(path).fits
 
 
 def read_fits_file(path: str | Path) -> Fits:

@@ -1,13 +1,12 @@
-"""Fit one law to one or several datasets, as `eimi fit` does, and state why a fit is refused."""
+"""Check the options and the evidence of a fit, and state why a fit is refused."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, get_args
+from typing import get_args
 
 from eimi_fitting.beam.specimen import Section
 from eimi_fitting.inference.doubts.checks import NotDetermined, NotExplained
-from eimi_fitting.inference.identification import identify
 from eimi_fitting.inference.searching.modulus_range import NothingActs, NothingConverged
 from eimi_fitting.inference.searching.named_causes import NamedCause
 from eimi_fitting.laws import LAWS
@@ -15,7 +14,6 @@ from eimi_fitting.laws.tensile import CannotFit
 from eimi_fitting.suggestion import suggestion
 from eimi_lab.fits.before_search import check_states, in_words
 from eimi_lab.fits.evidence import Evidence
-from eimi_lab.fits.records import FitRecord
 from eimi_lab.process.errors import InputError
 
 
@@ -63,29 +61,3 @@ def check_evidence(evidence: Sequence[Evidence]) -> None:
     """Check all datasets before a search. Raises InputError for states that no material could explain."""
     for dataset in evidence:
         check_states(dataset.path, dataset.experiment, dataset.states)
-
-
-def fit_evidence(evidence: Sequence[Evidence], model: str, seed: int = 1, **options: Any) -> FitRecord:
-    """Fit one law to all datasets together.
-
-    Parameters
-    ----------
-    evidence : sequence of Evidence
-    model : str
-        Name of the law.
-    seed : int
-        Seed of the search.
-    **options
-        Further options of `eimi_fitting.identify`.
-
-    Raises
-    ------
-    InputError
-        If no candidate could be simulated, or if no material explains the states.
-    """
-    check_evidence(evidence)
-    try:
-        fit = identify(model, [e.experiment for e in evidence], seed=seed, **options)
-    except REFUSALS as error:
-        raise refused(error, evidence) from error
-    return FitRecord.of(fit, evidence)

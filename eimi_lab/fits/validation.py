@@ -7,7 +7,6 @@ over the stretches of the dataset is simulated nevertheless, and marked. `simula
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,7 +14,6 @@ from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_lab.fits.law_record import Record
 from eimi_lab.fits.records import FitRecord, StateError, TensileRecord
 from eimi_lab.fits.states_used import StatesUsed
-from eimi_lab.process.outputs import write_file
 from eimi_lab.showing.tables import data_frame, html_table
 
 
@@ -107,10 +105,3 @@ class ValidationFile(Record):
     """The content of validation.json."""
 
     validations: tuple[Validation, ...]
-
-
-def write_validation(path: Path, validations: Sequence[Validation], force: bool = False) -> ValidationFile:
-    """Write validation.json and return its content. Raises InputError if it exists and `force` is false."""
-    content = ValidationFile(validations=tuple(validations))
-    write_file(path, content.model_dump_json(indent=1) + "\n", force)
-    return content

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from eimi_lab.fits.fits_file import read_any_fits
+from eimi_lab.fits.fits_file import read_fits_file
 from eimi_lab.fits.records import FitRecord
 
 MOST_BUDGET = 6
@@ -19,7 +19,7 @@ def summaries(path: Path) -> list[dict[str, Any]]:
     InputError
         If the file is not a result file.
     """
-    return [_summary(fit) for fit in read_any_fits(path) if isinstance(fit, FitRecord)]
+    return [_summary(fit) for fit in read_fits_file(path).fits if isinstance(fit, FitRecord)]
 
 
 def _summary(fit: FitRecord) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.reading import open_dataset
-from eimi_lab.fits.fits_file import read_any_fits, read_fits_file
+from eimi_lab.fits.fits_file import read_fits_file
 from eimi_lab.fits.records import package_versions
 
 RELEASE = Path(__file__).parent / "release"
@@ -97,9 +97,9 @@ def test_its_dataset_is_opened_with_frames_and_edges(release: Path) -> None:
 
 
 def test_its_results_are_read(release: Path) -> None:
-    (bending,) = read_any_fits(release / "fits.json")
+    (bending,) = read_fits_file(release / "fits.json").fits
     assert bending.initial_shear_modulus.value == pytest.approx(48245.45371789243)
-    assert {fit.model for fit in read_any_fits(release / "tensile.json")} == {"neo-hookean", "yeoh"}
+    assert {fit.model for fit in read_fits_file(release / "tensile.json").fits} == {"neo-hookean", "yeoh"}
 
 
 @pytest.mark.parametrize("name", ["fits.json", "tensile.json"])

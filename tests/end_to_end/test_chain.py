@@ -17,7 +17,7 @@ import pytest
 from eimi_fitting.laws import LAWS
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.stored_edges import write_edges
-from eimi_lab.fits.fits_file import read_any_fits
+from eimi_lab.fits.fits_file import read_fits_file
 from eimi_lab.vision.flags import judge
 from tests.patience import PATIENCE_S
 
@@ -95,7 +95,7 @@ def test_omitted_states_are_named_with_every_result(demonstration, done, tmp_pat
     plane = ["--section", "plane-stress"]  # for speed
     fit = done("fit", "flagged.h5", *plane, "--model", "neo-hookean", "-o", "fits.json", folder=tmp_path)
     assert fit[0] == f"flagged.h5: {statement}"
-    (record,) = read_any_fits(tmp_path / "fits.json")
+    (record,) = read_fits_file(tmp_path / "fits.json").fits
     (fitted_dataset,) = json.loads((tmp_path / "fits.json").read_text())["fits"][0]["datasets"]
     assert fitted_dataset["states"]["left_out"] == [
         {"state": 1, "flags": ["DEFOCUS"]},
@@ -180,7 +180,7 @@ def test_the_real_beam_gives_the_figures_of_the_readme(measured, tmp_path):
         ("stress", 92.9e3, 87.7e3),
         ("strain", 69.0e3, 69.0e3),
     ):
-        (fit,) = read_any_fits(tmp_path / f"{name}.json")
+        (fit,) = read_fits_file(tmp_path / f"{name}.json").fits
         assert fit.initial_shear_modulus.value == pytest.approx(reference_Pa, rel=0.03)
         low, high = fit.initial_shear_modulus.interval_95
         assert low < held_Pa < high

@@ -17,7 +17,7 @@ from eimi_fitting.inference.evidence import corrections
 from eimi_fitting.inference.evidence.corrections import correction
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.fits.evidence import load_evidence
-from eimi_lab.fits.fits_file import read_any_fits
+from eimi_lab.fits.fits_file import read_fits_file
 from eimi_lab.fits.prediction import validate
 
 Eimi = Callable[..., tuple[int, str, str]]
@@ -106,8 +106,8 @@ def test_by_state_prints_what_the_file_holds(done: Done, folder: Path) -> None:
 
 def test_results_have_html_and_become_data_frames(folder: Path) -> None:
     pytest.importorskip("pandas")
-    (fit,) = read_any_fits(folder / "fits.json")
-    tensile = read_any_fits(folder / "tensile.json")[0]
+    (fit,) = read_fits_file(folder / "fits.json").fits
+    tensile = read_fits_file(folder / "tensile.json").fits[0]
     evidence = load_evidence(folder / "unseen.h5")
     validation = validate(evidence, fit, Path("fits <1>.json"), 0)
     for result in (fit, tensile, validation):
@@ -139,7 +139,7 @@ def test_residuals_become_labelled_arrays(folder: Path) -> None:
 def test_a_missing_package_is_named(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for package in ("pandas", "xarray"):
         monkeypatch.setitem(sys.modules, package, None)
-    (fit,) = read_any_fits(folder / "fits.json")
+    (fit,) = read_fits_file(folder / "fits.json").fits
     with pytest.raises(ImportError, match="this needs pandas, which is not installed: pip install pandas"):
         fit.to_pandas()
     with open_dataset(folder / "unseen.h5") as dataset, pytest.raises(ImportError, match="pip install xarray"):
@@ -161,14 +161,14 @@ def test_no_finer_model_is_solved_if_the_planar_one_has_no_equilibrium(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     evidence, calls = load_evidence(folder / "unseen.h5"), list[float]()
-    first, *_ = read_any_fits(folder / "tensile.json")
+    first, *_ = read_fits_file(folder / "tensile.json").fits
 
     def counted(*arguments: Any) -> Any:
         calls.append(1.0)
         return correction(*arguments)
 
     monkeypatch.setattr(corrections, "correction", counted)
-    lost = first.model_copy(update={"parameters": {"mu": replace(first.parameters["mu"], value=-60e3)}})
+    lost = replace(first, parameters={"mu": replace(first.parameters["mu"], value=-60e3)})
     assert validate(evidence, lost, Path("lost.json"), 0).status == "no equilibrium"
     assert not calls
     assert validate(evidence, first, Path("tensile.json"), 0).status == "ok"

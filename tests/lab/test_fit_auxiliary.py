@@ -13,13 +13,14 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
+from eimi_fitting.inference.identification import identify
 from eimi_fitting.inference.planning.choice_of_law import Candidate, choose
 from eimi_fitting.laws import LAWS, SOLVERS
 from eimi_fitting.laws.tensile import engineering_stress
 from eimi_lab.fits.evidence import load_evidence
 from eimi_lab.fits.fit_summary import comparison_table, remarks
-from eimi_lab.fits.fits_file import read_any_fits, write_fits
-from eimi_lab.fits.fitting import fit_evidence
+from eimi_lab.fits.fits_file import Fits, read_fits_file
+from eimi_lab.fits.records import FitRecord
 from eimi_lab.reporting.page import write_report
 
 SPECIMEN = """
@@ -108,7 +109,7 @@ def test_a_curve_that_contradicts_the_edges_raises_a_doubt(tmp_path: Path, run) 
         tensile = ("--tensile", tmp_path / "curve.csv", "-o", tmp_path / f"{unit}.json")
         status, told = run("fit", tmp_path / "strip.h5", "--model", "neo-hookean", *tensile)
         assert status == 0, told
-        (fit,) = read_any_fits(tmp_path / f"{unit}.json")
+        (fit,) = read_fits_file(tmp_path / f"{unit}.json").fits
         said = [line for line in remarks(fit) if "contradict each other" in line]
         assert [str(tmp_path / "curve.csv") in line for line in said] == [True] * doubted
         (written,) = json.loads((tmp_path / f"{unit}.json").read_text())["fits"]
@@ -125,9 +126,13 @@ def test_a_curve_from_a_notebook_is_recorded_and_counts(tmp_path: Path, run) -> 
     strain = np.linspace(0.02, 0.5, 30)
     stress = engineering_stress(LAWS["mooney-rivlin"], np.array([[16e3, 7e3]]), strain)[0]
     curve = TensileCurve(strain, stress + np.random.default_rng(1).normal(0, 150, 30))
-    fits = [fit_evidence([evidence], model, tensile=[curve]) for model in ("neo-hookean", "mooney-rivlin")]
-    content = write_fits(tmp_path / "fits.json", fits)
-    for fit in read_any_fits(tmp_path / "fits.json"):
+    seen = [evidence.experiment]
+    fits = [
+        FitRecord.of(identify(model, seen, tensile=[curve]), [evidence]) for model in ("neo-hookean", "mooney-rivlin")
+    ]
+    content = Fits.of(fits)
+    content.write(tmp_path / "fits.json")
+    for fit in read_fits_file(tmp_path / "fits.json").fits:
         (own,) = fit.tensile
         assert (own.path, own.rows, own.largest_strain, own.weight) == (None, 30, 0.5, 1.0)
         assert any("(from no file): RMSE" in line for line in remarks(fit))
@@ -135,8 +140,9 @@ def test_a_curve_from_a_notebook_is_recorded_and_counts(tmp_path: Path, run) -> 
     plain, law = content.comparison
     assert (law.model, law.aicc) == ("mooney-rivlin", 0.0)
     assert plain.aicc > 10
-    other = fit_evidence([evidence], "neo-hookean", tensile=[TensileCurve(strain[:-1], curve.stress_Pa[:-1])])
-    assert write_fits(tmp_path / "other.json", [other, fits[1]]).comparison == ()  # another curve: no common data
+    shorter = TensileCurve(strain[:-1], curve.stress_Pa[:-1])
+    other = FitRecord.of(identify("neo-hookean", seen, tensile=[shorter]), [evidence])
+    assert Fits.of([other, fits[1]]).comparison == ()  # another curve: no common data
     write_report(tmp_path / "report.html", [tmp_path / "strip.h5"], [tmp_path / "fits.json"])
     assert "(from no file)" in (tmp_path / "report.html").read_text()
 
@@ -154,7 +160,7 @@ def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path
     import_points(tmp_path, run, change=lambda places: 1.005 * places)
     fits = tmp_path / "fits.json"
     assert run("fit", tmp_path / "strip.h5", "--model", "mooney-rivlin", "-o", fits)[0] == 0
-    (fit,) = read_any_fits(fits)
+    (fit,) = read_fits_file(fits).fits
     assert fit.identifiability.held_by_bounds == fit.held_by_bounds() == ("C10", "C01")
     low, high = fit.parameters["C10"].interval_95
     for solver in SOLVERS:

@@ -31,7 +31,7 @@ from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.points import Load, TrackedPoints, write_points
 from eimi_lab.fits.evidence import load_evidence
 from eimi_lab.fits.fit_grid import fit_grid, grid
-from eimi_lab.fits.fits_file import read_any_fits
+from eimi_lab.fits.fits_file import read_fits_file
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.workers import cluster, completed, executor_for, processes
@@ -93,7 +93,7 @@ def test_a_grid_is_the_same_with_one_and_with_two_workers(beams: Path, tmp_path:
     assert status == 0, said
     assert "fit 4/4: " in said
     assert read(tmp_path / "one.json") == read(tmp_path / "two.json")
-    fits = read_any_fits(tmp_path / "two.json")
+    fits = read_fits_file(tmp_path / "two.json").fits
     assert [(Path(f.datasets[0].path).name, f.seed) for f in fits] == [(d.name, 2) for d in data]
     for fit in fits:
         assert fit.initial_shear_modulus.value == pytest.approx(MODULUS_PA, rel=0.01)

@@ -15,7 +15,7 @@ from eimi_fitting.inference.evidence.measurements import PointObservation
 from eimi_fitting.laws import LAWS
 from eimi_lab.dataset.state import State
 from eimi_lab.fits.before_search import check_states
-from eimi_lab.fits.fits_file import read_any_fits
+from eimi_lab.fits.fits_file import read_fits_file
 from eimi_lab.process.errors import InputError
 
 BEAM = """
@@ -75,7 +75,7 @@ def fit(folder: Path, run, *, seen=None, fields=FIELD_MT, gravity="30", magnet=M
 
 def test_correct_loads_are_accepted(tmp_path: Path, run) -> None:
     assert fit(tmp_path, run)[0] == 0
-    (found,) = read_any_fits(tmp_path / "fits.json")
+    (found,) = read_fits_file(tmp_path / "fits.json").fits
     assert found.initial_shear_modulus.value == pytest.approx(46e3, rel=0.01)
 
 
@@ -106,7 +106,7 @@ def test_a_mistake_with_a_small_effect_is_a_doubt(tmp_path: Path, run) -> None:
     """For a hanging beam, a reversed weight changes the bending by only a tenth."""
     status, line = fit(tmp_path, run, seen=places(0.0), gravity="180")
     if status == 0:
-        (record,) = read_any_fits(tmp_path / "fits.json")
+        (record,) = read_fits_file(tmp_path / "fits.json").fits
         line = " ".join(record.doubts_in_words())
     assert "a gravity that is upside down" in line
 
@@ -150,7 +150,7 @@ def test_milliampere_for_ampere_are_named() -> None:
 
 def test_one_state_is_enough_if_it_determines_the_modulus(tmp_path: Path, run) -> None:
     assert fit(tmp_path, run, seen=places()[2:], fields=FIELD_MT[2:])[0] == 0
-    (record,) = read_any_fits(tmp_path / "fits.json")
+    (record,) = read_fits_file(tmp_path / "fits.json").fits
     assert record.initial_shear_modulus.value == pytest.approx(46e3, rel=0.03)
     assert record.held_out_error_mm is None
     # Gravity along a beam of this stiffness stretches it by less than the uncertainty of the points.

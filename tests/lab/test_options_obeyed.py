@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import h5py
 import numpy as np
@@ -18,6 +18,8 @@ from eimi_lab.dataset.stored_edges import write_edges
 from eimi_lab.fits.checkpoint import Checkpoint, Head
 from eimi_lab.fits.evidence import load_evidence
 from eimi_lab.fits.options import FitOptions
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.simulated_fit import FittedLaw
 from eimi_lab.process.errors import InputError
 
 Run = Callable[..., tuple[int, str]]
@@ -132,25 +134,25 @@ def reached(monkeypatch: pytest.MonkeyPatch, run: Run) -> Callable[..., tuple[tu
 def test_fit_and_validate_obey_include_flagged_and_section(
     reached: Any, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("eimi_lab.fits.fits_file.read_any_fits", lambda path: ())
+    monkeypatch.setattr("eimi_lab.face.using.fits_of", lambda fits: [])
     (tmp_path / "fits.json").write_text("{}")
     fit = ("fit", dataset, "--model", "yeoh", "-o", tmp_path / "new.json")
     validate = ("validate", dataset, "--fit", tmp_path / "fits.json", "-o", tmp_path / "new.json")
-    for command in (fit, validate):
-        _, plain = reached("fits.evidence.load_evidence", *command)
+    for command, load in ((fit, "fits.evidence.load_evidence"), (validate, "face.using.load_evidence")):
+        _, plain = reached(load, *command)
         assert (plain["section"], plain["flagged"]) == (None, False)
-        _, asked = reached("fits.evidence.load_evidence", *command, "--include-flagged", "--section", "plane-strain")
+        _, asked = reached(load, *command, "--include-flagged", "--section", "plane-strain")
         assert (asked["section"], asked["flagged"]) == ("plane-strain", True)
 
 
 def test_simulate_obeys_its_angles_and_uses_the_default_coil_constant_of_its_help(reached: Any, tmp_path: Path) -> None:
     command = ("simulate", "dragon_skin_10", "--specimen", "type1", "--model", "neo-hookean")
     command += ("--parameter", "mu_Pa=46e3", "-o", tmp_path / "out")
-    given, _ = reached("virtual.simulation.simulate", *command)
+    given, _ = reached("face.using.simulated", *command)
     assert given[3] == pytest.approx(4.7 * np.linspace(0, 1.5, 16))
     assert given[4:7] == (0.0, 90.0, None)
     more = ("--coil-constant", "2", "--gravity-angle", "30", "--field-angle", "60", "--bulk-modulus-kPa", "900")
-    given, _ = reached("virtual.simulation.simulate", *command, *more)
+    given, _ = reached("face.using.simulated", *command, *more)
     assert given[3] == pytest.approx(2.0 * np.linspace(0, 1.5, 16))
     assert given[4:7] == (30.0, 60.0, 900.0)
 
@@ -164,7 +166,8 @@ def test_tensile_demo_plan_and_acquire_obey_their_options(
         assert given[1:] == ("yeoh", 20.0, relative)
     _, named = reached("demonstration.demonstrate", "demo", "--quick", "--seed", "7", "-o", "here")
     assert (named["seed"], named["quick"]) == (7, True)
-    monkeypatch.setattr("eimi_lab.fits.fits_file.read_any_fits", lambda path: ())
+    fitted_law = FittedLaw(Path("fits.json"), 0, cast(FitRecord, None))
+    monkeypatch.setattr("eimi_lab.face.using.fits_of", lambda fits: [fitted_law])
     plan = ("plan", "fits.json", "dragon_skin_10", "--specimen", "bench_example", "--rig", "bench_example")
     plan += ("-o", "planned.toml")
     given, _ = reached("fits.planning.Goal.of", *plan, "--goal", "yeoh", "--model", "ogden")

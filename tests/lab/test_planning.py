@@ -13,7 +13,7 @@ from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.rig import load_rig
 from eimi_lab.dataset.state import State
 from eimi_lab.fits.evidence import Evidence
-from eimi_lab.fits.fits_file import write_fits
+from eimi_lab.fits.fits_file import Fits
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.states_used import StatesUsed
 
@@ -32,7 +32,7 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> Path:
     states = tuple(State(index, 0.0, None, 0.0, force, ()) for index, force in enumerate((0.001, 0.002)))
     evidence = Evidence(Path("strip.h5"), "0" * 64, experiment, states, StatesUsed(2, (), ()))
     path = tmp_path_factory.mktemp("plan") / "fits.json"
-    write_fits(path, [FitRecord.of(identify("neo-hookean", [experiment]), [evidence])])
+    Fits.of([FitRecord.of(identify("neo-hookean", [experiment]), [evidence])]).write(path)
     return path
 
 

@@ -80,7 +80,7 @@ def test_the_fitted_dataset_keeps_the_deviations_of_the_fit(stated):
     one = evidence("first", FIRST, replace(FIRST, width_mm=3.03), 1.0, width)
     fit = record(one)
     if not stated:
-        fit = fit.model_copy(update={"datasets": tuple(d.model_copy(update={"stated": ()}) for d in fit.datasets)})
+        fit = replace(fit, datasets=tuple(d.model_copy(update={"stated": ()}) for d in fit.datasets))
     validation = validate(one, fit, Path("f.json"), 0)
     assert validation.seen
     error, (low, high) = 1e3 * (validation.mean_error_mm or 0.0), interval_um(validation)

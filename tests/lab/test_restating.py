@@ -11,7 +11,7 @@ import pytest
 
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recovery import recover
-from eimi_lab.fits.fits_file import read_any_fits
+from eimi_lab.fits.fits_file import read_fits_file
 
 Run = Callable[..., tuple[int, str]]
 PROTOCOLS = Path(__file__).parents[2] / "protocols"
@@ -131,5 +131,5 @@ def test_a_wrong_width_is_named_corrected_and_fitted(run: Run, tmp_path: Path) -
     (tmp_path / "specimen.toml").write_text(text)
     assert run("segment", data, "--specimen", tmp_path / "specimen.toml")[0] == 0
     assert run(*fit)[0] == 0
-    (fitted_law,) = read_any_fits(fits)
+    (fitted_law,) = read_fits_file(fits).fits
     assert fitted_law.initial_shear_modulus.value == pytest.approx(46390, rel=0.06)  # plane stress is an approximation

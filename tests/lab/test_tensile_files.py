@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eimi_fitting.laws.cards import SOLVERS
-from eimi_lab.fits.fits_file import read_any_fits
+from eimi_lab.fits.fits_file import read_fits_file
 from eimi_lab.fits.records import TensileRecord
 from eimi_lab.fits.tensile_files import read_tensile
 from eimi_lab.process.errors import InputError
@@ -117,7 +117,7 @@ def test_a_negative_initial_modulus_is_a_result_but_cannot_be_a_card(run: Run, t
     output = tmp_path / "fits.json"
     given = ("tensile", tmp_path / "curve.csv", "--model", "mooney-rivlin", "--window", "full", "-o", output)
     assert run(*given) == (0, "")
-    [fit] = read_any_fits(output)
+    [fit] = read_fits_file(output).fits
     assert fit.initial_shear_modulus.value < 0
     (written,) = json.loads(output.read_text())["fits"]
     words = [doubt["words"] for doubt in written["doubts"]]
@@ -133,7 +133,7 @@ def test_fits_of_windows_are_written_and_read(run: Run, curve: Path) -> None:
     status, said = run("tensile", curve, "--model", "neo-hookean", "--model", "ogden", "--window", "50", "--window",
                        "full", "--relative", "-o", output)  # fmt: skip
     assert (status, said) == (0, "")
-    fits = read_any_fits(output)
+    fits = read_fits_file(output).fits
     assert [(f.model, f.window()) for f in fits if isinstance(f, TensileRecord)] == [
         ("neo-hookean", "50 %"), ("ogden", "50 %"), ("neo-hookean", "full"), ("ogden", "full")
     ]  # fmt: skip
@@ -150,7 +150,7 @@ def test_fits_of_windows_are_written_and_read(run: Run, curve: Path) -> None:
     for fit in written["fits"]:
         del fit["correlation"]
     output.write_text(json.dumps(written))
-    assert [fit.values() for fit in read_any_fits(output)] == [fit.values() for fit in fits]
+    assert [fit.values() for fit in read_fits_file(output).fits] == [fit.values() for fit in fits]
 
 
 def test_parameters_of_another_law_are_refused(run: Run, curve: Path) -> None:
@@ -160,7 +160,7 @@ def test_parameters_of_another_law_are_refused(run: Run, curve: Path) -> None:
     content["fits"][0]["model"] = "mooney-rivlin"
     output.write_text(json.dumps(content))
     with pytest.raises(InputError, match=r"fits\.0: .*parameters of mooney-rivlin should be C10, C01"):
-        read_any_fits(output)
+        read_fits_file(output)
 
 
 @pytest.mark.parametrize("window", ["0", "-5", "inf", "nan", "wide"])

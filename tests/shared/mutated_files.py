@@ -31,7 +31,7 @@ from eimi_lab.dataset.recordings import Moment
 from eimi_lab.dataset.recovery import MEMORY_BYTES, copy_readable
 from eimi_lab.dataset.tracked.c3d import bound_memory, read_c3d, read_in_this_process
 from eimi_lab.dataset.writing import DatasetWriter
-from eimi_lab.fits.fits_file import read_fits_file, write_fits
+from eimi_lab.fits.fits_file import Fits, read_fits_file
 from eimi_lab.fits.tensile_files import read_tensile
 from eimi_lab.fits.tensile_fits import fit_window
 from eimi_lab.process.errors import InputError
@@ -90,7 +90,7 @@ def _tables_and_pictures(folder: Path) -> list[Path]:
     """Write a tensile curve, the fit of it, and a picture in each format."""
     rows = [f"{0.05 * k},{0.012 * k}" for k in range(1, 30)]
     (folder / "curve.csv").write_text("\n".join(["strain,stress_MPa", *rows]) + "\n")
-    write_fits(folder / "fits.json", [fit_window(read_tensile(folder / "curve.csv"), "neo-hookean", None)])
+    Fits.of([fit_window(read_tensile(folder / "curve.csv"), "neo-hookean", None)]).write(folder / "fits.json")
     image = np.random.default_rng(1).integers(0, 255, (24, 32, 3)).astype(np.uint8)
     pictures = [folder / f"picture{ending}" for ending in (".png", ".jpg", ".tif", ".bmp", ".pgm")]
     for picture in pictures:

@@ -13,6 +13,7 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_fitting.inference.identification import identify
 from eimi_fitting.inference.interval.budget import BudgetEntry, MeasureNext
 from eimi_fitting.inference.interval.draws import Draws
 from eimi_fitting.inference.interval.estimate import FreedNuisance
@@ -23,7 +24,6 @@ from eimi_lab.config.toml import parse
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.points import Load, TrackedPoints, write_points
 from eimi_lab.fits.evidence import Evidence, load_evidence
-from eimi_lab.fits.fitting import fit_evidence
 from eimi_lab.fits.records import CurveRecord, FitRecord, StateError, TensileRecord
 from eimi_lab.fits.tensile_files import read_tensile
 from eimi_lab.fits.tensile_fits import fit_window
@@ -52,7 +52,7 @@ def evidence(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
 
 @pytest.fixture(scope="session")
 def fitted(evidence: Evidence) -> FitRecord:
-    return fit_evidence([evidence], "neo-hookean")
+    return FitRecord.of(identify("neo-hookean", [evidence.experiment]), [evidence])
 
 
 @pytest.fixture
