@@ -1,4 +1,4 @@
-"""The bench: an ordinary driver on an emulated supply, over every transport that the drivers have."""
+"""Fixtures: an ordinary driver on an emulated supply, over every transport."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ SERIAL_DRIVERS = ("korad", "genesys")
 
 
 def links(quick: tuple[str, ...]) -> list[object]:
-    """Every driver over every transport; those on real ports that are not in `quick` in the slow run alone."""
+    """Return every driver over every transport; those on real ports that are not in `quick` are marked slow."""
     real = [f"{driver} {where}" for driver in DIALECTS for where in ("on a pty", "over tcp")]
     slow = (pytest.param(link, marks=pytest.mark.slow) for link in real if link not in quick)
     return [*IN_PROCESS, *quick, *slow]
 
 
 def served(link: str) -> Callable[[Responder], AbstractContextManager[str]] | None:
-    """Serve as a link says, and give the address as its driver takes it; None for one in this process."""
+    """Return the context that serves a link and gives the address for its driver; None within this process."""
     driver, _, where = link.partition(" ")
 
     @contextmanager
@@ -49,11 +49,11 @@ def open_bench(link: str) -> AbstractContextManager[SupplyBench]:
 
 @pytest.fixture
 def conforms() -> Callable[[str, Check[SupplyBench]], None]:
-    """Runs one check of the conformance suite on the driver and the transport of a link."""
+    """Run one check of the conformance suite on the driver and the transport of a link."""
 
     def run(link: str, check: Check[SupplyBench]) -> None:
         driver = link.partition(" ")[0]
-        # A loaded machine may be slow: that an answer comes in time is checked in simulated seconds.
+        # A busy machine may be slow. The time of an answer is checked in simulated seconds only.
         patience_s = 5.0 if link in IN_PROCESS else 60.0
         emulator = partial(emulate, driver)
         check_supply(SUPPLIES[driver], emulator, serve=served(link), answer_within_s=patience_s, checks=[check])
@@ -63,40 +63,40 @@ def conforms() -> Callable[[str, Check[SupplyBench]], None]:
 
 @pytest.fixture(params=links(QUICK_LINKS))
 def link(request: pytest.FixtureRequest) -> str:
-    """Each driver over each transport, in words."""
+    """Return each driver and transport in words."""
     return str(request.param)
 
 
 @pytest.fixture(params=links(QUICK_LINKS[-1:]))
 def waiting_link(request: pytest.FixtureRequest) -> str:
-    """As `link`, for what takes seconds of waiting on a real port."""
+    """Return links for checks that wait for seconds on a real port."""
     return str(request.param)
 
 
 @pytest.fixture
 def waiting_bench(waiting_link: str) -> Iterator[SupplyBench]:
-    """As `bench`, for what takes seconds of waiting on a real port."""
+    """Open the bench of `waiting_link`."""
     with open_bench(waiting_link) as opened:
         yield opened
 
 
 @pytest.fixture
 def bench(link: str) -> Iterator[SupplyBench]:
-    """A driver over each transport."""
+    """Open the bench of `link`."""
     with open_bench(link) as opened:
         yield opened
 
 
 @pytest.fixture(params=IN_PROCESS)
 def quick_bench(request: pytest.FixtureRequest) -> Iterator[SupplyBench]:
-    """Each driver on an emulator in the same process, in simulated time."""
+    """Open each driver on an emulator in the same process, in simulated time."""
     with open_bench(request.param) as opened:
         yield opened
 
 
 @pytest.fixture
 def bench_of() -> Iterator[Callable[[str], SupplyBench]]:
-    """Opens the bench of one driver and transport by its name."""
+    """Open the bench of a driver and a transport by its name."""
     with ExitStack() as stack:
         yield lambda link: stack.enter_context(open_bench(link))
 

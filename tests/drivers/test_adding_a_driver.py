@@ -1,4 +1,4 @@
-"""The driver that the documentation shows is a working one, and is found without touching this package."""
+"""The driver in the documentation works, and is found without a change to this package."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "howto" / "add_a_supply.md"
 
 
 class AimTtiDialect:
-    """Output 1 of an Aim-TTi supply."""
+    """Emulate output 1 of an Aim-TTi supply."""
 
     def __init__(self, supply: CoilSupply) -> None:
         self.supply = supply
@@ -56,7 +56,7 @@ def blocks(language: str) -> list[str]:
 
 
 def install(folder: Path, group: str, points: dict[str, str]) -> None:
-    """What an installer leaves of a package that announces these entry points."""
+    """Write the metadata of an installed package that announces these entry points."""
     information = folder / "some_lab-1.0.dist-info"
     information.mkdir()
     (information / "METADATA").write_text("Metadata-Version: 2.1\nName: some-lab\nVersion: 1.0\n")
@@ -66,7 +66,7 @@ def install(folder: Path, group: str, points: dict[str, str]) -> None:
 
 @pytest.fixture
 def shown_driver(monkeypatch, tmp_path):
-    """The shown driver in a package of its own, installed as it is said there."""
+    """Install the driver of the documentation in a package of its own and return its name."""
     code = next(block for block in blocks("python") if "class AimTtiSupply" in block)
     table = next(block for block in blocks("toml") if "entry-points" in block)
     assert len([line for line in (code + table).splitlines() if line.strip()]) <= 40
@@ -78,7 +78,7 @@ def shown_driver(monkeypatch, tmp_path):
     sys.modules.pop("aim_tti", None)
 
 
-def test_the_driver_in_the_readme_works(shown_driver):
+def test_the_driver_in_the_documentation_conforms(shown_driver):
     coil = CoilSupply(WallClock(), max_current_A=2.0, time_constant_s=1e-5)
     with serve_pty(AimTtiDialect(coil)) as port:
         supply = open_supply(shown_driver, port, Limits(current_A=3.0, voltage_V=12.0))
@@ -97,7 +97,7 @@ def test_the_driver_in_the_readme_works(shown_driver):
     assert not coil.state.output
 
 
-def test_the_lines_that_check_a_driver_do_so(shown_driver, monkeypatch):
+def test_the_shown_check_passes_and_reports_a_faulty_driver(shown_driver, monkeypatch):
     emulated = ModuleType("aim_tti_emulated")
     emulated.AimTtiDialect = AimTtiDialect
     monkeypatch.setitem(sys.modules, "aim_tti_emulated", emulated)
@@ -109,7 +109,7 @@ def test_the_lines_that_check_a_driver_do_so(shown_driver, monkeypatch):
 
 
 class Nonsense:
-    """Whatever is asked, the answer is an empty line."""
+    """Answer every query with an empty line."""
 
     def __init__(self, supply: CoilSupply) -> None:
         pass
@@ -118,7 +118,7 @@ class Nonsense:
         return b"\n"
 
 
-def test_nonsense_is_not_understood_by_the_driver_in_the_readme(shown_driver):
+def test_the_driver_in_the_documentation_refuses_unreadable_answers(shown_driver):
     with serve_pty(Nonsense(CoilSupply(WallClock()))) as port:
         supply = open_supply(shown_driver, port, Limits(current_A=3.0, voltage_V=12.0))
         for act in (supply.identify, supply.measure, supply.output_on):
@@ -127,7 +127,7 @@ def test_nonsense_is_not_understood_by_the_driver_in_the_readme(shown_driver):
         supply.close()
 
 
-def test_announced_drivers_are_listed_beside_those_of_the_package(shown_driver, monkeypatch):
+def test_announced_drivers_are_listed_with_those_of_this_package(shown_driver, monkeypatch):
     assert shown_driver in SUPPLIES
     assert list(SUPPLIES)[-1] == shown_driver
     assert len(SUPPLIES) == len(list(SUPPLIES))
@@ -135,14 +135,14 @@ def test_announced_drivers_are_listed_beside_those_of_the_package(shown_driver, 
     assert any(shown_driver in note for note in discovery.discover().notes)
 
 
-def test_a_driver_that_cannot_be_imported_names_what_is_wrong(monkeypatch, tmp_path):
+def test_a_driver_that_cannot_be_imported_is_named_with_the_reason(monkeypatch, tmp_path):
     install(tmp_path, "eimi_drivers.supplies", {"lost": "no_such_module:Supply"})
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(InstrumentError, match=r"'lost' is announced as no_such_module:Supply .* cannot be imported"):
         open_supply("lost", "somewhere", Limits(1.0, 12.0))
 
 
-def test_a_name_of_this_package_cannot_be_taken_over(monkeypatch, tmp_path):
+def test_a_driver_of_another_package_cannot_replace_one_of_this_package(monkeypatch, tmp_path):
     own = SUPPLIES["korad"]
     install(tmp_path, "eimi_drivers.supplies", {"korad": "no_such_module:Supply"})
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -150,7 +150,7 @@ def test_a_name_of_this_package_cannot_be_taken_over(monkeypatch, tmp_path):
     assert list(SUPPLIES).count("korad") == 1
 
 
-def test_cameras_are_announced_the_same_way(monkeypatch, tmp_path):
+def test_camera_drivers_are_announced_in_the_same_way(monkeypatch, tmp_path):
     (tmp_path / "pinhole.py").write_text(
         "from types import SimpleNamespace\n\n"
         "def open_pinhole(source, settings):\n"

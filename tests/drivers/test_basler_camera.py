@@ -1,4 +1,4 @@
-"""Basler cameras on Basler's own emulator, and what is said where pypylon is not installed."""
+"""Basler cameras on Basler's own emulator, and the error without pypylon."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.patience import PATIENCE_S
 
 @pytest.fixture(scope="module")
 def two_cameras():
-    """Basler's emulator of two cameras; it looks at its variable when pypylon is first used."""
+    """Start Basler's emulator with two cameras; it reads its variable when pypylon is first used."""
     before = os.environ.get("PYLON_CAMEMU")
     os.environ["PYLON_CAMEMU"] = "2"
     pytest.importorskip("pypylon.pylon", reason="needs pypylon: pip install 'eimi-lab[basler]'")
@@ -45,7 +45,7 @@ def camera(two_cameras):
     opened.close()
 
 
-def test_frames_follow_each_other(camera):
+def test_frames_are_numbered_without_a_gap(camera):
     assert isinstance(camera, Camera)
     frames = [camera.grab(PATIENCE_S) for _ in range(5)]
     assert np.diff([frame.number for frame in frames]).tolist() == [1, 1, 1, 1]
@@ -90,7 +90,7 @@ def test_a_failed_grab_is_an_error_and_the_next_frame_shows_the_gap(camera):
     assert camera.grab(PATIENCE_S).number == before + 2
 
 
-def test_a_frame_that_comes_too_late_is_not_taken_for_the_next(camera):
+def test_a_late_frame_is_not_returned_for_the_next_grab(camera):
     with pytest.raises(InstrumentTimeout, match=r"no frame within 0\.001 s"):
         camera.grab(0.001)  # the emulator takes ten times that
     time.sleep(0.3)
@@ -109,19 +109,19 @@ def test_images_are_served_pixel_for_pixel(camera, tmp_path):
     np.testing.assert_array_equal(camera.grab(PATIENCE_S).image, image)
 
 
-def test_a_closed_camera_says_so(camera):
+def test_a_grab_from_a_closed_camera_is_an_error(camera):
     camera.close()
     camera.close()
     with pytest.raises(InstrumentDisconnected, match="unplugged or closed"):
         camera.grab(PATIENCE_S)
 
 
-def test_a_camera_that_is_not_attached_is_answered_with_those_that_are(two_cameras):
+def test_the_error_for_a_missing_camera_lists_the_attached_cameras(two_cameras):
     with pytest.raises(InstrumentDisconnected, match=rf"12345: not found; attached: .*{two_cameras[0]}"):
         open_camera("basler", "12345")
 
 
-def test_without_pypylon_the_extra_is_named(monkeypatch):
+def test_without_pypylon_the_error_names_the_extra_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pypylon", None)
     with pytest.raises(InstrumentError, match=r"pip install 'eimi-lab\[basler\]'"):
         open_camera("basler", 0)

@@ -1,6 +1,6 @@
-"""Settings of a Basler camera, set and read back, on a stand-in for pypylon with the few nodes that the driver uses.
+"""Settings of a Basler camera on a replacement for pypylon that has only the nodes which the driver uses.
 
-With pypylon itself, on Basler's own emulator: `test_basler_camera.py`.
+`test_basler_camera` tests the driver with pypylon and the emulator of Basler.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class OutOfRange(Exception):
 
 
 class Node:
-    """A setting that takes what it is given, or keeps what it has."""
+    """A setting that takes a new value, or keeps the old one."""
 
     def __init__(self, value: Any, stuck: bool = False) -> None:
         self._value, self._stuck = value, stuck
@@ -39,7 +39,7 @@ class Node:
 
 
 class Result:
-    """What a grab gives: a frame, or nothing in time."""
+    """The result of a grab: a frame, or none in time."""
 
     def __init__(self, number: int | None) -> None:
         self._number = number
@@ -67,7 +67,7 @@ class Result:
 
 
 class Device:
-    """A camera with an exposure of ten milliseconds; a trigger gives one frame, `late` by so many looks."""
+    """A camera with an exposure of 10 ms; a trigger gives one frame, which `late` polls do not find yet."""
 
     def __init__(self, stuck: str = "") -> None:
         defaults = {"ExposureTime": 1e4, "Gain": 0.0, "Gamma": 1.0, "PixelFormat": "Mono8"}
@@ -111,14 +111,14 @@ class Device:
 
 @pytest.fixture
 def device(monkeypatch: pytest.MonkeyPatch) -> Device:
-    """The camera that a stand-in for pypylon finds attached."""
-    found = Device()
+    """Return the camera that the replacement of pypylon lists."""
+    attached = Device()
     attached = SimpleNamespace(GetSerialNumber=lambda: "4711")
     factory = SimpleNamespace(EnumerateDevices=lambda: [attached], CreateDevice=lambda device: device)
     package, pylon, genicam = ModuleType("pypylon"), ModuleType("pypylon.pylon"), ModuleType("pypylon.genicam")
     vars(pylon).update(
         TlFactory=SimpleNamespace(GetInstance=lambda: factory),
-        InstantCamera=lambda device: found,
+        InstantCamera=lambda device: attached,
         GrabStrategy_OneByOne=0,
         TimeoutHandling_Return=0,
     )
@@ -126,7 +126,7 @@ def device(monkeypatch: pytest.MonkeyPatch) -> Device:
     vars(package).update(pylon=pylon, genicam=genicam)
     for module in (package, pylon, genicam):
         monkeypatch.setitem(sys.modules, module.__name__, module)
-    return found
+    return attached
 
 
 def test_every_setting_reaches_its_node_in_the_camera_s_unit(device: Device) -> None:
@@ -151,14 +151,14 @@ def test_every_setting_reaches_its_node_in_the_camera_s_unit(device: Device) -> 
         ("PixelFormat", "bit_depth"),
     ],
 )
-def test_a_setting_that_the_camera_did_not_take_is_named(device: Device, node: str, setting: str) -> None:
+def test_a_setting_that_reads_back_wrong_is_named(device: Device, node: str, setting: str) -> None:
     setattr(device, node, Node(getattr(device, node).Value, stuck=True))
     with pytest.raises(SetPointNotTaken, match=f"{setting} was set to .* but reads back"):
         BaslerCamera(0, SETTINGS)
     assert not device.grabbing
 
 
-def test_a_frame_of_an_earlier_trigger_is_not_taken_for_the_next(device: Device) -> None:
+def test_a_frame_of_an_earlier_trigger_is_not_returned(device: Device) -> None:
     camera = open_camera("basler", "4711")
     device.late = True
     with pytest.raises(InstrumentTimeout):
@@ -168,9 +168,9 @@ def test_a_frame_of_an_earlier_trigger_is_not_taken_for_the_next(device: Device)
     assert (frame.number, int(frame.image[0, 0]), frame.timestamp_s) == (2, 2, 5.0)
 
 
-@pytest.mark.parametrize(("found", "taken"), [(1.01, True), (0.99, True), (1.05, False), (0.95, False)])
-def test_a_setting_may_be_rounded_to_a_step_and_no_more(found: float, taken: bool) -> None:
-    asked, answer = CameraSettings(exposure_s=0.01), CameraSettings(exposure_s=0.01 * found)
+@pytest.mark.parametrize(("ratio", "taken"), [(1.01, True), (0.99, True), (1.05, False), (0.95, False)])
+def test_a_setting_may_differ_by_at_most_one_step(ratio: float, taken: bool) -> None:
+    asked, answer = CameraSettings(exposure_s=0.01), CameraSettings(exposure_s=0.01 * ratio)
     if taken:
         asked.verify("camera", answer)
         return

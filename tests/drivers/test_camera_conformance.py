@@ -1,4 +1,4 @@
-"""Cameras pass the suite that their users have: on files, on a device that stands in, on the emulator of Basler."""
+"""Cameras pass the conformance suite: on files, on a simulated device, and on Basler's emulator."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eimi_drivers.testing import CAMERA_CHECKS, camera_checks, check_camera
 
 
 class Device:
-    """A device of OpenCV that gives a frame every millisecond, until it hangs or is unplugged."""
+    """Replace a device of OpenCV: a frame every millisecond, until it hangs or is unplugged."""
 
     frozen, unplugged = False, False
 
@@ -88,7 +88,7 @@ def test_a_basler_camera_conforms(monkeypatch, check):
 
 
 class Sloppy:
-    """A camera that hands out one buffer again and again, and otherwise does as it should."""
+    """A camera that returns the same buffer for every frame, and is correct otherwise."""
 
     def __init__(self, source: str | int, settings: CameraSettings) -> None:
         if settings != CameraSettings():
@@ -114,14 +114,14 @@ class Sloppy:
 
 
 class Restarting(Sloppy):
-    """Counts from one again after a flush."""
+    """A camera that starts its frame numbers again at 1 after a flush."""
 
     def flush(self) -> None:
         self.number = 0
 
 
 class Unending(Sloppy):
-    """Waits for a frame for ever once it is closed."""
+    """A camera whose grab never returns after it was closed."""
 
     def grab(self, timeout_s: float) -> Frame:
         if self.closed:
@@ -130,7 +130,7 @@ class Unending(Sloppy):
 
 
 class Colourful(Sloppy):
-    """Gives colours as floating-point numbers."""
+    """A camera that returns colours as floating-point numbers."""
 
     def grab(self, timeout_s: float) -> Frame:
         frame = super().grab(timeout_s)
@@ -138,14 +138,14 @@ class Colourful(Sloppy):
 
 
 class Crashing(Sloppy):
-    """Has a mistake."""
+    """A camera with a programming error."""
 
     def identify(self) -> Identity:
         return self.nothing
 
 
 class Careless(Sloppy):
-    """Takes any setting and tells nobody."""
+    """A camera that ignores its settings."""
 
     def __init__(self, source: str | int, settings: CameraSettings) -> None:
         super().__init__(source, CameraSettings())
@@ -162,7 +162,7 @@ class Careless(Sloppy):
         (lambda source, settings: Sloppy(source, settings), "the camera driver <lambda>: keeps_frames_apart: a frame"),
     ],
 )
-def test_what_a_camera_does_wrong_is_told_in_words(monkeypatch, driver, told):
+def test_each_fault_of_a_camera_is_reported_in_words(monkeypatch, driver, told):
     monkeypatch.setattr(camera_checks, "ENDS_WITHIN_S", 0.5)
     with pytest.raises(AssertionError) as caught:
         check_camera(driver, 0)
@@ -170,12 +170,12 @@ def test_what_a_camera_does_wrong_is_told_in_words(monkeypatch, driver, told):
     assert "\n" not in str(caught.value)
 
 
-def test_a_setting_that_a_camera_does_not_read_back_is_told():
+def test_a_setting_that_a_camera_does_not_read_back_is_reported():
     with pytest.raises(AssertionError, match=r"gain was set to 3\.0 but reads back None"):
         check_camera(Careless, 0, settings=CameraSettings(gain=3.0))
 
 
-def test_a_camera_that_ignores_what_was_done_to_it_is_told():
+def test_a_camera_that_ignores_the_disturbance_is_reported():
     for what, error in (("freeze", "InstrumentTimeout"), ("unplug", "InstrumentDisconnected")):
         with pytest.raises(AssertionError, match=rf"should raise {error}, but returned Frame"):
             check_camera(Sloppy, 0, **{what: lambda: None})

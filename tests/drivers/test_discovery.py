@@ -1,4 +1,4 @@
-"""Listing what is attached."""
+"""The list of attached instruments."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from eimi_drivers import discovery
 from eimi_drivers.discovery import Found
 
 
-def test_nothing_attached_is_no_error_and_no_port_is_opened(monkeypatch, tmp_path):
+def test_without_instruments_discovery_gives_notes_and_opens_no_port(monkeypatch, tmp_path):
     def never(*arguments, **options):
         pytest.fail("a port was opened")
 
@@ -42,8 +42,8 @@ def test_serial_ports_name_the_driver(monkeypatch):
 def test_visa_resources_are_listed_without_serial_ports(monkeypatch):
     names = ("ASRL/dev/ttyS0::INSTR", "TCPIP::192.0.2.1::INSTR")
     monkeypatch.setattr(pyvisa.ResourceManager, "list_resources", lambda self, query: names)
-    found, _ = discovery.list_visa_resources()
-    assert found == (Found("supply", discovery.SCPI_DRIVERS, "TCPIP::192.0.2.1::INSTR", "VISA resource"),)
+    resources, _ = discovery.list_visa_resources()
+    assert resources == (Found("supply", discovery.SCPI_DRIVERS, "TCPIP::192.0.2.1::INSTR", "VISA resource"),)
 
 
 def test_a_bus_that_cannot_be_searched_is_a_note(monkeypatch):

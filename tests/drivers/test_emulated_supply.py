@@ -1,4 +1,4 @@
-"""The emulated coil supply and the ways in which it is served."""
+"""The emulated supply with its coil, in process, on a pseudo-terminal and on TCP."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_the_voltage_set_point_bounds_the_current():
     assert coil.constant_voltage()
 
 
-def test_readings_are_noisy_the_same_way_for_the_same_seed():
+def test_the_same_seed_gives_the_same_noise():
     def readings(seed: int) -> list[float]:
         clock = SimulatedClock()
         coil = energised(clock, current_noise_A=0.01, seed=seed)
@@ -107,7 +107,7 @@ def test_a_port_in_use_is_refused_to_a_second_driver():
         open_supply("korad", port, LIMITS).close()
 
 
-def test_a_bare_serial_port_will_do_for_scpi():
+def test_an_scpi_supply_opens_on_a_bare_serial_port():
     with serve_pty(emulate("scpi", CoilSupply(WallClock()))) as port:
         supply = open_supply("scpi", port, LIMITS)
         assert supply.identify().address == port
@@ -124,7 +124,7 @@ def test_a_tcp_port_that_is_taken_is_named():
             pass
 
 
-def test_unknown_dialects_are_answered_with_those_that_exist():
+def test_the_error_for_an_unknown_dialect_lists_the_dialects():
     with pytest.raises(InstrumentError, match=r"'gpib'.*korad, scpi, .*kepco-bop"):
         emulate("gpib", CoilSupply(SimulatedClock()))
 
@@ -138,7 +138,7 @@ def test_a_serial_server_on_the_network_is_reached_by_its_url():
     assert coil.state.set_current_A == 0.3
 
 
-def test_the_coil_warms_up_and_its_resistance_with_it():
+def test_the_resistance_of_the_coil_grows_as_it_warms_up():
     clock = SimulatedClock()
     coil = energised(clock, thermal_resistance_K_per_W=10.0, thermal_time_constant_s=600.0)
     clock.sleep(600.0)
@@ -151,7 +151,7 @@ def test_the_coil_warms_up_and_its_resistance_with_it():
     assert coil.heating_K() == pytest.approx(warmer_K * math.exp(-1))
 
 
-def test_a_warm_coil_reaches_the_voltage_limit_and_the_current_sags():
+def test_the_current_of_a_warm_coil_falls_at_the_voltage_limit():
     clock = SimulatedClock()
     coil = energised(clock, thermal_resistance_K_per_W=40.0)
     coil.set_voltage(3.3)
@@ -204,7 +204,7 @@ def test_the_inductance_shows_in_the_voltage():
         ("keysight-e36312a", {"SOURce:VOLTage 12, (@1)": b"", "VOLTage? (@1)": b"1.200000E+01\n"}),
     ],
 )
-def test_scpi_is_understood_in_long_and_in_short(driver, messages):
+def test_long_and_short_scpi_headers_are_understood(driver, messages):
     instrument = emulate(driver, CoilSupply(SimulatedClock()))
     for message, answer in messages.items():
         assert instrument.receive(f"{message}\n".encode()) == answer, message

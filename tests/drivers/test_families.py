@@ -34,7 +34,7 @@ def test_a_kepco_is_never_switched_off_by_command(bench_of):
     assert bench.coil.state.set_current_A == 0.0
 
 
-def test_a_kepco_at_zero_stays_under_watch(bench_of):
+def test_a_trip_of_a_kepco_at_zero_current_is_noticed(bench_of):
     bench = bench_of("kepco-bop in process")
     bench.energise(0.0)
     assert not bench.supply.output_on()
@@ -45,7 +45,7 @@ def test_a_kepco_at_zero_stays_under_watch(bench_of):
 
 
 @pytest.mark.parametrize(("lost", "failed"), [(b"CURR 0.00\n", "verify: failed"), (b"MEAS:CURR?\n", "measure: failed")])
-def test_a_kepco_whose_zero_is_lost_is_reported(bench_of, lost, failed):
+def test_a_lost_zero_command_of_a_kepco_is_reported(bench_of, lost, failed):
     bench = bench_of("kepco-bop in process")
     bench.energise()
     bench.line.inject(Fault.SILENCE, lambda message: message == lost)
@@ -55,7 +55,7 @@ def test_a_kepco_whose_zero_is_lost_is_reported(bench_of, lost, failed):
     bench.supply.safe_off()
 
 
-def test_current_that_flows_on_at_a_kepcos_zero_is_reported(bench_of):
+def test_a_current_that_flows_at_a_kepcos_zero_is_reported(bench_of):
     bench = bench_of("kepco-bop in process")
     bench.energise()
     answers = bench.line.receive

@@ -194,9 +194,9 @@ def test_a_program_meets_a_supply_that_returns_at_another_address(arguments: tup
                 supply.safe_off()
         other = line_with(emulator, r'address = "(.*)"')
         assert other != address
-        with closing(open_supply("scpi", other, LIMITS)) as found:
-            assert found.output_on()
-            found.safe_off()
+        with closing(open_supply("scpi", other, LIMITS)) as reopened:
+            assert reopened.output_on()
+            reopened.safe_off()
         assert line_with(emulator, r"(output off, 0\.000 A set)")
     finally:
         emulator.send_signal(signal.SIGINT)

@@ -33,7 +33,7 @@ Found = TypeVar("Found")
 
 
 def flipped(bit: int) -> Spoil:
-    """One bit of the reply is wrong."""
+    """Flip one bit of the reply."""
 
     def spoil(reply: bytes) -> bytes:
         if not reply:
@@ -77,7 +77,7 @@ SPOILS: st.SearchStrategy[Spoil] = st.one_of(
 
 @dataclass
 class FuzzedLine:
-    """Spoils the replies to everything that is a question, one way after the other, and keeps what it handed out."""
+    """Damage the reply to every query, in one way after the other, and keep the replies."""
 
     instrument: Responder
     spoils: list[Spoil]
@@ -95,7 +95,7 @@ class FuzzedLine:
 
 
 def said(reply: bytes, driver: str) -> float:
-    """The number that a reply says, read as a person would: up to its end, nothing else in it."""
+    """Return the number that a whole reply states, as a person would read it."""
     end = b"\r" if driver == "genesys" else b"\n"
     text = reply[:5] if driver == "korad" else reply[: reply.index(end) + 1]
     clean = text.decode("ascii").strip("\0 \t\r\n")
@@ -104,7 +104,7 @@ def said(reply: bytes, driver: str) -> float:
 
 
 def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figures: Counter[str]) -> None:
-    """Put spoilt replies through every method of a driver."""
+    """Give damaged replies to every method of a driver."""
     clock = SimulatedClock()
     coil = CoilSupply(clock)
     line = FuzzedLine(emulate(driver, coil), spoils)
@@ -118,23 +118,23 @@ def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figu
     asked_A = float(Decimal(milliamperes) / 1000 // step_A * step_A)
 
     def attempt(act: Callable[[], Found], questions: int = 1) -> Found | None:
-        """What `act` returns, None for a driver error. questions: how many of its stages may each time out."""
+        """Return the value of `act`, None after a driver error; `questions` of its stages may time out."""
         began_s, sent_before = clock.now(), len(link.sent)
         line.handed_out.clear()
-        found = None
+        returned = None
         try:
-            found = act()
+            returned = act()
             figures["answers taken"] += 1
         except InstrumentError as error:
             figures[type(error).__name__] += 1
         patience_s = questions * (LATE_ANSWER_S + REPLY_TIMEOUT_S + 2 * READ_BACK_WITHIN_S)
         assert clock.now() - began_s <= patience_s + 0.1 * (len(link.sent) - sent_before), "hung"
-        return found
+        return returned
 
     def program(act: Callable[[], None], asked: float, step: float, in_force: Callable[[], float]) -> None:
         before = in_force()
         taken = attempt(lambda: act() or True)
-        assert in_force() in (before, asked), "a set-point that nobody asked for"
+        assert in_force() in (before, asked), "a set-point that was not requested"
         if taken and in_force() != asked:
             # The instrument took nothing, and its spoilt answer happened to claim that it had.
             assert abs(said(line.handed_out[-1], driver) - asked) <= 1.001 * step
@@ -157,7 +157,7 @@ def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figu
 
 
 def run(driver: str, replies: int) -> Counter[str]:
-    """Fuzz until so many replies have been spoilt."""
+    """Call the methods until this number of replies was damaged."""
     figures: Counter[str] = Counter()
 
     @given(
@@ -175,7 +175,7 @@ def run(driver: str, replies: int) -> Counter[str]:
 
 
 @pytest.mark.parametrize("driver", sorted(DIALECTS))
-def test_fuzzed_replies_are_errors_or_what_they_say(driver):
+def test_a_fuzzed_reply_gives_a_driver_error_or_the_value_that_it_states(driver):
     assert run(driver, SHORT_RUN_REPLIES)["answers taken"] > 0
 
 

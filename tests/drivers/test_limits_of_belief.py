@@ -1,4 +1,4 @@
-"""How far an instrument is believed, and how long a line is waited for."""
+"""Which answers of an instrument are accepted, and how long a line may take."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eimi_drivers.supplies.transport import WRITE_TIMEOUT_S, InProcessTransport,
 
 
 class Rounding(KoradDialect):
-    """Reads a set-point back with so much added."""
+    """Read a set-point back with an added error."""
 
     more_A = 0.0
 
@@ -33,7 +33,7 @@ class Rounding(KoradDialect):
 @pytest.mark.parametrize(
     ("more_A", "believed"), [(0.0, True), (0.001, True), (-0.001, True), (0.003, False), (-0.005, False)]
 )
-def test_a_read_back_may_be_one_step_off_and_no_more(more_A: float, believed: bool) -> None:
+def test_a_read_back_may_differ_by_at_most_one_step(more_A: float, believed: bool) -> None:
     clock = SimulatedClock()
     dialect = Rounding(CoilSupply(clock))
     dialect.more_A = more_A
@@ -49,7 +49,7 @@ def test_a_read_back_may_be_one_step_off_and_no_more(more_A: float, believed: bo
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pseudo-terminals")
 def test_a_serial_line_that_takes_no_bytes_is_a_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(transport, "WRITE_TIMEOUT_S", 0.2)
-    far, near = os.openpty()  # nobody reads at the far end
+    far, near = os.openpty()  # the far end is not read
     try:
         line = SerialTransport(os.ttyname(near))
         with pytest.raises(InstrumentTimeout, match="takes no more bytes"):
@@ -61,7 +61,7 @@ def test_a_serial_line_that_takes_no_bytes_is_a_timeout(monkeypatch: pytest.Monk
 
 @pytest.mark.timeout(60)
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pseudo-terminals")
-def test_what_was_left_unread_is_no_answer_to_the_next_question() -> None:
+def test_unread_bytes_are_not_used_as_the_answer_to_the_next_query() -> None:
     far, near = os.openpty()
     try:
         line = SerialTransport(os.ttyname(near))
@@ -75,15 +75,15 @@ def test_what_was_left_unread_is_no_answer_to_the_next_question() -> None:
         os.close(far)
 
 
-def test_a_visa_line_has_a_limit_of_its_own_for_writing() -> None:
-    """Another one than the last answer was waited for."""
+def test_a_visa_write_has_its_own_time_limit() -> None:
+    """The time limit of a read is not used for the next write."""
     line = VisaTransport.__new__(VisaTransport)
-    seen: list[float] = []
+    timeouts_ms: list[float] = []
     resource: Any = SimpleNamespace(timeout=None, read_termination=None)
-    resource.write_raw = lambda message: seen.append(resource.timeout)
+    resource.write_raw = lambda message: timeouts_ms.append(resource.timeout)
     resource.read_bytes = lambda size, break_on_termchar: b"1\n"
     line.address, line._failed, line._is_stream, line._resource = "TCPIP::here::INSTR", False, False, resource
     line.write(b"CURR 1\n")
     line.read(10, 60.0, b"\n")
     line.write(b"OUTP 0\n")
-    assert seen == [round(1000 * WRITE_TIMEOUT_S)] * 2
+    assert timeouts_ms == [round(1000 * WRITE_TIMEOUT_S)] * 2

@@ -1,4 +1,4 @@
-"""A single fault of the line, or of a driver, does not keep the output on; and no other program gets in between."""
+"""A single fault of the line or of a driver leaves no output on, and no other program can use the port."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def energised(serve) -> Iterator[tuple[PowerSupply, CoilSupply, FaultyInstrument
 
 @pytest.mark.parametrize("serve", [serve_tcp, serve_hislip])
 @pytest.mark.parametrize("message", [b"CURR 0", b"CURR?", b"OUTP 0", b"OUTP?"])
-def test_a_line_that_is_dropped_once_is_opened_anew_and_the_output_goes_off(serve, message: bytes) -> None:
+def test_a_line_that_was_dropped_once_is_reopened_and_the_output_goes_off(serve, message: bytes) -> None:
     with energised(serve) as (supply, coil, line):
         line.inject(Fault.DROP, lambda data: data.startswith(message))
         supply.safe_off()
@@ -51,7 +51,7 @@ def test_a_dropped_hislip_line_is_an_error_of_the_instrument() -> None:
             supply.measure()
 
 
-def test_a_mistake_in_a_driver_does_not_keep_the_output_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_in_a_driver_does_not_prevent_the_output_from_going_off(monkeypatch: pytest.MonkeyPatch) -> None:
     with energised(serve_tcp) as (supply, coil, _):
         monkeypatch.setattr(supply, "_current_set", lambda: 1 / 0)
         with pytest.raises(SwitchOffFailed, match=r"zero: failed \(ZeroDivisionError.*off: done; verify: done"):
@@ -59,7 +59,7 @@ def test_a_mistake_in_a_driver_does_not_keep_the_output_on(monkeypatch: pytest.M
         assert not coil.state.output
 
 
-def test_a_wall_clock_that_is_set_back_makes_no_wait_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_setting_the_wall_clock_back_extends_no_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     with socket.create_server(("127.0.0.1", 0)) as silent:
         link = VisaTransport(f"TCPIP::127.0.0.1::{silent.getsockname()[1]}::SOCKET")
         wall, caught = time.time, []
@@ -86,8 +86,8 @@ def test_a_serial_port_belongs_to_one_program(first: str, second: str) -> None:
     with serve_pty(emulate(first, coil)) as port:
         places = {"scpi": f"ASRL{port}::INSTR", "korad": port, "genesys": port}
         with closing(open_supply(first, places[first], LIMITS)) as supply:
-            said = supply.identify()
+            identity = supply.identify()
             with pytest.raises(InstrumentDisconnected, match="lock"):
                 open_supply(second, places[second], LIMITS)
-            assert supply.identify() == said
+            assert supply.identify() == identity
         open_supply(second, places[second], LIMITS).close()

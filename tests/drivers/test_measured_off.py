@@ -1,4 +1,4 @@
-"""A supply is off when no current is measured, whatever its set-point and its output say."""
+"""A supply counts as off only if no current is measured, even if its set-point and its output read back as off."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def energised(driver, coil, limits=LIMITS):
 
 
 @pytest.mark.parametrize("driver", DIALECTS)
-def test_a_shorted_regulator_is_never_called_off(driver, coil):
+def test_a_supply_with_a_shorted_regulator_is_never_reported_as_off(driver, coil):
     supply = energised(driver, coil)
     coil.shorted_A = 0.8
     with pytest.raises(SwitchOffFailed, match=r"0\.80 A measured although the output was switched off") as caught:
@@ -67,7 +67,7 @@ def test_a_healthy_supply_at_its_worst_offset_gives_no_false_alarm(driver, sign,
     assert false_alarms == []
 
 
-def test_a_slow_coil_is_waited_for():
+def test_switching_off_waits_for_the_decay_of_a_slow_coil():
     coil = CoilSupply(SimulatedClock(), resistance_ohm=4.0, time_constant_s=0.3)
     supply = energised("scpi", coil)
     coil.clock.sleep(5.0)
@@ -86,7 +86,7 @@ def test_the_limit_of_the_rig_replaces_that_of_the_family(coil):
     assert off_limit_A(open_in_process("genesys", coil, LIMITS)) == pytest.approx(0.15)  # the unit is a GEN30-50
 
 
-def test_a_driver_that_does_not_measure_is_measured_from_outside(coil):
+def test_the_current_is_measured_if_safe_off_of_the_driver_does_not_measure(coil):
     supply = energised("scpi", coil)
 
     class Commanding:
@@ -105,7 +105,7 @@ def test_a_driver_that_does_not_measure_is_measured_from_outside(coil):
 
 
 class Line(InProcessTransport):
-    """A line that, opened anew, leads to another instrument."""
+    """A line that leads to another instrument after it was reopened."""
 
     def __init__(self, first, second, clock):
         super().__init__(first, clock)
@@ -117,7 +117,7 @@ class Line(InProcessTransport):
 
 
 class Cut:
-    """An instrument whose line is cut once it was told its set-point."""
+    """An instrument whose line can be cut."""
 
     cut = False
 
@@ -147,7 +147,7 @@ def scpi(coil, serial_number):
     return dialect
 
 
-def test_another_supply_at_the_same_address_is_neither_believed_nor_touched(coil):
+def test_another_supply_at_the_same_address_is_reported_and_left_alone(coil):
     stranger = CoilSupply(coil.clock)
     stranger.switch(True)
     supply = on_a_line_that_is_cut(scpi(coil, "A1"), scpi(stranger, "B2"), coil)

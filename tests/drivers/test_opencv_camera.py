@@ -1,4 +1,4 @@
-"""Cameras on real files, and on a device that behaves as badly as devices do."""
+"""Cameras on real files, and on a simulated device with the faults of real ones."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def play(camera: Camera, count: int) -> list[Frame]:
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize("by_pattern", [False, True])
-def test_images_are_played_exactly_and_in_natural_order(tmp_path, dtype, by_pattern):
+def test_a_folder_of_images_is_played_exactly_and_in_natural_order(tmp_path, dtype, by_pattern):
     expected = pictures(12, dtype)
     for number, image in enumerate(expected):
         cv2.imwrite(str(tmp_path / f"f_{number}.png"), image)
@@ -65,7 +65,7 @@ def test_flushing_a_recording_loses_no_frame(tmp_path):
     camera.close()
 
 
-def test_a_pattern_takes_its_own_images_only(tmp_path):
+def test_a_pattern_selects_only_its_own_images(tmp_path):
     for name in ("f_001.png", "f_1000.png", "f_002.png", "g_001.png", "f_x.png", "f_003.jpg", "xf_001.png"):
         (tmp_path / name).touch()
     assert [path.name for path in list_images(tmp_path / "f_%03d.png")] == [
@@ -118,13 +118,13 @@ def test_a_source_that_cannot_be_opened_is_named(tmp_path, monkeypatch, source):
     assert source in str(caught.value)
 
 
-def test_unknown_names_are_answered_with_those_that_exist():
+def test_the_error_for_an_unknown_name_lists_the_drivers():
     with pytest.raises(InstrumentError, match=r"'polaroid'.*opencv"):
         open_camera("polaroid", "0")
 
 
 class FakeDevice:
-    """A device of OpenCV: each read blocks until the test exposes a frame, or unplugs it."""
+    """Replace a device of OpenCV: each read blocks until the test exposes a frame or unplugs the device."""
 
     def __init__(self, index: int) -> None:
         self._exposures = threading.Semaphore(0)
@@ -148,7 +148,7 @@ class FakeDevice:
     def set(self, prop: int, value: float) -> bool:
         if prop not in self.stuck:
             self.properties[prop] = value
-        return True  # whatever happened, as real ones do
+        return True  # always, as real devices do
 
     def getBackendName(self) -> str:
         return "V4L2"
@@ -221,7 +221,7 @@ def test_an_unplugged_device_is_disconnected(device):
     fake.waiting.release()  # for the fixture, as no more reads follow
 
 
-def test_a_device_whose_node_is_gone_is_disconnected_whatever_opencv_says(device, tmp_path):
+def test_a_device_without_its_node_is_disconnected_even_if_opencv_reports_success(device, tmp_path):
     camera, fake = device
     (tmp_path / "video97").unlink()
     fake.expose()
@@ -230,7 +230,7 @@ def test_a_device_whose_node_is_gone_is_disconnected_whatever_opencv_says(device
     fake.waiting.release()  # for the fixture, as no more reads follow
 
 
-def test_a_closed_camera_says_so(device):
+def test_a_grab_from_a_closed_camera_is_an_error(device):
     camera, fake = device
     fake.unplugged = True
     fake.waiting.acquire(timeout=PATIENCE_S)  # under exposure
@@ -246,7 +246,7 @@ def test_a_closed_camera_says_so(device):
 
 @pytest.fixture
 def bare_device(monkeypatch, tmp_path):
-    """A device that nobody has opened yet."""
+    """Return a device that is not open yet."""
     monkeypatch.setattr(opencv, "DEVICES", tmp_path)
     fake = FakeDevice(97)
     monkeypatch.setattr(cv2, "VideoCapture", lambda index: fake)
@@ -277,7 +277,7 @@ def test_settings_are_set_and_read_back(bare_device):
         (cv2.CAP_PROP_FOURCC, CameraSettings(bit_depth=16), "bit_depth was set to 16 but reads back 8"),
     ],
 )
-def test_a_setting_that_did_not_take_is_named_and_the_device_released(bare_device, stuck, settings, name):
+def test_a_setting_that_reads_back_wrong_is_named_and_the_device_is_released(bare_device, stuck, settings, name):
     bare_device.stuck.add(stuck)
     with pytest.raises(SetPointNotTaken, match=name):
         open_camera("opencv", 97, settings)
@@ -288,13 +288,13 @@ def test_a_setting_that_did_not_take_is_named_and_the_device_released(bare_devic
     "settings",
     [CameraSettings(bit_depth=9), CameraSettings(exposure_s=-1.0), CameraSettings(region=(0, 0, 0, 5))],
 )
-def test_settings_that_cannot_be_are_refused(bare_device, settings):
+def test_impossible_settings_are_refused(bare_device, settings):
     with pytest.raises(SetPointRefused, match="must be"):
         open_camera("opencv", 97, settings)
     assert bare_device.released.is_set()
 
 
-def test_a_frame_that_was_ready_before_the_flush_is_passed_over(bare_device):
+def test_a_frame_that_was_ready_before_the_flush_is_skipped(bare_device):
     bare_device.properties[cv2.CAP_PROP_POS_MSEC] = 1000.0  # long ago
     camera = open_camera("opencv", 97)
     bare_device.waiting.acquire(timeout=PATIENCE_S)
@@ -313,7 +313,7 @@ def test_a_frame_that_was_ready_before_the_flush_is_passed_over(bare_device):
     close(camera, bare_device)
 
 
-def test_a_region_is_cut_out_of_every_image(tmp_path):
+def test_the_region_is_cut_out_of_every_image(tmp_path):
     image = pictures(1)[0]
     cv2.imwrite(str(tmp_path / "a.png"), image)
     camera = open_camera("opencv", str(tmp_path), CameraSettings(region=(3, 5, 10, 7)))
@@ -329,7 +329,7 @@ def test_a_region_beyond_the_image_is_refused(tmp_path):
     camera.close()
 
 
-def test_a_recording_has_nothing_to_set(tmp_path):
+def test_a_recording_has_no_settings(tmp_path):
     cv2.imwrite(str(tmp_path / "a.png"), pictures(1)[0])
     with pytest.raises(InstrumentError, match="a recording has no exposure_s, gain to set"):
         open_camera("opencv", str(tmp_path), CameraSettings(exposure_s=0.01, gain=1.0))

@@ -1,4 +1,4 @@
-"""Every supply driver passes the suite that its users have, over every transport, and says what is wrong in words."""
+"""Every supply driver passes the conformance suite over every transport, and reports errors in words."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WAITING = (
     supply_checks.understands_no_half_answers,
     supply_checks.takes_no_late_answer_for_the_next,
 )
-"""Checks that take seconds of waiting on a real port."""
+"""Checks that wait for seconds on a real port."""
 
 
 @pytest.mark.parametrize("check", [check for check in SUPPLY_CHECKS if check not in WAITING])
@@ -32,11 +32,11 @@ def test_every_driver_conforms(link, conforms, check):
 
 
 @pytest.mark.parametrize("check", WAITING)
-def test_every_driver_conforms_where_it_waits(waiting_link, conforms, check):
+def test_every_driver_conforms_to_the_checks_that_wait(waiting_link, conforms, check):
     conforms(waiting_link, check)
 
 
-def test_says_what_the_instrument_says_of_itself(bench):
+def test_the_identity_contains_the_answer_of_the_instrument(bench):
     identity = bench.supply.identify()
     assert identity.driver == bench.supply.name
     expected = DIALECTS[bench.supply.name].identification
@@ -45,20 +45,20 @@ def test_says_what_the_instrument_says_of_itself(bench):
 
 
 @pytest.mark.parametrize("value", [-1.0001, 1.0001, float("nan"), float("inf"), -float("inf")])
-def test_a_refusal_names_the_range(bench, value):
+def test_a_refused_set_point_is_reported_with_the_permitted_range(bench, value):
     with pytest.raises(SetPointRefused, match=rf"{bench.address}.*must be from (0|-1) to 1 A"):
         bench.supply.set_current(value)
     with pytest.raises(SetPointRefused, match=rf"{bench.address}.*must be from 0 to 12 V"):
         bench.supply.set_voltage(value * 12)
 
 
-def test_a_set_point_that_is_not_taken_is_told_with_what_is_read_back(bench):
+def test_a_set_point_that_is_not_taken_is_reported_with_its_read_back(bench):
     bench.coil.max_current_A = 0.5
     with pytest.raises(InstrumentError, match=r"reads back 0 A|-222 Data out of range|C05"):
         bench.supply.set_current(0.7)
 
 
-def test_a_locked_front_panel_is_told_stage_by_stage(waiting_bench):
+def test_switching_off_a_locked_supply_reports_every_stage(waiting_bench):
     waiting_bench.energise()
     waiting_bench.coil.locked = True
     with pytest.raises(InstrumentError, match=r"0\.7|203"):
@@ -79,7 +79,7 @@ def test_a_cut_line_is_reported_with_its_cause(bench):
         bench.supply.safe_off()
 
 
-def test_a_current_that_never_settles_shows_in_the_readings(quick_bench):
+def test_an_oscillating_current_appears_in_the_readings(quick_bench):
     quick_bench.energise()
     quick_bench.coil.hunting_A = 0.1
     readings = []

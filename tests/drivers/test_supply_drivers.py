@@ -1,4 +1,4 @@
-"""The exact bytes on the wire, switching off over a failing link, and answers that nobody would expect."""
+"""Drivers on a failing line and with unexpected answers."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ STAGES = {
     "rs-hmp": {"zero": (b"CURR",), "off": (b"OUTP OFF",), "verify": (b"OUTP?",)},
     "genesys": {"zero": (b"PC",), "off": (b"OUT OFF",), "verify": (b"OUT?",)},
 }
-"""How the messages of each stage begin; of Kepco, whose off is a zero, see `test_kepco_bop`."""
+"""The first bytes of the messages of each stage; Kepco, which is off at zero, is in `test_families`."""
 
 
 @pytest.fixture(params=STAGES)
@@ -63,7 +63,7 @@ def test_every_stage_of_switching_off_is_tried_when_another_fails(staged_bench, 
     assert staged_bench.coil.state.set_current_A == (0.7 if stage == "zero" else 0.0)
 
 
-def test_an_off_command_that_is_lost_is_found_by_verifying(staged_bench):
+def test_a_lost_off_command_is_found_by_the_read_back(staged_bench):
     staged_bench.energise()
     staged_bench.line.inject(Fault.SILENCE, lambda message: message.startswith(STAGES[staged_bench.supply.name]["off"]))
     with pytest.raises(SwitchOffFailed, match=r"zero: done; off: .*; verify: failed .*says that it is on"):
@@ -74,7 +74,7 @@ def test_an_off_command_that_is_lost_is_found_by_verifying(staged_bench):
     assert not staged_bench.coil.state.output
 
 
-def test_switching_off_works_beyond_the_limits_of_the_driver():
+def test_a_supply_set_above_the_limits_is_switched_off():
     clock = SimulatedClock()
     coil = CoilSupply(clock)
     coil.set_voltage(20.0)
@@ -89,13 +89,13 @@ def test_an_output_that_does_not_switch_on_is_reported(staged_bench):
     staged_bench.line.inject(Fault.SILENCE, lambda message: message.strip() in on)
     with pytest.raises((SetPointNotTaken, InstrumentTimeout)) as caught:
         staged_bench.supply.set_output(True)
-    if staged_bench.supply.name != "genesys":  # which would have answered OK
+    if staged_bench.supply.name != "genesys":  # a Genesys that obeys answers OK, so that the lost message is a timeout
         assert "switched on but the instrument says that it is off" in str(caught.value)
 
 
 @given(current_A=st.floats(0.0, 0.7))
 @pytest.mark.parametrize("driver", sorted(DIALECTS))
-def test_a_set_point_never_passes_the_limit_and_is_within_a_step(driver, current_A):
+def test_a_rounded_set_point_is_within_one_step_and_never_above_the_limit(driver, current_A):
     coil = CoilSupply(SimulatedClock())
     open_in_process(driver, coil, Limits(0.7, 12.0)).set_current(current_A)
     assert coil.state.set_current_A <= 0.7
@@ -112,7 +112,7 @@ def test_binary_fractions_do_not_cost_a_step(quick_bench):
 
 
 class Babbler:
-    """Answers every message with the next of some given answers."""
+    """Answer every message with the next of the given answers."""
 
     def __init__(self, answers: list[bytes]) -> None:
         self._answers = answers
@@ -133,7 +133,7 @@ ANSWERS = st.one_of(
 @given(answers=st.lists(ANSWERS, min_size=1, max_size=4))
 @settings(max_examples=200)
 @pytest.mark.parametrize("driver", sorted(DIALECTS))
-def test_whatever_an_instrument_answers_the_errors_are_the_known_ones(driver, answers):
+def test_any_answer_of_an_instrument_gives_a_value_or_an_instrument_error(driver, answers):
     clock = SimulatedClock()
     supply = SUPPLIES[driver](InProcessTransport(Babbler(answers), clock, "somewhere"), LIMITS, clock)
     for act in (
@@ -160,7 +160,7 @@ def test_an_error_queue_is_read_to_its_end_and_reported(scpi):
     scpi.supply.check()
 
 
-def test_an_error_queue_without_end_does_not_hold_the_driver_up():
+def test_an_endless_error_queue_does_not_block_the_driver():
     clock = SimulatedClock()
     link = InProcessTransport(Babbler([b'-350,"Queue overflow"\n']), clock)
     with pytest.raises(InstrumentError, match="-350 Queue overflow"):
@@ -168,7 +168,7 @@ def test_an_error_queue_without_end_does_not_hold_the_driver_up():
 
 
 class SlowFirmware(KoradDialect):
-    """Takes 0.45 s before a new current set-point reads back."""
+    """A supply on which a new current set-point reads back after 0.45 s."""
 
     def __init__(self, supply: CoilSupply) -> None:
         super().__init__(supply)
@@ -185,7 +185,7 @@ class SlowFirmware(KoradDialect):
         return answer
 
 
-def test_firmware_that_reads_back_late_is_waited_for():
+def test_the_driver_waits_for_firmware_that_reads_back_late():
     clock = SimulatedClock()
     coil = CoilSupply(clock)
     supply = KoradSupply(InProcessTransport(SlowFirmware(coil), clock), LIMITS, clock)
@@ -193,7 +193,7 @@ def test_firmware_that_reads_back_late_is_waited_for():
     assert clock.now() >= 0.45
 
 
-def test_korad_messages_are_kept_apart_and_fuse_otherwise():
+def test_the_korad_driver_leaves_a_gap_without_which_messages_fuse():
     clock = SimulatedClock()
     coil = CoilSupply(clock)
     dialect = KoradDialect(coil, fuse_within_s=0.02)
@@ -210,7 +210,7 @@ def test_korad_messages_are_kept_apart_and_fuse_otherwise():
 
 @pytest.mark.parametrize("bit", [0x20, 0x80])
 @pytest.mark.parametrize("output", [False, True])
-def test_korad_trips_are_seen_by_either_bit(bit, output):
+def test_a_korad_trip_is_recognised_by_either_bit(bit, output):
     clock = SimulatedClock()
     coil = CoilSupply(clock)
     supply = KoradSupply(InProcessTransport(KoradDialect(coil, protection_bit=bit), clock), LIMITS, clock)
@@ -223,28 +223,28 @@ def test_korad_trips_are_seen_by_either_bit(bit, output):
         supply.check()
 
 
-def test_korad_over_current_protection_left_armed_does_not_end_a_run(korad):
+def test_armed_over_current_protection_of_a_korad_is_switched_off_before_a_run(korad):
     korad.coil.arm(True)
     korad.energise()
     korad.supply.check()
     assert korad.coil.coil_current_A() == pytest.approx(0.7, abs=1e-4)
 
 
-def test_korad_stray_sixth_byte_does_not_shift_later_answers(korad):
+def test_the_sixth_byte_of_a_korad_does_not_shift_later_answers(korad):
     for current_A in (0.1, 0.2, 0.3):
         korad.supply.set_current(current_A)
         korad.supply.set_voltage(10 * current_A)
 
 
 @pytest.mark.parametrize("reply", [b"00.25", b"0.25\n", b" .700", b"7e-01", b"0,700", b"+0.70", b"12.00"])
-def test_korad_amperes_in_another_form_are_not_believed(korad, reply):
+def test_amperes_in_another_form_than_a_korads_are_refused(korad, reply):
     answers = korad.line.receive
     korad.line.receive = lambda data: reply if data == b"ISET1?" else answers(data)
     with pytest.raises((ReplyNotUnderstood, SetPointNotTaken)):
         korad.supply.set_current(float(reply.replace(b",", b".")) if reply != b"12.00" else 0.7)
 
 
-def test_one_spoilt_read_back_does_not_confirm_a_set_point_that_was_not_taken(korad):
+def test_one_false_read_back_does_not_confirm_a_set_point(korad):
     korad.energise(0.2)
     korad.coil.locked = True
     answers, spoilt = korad.line.receive, [b"0.600K"]  # 0.200 with a bit flipped
@@ -254,21 +254,21 @@ def test_one_spoilt_read_back_does_not_confirm_a_set_point_that_was_not_taken(ko
 
 
 @pytest.mark.parametrize("reply", [b"\x0b0.7\n", b"0.7\x0c\n", b"0.7\x0b\n", b"0.7 A\n", b"\xa00.7\n", b"0.\x007\n"])
-def test_a_number_with_anything_else_beside_it_is_not_understood(reply):
+def test_a_number_with_further_characters_is_refused(reply):
     clock = SimulatedClock()
     link = InProcessTransport(Babbler([reply]), clock, "somewhere")
     with pytest.raises(ReplyNotUnderstood, match=r"the answer to MEAS:CURR\? must be a number"):
         SUPPLIES["scpi"](link, LIMITS, clock).measure()
 
 
-def test_scpi_output_that_is_neither_on_nor_off_is_not_understood():
+def test_an_output_state_that_is_neither_on_nor_off_is_refused():
     clock = SimulatedClock()
     link = InProcessTransport(Babbler([b"2\n"]), clock, "somewhere")
     with pytest.raises(ReplyNotUnderstood, match=r"somewhere: the answer to OUTP\? must be 0 or 1"):
         SUPPLIES["scpi"](link, LIMITS, clock).output_on()
 
 
-def test_a_port_that_dies_while_it_is_opened_is_disconnected(bench_of, monkeypatch):
+def test_a_port_that_fails_while_it_is_opened_is_reported_as_disconnected(bench_of, monkeypatch):
     port = bench_of("korad on a pty")
     port.supply.close()
 
@@ -289,7 +289,7 @@ def test_a_url_that_may_write_a_file_is_refused(tmp_path, scheme):
     assert diary.read_text() == "Dear diary"
 
 
-def test_unknown_names_are_answered_with_those_that_exist():
+def test_the_error_for_an_unknown_name_lists_the_drivers():
     with pytest.raises(InstrumentError, match=r"'keithley'.*genesys, kepco-bop, .*korad, .*scpi, siglent-spd"):
         open_supply("keithley", "/dev/null", LIMITS)
 

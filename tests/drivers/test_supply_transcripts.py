@@ -1,4 +1,4 @@
-"""The exact bytes on the wire of every driver, against replies written down here and not against an emulator."""
+"""The exact messages of every driver, with replies that are written here and do not come from an emulator."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from eimi_drivers.supplies import SUPPLIES
 from eimi_drivers.supplies.transport import InProcessTransport
 
 NONE = '0,"No error"'
-"""The answer to SYST:ERR? when there is none."""
+"""The answer to SYST:ERR? without an error."""
 
 
 class Transcript:
-    """Plays an instrument from a list of messages and their replies, and takes nothing else.
+    """Replace an instrument by a list of messages with their replies; any other message is an error.
 
-    end: what ends every message. reply_end: what ends every reply.
+    end: the end of every message. reply_end: the end of every reply.
     """
 
     def __init__(self, exchanges: list[tuple[str, str]], end: str, reply_end: str) -> None:
@@ -319,6 +319,6 @@ def test_the_channel_comes_from_the_address(driver, address, exchanges, end):
 
 
 @pytest.mark.parametrize(("status", "on"), [("0x25", True), ("0x15", False), ("30", True), ("0x4", False)])
-def test_siglent_status_word_has_a_bit_for_each_channel(status, on):
+def test_the_status_word_of_a_siglent_has_a_bit_for_each_channel(status, on):
     transcript = Transcript([("SYST:STAT?", status)], "\n", "\n")
     assert open_on(transcript, "siglent-spd", "somewhere#2").output_on() is on

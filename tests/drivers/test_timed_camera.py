@@ -1,4 +1,4 @@
-"""A camera whose driver does not come back: an error within its deadline, and a program that can still end."""
+"""A camera call that does not return raises an error at its deadline, and the program can still end."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.patience import PATIENCE_S
 
 
 class StubbornCamera:
-    """Does not come back from the call `stuck` until `release`."""
+    """A camera whose call `stuck` does not return until `release` is set."""
 
     settings = NO_SETTINGS
 
@@ -54,7 +54,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(timed, "_callers", [])
 
 
-def test_every_call_goes_through_one_thread_and_not_the_callers() -> None:
+def test_all_calls_are_made_from_one_separate_thread() -> None:
     inner = StubbornCamera()
     camera: Camera = TimedCamera("here", lambda: inner)
     camera.flush()
@@ -68,7 +68,7 @@ def test_every_call_goes_through_one_thread_and_not_the_callers() -> None:
 
 
 @pytest.mark.parametrize("call", ["flush", "grab", "identify", "close"])
-def test_a_call_that_never_returns_is_an_error_of_the_camera(call: str) -> None:
+def test_a_call_that_never_returns_raises_a_timeout(call: str) -> None:
     inner = StubbornCamera(call)
     camera = TimedCamera("cam 3", lambda: inner)
     act = (lambda: camera.grab(0.1)) if call == "grab" else getattr(camera, call)
@@ -81,14 +81,14 @@ def test_a_call_that_never_returns_is_an_error_of_the_camera(call: str) -> None:
     inner.release.set()
 
 
-def test_one_that_cannot_be_opened_in_time_is_an_error() -> None:
+def test_a_camera_that_does_not_open_in_time_raises_a_timeout() -> None:
     never = threading.Event()
     with pytest.raises(InstrumentTimeout, match="did not come back from being opened"):
         TimedCamera("cam 3", lambda: never.wait())  # type: ignore[arg-type,return-value]
     never.set()
 
 
-def test_the_drivers_own_errors_come_through() -> None:
+def test_errors_of_the_interface_pass_unchanged_through_a_timed_camera() -> None:
     def missing() -> StubbornCamera:
         raise InstrumentDisconnected("cam 3: no such device")
 
@@ -118,7 +118,7 @@ def test_an_error_of_the_cameras_library_is_one_line_that_names_the_camera() -> 
     camera.close()
 
 
-def test_the_caller_is_asked_meanwhile_and_may_leave() -> None:
+def test_the_caller_may_stop_waiting_for_a_camera_call() -> None:
     inner = StubbornCamera("grab")
     asked = []
 
@@ -135,8 +135,8 @@ def test_the_caller_is_asked_meanwhile_and_may_leave() -> None:
     assert [what for what, _ in inner.calls] == ["grab", "close"]
 
 
-def test_a_simulated_camera_is_not_late_for_what_the_host_did_not_compute() -> None:
-    """The host's clock runs past every deadline while the camera computes; its own clock stands still."""
+def test_a_simulated_camera_is_timed_by_its_processor_time() -> None:
+    """A busy host delays the camera beyond every deadline, but its processor time is short."""
     inner = StubbornCamera("grab")
     waits: list[bool] = []
 
@@ -150,7 +150,7 @@ def test_a_simulated_camera_is_not_late_for_what_the_host_did_not_compute() -> N
     camera.close()
 
 
-def test_a_simulated_camera_that_computes_too_long_is_an_error() -> None:
+def test_a_simulated_camera_that_computes_too_long_raises_a_timeout() -> None:
     inner, now = StubbornCamera("grab"), iter(range(1000))
     camera = TimedCamera("virtual", lambda: inner, seconds=lambda: float(next(now)))
     with pytest.raises(InstrumentTimeout, match="did not come back from grab"):
@@ -158,7 +158,7 @@ def test_a_simulated_camera_that_computes_too_long_is_an_error() -> None:
     inner.release.set()
 
 
-def test_a_program_ends_with_a_call_that_never_does() -> None:
+def test_a_program_can_end_during_a_camera_call_that_never_returns() -> None:
     script = """
 import threading
 from eimi_drivers.cameras import timed

@@ -1,4 +1,4 @@
-"""A supply with a watchdog of its own: armed, verified, held off by talking, and off where nobody talks any more."""
+"""A supply with its own watchdog: it is armed and verified, and switches off after the last message."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from eimi_drivers.supplies import SUPPLIES
 N6700 = "keysight-n6700 in process"
 
 
-def test_it_switches_off_when_nobody_talks_any_more(bench_of: Any) -> None:
+def test_the_watchdog_switches_off_after_messages_have_stopped(bench_of: Any) -> None:
     bench = bench_of(N6700)
     bench.energise()
     for _ in range(10):
@@ -27,7 +27,7 @@ def test_it_switches_off_when_nobody_talks_any_more(bench_of: Any) -> None:
         bench.supply.check()
 
 
-def test_one_that_does_not_take_leaves_the_output_off(bench_of: Any) -> None:
+def test_the_output_stays_off_if_the_watchdog_does_not_start(bench_of: Any) -> None:
     bench = bench_of(N6700)
     bench.line.inject(Fault.SILENCE, lambda message: message == b"OUTP:PROT:WDOG 1\n")
     with pytest.raises(SetPointNotTaken, match=r"watchdog of 10 s did not take: OUTP:PROT:WDOG\? is answered 0"):
@@ -35,14 +35,14 @@ def test_one_that_does_not_take_leaves_the_output_off(bench_of: Any) -> None:
     assert not bench.coil.state.output
 
 
-def test_it_is_disarmed_with_the_output_off(bench_of: Any) -> None:
+def test_the_watchdog_is_stopped_after_switching_off(bench_of: Any) -> None:
     bench = bench_of(N6700)
     bench.energise()
     bench.supply.safe_off()
     assert bench.sent[-2:] == [b"OUTP:PROT:WDOG 0\n", b"SYST:ERR?\n"]
 
 
-def test_what_it_switched_off_does_not_come_back_with_the_next_run(bench_of: Any) -> None:
+def test_the_earlier_current_does_not_return_when_the_watchdog_is_cleared(bench_of: Any) -> None:
     bench = bench_of(N6700)
     bench.energise(0.7)
     bench.clock.sleep(11.0)
@@ -59,7 +59,7 @@ def test_what_it_switched_off_does_not_come_back_with_the_next_run(bench_of: Any
 
 
 @pytest.mark.parametrize("driver", SUPPLIES)
-def test_every_driver_says_what_a_pulled_cable_does(driver: str) -> None:
+def test_every_driver_states_the_effect_of_a_pulled_cable(driver: str) -> None:
     words = SUPPLIES[driver].without_contact
     assert ("watchdog switches every output off" in words) == (driver == "keysight-n6700")
     assert ("stays as it was set" in words) == (driver != "keysight-n6700")

@@ -1,4 +1,4 @@
-"""A run's transcript, and the test that it turns into."""
+"""The transcript of a run, and its use as a test."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ def run(supply: PowerSupply) -> Reading:
     supply.set_voltage(12.0)
     supply.set_current(0.7)
     supply.set_output(True)
-    found = supply.measure()
+    reading = supply.measure()
     supply.check()
     supply.safe_off()
-    return found
+    return reading
 
 
 def replayed(driver: str, file: Path) -> tuple[PowerSupply, ReplayedTransport]:
@@ -40,19 +40,19 @@ def replayed(driver: str, file: Path) -> tuple[PowerSupply, ReplayedTransport]:
 
 
 @pytest.mark.parametrize("driver", DIALECTS)
-def test_a_transcript_is_a_test_of_the_driver(driver: str, tmp_path: Path) -> None:
+def test_a_driver_repeats_its_transcript(driver: str, tmp_path: Path) -> None:
     clock, file = SimulatedClock(), tmp_path / "wire.txt"
     link = InProcessTransport(emulate(driver, CoilSupply(clock)), clock, "in-process")
     supply = SUPPLIES[driver](RecordingTransport(link, file, clock), LIMITS, clock)
-    found = run(supply)
+    reading = run(supply)
     supply.close()
     again, wire = replayed(driver, file)
-    assert run(again) == found
+    assert run(again) == reading
     wire.assert_complete()
     assert len(file.read_text().splitlines()) > 20
 
 
-def test_a_driver_that_does_something_else_is_told(tmp_path: Path) -> None:
+def test_a_message_that_differs_from_the_transcript_is_reported(tmp_path: Path) -> None:
     file = tmp_path / "wire.txt"
     file.write_text('0.000000 open somewhere\n0.1 > CURR 0.700\\n\n0.2 > SYST:ERR?\\n\n0.3 < 0,"No error"\\n\n')
     supply, wire = replayed("scpi", file)
@@ -79,14 +79,14 @@ def test_faults_of_the_line_are_played_back(tmp_path: Path) -> None:
     assert "1.000000 <! InstrumentTimeout here: no complete answer" in file.read_text()
 
 
-def test_any_bytes_come_back() -> None:
+def test_escaping_preserves_all_bytes() -> None:
     raw = bytes(range(256)) + b"\\n \\x00"
     assert unescaped(escaped(raw)) == raw
     assert escaped(raw).isascii()
     assert "\n" not in escaped(raw)
 
 
-def test_a_real_port_is_written_down(tmp_path: Path) -> None:
+def test_the_messages_on_a_real_port_are_recorded(tmp_path: Path) -> None:
     file = tmp_path / "wire.txt"
     with serve_tcp(emulate("scpi", CoilSupply(WallClock()))) as address:
         supply = open_supply("scpi", address, LIMITS, transcript=file)

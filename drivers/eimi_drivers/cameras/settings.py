@@ -40,9 +40,9 @@ class CameraSettings:
         """Return the settings that are not None, by name."""
         return {name: value for name, value in asdict(self).items() if value is not None}
 
-    def verify(self, camera: str, found: CameraSettings) -> None:
+    def verify(self, camera: str, answered: CameraSettings) -> None:
         """Compare the settings with the values that `camera` read back. Raises SetPointNotTaken if any differ."""
-        read_back = asdict(found)
+        read_back = asdict(answered)
         wrong = [
             f"{name} was set to {value} but reads back {read_back[name]}"
             for name, value in self.chosen().items()

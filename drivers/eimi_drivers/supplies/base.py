@@ -222,7 +222,7 @@ class SupplyBase(ABC):
         if self._switched_on and not self._enabled():
             raise ProtectionTripped(
                 f"{self._link.address}: the output is off and this run did not switch it off: a protection that it "
-                "does not report, or somebody at its front panel"
+                "does not report, or a person at its front panel"
             )
 
     def safe_off(self) -> Off:

@@ -85,7 +85,7 @@ class KoradSupply(SupplyBase):
         if tripped or not status & OUTPUT_BIT:
             raise ProtectionTripped(
                 f"{self._link.address}: {'' if tripped else 'perhaps '}a protection tripped"
-                f"{'' if tripped else ', or somebody switched the output off'}: status byte {status:#04x}, "
+                f"{'' if tripped else ', or a person switched the output off'}: status byte {status:#04x}, "
                 f"output {'on' if status & OUTPUT_BIT else 'off'}"
             )
 
