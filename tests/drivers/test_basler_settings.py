@@ -112,13 +112,13 @@ class Device:
 @pytest.fixture
 def device(monkeypatch: pytest.MonkeyPatch) -> Device:
     """Return the camera that the replacement of pypylon lists."""
-    attached = Device()
+    camera = Device()
     attached = SimpleNamespace(GetSerialNumber=lambda: "4711")
     factory = SimpleNamespace(EnumerateDevices=lambda: [attached], CreateDevice=lambda device: device)
     package, pylon, genicam = ModuleType("pypylon"), ModuleType("pypylon.pylon"), ModuleType("pypylon.genicam")
     vars(pylon).update(
         TlFactory=SimpleNamespace(GetInstance=lambda: factory),
-        InstantCamera=lambda device: attached,
+        InstantCamera=lambda device: camera,
         GrabStrategy_OneByOne=0,
         TimeoutHandling_Return=0,
     )
@@ -126,7 +126,7 @@ def device(monkeypatch: pytest.MonkeyPatch) -> Device:
     vars(package).update(pylon=pylon, genicam=genicam)
     for module in (package, pylon, genicam):
         monkeypatch.setitem(sys.modules, module.__name__, module)
-    return attached
+    return camera
 
 
 def test_every_setting_reaches_its_node_in_the_camera_s_unit(device: Device) -> None:
