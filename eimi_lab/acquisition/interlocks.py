@@ -1,4 +1,4 @@
-"""Interlocks of a run: a reading that leaves its bounds, or does not come, ends the run with the coil off."""
+"""Interlocks of a run: a reading outside its bounds, or a missing reading, ends the run with the coil off."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from eimi_lab.config.interlock import READINGS, Interlock
 
 
 class BeyondInterlock(InstrumentError):
-    """Report that a reading is outside the bounds of an interlock, or did not come."""
+    """A reading is outside the bounds of an interlock, or is missing."""
 
 
 def readings_of(measured: Reading) -> dict[str, float]:
@@ -20,14 +20,14 @@ def readings_of(measured: Reading) -> dict[str, float]:
 
 
 class Interlocks:
-    """The interlocks of a rig, and when each of their readings came last.
+    """The interlocks of a rig, and the time of the last value of each of their readings.
 
     Parameters
     ----------
     rules : sequence of Interlock
         The interlocks of the rig file.
     on_event : callable
-        Is given an `InterlockOpened` when a reading leaves its bounds.
+        Receives an `InterlockOpened` if a reading leaves its bounds.
     """
 
     def __init__(self, rules: Sequence[Interlock] = (), on_event: OnEvent = ignore_event) -> None:
@@ -83,7 +83,7 @@ class Interlocks:
 
 
 def _is_within(rule: Interlock, value: float) -> bool:
-    """Return whether a value is within the bounds; one that is not a number is not."""
+    """Return whether a value is within the bounds; NaN is outside any bound."""
     if rule.minimum is not None and not value >= rule.minimum:
         return False
     return rule.maximum is None or value <= rule.maximum

@@ -165,7 +165,7 @@ class Checkpoint:
 
 @dataclass
 class GenerationLog:
-    """The logged generations of one fit. It is called after each generation, and writes those that are new."""
+    """The logged generations of one fit. The search calls it after each generation, and it logs a new generation."""
 
     path: Path
     fit: int

@@ -1,4 +1,4 @@
-"""A systemd scope of its own for a process, so that whatever ends the group of a program does not end it too.
+"""Move a process into a systemd scope of its own, so that it survives the end of the program that started it.
 
 systemd-oomd, a desktop that closes a program, and a service that is stopped end every process of a control group.
 """
@@ -18,17 +18,17 @@ _OWN_GROUP = Path("/proc/self/cgroup")
 
 
 def move_to_own_scope(name: str, description: str) -> bool:
-    """Move this process into a new scope of the user's systemd, and return whether systemd took it.
+    """Move this process into a new scope of the user's systemd, and return whether systemd accepted it.
 
-    Nothing happens without such a manager, or if it would end the scope at the end of the user's session although this
-    process would outlive that session now.
+    The process stays where it is if there is no systemd of the user, or if systemd would end the scope together with
+    the user's session although the process would otherwise survive the session.
 
     Parameters
     ----------
     name
         The first part of the scope's name.
     description
-        What the process does, for a person who asks systemd.
+        Description of the process, which systemd shows.
 
     References
     ----------
