@@ -73,7 +73,7 @@ def main() -> None:
             observed = seen(specimen, law)
             for section in ("plane-strain", "plane-stress", "solid")[2 if "--solid" in sys.argv else 0 :]:
                 variant = replace(specimen, section=section)
-                expected = "" if section == "solid" else f"  (foretold {100 * expected_bias(variant):+.1f} %)"
+                expected = "" if section == "solid" else f"  (predicted {100 * expected_bias(variant):+.1f} %)"
                 print(
                     f"{name:8s} {law:12s} {section:12s} {fitted(variant, law, observed, true_Pa)}{expected}", flush=True
                 )

@@ -142,7 +142,7 @@ def _pytest(copy: Path, transcript: Path, tests: Sequence[str]) -> None:
 
 def table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
     """Return lines of Markdown with the number of mistakes and of caught ones in each list."""
-    lines = ["| room | mistakes | caught | share |", "| --- | ---: | ---: | ---: |"]
+    lines = ["| list | mistakes | caught | share |", "| --- | ---: | ---: | ---: |"]
 
     def row(name: str, group: Sequence[Mutant]) -> str:
         caught = sum(outcomes[m.key] == CAUGHT for m in group)

@@ -47,10 +47,10 @@ def row(
         again = half_percent(fitted(measured(before, spaced, bench, rng)))
         every.append((again, plan.half_width_percent(choice), resulting, plan.least_percent(states)))
         chosen = f"{setting.name}: {', '.join(f'{1e3 * b:.2f}' for b in loads.field_T[:, 1])} mT"
-    again, foretold, resulting, least = np.mean(every, axis=0)
+    again, predicted, resulting, least = np.mean(every, axis=0)
     worst = max(abs(e[1] / e[2] - 1) for e in every)
     widths = (
-        f"{again:.2f} | {foretold:.2f} | {resulting:.2f} | {resulting / again:.2f} | {100 * worst:.0f} % | {least:.2f}"
+        f"{again:.2f} | {predicted:.2f} | {resulting:.2f} | {resulting / again:.2f} | {100 * worst:.0f} % | {least:.2f}"
     )
     print(f"| {name} | {widths} | {chosen} |", flush=True)
 
@@ -68,7 +68,7 @@ def main() -> None:
     mounted = [Setting("level", beam, 90.0), Setting("upright", beam, 180.0)]
     weighed = [Setting(f"level, {g:g} g", beam, 90.0, 9.81e-3 * g) for g in (0.5, 1.0, 2.0)]
     shaped = [Setting("thick, level, 5 g", thick, 90.0, 9.81e-3 * 5.0), Setting("thick", thick)]
-    print("| what may be chosen | equal steps, ± % | foretold | came out | share | worst forecast | no less | chosen |")
+    print("| what may be chosen | equal steps, ± % | predicted | measured | share | largest error | bound | chosen |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     noisy, bench = Bench((), 0.05), Bench(stated(), 0.005)
     common = {"states": options.states, "runs": options.experiments, "seed": options.seed}

@@ -47,7 +47,7 @@ def main() -> None:
         bending, tensile, page = (str(folder / file) for file in ("fits.json", "tensile.json", "report.html"))
         spent("fit", datasets[0], *laws, "-o", bending)
         spent("tensile", str(options.curve or curve(folder / "curve.csv")), *laws, "-o", tensile)
-        print("| datasets | fits | processor, s | MB | by the clock, shared out by itself, s |")
+        print("| datasets | fits | processor, s | MB | wall-clock, default workers, s |")
         print("| --- | --- | --- | --- | --- |")
         for paths, fits in ((datasets[:1], [bending]), (datasets, [bending]), (datasets, [bending, tensile])):
             shown = [word for path in fits for word in ("--fit", path)]
