@@ -7,6 +7,7 @@ peer, felupe_beam   the same curve in FElupe
 solid               the solid model: orders of convergence, difference from the planar model, cost
 solid_mesh          the error of the modulus due to the mesh of the solid
 hidden_solids       fits of hidden solids under every section, and the predicted bias
+imperfect_rigs      what one thing wrong on a bench does to the modulus
 mesh_convergence    error of the tip against the mesh
 edges               error of the edges on rendered frames
 real_pictures       edges of other people's photographs against traced ones

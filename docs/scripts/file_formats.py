@@ -23,13 +23,13 @@ from pydantic_core import PydanticUndefined
 
 from eimi_fitting.inference.evidence.sources import SOURCES, File
 from eimi_lab.config.calibration import Calibration
+from eimi_lab.config.csv_tables import Column
 from eimi_lab.config.materials import TrueMaterials
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import Document
 from eimi_lab.config.uncertainty import FOCAL_LENGTH, keys_of
-from eimi_lab.dataset.csv_tables import Column
 from eimi_lab.dataset.state_loads import FRAME_COLUMNS, LOAD_COLUMNS, STATE_COLUMNS
 from eimi_lab.dataset.tracked.points_csv import COLUMNS as POINT_COLUMNS
 from eimi_lab.dataset.tracked.points_csv import OPTIONAL_COLUMNS
@@ -77,6 +77,7 @@ EXAMPLES: dict[type[Document], tuple[str, ...]] = {
 FURTHER_EXAMPLES = {
     "current.values_A": "[0.0, 0.2, 0.5]",
     "current.up_and_down": "true",
+    "specimen.rest_shape": '"straight"',
     "telecentric": "true",
     "background_field_mT": "[0.0, 0.04]",
     "field.radius_mm": "100.0",
@@ -96,6 +97,8 @@ FURTHER_EXAMPLES = {
     "calibrated_on": "2026-11-20",
     "supply.off_below_A": "0.02",
     "uncertainty.magnet_tip_offset_mm": "0.05",
+    "uncertainty.rest_shape_mm": "0.2",
+    "uncertainty.taper_mm": "0.02",
     f"uncertainty.{FOCAL_LENGTH}": "12.0",
 }
 

@@ -49,7 +49,7 @@ def fit(
     Datasets without edges are segmented first.
     """
     from eimi_lab.face.identifying import identify_laws
-    from eimi_lab.fits.fit_summary import comparison_table, remarks, section_remarks
+    from eimi_lab.fits.fit_summary import comparison_table, evidence_remarks, remarks
     from eimi_lab.fits.records import FitRecord
 
     content, evidence = identify_laws(
@@ -71,7 +71,7 @@ def fit(
     for record in fits:
         lines += [record.summary(), *(f"  {line}" for line in remarks(record))]
     return Result(
-        [*lines, *comparison_table(content.comparison), *section_remarks(evidence)], content.model_dump(mode="json")
+        [*lines, *comparison_table(content.comparison), *evidence_remarks(evidence)], content.model_dump(mode="json")
     )
 
 
@@ -99,7 +99,7 @@ def validate(
     matrix of fits and specimens follows.
     """
     from eimi_lab.face.using import validate as validate_fits
-    from eimi_lab.fits.fit_summary import section_remarks
+    from eimi_lab.fits.fit_summary import evidence_remarks
     from eimi_lab.fits.fitting import check_section
     from eimi_lab.fits.validation_tables import by_dataset, matrix
     from eimi_lab.fits.validation_tables import by_state as state_tables
@@ -111,7 +111,7 @@ def validate(
     tables = by_dataset(validations) + (state_tables(validations) if by_state else [])
     if len(datasets) > 1:
         tables += matrix(validations)
-    return Result([*tables, *section_remarks(judged.evidence)], judged.content)
+    return Result([*tables, *evidence_remarks(judged.evidence)], judged.content)
 
 
 def tensile(

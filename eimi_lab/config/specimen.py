@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, Field, PlainSerializer, WrapValidator, model_validator
 
 import eimi_fitting.beam.specimen as mechanics
+from eimi_fitting.beam.rest_shape import RestShape, centre_line
 from eimi_fitting.inference.evidence.sources import StatedSource
+from eimi_lab.config.csv_tables import read_table
+from eimi_lab.config.size_along import rows_of, size_along, written
 from eimi_lab.config.toml import Document, Table, locate, parse, read_text
 from eimi_lab.config.uncertainty import OfSpecimen, check_sizes, stated_sources
 
+Array = NDArray[np.float64]
+
+MEASURED: Literal["measured"] = "measured"
+"""The shape at rest is measured in the states without load."""
+SAME = 1e-3  # relative difference within which two lengths are the same
+_NAMED_CSV = re.compile(r"""^\s*rest_shape\s*=\s*(?P<value>["'](?P<name>[^"']+\.csv)["'])""", re.MULTILINE)
 STRONGEST_kA_PER_M = 1600.0  # a remanence of 2 T, more than that of any magnetic powder
 
 
@@ -31,6 +43,9 @@ def _in_millimetres(size_mm: float) -> float:
 Size = Annotated[float, Field(gt=0), AfterValidator(_in_millimetres)]
 
 
+CentreLine = Annotated[tuple[Annotated[tuple[float, float], Field(strict=False)], ...], Field(strict=False)]
+
+
 class Beam(Table):
     """The beam as cast."""
 
@@ -40,16 +55,21 @@ class Beam(Table):
     """Material of the beam; the protocol's material must be the same."""
     length_mm: Size
     """Length from the clamp to the tip, including a magnet."""
-    width_mm: Size
-    """Width across the beam, as the camera sees it; the bending stiffness grows with its cube."""
-    depth_mm: Size
-    """Depth along the camera's line of sight."""
+    width_mm: Annotated[Size, WrapValidator(size_along), PlainSerializer(written)]
+    """Width across the beam, as the camera sees it; the bending stiffness grows with its cube. Where it varies: a table
+    of rows [arc length, width] from the clamp to the tip. Two rows at one arc length are a step."""
+    depth_mm: Annotated[Size, WrapValidator(size_along), PlainSerializer(written)]
+    """Depth along the camera's line of sight; a number, or a table as for ``width_mm``."""
     density_kg_m3: float = Field(gt=0)
     """Density of the silicone."""
     section: mechanics.Section = "solid"
     """Model of the depth: the solid beam, or one of two planar approximations."""
     magnetisation_kA_per_m: Annotated[tuple[float, float], Field(strict=False)] = (0.0, 0.0)
     """Magnetisation of silicone cast with magnetic powder, along and across the beam at rest."""
+    rest_shape: Literal["measured", "straight"] | CentreLine = MEASURED
+    """Shape without load: "measured" in the states without field and tip force, where gravity acts along the beam and
+    edges were found; "straight", with the stated widths; or the centre line, as the name of a CSV file beside this one
+    (columns x_mm, y_mm, from the clamp to the tip) or as its points [x, y]."""
     measured_with: str | None = Field(default=None, min_length=1)
     """Instrument that measured the lengths; specimens that name the same one share its error."""
 
@@ -115,7 +135,7 @@ class SpecimenFile(Document):
                     f"magnet.length_mm = {self.magnet.length_mm:g} less than specimen.length_mm = {beam.length_mm:g}"
                 )
             for side in ("width_mm", "depth_mm"):
-                inner, outer = getattr(self.magnet, side), getattr(beam, side)
+                inner, outer = getattr(self.magnet, side), self._least_at_magnet(self.magnet, side)
                 if inner > outer:
                     raise ValueError(f"magnet.{side} = {inner:g} must not exceed specimen.{side} = {outer:g}")
         if self.tip_load:
@@ -130,12 +150,35 @@ class SpecimenFile(Document):
                     f"within half of specimen.width_mm = {beam.width_mm:g}"
                 )
         check_sizes(self.uncertainty or {}, self._values())
+        for key, rows in (("width_mm", rows_of(beam.width_mm)), ("depth_mm", rows_of(beam.depth_mm))):
+            if rows and abs(rows[-1][0] / beam.length_mm - 1) > SAME:
+                raise ValueError(
+                    f"specimen.{key}: the table ends at {rows[-1][0]:g}, and should end at "
+                    f"specimen.length_mm = {beam.length_mm:g}"
+                )
+        try:
+            self.mechanics()
+        except ValueError as error:
+            raise ValueError(f"specimen.rest_shape: {error}") from error
         if self.magnet is None and "magnetisation_angle_deg" in (self.uncertainty or {}):
             raise ValueError(
                 "[uncertainty] magnetisation_angle_deg: there is no magnet.magnetisation_angle_deg to which it could "
                 "belong"
             )
         return self
+
+    def _least_at_magnet(self, magnet: Magnet, side: str) -> float:
+        """Return the smallest width or depth of the beam along its magnet."""
+        size: float = getattr(self.specimen, side)
+        rows = rows_of(size)
+        if not rows:
+            return size
+        along, sizes = np.array(rows).T
+        far = self.specimen.length_mm - magnet.tip_offset_mm
+        near = far - magnet.length_mm
+        inside = np.array([1e-6, -1e-6])  # a step at a face of the magnet counts with its side at the magnet
+        at_faces = np.interp(np.array([near, far]) + inside, along, sizes)
+        return float(min([*at_faces, *sizes[(along > near) & (along < far)]]))
 
     def _values(self) -> dict[str, tuple[str, float | None]]:
         """Return, for each key of [uncertainty] that is checked against a value, the value's key and the value."""
@@ -178,10 +221,30 @@ class SpecimenFile(Document):
             magnet=mechanics.Magnet(**self.magnet.model_dump()) if self.magnet else None,
             tip_load_mm=(self.tip_load.x_mm, self.tip_load.y_mm) if self.tip_load else None,
             magnetisation_A_per_m=(1e3 * along, 1e3 * across),
+            rest_shape=self._rest_shape(),
         )
+
+    def _rest_shape(self) -> RestShape | None:
+        """Return the stated shape without load; None for a straight beam of one width and depth."""
+        beam = self.specimen
+        turns = () if isinstance(beam.rest_shape, str) else centre_line(np.array(beam.rest_shape), beam.length_mm)
+        widths, depths = (
+            tuple((along / beam.length_mm, size - mean) for along, size in rows_of(mean))
+            for mean in (beam.width_mm, beam.depth_mm)
+        )
+        return RestShape(turns, widths, depths) if turns or widths or depths else None
 
 
 def load_specimen(name: str | Path) -> SpecimenFile:
-    """Read a specimen from a path, or a shipped one by its name ("type1"); raise InputError if it is not valid."""
+    """Read a specimen from a path, or a shipped one by its name ("type1"); raise InputError if it is not valid.
+
+    The points of a centre line in a CSV file replace the name of that file in the text, so that the text is complete.
+    """
     file = locate(name, "specimens")
-    return parse(SpecimenFile, read_text(file), file)
+    text = read_text(file)
+    stated = _NAMED_CSV.search(text)
+    if stated:
+        rows = read_table(file.parent / stated["name"], ("x_mm", "y_mm"))
+        points = ", ".join(f"[{row.number('x_mm')!r}, {row.number('y_mm')!r}]" for row in rows)
+        text = f"{text[: stated.start('value')]}[{points}]{text[stated.end('value') :]}"
+    return parse(SpecimenFile, text, file)

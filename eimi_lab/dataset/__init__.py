@@ -20,7 +20,6 @@ upright           rotation from the beam frame to the orientation in which the b
 importing         datasets from the images or the video of a laboratory
 listing           the pictures that a table of states lists
 state_loads       the loads of each state in a table of states
-csv_tables        CSV tables written by a person, with exact error messages
 videos            frames and times of a video file
 tracked           import of tracked points in the formats of tracking programs
 recovery          repair of crashed or damaged files

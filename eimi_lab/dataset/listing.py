@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_drivers.cameras.image_series import natural_key
-from eimi_lab.dataset.csv_tables import Row, read_table
+from eimi_lab.config.csv_tables import Row, read_table
 from eimi_lab.dataset.state_loads import FRAME_COLUMNS, LOAD_COLUMNS
 from eimi_lab.dataset.videos import ENDINGS as VIDEOS
 from eimi_lab.dataset.videos import frame_times, read_video

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from eimi_lab.config.calibration import Calibration
-from eimi_lab.dataset.csv_tables import Column, Row
+from eimi_lab.config.csv_tables import Column, Row
 from eimi_lab.dataset.points import Load
 from eimi_lab.process.errors import InputError
 

@@ -72,6 +72,17 @@ def section_remark(evidence: Evidence) -> str | None:
     )
 
 
+def rest_shape_remark(evidence: Evidence) -> str | None:
+    """Return a sentence on the measured shape at rest; None if the beam has the stated one."""
+    shape = evidence.rest_shape
+    if shape is None:
+        return None
+    return (
+        f"{evidence.path}: the states without load show that the beam is not as stated: {shape.in_words} at rest; the "
+        'fit begins at this shape (rest_shape = "straight" in the specimen\'s file prevents it)'
+    )
+
+
 def assumptions_of(fit: FitRecord | TensileRecord, evidence: Evidence, candidates: int) -> Assumptions:
     """Return what a fit assumes for a dataset, the same for all candidates."""
     if not isinstance(fit, FitRecord):

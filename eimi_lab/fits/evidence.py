@@ -20,7 +20,9 @@ from eimi_fitting.beam.view import View
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, Observation, PointObservation
 from eimi_fitting.inference.evidence.sources import StatedSource
+from eimi_fitting.inference.searching.measured_rest_shape import MeasuredRestShape, measured_rest_shape
 from eimi_lab.config.rig_uncertainty import stated_by_rig
+from eimi_lab.config.specimen import MEASURED
 from eimi_lab.config.uncertainty import missing_keys
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.state import State
@@ -61,6 +63,8 @@ class Evidence:
         Keys without a stated uncertainty; `dimensions` or `calibration` if none of their keys has one.
     doubts : tuple of str
         Contradictions between the measured edges and the calibration.
+    rest_shape : MeasuredRestShape or None
+        The shape at rest, if it was measured and differs from the stated one.
     """
 
     path: Path
@@ -70,6 +74,7 @@ class Evidence:
     used: StatesUsed
     taken_as_exact: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    rest_shape: MeasuredRestShape | None = None
 
     def plot(self) -> Any:
         """Return a matplotlib figure of the measured edges or points of the used states, in the beam frame."""
@@ -154,15 +159,22 @@ def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bo
             raise InputError(f"{path}: {error}") from error
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
+    experiment = Experiment(model, _loads(dataset, states), observed, stated=_stated(dataset))
+    rest_shape = _measured_rest_shape(dataset, experiment)
     return Evidence(
         path,
         digest,
-        Experiment(model, _loads(dataset, states), observed, stated=_stated(dataset)),
+        rest_shape.applied(experiment) if rest_shape else experiment,
         states,
         _states_used(dataset, used),
         _taken_as_exact(dataset),
         _lens_doubts(dataset, observed),
+        rest_shape,
     )
+
+
+def _measured_rest_shape(dataset: Dataset, experiment: Experiment) -> MeasuredRestShape | None:
+    return measured_rest_shape(experiment) if dataset.specimen.specimen.rest_shape == MEASURED else None
 
 
 def experiment_so_far(dataset: Dataset, edges: Sequence[EdgeSet]) -> Experiment | None:
@@ -189,12 +201,14 @@ def experiment_so_far(dataset: Dataset, edges: Sequence[EdgeSet]) -> Experiment 
         return None
     states = [dataset.states[index] for index in used]
     specimen = dataset.specimen.mechanics()
-    return Experiment(
+    experiment = Experiment(
         BeamModel(specimen, plane=specimen.planar_section),
         _loads(dataset, states),
         _edge_observation(dataset, edges, used),
         stated=_stated(dataset),
     )
+    rest_shape = _measured_rest_shape(dataset, experiment)
+    return rest_shape.applied(experiment) if rest_shape else experiment
 
 
 def _loads(dataset: Dataset, states: Sequence[State]) -> Loads:

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from eimi_fitting.inference.evidence.tensile_curves import TensileCurve
 from eimi_fitting.units import PA_PER_MPA
+from eimi_lab.config.csv_tables import Column, Row, read_table
 from eimi_lab.config.toml import read_text
-from eimi_lab.dataset.csv_tables import Column, Row, read_table
 from eimi_lab.process.errors import InputError
 
 Array = NDArray[np.float64]

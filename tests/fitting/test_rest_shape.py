@@ -126,8 +126,3 @@ def test_a_step_is_a_ramp_that_ends_on_lines_of_the_mesh():
 def test_a_width_that_falls_to_nothing_is_refused():
     with pytest.raises(ValueError, match="width_mm of the rest shape falls to"):
         BeamModel(replace(STRIP, rest_shape=RestShape(widths=((0.0, 0.0), (1.0, -2.5)))))
-
-
-def test_a_magnet_that_is_wider_than_the_tapered_tip_is_refused():
-    with pytest.raises(ValueError, match="exceeds that of the specimen around it"):
-        BeamModel(replace(MAGNETIC, rest_shape=RestShape(widths=((0.0, 0.0), (1.0, -1.5)))))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eimi_lab.dataset.csv_tables import read_table
+from eimi_lab.config.csv_tables import read_table
 from eimi_lab.process.errors import InputError
 
 cells = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=8)

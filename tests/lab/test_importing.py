@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
-from eimi_lab.dataset.csv_tables import read_table
+from eimi_lab.config.csv_tables import read_table
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.process.errors import InputError
 from tests.patience import PATIENCE_S

@@ -13,9 +13,9 @@ import pytest
 
 from eimi_drivers.interfaces import Frame
 from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.csv_tables import Row
 from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.specimen import load_specimen
-from eimi_lab.dataset.csv_tables import Row
 from eimi_lab.dataset.dark_and_flat import check_like, forget_correction, store_correction
 from eimi_lab.dataset.layout import FORMAT, FORMAT_ATTRIBUTE, Header
 from eimi_lab.dataset.points import Load, TrackedPoints, write_points

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from eimi_lab.config.csv_tables import Column, Row, read_table
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.dataset.csv_tables import Column, Row, read_table
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.points import NAME_BYTES, TrackedPoints, write_points
 from eimi_lab.dataset.state_loads import LOAD_COLUMNS, STATE_COLUMNS, check_directions, numbered_loads

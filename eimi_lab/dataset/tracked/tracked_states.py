@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_lab.config.csv_tables import Row, read_table
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.dataset.csv_tables import Row, read_table
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.points import NAME_BYTES, TrackedPoints, write_points
 from eimi_lab.dataset.state_loads import FRAME_COLUMNS, LOAD_COLUMNS, check_directions, load_of

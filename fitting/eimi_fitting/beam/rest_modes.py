@@ -26,7 +26,9 @@ BENDS, WIDTHS = 3, 2  # numbers of modes
 _STATIONS = 17  # rows of a table that holds modes; its spline reproduces their cubics exactly
 
 
-def with_modes(specimen: Specimen, bends_mm: Sequence[float] = (), widths_mm: Sequence[float] = ()) -> Specimen:
+def with_modes(
+    specimen: Specimen, bends_mm: Sequence[float] | Array = (), widths_mm: Sequence[float] | Array = ()
+) -> Specimen:
     """Return the specimen with smooth deviations added to its rest shape.
 
     Parameters
@@ -75,8 +77,13 @@ def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Cal
     return tuple(zip(at.tolist(), added.tolist(), strict=True))
 
 
-def _turn(i: int, x: Array) -> Array:
-    """Return the angle times l of the mode i of bending, for an offset of 1, at x = s / l."""
+def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
+    """Return the offset (n,) in mm of the centre line by modes of bending, at shares (n,) of the flexible length."""
+    return sum((a * _turn(i, along, 1) for i, a in enumerate(bends_mm)), start=np.zeros(len(along)))
+
+
+def _turn(i: int, x: Array, integrals: int = 0) -> Array:
+    """Return the angle times l of the mode i of bending, for an offset of 1, at x = s / l; or its integral."""
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)
-    return np.asarray(turn(x) / np.abs(offset(np.linspace(0, 1, 101))).max())
+    return np.asarray((offset if integrals else turn)(x) / np.abs(offset(np.linspace(0, 1, 101))).max())

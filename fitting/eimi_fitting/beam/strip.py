@@ -47,7 +47,7 @@ class Strip:
     Raises
     ------
     ValueError
-        The width or the depth is not above zero somewhere, or the magnet is wider or deeper than the specimen there.
+        The width or the depth is not above zero somewhere.
     """
 
     def __init__(self, specimen: Specimen) -> None:
@@ -71,11 +71,6 @@ class Strip:
                     raise ValueError(f"{name} of the rest shape falls to {smallest:g} mm; it has to be above 0")
                 if magnet:
                     sizes[name] = float(table(along).min())
-                    if getattr(magnet, name) > sizes[name] * (1 + 1e-9):
-                        raise ValueError(
-                            f"the magnet's {name} = {getattr(magnet, name):g} exceeds that of the specimen around it, "
-                            f"{sizes[name]:g} mm"
-                        )
             self.straight = replace(specimen, rest_shape=None, width_mm=sizes["width_mm"], depth_mm=sizes["depth_mm"])
         elif not self.is_straight:
             self.straight = replace(specimen, rest_shape=None)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from eimi_fitting.beam.coil_field import CoilShape
 from eimi_fitting.beam.kinds_of_load import UniformField
+from eimi_fitting.beam.rest_modes import with_modes
 from eimi_fitting.beam.specimen import Specimen
 
 if TYPE_CHECKING:
@@ -324,6 +325,19 @@ SOURCES: dict[str, Source] = {
     "width": _of_specimen("width", "width_mm", "mm", 10.0, 0.02, _beam("width_mm")),
     "depth": _of_specimen("depth", "depth_mm", "mm", 10.0, 0.03, _beam("depth_mm")),
     "length": _of_specimen("length", "length_mm", "mm", 10.0, 0.05, _beam("length_mm")),
+    "rest-shape": Source(
+        words="shape at rest",
+        parts=("even bend", "bend toward the tip", "bend in the middle"),
+        unit="mm",
+        largest=10.0,
+        usual=0.1,
+        stated_in="specimen",
+        key="rest_shape_mm",
+        specimen=with_modes,
+    ),
+    "taper": _of_specimen(
+        "change of width", "taper_mm", "mm", 10.0, 0.02, lambda specimen, change: with_modes(specimen, (), 0.5 * change)
+    ),
     "density": _of_specimen("density", "density_kg_m3", "kg/m3", 1000.0, 5.0, _beam("density_kg_m3")),
     "remanence": _of_specimen("remanence", "remanence_T", "T", 1.0, 0.02, _magnet("remanence_T")),
     "magnetisation-angle": replace(

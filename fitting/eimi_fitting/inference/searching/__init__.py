@@ -1,8 +1,9 @@
 """Find the parameters that minimise the objective: global search, then local refinement.
 
-modulus_range   the range of moduli that the data allow
-named_causes    mistakes in the loads that no material explains
-search          CMA-ES in the unit cube
-_cma            import the package cma without its plotting parts
-polish          Gauss-Newton from the best candidate
+modulus_range        the range of moduli that the data allow
+named_causes         mistakes in the loads that no material explains
+measured_rest_shape  the stress-free shape of the specimen, from its states without load
+search               CMA-ES in the unit cube
+_cma                 import the package cma without its plotting parts
+polish               Gauss-Newton from the best candidate
 """

@@ -1,0 +1,249 @@
+"""Measure the stress-free shape of a specimen from its states without field and tip force.
+
+The edges of such a state show the rest shape, bent by the beam's own weight. Let r(q, a) be their residuals, with the
+amplitudes q of a few smooth modes (`beam.rest_modes`) and the nuisances a, a turn and a shift of the picture, which are
+no part of the shape. Gauss-Newton steps minimise |r|² with the weight in the model, so that q is the stress-free shape
+(an inverse problem in a few smooth unknowns: noise of single edge points has no influence). The modulus that the weight
+needs is the one at which a planar Neo-Hookean model of this shape explains the bent states; shape and modulus alternate
+until both stay.
+
+A mode is accepted if it exceeds both three standard deviations and the size below which it changes no modulus by 0.1 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.equilibrium import Status
+from eimi_fitting.beam.rest_modes import BENDS, WIDTHS, bend_offset, with_modes
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.correlation import correlation_length
+from eimi_fitting.inference.evidence._coarse import coarsened, on_coarse_mesh
+from eimi_fitting.inference.evidence.experiment import DISCARDED_MM, Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
+from eimi_fitting.inference.evidence.objective import Problem
+from eimi_fitting.inference.evidence.sources import StatedSource
+from eimi_fitting.inference.evidence.unknowns import Setup, Unknowns
+from eimi_fitting.inference.searching.modulus_range import NothingActs, NothingConverged, narrowed, scanned
+from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.search_space import search_space
+
+Array = NDArray[np.float64]
+
+_LAW = LAWS["neo-hookean"]
+_MODES = BENDS + WIDTHS
+_STEPS_MM = np.array([0.02] * BENDS + [0.005] * WIDTHS)  # of the difference quotients
+_LEAST_MM = np.array([0.005] * BENDS + [0.003] * WIDTHS)  # worth about 0.05 and 0.2 % of the modulus
+_PRIOR_MM = np.array([5.0] * BENDS + [0.5] * WIDTHS)  # no cast beam deviates farther; only bounds what is not seen
+_TURN_DEG, _SHIFT_MM = 1.0, 0.2  # prior standard deviations of the picture's turn and shift
+_PICTURE_STEPS = 0.01 * np.eye(2)  # of the difference quotients, in degrees and mm
+_SURE = 3.0  # standard deviations
+_SYSTEMATIC_MM = 1e-3  # an error of the edges that does not average out
+_NO_LOAD = 0.02  # share of the largest field or tip force; a smaller one is in the model, as the weight is
+_ACROSS = 0.05  # share of gravity across the clamp up to which the weight is not taken for a bend, about 3 degrees
+_BENT_STATES, _ROUNDS, _STEPS = 4, 3, 2
+_STIFF_PA = 1e6
+_WORST_MM = 0.2  # a state that remains farther from every shape shows another fault
+_POINTS_A_STATE = 20.0  # independent points in a state; a guess that only the scan of moduli uses
+_TOLERANCE_MM = 1e-4
+
+
+@dataclass(frozen=True)
+class MeasuredRestShape:
+    """The rest shape of a specimen, measured from its own states.
+
+    Attributes
+    ----------
+    specimen : Specimen
+        The specimen with this shape.
+    bends_mm, widths_mm : tuple of float
+        Amplitudes of the modes; zero for one that is not significant.
+    bend_sigma_mm, width_sigma_mm : float
+        Largest standard uncertainty of an accepted amplitude of each kind; zero if none was accepted.
+    """
+
+    specimen: Specimen
+    bends_mm: tuple[float, ...]
+    widths_mm: tuple[float, ...]
+    bend_sigma_mm: float
+    width_sigma_mm: float
+
+    def applied(self, experiment: Experiment) -> Experiment:
+        """Return the experiment with this shape, and with its uncertainty instead of a stated one."""
+        sigmas = {"rest-shape": self.bend_sigma_mm, "taper": 2 * self.width_sigma_mm}
+        others = (stated for stated in experiment.stated if stated.source not in sigmas)
+        of = "states without load"
+        return replace(
+            experiment,
+            model=experiment.model.of(self.specimen),
+            solid=None if experiment.solid is None else experiment.solid.of(self.specimen),
+            stated=(*others, *(StatedSource(source, sigma, of) for source, sigma in sigmas.items() if sigma)),
+        )
+
+    @property
+    def in_words(self) -> str:
+        """The significant deviations from the stated shape in words."""
+        words = []
+        if any(self.bends_mm):
+            along = np.linspace(0, 1, 51)
+            offset_mm = bend_offset(self.bends_mm, along)
+            words.append(f"bent by up to {np.abs(offset_mm).max():.2g} mm")
+        if any(self.widths_mm):
+            words.append(f"its width varies by up to {2 * np.abs(self.widths_mm).max():.2g} mm")
+        return ", ".join(words)
+
+
+def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
+    """Measure the rest shape of an experiment's specimen.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Measured edges in several states. Its specimen is the stated one, perhaps with a stated rest shape, from which
+        the measured one deviates.
+
+    Returns
+    -------
+    MeasuredRestShape or None
+        None if there is no state without field and tip force or no bent one, if gravity bends the beam to the side,
+        if no mode is significant, or if no shape explains the edges.
+    """
+    unloaded = unloaded_states(experiment)
+    bent = np.setdiff1d(np.arange(len(experiment.loads)), unloaded)
+    if not isinstance(experiment.observed, EdgeObservation) or not len(unloaded) or not len(bent):
+        return None
+    gravity = experiment.loads.gravity[unloaded]
+    if np.abs(gravity[:, 1]).max() > _ACROSS * max(float(np.linalg.norm(gravity, axis=1).max()), 1e-9):
+        return None
+    plain = replace(experiment, solid=None, change=None, stated=())
+    (rest,) = on_coarse_mesh([plain.of_states(unloaded)])
+    few = bent[np.unique(np.linspace(0, len(bent) - 1, _BENT_STATES).round().astype(int))]
+    (chosen,) = coarsened([plain.of_states(few)])
+    every = np.arange(_MODES)
+    # A straight beam hangs straight, whatever its modulus, so that a stiff one shows whether there is a shape at all.
+    fitted = _amplitudes(rest, _STIFF_PA, np.zeros(_MODES), every)
+    if fitted is None or not len(_significant(*fitted)):
+        return None
+    try:
+        modulus_Pa = _scanned_modulus(_shaped(chosen, fitted[0]))
+    except (NothingActs, NothingConverged):
+        return None
+    for _ in range(_ROUNDS):
+        fitted = _amplitudes(rest, modulus_Pa, fitted[0], every)
+        if fitted is None:
+            return None
+        modulus_Pa = _nearby_modulus(_shaped(chosen, fitted[0]), modulus_Pa)
+    used = _significant(*fitted)
+    fitted = _amplitudes(rest, modulus_Pa, np.where(np.isin(every, used), fitted[0], 0.0), used) if len(used) else None
+    if fitted is None:
+        return None
+    amplitudes, sigma = fitted
+    bends, widths = (part[np.isin(part, used)] for part in np.split(np.arange(_MODES), [BENDS]))
+    return MeasuredRestShape(
+        _shaped(experiment, amplitudes).model.specimen,
+        tuple(amplitudes[:BENDS].tolist()),
+        tuple(amplitudes[BENDS:].tolist()),
+        float(sigma[bends].max(initial=0.0)),
+        float(sigma[widths].max(initial=0.0)),
+    )
+
+
+def _significant(amplitudes: Array, sigma: Array) -> NDArray[np.intp]:
+    """Return the modes that exceed their uncertainty and the smallest size that matters."""
+    return np.flatnonzero(np.abs(amplitudes) > np.maximum(_LEAST_MM, _SURE * sigma))
+
+
+def unloaded_states(experiment: Experiment) -> NDArray[np.intp]:
+    """Return the indices of the states without field and tip force."""
+    loads = experiment.loads
+    if np.any(np.asarray(loads.pressure_Pa)) or loads.others:
+        return np.zeros(0, np.intp)
+    sizes = (np.linalg.norm(vectors, axis=1) for vectors in (loads.field_T, loads.tip_force_N))
+    return np.flatnonzero(np.all([size <= _NO_LOAD * size.max() for size in sizes], axis=0))
+
+
+def _shaped(experiment: Experiment, amplitudes: Array) -> Experiment:
+    """Return the experiment with modes added to the rest shape of its specimen."""
+    specimen = with_modes(experiment.model.specimen, amplitudes[:BENDS].tolist(), amplitudes[BENDS:].tolist())
+    return replace(experiment, model=experiment.model.of(specimen))
+
+
+def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup]) -> list[Array] | None:
+    """Return the residuals (n,) of used points for several pictures of one simulation; None if it fails."""
+    shapes = experiment.model.solve(_LAW, np.array([[modulus_Pa]]), experiment.loads, tolerance_mm=_TOLERANCE_MM)
+    if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
+        return None
+    used = np.isfinite(experiment.observed.sigma_mm)
+    misfits = (experiment.observed.misfit(experiment.model, shapes, setup) for setup in setups)
+    return [misfit.residuals[0][used] for misfit in misfits]
+
+
+def _amplitudes(
+    rest: Experiment, modulus_Pa: float, start: Array, used: NDArray[np.intp]
+) -> tuple[Array, Array] | None:
+    """Return the amplitudes of the used modes by Gauss-Newton, and their standard uncertainties; None if this fails."""
+    amplitudes, picture = start.copy(), np.zeros(2)
+    priors = np.concatenate([_PRIOR_MM[used], [_TURN_DEG, _SHIFT_MM]])
+    tau, spread, inverse = 1.0, 0.0, np.zeros((len(priors), len(priors)))
+    for _ in range(_STEPS):
+        turned = [_picture(picture), *(_picture(picture + step) for step in _PICTURE_STEPS)]
+        here = _residuals(_shaped(rest, amplitudes), modulus_Pa, turned)
+        if here is None:
+            return None
+        columns = []
+        for mode in used:
+            ahead = amplitudes.copy()
+            ahead[mode] += _STEPS_MM[mode]
+            moved = _residuals(_shaped(rest, ahead), modulus_Pa, turned[:1])
+            if moved is None:
+                return None
+            columns.append((moved[0] - here[0]) / _STEPS_MM[mode])
+        columns += [(further - here[0]) / _PICTURE_STEPS[0, 0] for further in here[1:]]
+        slopes = np.stack(columns, axis=1)
+        # The noise is small beside the priors, so that its level hardly matters here.
+        inverse = np.linalg.inv(slopes.T @ slopes + np.diag((_SYSTEMATIC_MM / priors) ** 2))
+        step = -inverse @ (slopes.T @ here[0])
+        amplitudes[used] += step[:-2]
+        picture = picture + step[-2:]
+        remaining = here[0] + slopes @ step
+        spread = float(np.sqrt(np.mean(remaining**2)))
+        tau = correlation_length(remaining[None], np.ones((1, len(remaining))))
+    if spread > _WORST_MM:
+        return None
+    sigma = np.zeros(_MODES)
+    sigma[used] = np.hypot(spread * np.sqrt(tau * np.diag(inverse)[:-2]), _SYSTEMATIC_MM)
+    return amplitudes, sigma
+
+
+def _picture(turn_deg_shift_mm: Array) -> Setup:
+    turn_deg, shift_mm = turn_deg_shift_mm
+    return Setup.of([("roll", 0, float(turn_deg)), ("clamp", 1, float(shift_mm))], 1)
+
+
+def _scanned_modulus(bent: Experiment) -> float:
+    """Return the modulus at which the planar model explains the bent states best, of all moduli."""
+    problem = Problem(_LAW, Unknowns(search_space(_LAW)), (bent,))
+    points = _POINTS_A_STATE * len(bent.loads)
+    return _nearby_modulus(bent, narrowed(problem, scanned(problem, points), points).best_Pa)
+
+
+def _nearby_modulus(bent: Experiment, near_Pa: float) -> float:
+    """Return the best modulus near another one, which is returned if a candidate has no equilibrium."""
+    trial = near_Pa * np.exp(np.linspace(-0.2, 0.2, 5))
+    errors = _errors_mm(bent, trial)
+    if errors.max() >= DISCARDED_MM:
+        return near_Pa
+    # The mean square is close to a parabola in the logarithm of the modulus.
+    _, slope, bend = np.polynomial.polynomial.polyfit(np.log(trial / near_Pa), errors**2, 2)
+    return float(near_Pa * np.exp(np.clip(-0.5 * slope / bend, -0.3, 0.3))) if bend > 0 else near_Pa
+
+
+def _errors_mm(bent: Experiment, moduli_Pa: Array) -> Array:
+    """Return the root mean square error (S,) over all states for some moduli."""
+    shapes = bent.model.solve(_LAW, moduli_Pa[:, None], bent.loads, tolerance_mm=1e-3)
+    error = np.sqrt(np.mean(bent.observed.misfit(bent.model, shapes).error_mm ** 2, axis=1))
+    return np.where(shapes.converged, error, DISCARDED_MM)

@@ -1,0 +1,106 @@
+"""The shape at rest: stated in specimen.toml, or measured in the states without load."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eimi_fitting import LAWS, BeamModel, EdgeObservation, Experiment, Loads
+from eimi_fitting.beam.outline import edge_curves, points_on
+from eimi_fitting.beam.rest_modes import bend_offset, with_modes
+from eimi_fitting.beam.strip import Strip
+from eimi_fitting.inference.searching.measured_rest_shape import measured_rest_shape
+from eimi_lab.config.specimen import SpecimenFile, load_specimen
+from eimi_lab.config.toml import parse, to_toml
+from eimi_lab.process.errors import InputError
+
+TYPE1 = load_specimen("type1")
+BEAM = replace(TYPE1.mechanics(), section="plane-stress")
+SIGMA_MM = 0.002
+FIELD_MT = np.array([0.0, 1.5, 3.0, 4.5])
+
+
+def stated(**keys: str) -> SpecimenFile:
+    """Return type1 with other values of some keys of [specimen]."""
+    text = "\n".join(line for line in TYPE1.text.splitlines() if line.partition(" ")[0] not in keys)
+    for key, value in keys.items():
+        text = text.replace("[specimen]", f"[specimen]\n{key} = {value}", 1)
+    if "width_mm" in keys:  # the same key of the magnet was removed, too
+        text = text.replace("[magnet]", "[magnet]\nwidth_mm = 2.0", 1)
+    return parse(SpecimenFile, text, "specimen.toml")
+
+
+def seen(specimen, loads: Loads, seed: int = 1) -> Experiment:
+    """Return noisy edges of a hidden beam, with the model of type1 as stated."""
+    model = BeamModel(specimen, 26, 3)
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads)
+    edges = points_on(edge_curves(model, shapes)[0], 4)[:, :, 6:-2]
+    noisy = edges + SIGMA_MM * np.random.default_rng(seed).normal(size=edges.shape)
+    sigma = np.full(edges.shape[2], SIGMA_MM)
+    observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in noisy])
+    return Experiment(BeamModel(BEAM), loads, observed)
+
+
+def test_a_straight_beam_is_left_as_it_is_stated():
+    assert measured_rest_shape(seen(BEAM, Loads.along(FIELD_MT))) is None
+
+
+def test_a_cast_bend_and_a_taper_are_measured_although_the_weight_straightens_the_beam():
+    hidden = with_modes(BEAM, (0.8, -0.1), (0.04,))
+    experiment = seen(hidden, Loads.along(FIELD_MT))
+    shape = measured_rest_shape(experiment)
+    along = np.linspace(0, 1, 21)
+    error_mm = bend_offset(shape.bends_mm, along) - bend_offset((0.8, -0.1), along)
+    assert np.abs(error_mm).max() < 0.02
+    shown_mm = experiment.observed.points_mm[0, :, -1, 1].mean()
+    assert (
+        shown_mm < 0.75
+    )  # without its weight it is about 1 mm: the tip hangs nearer to the line of the clamp than it was cast
+    assert shape.widths_mm[0] == pytest.approx(0.04, abs=0.003)
+    stated_sources = {source.source: source for source in shape.applied(experiment).stated}
+    assert 0 < stated_sources["rest-shape"].standard_uncertainty < 0.02
+
+
+def test_no_shape_is_measured_without_a_state_at_rest_or_if_the_weight_bends_the_beam():
+    hidden = with_modes(BEAM, (0.8,))
+    assert measured_rest_shape(seen(hidden, Loads.along(FIELD_MT[1:]))) is None
+    assert measured_rest_shape(seen(hidden, Loads.along(FIELD_MT, gravity_angle_deg=20.0))) is None
+
+
+def test_a_table_of_widths_reaches_the_model_and_is_written_again():
+    specimen = stated(width_mm="[[0.0, 3.4], [20.0, 2.6], [30.0, 2.6]]")
+    assert specimen.specimen.width_mm == pytest.approx(2.8 + 1 / 15)
+    strip = Strip(specimen.mechanics())
+    assert strip.width_mm(np.array([0.0, 10.0, 25.0])) == pytest.approx([3.4, 3.0, 2.6])
+    again = parse(SpecimenFile, to_toml(specimen), "again.toml")
+    assert again.mechanics() == specimen.mechanics()
+
+
+def test_a_centre_line_in_a_csv_file_becomes_part_of_the_text(tmp_path: Path):
+    (tmp_path / "line.csv").write_text("x_mm,y_mm\n0,0\n10,0.2\n20,0.8\n29.9,1.8\n")
+    text = TYPE1.text.replace("[specimen]", '[specimen]\nrest_shape = "line.csv"', 1)
+    (tmp_path / "bent.toml").write_text(text)
+    specimen = load_specimen(tmp_path / "bent.toml")
+    assert "line.csv" not in specimen.text
+    again = parse(SpecimenFile, specimen.text, "stored.toml")
+    assert again.mechanics() == specimen.mechanics()
+    offset_mm = Strip(specimen.mechanics()).at_rest(np.array([[20.0, 0.0]]))[0, 1]
+    assert offset_mm == pytest.approx(0.8, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"rest_shape": '"bent"'}, "rest_shape"),
+        ({"rest_shape": "[[0, 0], [10, 0], [20, 0], [25, 0]]"}, "25 mm long, and length_mm = 30"),
+        ({"width_mm": "[[0.0, 3.0]]"}, "at least two rows"),
+        ({"width_mm": "[[1.0, 3.0], [30.0, 2.5]]"}, "first is at arc length 0"),
+        ({"width_mm": "[[0.0, 3.0], [20.0, 2.5], [10.0, 2.5]]"}, "should rise, but 10 follows 20"),
+        ({"width_mm": "[[0.0, 3.0], [25.0, 2.5]]"}, "ends at 25, and should end at specimen.length_mm = 30"),
+        ({"width_mm": "[[0.0, 3.0], [30.0, 1.0]]"}, "magnet.width_mm = 2 must not exceed specimen.width_mm"),
+    ],
+)
+def test_a_shape_that_cannot_be_is_refused_in_one_line(keys, words):
+    with pytest.raises(InputError, match=words):
+        stated(**keys)
