@@ -4,9 +4,8 @@
 
 It prints its address, then a line for every change of output, set-point or true current: the time in seconds of the
 monotonic clock, which all processes of a machine share; 1 or 0 for the output; the set-point and the true current in
-amperes. A word on its standard input causes a fault of the line: `silence`, `late` (every answer is delayed by 0.4 s)
-or `cut` (the line closes once, at the next message). Three words cause a fault of the coil: `shorted` (0.8 A for every
-set-point), `drift` (to 2.4 A) and `fallen` (no current although the output is on). `none` ends the fault.
+amperes. The name of a fault on its standard input, such as `shorted`, begins this fault, see ``eimi emulate --faults``.
+Answers of a slow supply are delayed by 0.4 s. `none` ends the faults.
 """
 
 from __future__ import annotations
@@ -21,11 +20,11 @@ from eimi_drivers.clock import WallClock
 from eimi_drivers.emulators.faults import Fault, FaultyInstrument
 from eimi_drivers.emulators.hislip import serve_hislip
 from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
+from eimi_drivers.emulators.spoiling import begin_fault, end_faults
 from eimi_drivers.emulators.supply import CoilSupply
 
 WATCH_EVERY_S = 0.002
 LATE_S = 0.4
-SHORTED_A, DRIFTS_TO_A = 0.8, 2.4
 LEAST_CHANGE_A = 0.02
 
 
@@ -45,23 +44,10 @@ def main() -> None:
     with SERVE[chosen.transport](line) as address:
         print(address, flush=True)
         for word in sys.stdin:
-            match word.strip():
-                case "silence":
-                    line.inject(Fault.SILENCE)
-                case "late":
-                    line.inject(Fault.SLOW)
-                case "cut":
-                    line.inject(Fault.DROP)
-                case "shorted":
-                    coil.shorted_A = SHORTED_A
-                case "drift":
-                    coil.drift(DRIFTS_TO_A)
-                case "fallen":
-                    coil.fallen = True
-                case _:
-                    line.inject(None)
-                    coil.shorted_A, coil.fallen = 0.0, False
-                    coil.drift(0.0, 0.0)
+            if word.strip() == "none":
+                end_faults(coil, line)
+            else:
+                begin_fault(Fault[word.strip().upper()], chosen.driver, coil, line)
 
 
 def _watch(coil: CoilSupply, watchdog: Callable[[], None] | None) -> None:

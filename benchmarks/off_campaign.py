@@ -58,13 +58,13 @@ def _silent_for(trial: Trial, seconds: float, then: Callable[[], object]) -> flo
 
 
 def _cut(trial: Trial, number: signal.Signals) -> float:
-    trial.supply.tell("cut")
+    trial.supply.tell("drop")
     time.sleep(0.05)
     return trial.send(number)
 
 
 def _slow(trial: Trial) -> float:
-    trial.supply.tell("late")
+    trial.supply.tell("slow")
     time.sleep(0.5)
     return trial.send(signal.SIGTERM)
 
