@@ -78,6 +78,7 @@ FURTHER_EXAMPLES = {
     "current.values_A": "[0.0, 0.2, 0.5]",
     "current.up_and_down": "true",
     "specimen.rest_shape": '"straight"',
+    "current.both_polarities": "true",
     "telecentric": "true",
     "background_field_mT": "[0.0, 0.04]",
     "field.radius_mm": "100.0",

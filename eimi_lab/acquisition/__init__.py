@@ -8,6 +8,7 @@ capture           the frames of one state and their flags
 transients        frames that are kept while the beam settles or rings
 conditioning      load cycles before the run, and the change of the beam that they cause
 pausing           wait for a person
+polarity          swap the leads of a coil whose supply cannot reverse its current
 resuming          continue a run that ended early
 supply_lock       one run at a time for each supply
 open_bench        open the instruments that a rig names

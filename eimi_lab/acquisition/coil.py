@@ -64,6 +64,8 @@ class Coil:
         Present set-point, A.
     changed_s : float
         Time at which the set-point last changed, s on the clock.
+    leads_swapped : bool
+        Whether the leads are swapped at the supply: all currents of the coil are then minus those of the supply.
     out_of_control : bool
         Whether `watch` measured a current that differs from its set-point, or an interlock opened.
 
@@ -88,7 +90,7 @@ class Coil:
         self._rule = rule
         self.asked_A = asked_A
         self.changed_s = self._watched_s = clock.now()
-        self.out_of_control = False
+        self.leads_swapped = self.out_of_control = False
         self._recent: deque[tuple[float, float]] = deque([(self.changed_s, asked_A)])
         self._stepping = threading.Lock()
 
@@ -134,7 +136,7 @@ class Coil:
             reading = self.supply.measure()
             if not self._is_right(reading.current_A):
                 self.out_of_control = True
-                raise self._off_target(reading.current_A)
+                raise self._off_target(self._swapped(reading.current_A))
         with self._without_ramp():
             self._interlocks.check(readings_of(reading), self._clock.now())
 
@@ -147,7 +149,12 @@ class Coil:
             self.out_of_control = True
             raise
 
-    def _is_right(self, current_A: float) -> bool:
+    def _swapped(self, current_A: float) -> float:
+        """Return the current of the coil for one of the supply, or the reverse."""
+        return -current_A if self.leads_swapped and current_A else current_A
+
+    def _is_right(self, of_supply_A: float) -> bool:
+        current_A = self._swapped(of_supply_A)
         since_s = self._clock.now() - FOLLOWS_WITHIN_S
         while len(self._recent) > 1 and self._recent[1][0] <= since_s:
             self._recent.popleft()
@@ -159,7 +166,7 @@ class Coil:
     def _set(self, current_A: float) -> None:
         self.asked_A = current_A
         self._recent.append((self._clock.now(), current_A))
-        self.supply.set_current(current_A)
+        self.supply.set_current(self._swapped(current_A))
         self.changed_s = self._clock.now()
 
     def ramp_to(self, current_A: float, stop_if_asked: Callable[[], None] = never) -> None:
@@ -211,7 +218,7 @@ class Coil:
         Raises InstrumentError if that takes longer than `REACHED_WITHIN_S`.
         """
         began = self._clock.now()
-        while abs((measured := self.supply.measure().current_A) - self.asked_A) > self._rule.tolerance_A:
+        while abs((measured := self._swapped(self.supply.measure().current_A)) - self.asked_A) > self._rule.tolerance_A:
             stop_if_asked()
             self.supply.check()
             if self._clock.now() - began > REACHED_WITHIN_S:
@@ -220,7 +227,7 @@ class Coil:
 
     def measured_A(self) -> float:
         """Return the measured current, A. Raises InstrumentError if it differs from the set-point."""
-        measured = self.supply.measure().current_A
+        measured = self._swapped(self.supply.measure().current_A)
         if abs(measured - self.asked_A) > self._rule.tolerance_A:
             raise self._off_target(measured)
         return measured

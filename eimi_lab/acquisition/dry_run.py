@@ -19,6 +19,7 @@ from eimi_lab.acquisition.event_words import in_words, protection_in_words
 from eimi_lab.acquisition.events import Event, StateStored
 from eimi_lab.acquisition.heating import hottest
 from eimi_lab.acquisition.open_bench import Bench
+from eimi_lab.acquisition.polarity import swaps_leads
 from eimi_lab.acquisition.run import acquire
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import Rig
@@ -90,7 +91,8 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
     limits = rig.supply.limits.stricter(protocol.limits)
     driver, address = rig.supply.driver, rig.supply.address
     shows_messages = driver in DIALECTS or rig.simulated
-    stand_in = BIPOLAR_STAND_IN if min(protocol.currents_A) < 0 else STAND_IN
+    is_reversed = min(protocol.currents_A) < 0 and not swaps_leads(protocol, rig)
+    stand_in = BIPOLAR_STAND_IN if is_reversed else STAND_IN
     language, place = (driver, address) if driver in DIALECTS else (stand_in, "dry run")
     coil = CoilSupply(
         clock,
@@ -139,8 +141,12 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
         if isinstance(event, StateStored):
             say(f"{clock.now():9.2f} s  state {event.state} stored: {in_words(event)}")
 
+    def say_swapped() -> None:
+        who = "the virtual rig swaps" if rig.simulated else "the coil is off while a person swaps"
+        say(f"{clock.now():9.2f} s  {who} the leads of the coil")
+
     with TemporaryDirectory() as folder:
-        bench = Bench(supply, _BeamAtRest(clock), clock)
+        bench = Bench(supply, _BeamAtRest(clock), clock, relay=say_swapped)
         without_interlocks = rig.model_copy(update={"interlocks": ()})  # the stand-in is not the coil of the bench
         acquire(protocol, specimen, without_interlocks, bench, Path(folder) / "dry_run.h5", say_stored)
     shortest = clock.now()

@@ -136,6 +136,11 @@ def _(event: PauseRequested) -> str:
 
 @in_words.register
 def _(event: Paused) -> str:
+    if event.swap_leads:
+        return (
+            f"the next states reverse the current: the coil is off, swap its two leads at the supply before state "
+            f"{event.state}; Enter continues the run, Ctrl-C ends it"
+        )
     return (
         f"paused before state {event.state}: the coil is off, and {event.state} of {event.states} states are in "
         f"{event.dataset}; Enter continues the run, Ctrl-C ends it"

@@ -130,12 +130,16 @@ class PauseRequested(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Paused(Event):
-    """The run waits for a person before `state`, with the coil off."""
+    """The run waits for a person before `state`, with the coil off.
+
+    swap_leads: whether the person has to swap the leads of the coil before the run continues.
+    """
 
     event: ClassVar[str] = "paused"
     state: int
     states: int
     dataset: str
+    swap_leads: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

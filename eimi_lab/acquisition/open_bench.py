@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,7 +31,7 @@ class Bench:
     truth: material and geometry of a virtual beam; None on a real bench. guardian: switches the supply off if the run
     dies; None for a simulated supply, which ends with the run. camera_settings: values read back from the camera after
     it was set up. cue: present state of the run, for a recording. interruption: called by supply and camera during long
-    operations, so that a signal can interrupt them.
+    operations, so that a signal can interrupt them. relay: swaps the leads of the coil; None if a person has to.
     """
 
     supply: PowerSupply
@@ -42,6 +42,7 @@ class Bench:
     camera_settings: CameraSettings = NO_SETTINGS
     cue: Cue = field(default_factory=Cue)
     interruption: Interruption = field(default_factory=Interruption)
+    relay: Callable[[], None] | None = None
 
 
 @contextmanager
@@ -86,7 +87,7 @@ def open_bench(
 
         supply, camera, clock, truth = open_virtual_rig(limited, specimen)
         with closing(supply), closing(camera):
-            yield Bench(supply, camera, clock, truth)
+            yield Bench(supply, camera, clock, truth, relay=camera.swap_leads)
         return
     from eimi_drivers.cameras.timed import TimedCamera
     from eimi_drivers.clock import WallClock

@@ -71,17 +71,36 @@ class Pauses:
 
         return move_on
 
-    def wait(self, run: Stepping, state: int, stop_if_asked: Callable[[], None]) -> None:
+    def wait(self, run: Stepping, state: int, stop_if_asked: Callable[[], None], *, swap_leads: bool = False) -> None:
         """Switch the coil off until a line is typed, then return to the beginning of `state`.
 
-        Raises Stopped, InstrumentError, SwitchOffFailed, StorageFailed.
+        Parameters
+        ----------
+        run : Stepping
+            The run.
+        state : int
+            The next state.
+        stop_if_asked : callable
+            Is called while the run waits; it may raise.
+        swap_leads : bool
+            Whether the person is asked to swap the leads of the coil. A line that was typed before does not count.
+
+        Raises
+        ------
+        Stopped, InstrumentError, SwitchOffFailed, StorageFailed
+            For the reasons of a state.
         """
         ramp_down_and_switch_off(run.coil, run.guardian, stop_if_asked, self._on_event)
-        self._on_event(Paused(state=state, states=len(run.protocol.currents_A), dataset=str(run.writer.path)))
+        if swap_leads:
+            self._typed()
+        states, dataset = len(run.protocol.currents_A), str(run.writer.path)
+        self._on_event(Paused(state=state, states=states, dataset=dataset, swap_leads=swap_leads))
         while self._typed() is None:
             stop_if_asked()
             run.clock.sleep(LOOK_EVERY_S)
         self.asked = False
+        if swap_leads:
+            run.coil.leads_swapped = not run.coil.leads_swapped
         self._on_event(Resumed(state=state))
         if run.guardian:
             run.guardian.arm()

@@ -12,7 +12,6 @@ from typing import Literal
 
 from eimi_drivers.interfaces import InstrumentError, SwitchOffFailed
 from eimi_drivers.supplies.off import off_limit_A
-from eimi_drivers.supplies.supply_names import is_bipolar
 from eimi_lab.acquisition.coil import Coil, without_contact
 from eimi_lab.acquisition.conditioning import condition
 from eimi_lab.acquisition.event_words import left_behind
@@ -35,6 +34,7 @@ from eimi_lab.acquisition.live_view import Show, WatchedCamera, show_nothing
 from eimi_lab.acquisition.open_bench import Bench
 from eimi_lab.acquisition.pausing import Pauses, no_input
 from eimi_lab.acquisition.playback import NOISE_FRAMES
+from eimi_lab.acquisition.polarity import Polarity, cannot_reverse, swaps_leads
 from eimi_lab.acquisition.resuming import UnfinishedRun, refuse_taken, take_up
 from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S
 from eimi_lab.acquisition.stepping import Stepping
@@ -70,19 +70,19 @@ def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
             f"has material = {specimen.specimen.material!r}"
         )
     limit = rig.supply.limits.current_A
-    one_way = rig.simulated or not is_bipolar(rig.supply.driver)
+    one_way = cannot_reverse(rig)
     for key, current_A in protocol.extremes_A:
         if abs(current_A) > limit:
             raise InputError(
                 f"protocol {protocol.name}: {key} goes to {current_A:g} A; "
                 f"rig {rig.name} allows supply.limits.current_A = {limit:g}"
             )
-        if current_A < 0 and one_way:
+        if current_A < 0 and one_way and not (protocol.current.both_polarities and key.startswith("current.")):
             at = f" at state {protocol.currents_A.index(current_A)}" if key.startswith("current.") else ""
             raise InputError(
                 f"protocol {protocol.name}: {key} goes to {current_A:g} A{at}, but supply.driver = "
-                f"{rig.supply.driver!r} of rig {rig.name} cannot reverse its current; use currents from 0 up, or a "
-                "bipolar supply such as kepco-bop"
+                f"{rig.supply.driver!r} of rig {rig.name} cannot reverse its current; use currents from 0 up, "
+                "both_polarities = true in [current], or a bipolar supply such as kepco-bop"
             )
     if protocol.tip_force_N and rig.virtual:
         raise InputError(
@@ -150,6 +150,11 @@ def acquire(
         If a signal stopped the run.
     """
     check_request(protocol, specimen, rig)
+    if swaps_leads(protocol, rig) and bench.relay is None and typed is no_input:
+        raise InputError(
+            f"protocol {protocol.name}: current.both_polarities = true: supply.driver = {rig.supply.driver!r} of rig "
+            f"{rig.name} cannot reverse its current, and a person has to swap the leads; start the run on a terminal"
+        )
     if not resume:
         refuse_taken(path, force)
     ending = _Ending(path, len(protocol.currents_A))
@@ -213,7 +218,9 @@ def acquire(
                 on_event=send,
             )
             ending.writer = writer
-            _step_through(stepping, begun.states, bench.interruption, Pauses(typed, send), ending)
+            pauses = Pauses(typed, send)
+            polarity = Polarity(pauses if swaps_leads(protocol, rig) else None, bench.relay)
+            _step_through(stepping, begun.states, bench.interruption, pauses, polarity, ending)
     return writer.path
 
 
@@ -273,7 +280,9 @@ def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEve
     send(ending.event("completed"))
 
 
-def _step_through(run: Stepping, first: int, interruption: Interruption, pauses: Pauses, ending: _Ending) -> None:
+def _step_through(
+    run: Stepping, first: int, interruption: Interruption, pauses: Pauses, polarity: Polarity, ending: _Ending
+) -> None:
     """Switch the output on, carry out conditioning, the states from `first` on and the release, and switch off.
 
     A resumed run leaves out the conditioning, which its first session did.
@@ -287,16 +296,20 @@ def _step_through(run: Stepping, first: int, interruption: Interruption, pauses:
             run.on_event(OutputSwitched(on=True))
             if protocol.conditioning and not first:
                 condition(run, protocol.conditioning, stop_if_asked)
-            run.go_back_to(first, stop_if_asked)
+            if not polarity.prepare(run, first, stop_if_asked):
+                run.go_back_to(first, stop_if_asked)
             for state in range(first, states):
                 if pauses.asked:
                     pauses.wait(run, state, stop_if_asked)
+                polarity.prepare(run, state, stop_if_asked)
                 run.take(state, pauses.heeded_by(stop_if_asked))
             if protocol.release:
                 released += record_release(run.camera, run.clock, run.coil, protocol.release.seconds, stop_if_asked)
     except Stopped as stopped:
         run.store(RELEASE, [states - 1] * len(released), released)
         raise Stopped(stopped.number, left_behind(ending.off, ending.event("stopped"))) from stopped
+    finally:
+        polarity.remind(run)
     run.store(RELEASE, [states - 1] * len(released), released)
 
 

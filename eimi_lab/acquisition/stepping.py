@@ -41,9 +41,13 @@ class Stepping:
     on_event: OnEvent
 
     def go_back_to(self, state: int, stop_if_asked: Callable[[], None]) -> None:
-        """Ramp through the states before `state`, because the shape of a beam depends on its history of loads."""
+        """Ramp through the states before `state`, because the shape of a beam depends on its history of loads.
+
+        If the leads of the coil are swapped, the states of the other polarity are left out.
+        """
         for current_A in self.protocol.currents_A[:state]:
-            self.coil.ramp_to(current_A, stop_if_asked)
+            if current_A < 0 or not self.coil.leads_swapped:
+                self.coil.ramp_to(current_A, stop_if_asked)
 
     def take(self, state: int, stop_if_asked: Callable[[], None]) -> None:
         """Take and store the next state. Raises InstrumentError, StorageFailed, Stopped."""

@@ -33,6 +33,9 @@ class Currents(Table):
     """All set-points in their order, instead of start_A, stop_A and step_A."""
     up_and_down: bool = False
     """Whether the run returns through the same set-points to the first one."""
+    both_polarities: bool = False
+    """Whether the run then repeats its states with the current reversed. If the supply cannot reverse its current, the
+    run pauses and asks for the leads of the coil to be swapped."""
 
     @model_validator(mode="after")
     def _range_or_list(self) -> Currents:
@@ -49,19 +52,26 @@ class Currents(Table):
                 raise ValueError(f"step_A = {step} gives more than {MOST_STATES} states from {start} to {stop} A")
             if (stop - start) % step:
                 raise ValueError(f"step_A = {step} does not divide the range from {start} to {stop} A")
+        if self.both_polarities and (lowest := min(self._forward_A())) < 0:
+            raise ValueError(
+                f"both_polarities = true repeats every state with the current reversed, but there is one of {lowest:g} "
+                "A; use currents from 0 up"
+            )
         return self
 
     @property
     def set_points_A(self) -> tuple[float, ...]:
         """The set-points in the order of the run."""
         forward = self._forward_A()
-        return forward + forward[-2::-1] if self.up_and_down else forward
+        one_way = forward + forward[-2::-1] if self.up_and_down else forward
+        return one_way + tuple(-current_A for current_A in one_way if current_A) if self.both_polarities else one_way
 
     def key_of(self, current_A: float) -> str:
         """Return the key in the file that defines a set-point at an end of the range."""
         if self.values_A is not None:
             return "values_A"
-        return "start_A" if current_A == self.start_A else "stop_A"
+        forward_A = abs(current_A) if self.both_polarities else current_A
+        return "start_A" if forward_A == self.start_A else "stop_A"
 
     def _forward_A(self) -> tuple[float, ...]:
         if self.values_A is not None:

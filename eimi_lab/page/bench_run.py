@@ -297,7 +297,7 @@ class BenchRun:
             case OffNotConfirmed():
                 self._last_off = event
                 self._coil("unknown")
-            case Paused() if progress.phase == "pausing":
+            case Paused() if progress.phase == "pausing" or event.swap_leads:
                 progress.phase = "paused"
             case StateStored():
                 progress.stored += 1

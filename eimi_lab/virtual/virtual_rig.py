@@ -79,10 +79,15 @@ class VirtualCamera:
         self._mT_per_A, self._virtual = mT_per_A, virtual
         self._rng = np.random.default_rng(virtual.seed)
         self._number = 0
+        self._leads_swapped = False
         self._exposed_s = clock.now()
         self._scene: Scene | None = None
         half, high = _CLAMP_HALF_WIDTH_MM, _CLAMP_HEIGHT_MM
         self._clamp_px = frame.to_px(np.array([[-high, -half], [0.0, -half], [0.0, half], [-high, half]]))
+
+    def swap_leads(self) -> None:
+        """Swap the leads of the coil, as the relay of the virtual rig does: its field at the beam is reversed."""
+        self._leads_swapped = not self._leads_swapped
 
     def identify(self) -> Identity:
         """Return the identity of the camera."""
@@ -96,7 +101,8 @@ class VirtualCamera:
         """Return a frame of the beam in the present field of the coil; an error of the coil is passed on."""
         self._clock.sleep(max(0.0, self._exposed_s + _FRAME_PERIOD_S - self._clock.now()))
         self._exposed_s = self._clock.now()
-        field_mT = self._mT_per_A * self._coil.coil_current_A()
+        current_A = self._coil.coil_current_A()
+        field_mT = self._mT_per_A * (-current_A if self._leads_swapped else current_A)
         if self._scene is None or self._beam.moves(field_mT):
             outline, magnet = self._beam.outlines_mm(field_mT)
             self._scene = make_scene(

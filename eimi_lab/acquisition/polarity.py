@@ -1,0 +1,64 @@
+"""The polarity of the current in a coil whose supply cannot reverse it.
+
+The leads of such a coil are swapped while the coil is off: a person swaps them, or turns a switch, in a pause that asks
+for it. A bench with a relay that this program can switch needs no person. The virtual rig has one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from eimi_drivers.supplies.supply_names import is_bipolar
+from eimi_lab.acquisition.events import Warned
+from eimi_lab.acquisition.pausing import Pauses
+from eimi_lab.acquisition.stepping import Stepping
+from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.rig import Rig
+
+
+def cannot_reverse(rig: Rig) -> bool:
+    """Return whether the supply of a rig cannot reverse its current. Raises InstrumentError for an unknown driver."""
+    return rig.simulated or not is_bipolar(rig.supply.driver)
+
+
+def swaps_leads(protocol: Protocol, rig: Rig) -> bool:
+    """Return whether the leads of the coil have to be swapped in a run. Raises InstrumentError as `cannot_reverse`."""
+    return protocol.current.both_polarities and cannot_reverse(rig)
+
+
+class Polarity:
+    """The leads of the coil during a run.
+
+    Parameters
+    ----------
+    pauses : Pauses or None
+        Pauses in which a person swaps the leads; None if the supply reverses its current.
+    relay : callable or None
+        Swaps the leads without a person.
+    """
+
+    def __init__(self, pauses: Pauses | None, relay: Callable[[], None] | None) -> None:
+        self._pauses, self._relay = pauses, relay
+
+    def prepare(self, run: Stepping, state: int, stop_if_asked: Callable[[], None]) -> bool:
+        """Swap the leads if a state needs it, and return to the beginning of that state.
+
+        Returns whether the leads were swapped. Raises Stopped, InstrumentError, SwitchOffFailed, StorageFailed.
+        """
+        current_A = run.protocol.currents_A[state]
+        if self._pauses is None or current_A == 0 or (current_A < 0) == run.coil.leads_swapped:
+            return False
+        if self._relay is None:
+            self._pauses.wait(run, state, stop_if_asked, swap_leads=True)
+            return True
+        run.coil.ramp_to(0.0, stop_if_asked)
+        run.coil.wait_until_reached(stop_if_asked)
+        self._relay()
+        run.coil.leads_swapped = not run.coil.leads_swapped
+        run.go_back_to(state, stop_if_asked)
+        return True
+
+    def remind(self, run: Stepping) -> None:
+        """Send a warning if a person has to put the leads back."""
+        if self._relay is None and run.coil.leads_swapped:
+            run.on_event(Warned(message="the leads of the coil are still swapped; swap them back before the next run"))

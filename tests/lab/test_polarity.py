@@ -1,0 +1,153 @@
+"""States of both polarities: on a supply that cannot reverse its current, on a bipolar one, and on the virtual rig."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from eimi_drivers.interfaces import InstrumentDisconnected
+from eimi_lab.acquisition.dry_run import dry_run
+from eimi_lab.acquisition.event_words import in_words
+from eimi_lab.acquisition.events import Event, Paused, Warned
+from eimi_lab.acquisition.open_bench import open_bench
+from eimi_lab.acquisition.run import acquire
+from eimi_lab.config.protocol import Protocol, load_protocol
+from eimi_lab.config.rig import load_rig
+from eimi_lab.config.specimen import load_specimen
+from eimi_lab.config.toml import parse
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.dataset.segmentation import segment
+from eimi_lab.fits.evidence import load_evidence
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.progress import silent
+
+BOTH = (0.0, 0.1, 0.2, 0.3, -0.1, -0.2, -0.3)
+
+
+def with_both(protocol: Protocol, more: str = "") -> Protocol:
+    return parse(Protocol, protocol.text.replace("[current]", f"[current]\nboth_polarities = true\n{more}"), "protocol")
+
+
+@pytest.fixture
+def bench(setup: Any) -> Any:
+    """A bench whose supply cannot reverse its current, with a protocol of both polarities."""
+    setup.protocol = with_both(setup.protocol)
+    return setup
+
+
+def person(setup: Any, answered: list[bool]) -> Callable[[], str | None]:
+    """Return a person who swaps the leads and presses Enter once the coil is off."""
+
+    def typed() -> str | None:
+        if setup.coil.state.output:
+            return None
+        answered.append(setup.is_off())
+        return "" if len(answered) % 5 == 0 else None  # the first answer comes after the run has begun to wait
+
+    return typed
+
+
+@pytest.mark.parametrize(
+    ("currents", "expected"),
+    [
+        ("start_A = 0.0\nstop_A = 0.3\nstep_A = 0.1", BOTH),
+        ("values_A = [0.2, 0.1]", (0.2, 0.1, -0.2, -0.1)),
+        ("values_A = [0.0, 0.2]\nup_and_down = true", (0.0, 0.2, 0.0, -0.2)),
+    ],
+)
+def test_the_states_are_repeated_with_the_current_reversed(texts: dict[str, str], currents: str, expected: Any) -> None:
+    text = texts["protocol"].replace("start_A = 0.0\nstop_A = 0.3\nstep_A = 0.1", f"{currents}\nboth_polarities = true")
+    assert parse(Protocol, text, "protocol.toml").currents_A == expected
+
+
+def test_both_polarities_of_a_negative_current_are_refused(texts: dict[str, str]) -> None:
+    text = texts["protocol"].replace("start_A = 0.0", "start_A = -0.3\nboth_polarities = true")
+    with pytest.raises(InputError, match=r"repeats every state with the current reversed, but there is one of -0\.3 A"):
+        parse(Protocol, text, "protocol.toml")
+
+
+def test_a_person_swaps_the_leads_in_a_pause_and_the_states_have_their_sign(bench: Any) -> None:
+    set_A: list[float] = []
+    take = bench.coil.set_current
+    bench.coil.set_current = lambda current_A: set_A.append(current_A) or take(current_A)
+    events: list[Event] = []
+    answered: list[bool] = []
+    bench.run(on_event=events.append, remark=lambda words: None, typed=person(bench, answered))
+    assert bench.stored() == list(BOTH)
+    assert min(set_A) >= 0.0
+    assert all(answered)
+    (pause,) = [event for event in events if isinstance(event, Paused)]
+    assert (pause.state, pause.swap_leads) == (4, True)
+    assert "swap its two leads at the supply before state 4" in in_words(pause)
+    (warning,) = [event for event in events if isinstance(event, Warned)]
+    assert "the leads of the coil are still swapped" in warning.message
+    assert bench.is_off()
+    with open_dataset(bench.path) as dataset:
+        assert [state.field_mT for state in dataset.states] == pytest.approx([4.7 * current for current in BOTH])
+    with h5py.File(bench.path) as file:
+        measured = [name for name in file["entry/data"] if "current" in name]
+        values = file["entry/data"][measured[0]][()]
+        assert values.min() == pytest.approx(-0.3, abs=0.01)
+
+
+def test_a_resumed_run_asks_for_the_leads_first_and_passes_through_the_states_of_its_polarity(bench: Any) -> None:
+    def unplug(number: int) -> None:
+        if bench.coil.state.set_current_A == 0.3 and len(passed) > 1:
+            raise InstrumentDisconnected("memory: unplugged")
+
+    passed: list[Event] = []
+    bench.camera.event = unplug
+
+    def listen(event: Event) -> None:
+        if isinstance(event, Paused):
+            passed.extend([event, event])
+
+    with pytest.raises(InstrumentDisconnected):
+        bench.run(on_event=listen, remark=lambda words: None, typed=person(bench, []))
+    assert bench.stored() == list(BOTH[:-1])
+    bench.camera.event = lambda number: None
+    set_A: list[float] = []
+    take = bench.coil.set_current
+    bench.coil.set_current = lambda current_A: set_A.append(current_A) or take(current_A)
+    events: list[Event] = []
+    bench.run(on_event=events.append, remark=lambda words: None, typed=person(bench, []), resume=True)
+    assert [event.state for event in events if isinstance(event, Paused)] == [6]
+    assert bench.stored() == list(BOTH)
+    assert [value for value in set_A if value][:3] == [0.1, 0.2, 0.3]
+
+
+def test_a_run_without_a_terminal_is_refused_before_anything_is_switched_on(bench: Any) -> None:
+    with pytest.raises(InputError, match="a person has to swap the leads; start the run on a terminal"):
+        bench.run()
+    assert not bench.path.exists()
+
+
+def test_a_dry_run_shows_the_pause_and_sends_no_negative_current(bench: Any) -> None:
+    lines: list[str] = []
+    dry_run(bench.protocol, bench.specimen, bench.rig, lines.append)
+    assert sum("the coil is off while a person swaps the leads of the coil" in line for line in lines) == 1
+    assert not any("-0." in line for line in lines if ">" in line)
+
+
+def test_the_virtual_rig_reverses_its_field_and_the_edges_lie_on_the_other_side(tmp_path: Any) -> None:
+    rig, specimen = load_rig("virtual"), load_specimen("type1")
+    assert rig.virtual is not None
+    rig = rig.model_copy(update={"virtual": rig.virtual.model_copy(update={"mesh": (8, 1, 1)})})
+    quick = load_protocol("dragon_skin_10_quick").text.replace("step_A = 0.3 ", "step_A = 1.5 ")
+    protocol = with_both(parse(Protocol, quick.replace("step_A = 0.3", "step_A = 1.5"), "quick"))
+    assert protocol.currents_A == (0.0, 1.5, -1.5)
+    path = tmp_path / "run.h5"
+    with open_bench(rig, specimen, protocol.limits) as bench:
+        acquire(protocol, specimen, rig, bench, path)
+    segment(path, silent)
+    experiment = load_evidence(path).experiment
+    assert experiment.loads.field_T[:, 1] == pytest.approx([0.0, 7.05e-3, -7.05e-3], abs=1e-9)
+    right, left = (experiment.observed.points_mm[k] for k in (1, 2))
+    # The beam hangs, so that the shapes of both polarities are mirror images of each other.
+    assert right[..., 1].max() == pytest.approx(-left[..., 1].min(), abs=0.02)
+    assert right[..., 1].max() > 5.0
+    assert np.isfinite(experiment.observed.sigma_mm).any()
