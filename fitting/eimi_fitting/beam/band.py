@@ -120,7 +120,7 @@ def _columns(right: Array) -> Array:
 def factorise(
     band: Array, sound: NDArray[np.bool_], upper: Array | None = None, only_definite: bool = False
 ) -> BandFactor:
-    """Factorise band matrices, by Cholesky's method where they are positive definite and else by LU with pivoting.
+    """Factorise band matrices: positive definite ones by Cholesky's method, the others by LU with pivoting.
 
     A tangent that is not positive definite occurs far from equilibrium or in an unstable one. Matrices that are not
     sound are replaced by the identity, so that they do not affect others.
@@ -184,7 +184,7 @@ def _general_factors(
 
 
 def bounded(values: Array) -> NDArray[np.bool_]:
-    """Return (B,): whether all values (B, ...) are finite, and the products that a factorisation makes of them too."""
+    """Return (B,): whether all values (B, ...) are finite and small enough for their products to be finite."""
     if np.isfinite(np.vdot(values, values)):
         return np.ones(len(values), bool)
     flat = values.reshape(len(values), -1)

@@ -35,7 +35,7 @@ _LEAST_TURN = 1e-3  # rad; beams that turn less are ordered by their load
 
 @dataclass(frozen=True)
 class SolidOptions:
-    """How a solid is solved from its planar model, and what is known before.
+    """Options for solving a solid from its planar model, with results of earlier solutions.
 
     Attributes
     ----------
@@ -256,7 +256,7 @@ class SolidBeside:
         return np.concatenate([moved, np.zeros((*moved.shape[:-1], 1))], axis=-1)
 
     def _lifted(self, lift: Array, flat: Shapes, states: Indices) -> Configuration:
-        """Return the planar shapes in some states as a configuration of the solid without stress, a row a state."""
+        """Return the planar shapes in some states as stress-free configurations of the solid, one row per state."""
         rest = self.solid.solid.rest(len(states))
         return replace(rest, displacement=lift[0, states][:, self._column], rigid=flat.rigid[0, states])
 
@@ -287,7 +287,7 @@ def _bent_candidate(chosen: Candidates, flat: Shapes) -> BentCandidate:
 
 
 def _effect_of_one_alike(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
-    """Return the depth effect of a similar candidate that has the same law and planar shape; None without one."""
+    """Return the depth effect of a candidate with the same law and planar shape; None if there is none."""
     for effect in options.similar:
         if effect.candidate and effect.candidate.is_alike(candidate, options.accuracy_mm):
             return effect
@@ -295,14 +295,14 @@ def _effect_of_one_alike(candidate: BentCandidate, options: SolidOptions) -> Dep
 
 
 def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
-    """Return the effect of the candidate that these loads turn most alike, among those that cover the places."""
+    """Return the depth effect with the most similar tip rotations, among those that cover the places."""
     near = [e.without_base for e in similar if e.by_turn == by_turn and e.covers(places)]
     farthest = np.abs(places).max()
     return min(near, key=lambda effect: abs(np.abs(effect.places).max() - farthest), default=None)
 
 
 def _along_ray(loads: Loads) -> Array | None:
-    """Return how far along a straight line the loads (K,) are, 0 for the first; None if they lie on none."""
+    """Return the distances (K,) of the loads from the first along a straight line; None if they are not on one line."""
     numbers = np.array([loads.state(k) for k in range(len(loads))])
     from_first = numbers - numbers[0]
     farthest = from_first[np.argmax((from_first**2).sum(axis=1))]

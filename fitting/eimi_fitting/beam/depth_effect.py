@@ -139,7 +139,7 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether all places lie in the range of this effect, or nearly so: beyond it a polynomial swings."""
+        """Return whether all places lie in the range of this effect, or so close to it that the polynomial is valid."""
         solved = self.without_base.places
         beyond = _EXTRAPOLATED * np.ptp(solved)
         return bool(min(solved) - beyond <= places.min() and places.max() <= max(solved) + beyond)

@@ -62,7 +62,7 @@ class Cause:
 
 
 class NamedCause(Exception):
-    """No material explains a dataset with its stated loads, and one does without a mistake in them.
+    """A mistake in the stated loads is the reason why no material explains a dataset.
 
     Parameters
     ----------
