@@ -47,6 +47,10 @@ class TrueBench(Table):
 
     magnetisation_angle_deg: float = Field(default=0.0, ge=-180.0, le=180.0)
     """Angle by which the magnetisation is turned from its stated direction."""
+    cast_bend_mm: float = 0.0
+    """Offset of the centre line by which the beam was cast with an even bend, at the end of its flexible part."""
+    taper_mm: float = 0.0
+    """Change of the width from the clamp to the end of the flexible part."""
     background_field_mT: Pair | None = None
     """Field without a current, instead of the stated one: to the right and down in the image."""
     field: CoilShapeTable | None = None

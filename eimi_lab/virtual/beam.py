@@ -19,6 +19,7 @@ from eimi_fitting.beam.kinds_of_load import UniformField
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.beam.strip import Strip
 from eimi_fitting.beam.view import View
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.materials import TrueMaterial
@@ -129,9 +130,11 @@ class VirtualBeam:
         magnet = self._specimen.magnet
         if magnet is None:
             return np.concatenate([left, right[::-1]]), None
-        near, half = self._specimen.flexible_length_mm, 0.5 * magnet.width_mm
+        strip = Strip(self._specimen)
+        near, half = self._specimen.flexible_length_mm, 0.5 * min(magnet.width_mm, strip.straight.width_mm)
         far = near + magnet.length_mm
-        corners = np.array([[near, -half, 0.0], [far, -half, 0.0], [far, half, 0.0], [near, half, 0.0]])
+        straight = np.array([[near, -half], [far, -half], [far, half], [near, half]])
+        corners = np.column_stack([strip.at_rest(straight), np.zeros(4)])
         return np.concatenate([left, right[::-1]]), model.positions(shape, corners)[0, 0, :, :2]
 
 

@@ -17,6 +17,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.mesh import Indices
 from eimi_fitting.beam.model import BeamModel, Shapes
 from eimi_fitting.beam.outline import outline, points_on
+from eimi_fitting.beam.strip import Strip
 from eimi_fitting.laws import LAWS, Law
 from eimi_fitting.suggestion import suggestion
 from eimi_lab.config.specimen import SpecimenFile
@@ -214,7 +215,7 @@ def simulate(
 def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
     """Return x (mm), y (mm) and the angle (degrees) of the tip, (P, K, 3)."""
     point = np.zeros((1, 2 if isinstance(model, BeamModel) else 3))
-    point[0, 0] = model.specimen.length_mm
+    point[:, :2] = Strip(model.specimen).at_rest(np.array([[model.specimen.length_mm, 0.0]]))
     place = model.positions(shapes, point)[:, :, 0, :2]
     return np.concatenate([place, model.tip_angle_deg(shapes)[..., None]], axis=-1)
 

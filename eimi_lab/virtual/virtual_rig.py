@@ -24,6 +24,7 @@ from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import Clock, Frame, Identity, PowerSupply
 from eimi_drivers.supplies.korad import KoradSupply
 from eimi_drivers.supplies.transport import InProcessTransport
+from eimi_fitting.beam.rest_modes import with_modes
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.materials import TrueBench, TrueMaterial
 from eimi_lab.config.rig import Rig, Virtual
@@ -188,6 +189,7 @@ def _as_it_is(
     if beam.magnet:
         turned_deg = beam.magnet.magnetisation_angle_deg + bench.magnetisation_angle_deg
         beam = replace(beam, magnet=replace(beam.magnet, magnetisation_angle_deg=turned_deg))
+    beam = with_modes(beam, (bench.cast_bend_mm,), (0.5 * bench.taper_mm,))
     hidden = {key: value for key in ("background_field_mT", "field") if (value := getattr(bench, key)) is not None}
     return beam, calibration.model_copy(update=hidden)
 

@@ -11,9 +11,12 @@ from eimi_fitting.beam.outline import edge_curves, points_on
 from eimi_fitting.beam.rest_modes import bend_offset, with_modes
 from eimi_fitting.beam.strip import Strip
 from eimi_fitting.inference.searching.measured_rest_shape import measured_rest_shape
+from eimi_lab.config.materials import TrueMaterials
+from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import parse, to_toml
 from eimi_lab.process.errors import InputError
+from eimi_lab.virtual.virtual_rig import open_virtual_rig
 
 TYPE1 = load_specimen("type1")
 BEAM = replace(TYPE1.mechanics(), section="plane-stress")
@@ -104,3 +107,22 @@ def test_a_centre_line_in_a_csv_file_becomes_part_of_the_text(tmp_path: Path):
 def test_a_shape_that_cannot_be_is_refused_in_one_line(keys, words):
     with pytest.raises(InputError, match=words):
         stated(**keys)
+
+
+def outline_mm(bench: str) -> np.ndarray:
+    """Return the outline of a virtual beam without current, by a coarse mesh."""
+    rig = load_rig("virtual")
+    assert rig.virtual is not None
+    silicone = '[silicone."Dragon Skin 10"]\nmodel = "neo-hookean"\nparameters = { mu_Pa = 46390.0 }\n'
+    materials = parse(TrueMaterials, silicone + bench, "materials.toml")
+    virtual = rig.virtual.model_copy(update={"materials": materials, "mesh": (8, 1, 1)})
+    _, camera, _, _ = open_virtual_rig(rig.model_copy(update={"virtual": virtual}), TYPE1)
+    return camera._beam.outlines_mm(0.0)[0]
+
+
+def test_the_virtual_beam_is_cast_as_its_bench_says_and_hangs_straighter():
+    plain, bent = outline_mm(""), outline_mm("[bench]\ncast_bend_mm = 1.0\n")
+    tip_mm = np.abs(bent - plain)[len(bent) // 2, 1]
+    assert 0.3 < tip_mm < 1.2
+    wide = outline_mm("[bench]\ntaper_mm = -0.2\n")
+    assert np.abs(wide[0, 1]) == pytest.approx(np.abs(plain[0, 1]) + 0.05, abs=1e-6)

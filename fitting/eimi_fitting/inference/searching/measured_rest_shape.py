@@ -160,7 +160,7 @@ def _significant(amplitudes: Array, sigma: Array) -> NDArray[np.intp]:
 def unloaded_states(experiment: Experiment) -> NDArray[np.intp]:
     """Return the indices of the states without field and tip force."""
     loads = experiment.loads
-    if np.any(np.asarray(loads.pressure_Pa)) or loads.others:
+    if np.any(np.asarray(loads.pressure_Pa)):
         return np.zeros(0, np.intp)
     sizes = (np.linalg.norm(vectors, axis=1) for vectors in (loads.field_T, loads.tip_force_N))
     return np.flatnonzero(np.all([size <= _NO_LOAD * size.max() for size in sizes], axis=0))
