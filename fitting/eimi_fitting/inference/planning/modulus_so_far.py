@@ -86,8 +86,8 @@ def modulus_so_far(
     NothingConverged
         If no candidate modulus has an equilibrium.
     """
-    model = BeamModel(_flat(experiment.model.specimen))
-    flat = replace(experiment, model=model, solid=None, change=None)
+    specimen = experiment.model.specimen
+    flat = replace(experiment, model=BeamModel(specimen, plane=specimen.planar_section), solid=None, change=None)
     law = LAWS[_LAW]
     problem = Problem(law, Unknowns(search_space(law), nuisances((), 1, [flat.stated])), (flat,), ())
     if before is None:
@@ -116,9 +116,4 @@ def modulus_so_far(
 
 def section_bias_of(specimen: Specimen) -> float:
     """Return the expected bias of the planar section used here; 0 if the specimen itself has a planar section."""
-    return expected_bias(_flat(specimen)) if specimen.section == "solid" else 0.0
-
-
-def _flat(specimen: Specimen) -> Specimen:
-    """Return the specimen with a planar section in place of a solid one, which takes longer to solve."""
-    return replace(specimen, section=specimen.planar_section)
+    return expected_bias(specimen) if specimen.section == "solid" else 0.0

@@ -37,7 +37,7 @@ def expected_bias(specimen: Specimen) -> float:
     Parameters
     ----------
     specimen : Specimen
-        A specimen whose section is "plane-stress" or "plane-strain".
+        The specimen; plane stress takes the place of a solid section.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def expected_bias(specimen: Specimen) -> float:
     """
     law = LAWS["neo-hookean"]
     beside = SolidBeside(replace(specimen, section="solid"), _ALONG, _ACROSS)
-    planar = BeamModel(specimen, beside.planar.along, beside.planar.across)
+    planar = BeamModel(specimen, beside.planar.along, beside.planar.across, specimen.planar_section)
     loads = _loads(planar)
     stated, stiffer = (np.array([[_MODULUS_PA * np.exp(step)]]) for step in (0.0, _STEP))
     here = planar.solve(law, stated, loads, tolerance_mm=TOLERANCE_MM, keep=True)
