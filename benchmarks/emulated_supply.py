@@ -5,7 +5,7 @@
 It prints its address, then a line for every change of output, set-point or true current: the time in seconds of the
 monotonic clock, which all processes of a machine share; 1 or 0 for the output; the set-point and the true current in
 amperes. The name of a fault on its standard input, such as `shorted`, begins this fault, see ``eimi emulate --faults``.
-Answers of a slow supply are delayed by 0.4 s. `none` ends the faults.
+Answers of a slow supply are delayed by 0.4 s. `contact` adds 6 ohm to the leads. `none` ends the faults.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 from eimi_drivers.clock import WallClock
 from eimi_drivers.emulators.faults import Fault, FaultyInstrument
@@ -22,10 +23,23 @@ from eimi_drivers.emulators.hislip import serve_hislip
 from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
 from eimi_drivers.emulators.spoiling import begin_fault, end_faults
 from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import Reading
 
 WATCH_EVERY_S = 0.002
 LATE_S = 0.4
+CONTACT_OHM = 6.0
 LEAST_CHANGE_A = 0.02
+
+
+class CoilOnLeads(CoilSupply):
+    """A coil whose supply measures the voltage of its leads too. contact_ohm: resistance of a bad contact in them."""
+
+    contact_ohm = 0.0
+
+    def read(self) -> Reading:
+        """Return what the meters of the supply show."""
+        measured = super().read()
+        return replace(measured, voltage_V=measured.voltage_V + self.contact_ohm * measured.current_A)
 
 
 SERVE = {"pty": serve_pty, "tcp": serve_tcp, "hislip": serve_hislip}
@@ -37,7 +51,7 @@ def main() -> None:
     parser.add_argument("driver")
     parser.add_argument("transport", choices=SERVE)
     chosen = parser.parse_args()
-    coil = CoilSupply(WallClock())
+    coil = CoilOnLeads(WallClock())
     instrument = emulate(chosen.driver, coil)
     line = FaultyInstrument(instrument, late_s=LATE_S)
     threading.Thread(target=_watch, args=(coil, getattr(instrument, "watch", None)), daemon=True).start()
@@ -46,6 +60,9 @@ def main() -> None:
         for word in sys.stdin:
             if word.strip() == "none":
                 end_faults(coil, line)
+                coil.contact_ohm = 0.0
+            elif word.strip() == "contact":
+                coil.contact_ohm = CONTACT_OHM
             else:
                 begin_fault(Fault[word.strip().upper()], chosen.driver, coil, line)
 

@@ -96,6 +96,15 @@ def _dead_computer(trial: Trial) -> float:
     return time.monotonic()
 
 
+def _stopped_together(trial: Trial, seconds: float) -> float:
+    for number in (signal.SIGSTOP, signal.SIGCONT):
+        for process in (trial.process.pid, trial.guardian):
+            os.kill(process, number)
+        if number == signal.SIGSTOP:
+            time.sleep(seconds)
+    return time.monotonic()
+
+
 def _shorted(trial: Trial, number: signal.Signals) -> float:
     trial.supply.tell("shorted")
     time.sleep(0.1)
@@ -162,6 +171,28 @@ FAULTS = (
         for driver, transport in LINES
         for fault in ("drift", "fallen")
     ),
+    *(
+        Fault(
+            f"contact that opens an interlock, {transport}",
+            driver,
+            transport,
+            lambda t: _spoilt_coil(t, "contact"),
+            r"interlock coil_voltage_V: 15\S* measured, above maximum = 12",
+            3.0,
+        )
+        for driver, transport in LINES
+    ),
+    *(
+        Fault(
+            f"run and guardian stopped for 12 s, {transport}",
+            driver,
+            transport,
+            lambda t: _stopped_together(t, 12.0),
+            "stood still for",
+            3.0,
+        )
+        for driver, transport in LINES
+    ),
     Fault("two Ctrl-C", "korad", "pty", lambda t: t.send(signal.SIGINT, signal.SIGINT, pause_s=0.1), STOPPED, 2.5),
     Fault("Ctrl-Z", "scpi", "tcp", _refused_then_stopped, "Ctrl-Z is refused", 4.0),
     Fault("grab never returns", "korad", "pty", lambda t: t.spoil("grab"), "did not come back from grab", 10.0),
@@ -197,9 +228,17 @@ FAULTS = (
     Fault("silent for 15 s", "scpi", "tcp", lambda t: _silent_for(t, 15.0, lambda: None), "", 6.0),
     Fault("clock steps back, silent for 3 s", "scpi", "tcp", _step_clock, "", 6.0),
     Fault("slow supply", "korad", "pty", _slow, STOPPED, 8.0),
-    Fault("cable pulled", "keysight-n6700", "tcp", _pulled_cable, "no complete answer", 13.0),
-    Fault("computer dead", "keysight-n6700", "tcp", _dead_computer, "", 13.0),
+    Fault("cable pulled", "keysight-n6700", "tcp", _pulled_cable, "MAY STILL BE ON", 13.0),
+    Fault(
+        "computer dead",
+        "keysight-n6700",
+        "tcp",
+        _dead_computer,
+        "killed together: the supply's own watchdog switches every output off",
+        13.0,
+    ),
     Fault("second acquire", "scpi", "pty", _second_run, "second: status 1", 4.0),
+    Fault("second acquire, TCP", "scpi", "tcp", _second_run, "another run uses this supply.*second: status 1", 4.0),
     Fault("second acquire, Korad", "korad", "pty", _second_run, "second: status 1", 4.0),
 )
 

@@ -112,6 +112,10 @@ name = "emulated"
 calibration = "calibration.toml"
 supply = {{ {at}, limits = {{ current_A = 1.6, voltage_V = 24 }} }}
 camera = {{ driver = "opencv", source = "recording" }}
+
+[[interlocks]]
+reading = "coil_voltage_V"
+maximum = 12.0
 """)
         command = [sys.executable, "-m", "benchmarks.spoilt_run", "acquire", "protocol.toml", "--rig", "rig.toml"]
         here = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])

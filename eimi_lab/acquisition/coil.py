@@ -67,7 +67,8 @@ class Coil:
     leads_swapped : bool
         Whether the leads are swapped at the supply: all currents of the coil are then minus those of the supply.
     out_of_control : bool
-        Whether `watch` measured a current that differs from its set-point, or an interlock opened.
+        Whether `watch` measured a current that differs from its set-point, an interlock opened, or the run stood
+        still. `ramp_down` then does nothing.
 
     Notes
     -----

@@ -44,6 +44,10 @@ def awake_s() -> float:
     return time.clock_gettime(time.CLOCK_BOOTTIME) if hasattr(time, "CLOCK_BOOTTIME") else time.monotonic()
 
 
+class StoodStill(InstrumentError):
+    """Report that the run did nothing for longer than `LONGEST_GAP_S` while the coil was on."""
+
+
 @dataclass(frozen=True)
 class Ward:
     """The supply that the guardian switches off: driver, address and limits of the rig.
@@ -148,10 +152,10 @@ class Guardian:
             self._send(ALLOW + f"{seconds:.1f}".encode())
 
     def refuse_a_gap(self) -> None:
-        """Raise InstrumentError if the run stood still for longer than `LONGEST_GAP_S` while the coil was on."""
+        """Raise StoodStill if the run did nothing for longer than `LONGEST_GAP_S` while the coil was on."""
         self._note_the_gap()
         if self._armed and self._gap_s:
-            raise InstrumentError(
+            raise StoodStill(
                 f"{self._ward.address}: the run stood still for {self._gap_s:.0f} s with the coil on, because the "
                 "computer slept or the process was stopped; the run ends"
             )

@@ -20,7 +20,7 @@ from eimi_lab.acquisition.events import (
     ignore_event,
     off_confirmed,
 )
-from eimi_lab.acquisition.guardian import Guardian
+from eimi_lab.acquisition.guardian import Guardian, StoodStill
 from eimi_lab.acquisition.interruption import Interruption
 from eimi_lab.process.stopping import TERMINATION, Stopped, raise_if_asked
 
@@ -63,6 +63,7 @@ class _SignalsHeeded:
     def stop_if_asked(self) -> None:
         """See `switching_off`."""
         self.move_on()
+        self._refuse_a_gap()
         raise_if_asked()
         if self._noted:
             self._report_the_stop()
@@ -73,6 +74,15 @@ class _SignalsHeeded:
             self._guardian.check()
         self._coil.watch()
 
+    def _refuse_a_gap(self) -> None:
+        """End the run without a ramp if it stood still: nobody knows what happened to the bench meanwhile."""
+        if self._guardian:
+            try:
+                self._guardian.refuse_a_gap()
+            except StoodStill:
+                self._coil.out_of_control = True
+                raise
+
     def go_on_down(self) -> None:
         """Raise _InHaste after a second signal; called between the steps of the ramp down."""
         self.move_on()
@@ -81,8 +91,8 @@ class _SignalsHeeded:
 
     def leave_in_haste(self) -> None:
         """See `Heeded.leave_in_haste`. Only the main thread is interrupted."""
-        if self._guardian and not self._off:
-            self._guardian.refuse_a_gap()
+        if not self._off:
+            self._refuse_a_gap()
         if len(self._noted) > 1 and not self._off and threading.current_thread() is threading.main_thread():
             raise Stopped(self._noted[0])
 

@@ -21,8 +21,11 @@ from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import Identity, InstrumentError, Limits, SwitchOffFailed
 from eimi_drivers.supplies.supply_names import open_supply
 from eimi_lab.acquisition import guardian as guardian_module
-from eimi_lab.acquisition.guardian import Guardian, Ward, guarding
+from eimi_lab.acquisition.coil import Coil
+from eimi_lab.acquisition.guardian import Guardian, StoodStill, Ward, guarding
 from eimi_lab.acquisition.guardian_process import _try_once
+from eimi_lab.acquisition.switching_off import switching_off
+from eimi_lab.config.protocol import load_protocol
 from tests.patience import PATIENCE_S
 
 
@@ -208,6 +211,32 @@ def test_a_run_that_stood_still_as_its_guardian_did_sends_no_further_set_point(
             guardian.check()
         guardian.disarm()
         guardian.check()
+
+
+def test_after_a_standstill_of_run_and_guardian_the_coil_is_switched_off_without_a_ramp(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(guardian_module, "LONGEST_GAP_S", 1.0)
+    bench = Bench("korad")
+    with bench.ward() as ward, guarding(ward) as guardian:
+        supply = open_supply(ward.driver, ward.address, ward.limits)
+        coil = Coil(supply, WallClock(), load_protocol("dragon_skin_10").ramp, asked_A=0.5)
+        with pytest.raises(StoodStill):
+            stand_still(coil, guardian, bench)
+        supply.close()
+    assert bench.is_off()
+    assert set(bench.current_A) <= {0.5, 0.0}
+
+
+def stand_still(coil: Coil, guardian: Guardian, bench: Bench) -> None:
+    """Hold a run and its guardian up for 1.5 s, as a computer that sleeps does."""
+    with switching_off(coil, guardian) as stop_if_asked:
+        stop_if_asked()
+        os.kill(guardian._process.pid, signal.SIGSTOP)
+        time.sleep(1.5)
+        os.kill(guardian._process.pid, signal.SIGCONT)
+        bench.current_A.clear()
+        stop_if_asked()
 
 
 def check_for(guardian: Guardian, seconds: float) -> None:

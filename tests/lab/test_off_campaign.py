@@ -13,6 +13,8 @@ from tests.patience import PATIENCE_S
 ROOT = Path(__file__).parents[2]
 QUICK = ("SIGSTOP pty korad", "guardian stopped", "shorted regulator, SIGTERM pty")
 LONG = (
+    *("run and guardian stopped for 12 s, pty", "contact that opens an interlock, tcp", "second acquire, TCP"),
+    "computer dead",
     *("shorted regulator, SIGKILL tcp", "shorted regulator, SIGTERM tcp", "drift pty", "fallen tcp"),
     "grab never returns",
     *("second acquire", "line cut, stopped, HiSLIP", "line cut, killed, HiSLIP", "clock steps back, silent for 3 s"),

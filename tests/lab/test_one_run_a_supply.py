@@ -43,6 +43,27 @@ def test_a_second_run_on_a_supply_is_refused_in_one_line(tmp_path: Path, monkeyp
         pass
 
 
+def test_of_two_runs_that_begin_at_once_one_is_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    runs = [
+        subprocess.Popen(
+            [sys.executable, "-c", HOLD, ADDRESS],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for _ in range(2)
+    ]
+    began = [run.stdout.readline() for run in runs if run.stdout is not None]
+    assert sorted(began) == ["", "held\n"]
+    answers = [run.communicate()[1] for run in runs]
+    assert [run.returncode for run in runs] == [0 if line else 1 for line in began]
+    assert "another run uses this supply" in answers[began.index("")]
+
+
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="systemd-inhibit is of Linux")
 def test_sleep_is_inhibited_as_long_as_the_context_lasts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     noted = tmp_path / "noted"

@@ -67,7 +67,8 @@ function showState({ run, control }) {
   if (!run) return;
   if (run.phase !== "beginning" && byId("told").textContent === BEGINS) tell("");
   if (!goingOn && lastAbout) {
-    showValues({ ...lastAbout, set_A: 0, on: false, rate_Hz: 0, field_mT: 0 });
+    const off = run.coil === "off" ? { set_A: 0, on: false, field_mT: 0 } : {};
+    showValues({ ...lastAbout, ...off, rate_Hz: 0 });
     picture.canvas.setAttribute("aria-label", "the last picture of the run");
   }
   byId("progress").max = run.states || 1;

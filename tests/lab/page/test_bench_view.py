@@ -115,6 +115,22 @@ def test_a_run_that_does_not_answer_to_stop_is_killed_and_its_guardian_switches_
     assert not Path(f"/proc/{run}").exists()
 
 
+def test_a_coil_whose_current_flows_on_is_never_called_off(emulated_bench: Any, dashboard: Any, tab: Any) -> None:
+    page = tab(dashboard(emulated_bench.folder)[1])
+    start(page)
+    page.get_by_text("COIL ON").wait_for()
+    emulated_bench.coil.shorted_A = 0.8
+    page.keyboard.press("Escape")
+    page.get_by_text("stopping: switching the coil off").wait_for()
+    page.get_by_text("THE COIL MAY STILL BE ON: 0.80 A measured").first.wait_for()
+    page.get_by_text("COIL MAY BE ON").wait_for()
+    for words, whole in (("the coil is off", False), ("○ coil off", False), ("coil off", True)):
+        assert page.get_by_text(words, exact=whole).all_inner_texts() == []
+    emulated_bench.coil.shorted_A = 0.0  # its guardian still tries
+    page.get_by_text("○ coil off").wait_for()
+    assert emulated_bench.is_off()
+
+
 def stored_currents(path: Any) -> list[float]:
     with open_dataset(path) as dataset:
         return [state.current_A for state in dataset.states]
