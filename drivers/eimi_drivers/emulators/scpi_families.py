@@ -148,7 +148,7 @@ class KeysightE3632ADialect(KeysightE364xDialect):
 
 
 class SiglentSpdDialect(_SeveralChannels):
-    """Answer as a Siglent SPD: header or argument name the channel, and a hexadecimal word reports the output."""
+    """Answer as a Siglent SPD: the header or the argument names the channel, and a status word reports the output."""
 
     identification = "Siglent Technologies,SPD3303X,EMULATED,1.01.01.02.05,V3.0"
     no_error = "0  No Error"
