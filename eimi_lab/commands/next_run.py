@@ -53,6 +53,12 @@ def plan(
             metavar="GRAMS", help="weight at the tip; repeat it to compare several", min=0.0, show_default="0"
         ),
     ] = None,
+    both_polarities: Annotated[
+        bool,
+        typer.Option(
+            "--both-polarities", help="consider also runs that repeat each state with the current of the coil reversed"
+        ),
+    ] = False,
     force: Force = False,
 ) -> Result:
     """Choose the states to measure next and write their protocol.
@@ -72,6 +78,7 @@ def plan(
         model=model,
         gravity_angle=gravity_angle or (),
         tip_weight=tip_weight or (),
+        both_polarities=both_polarities,
         output=output,
         force=force,
     )

@@ -200,6 +200,7 @@ def plan(
     model: str | None = None,
     gravity_angle: float | Sequence[float] = (),
     tip_weight: float | Sequence[float] = (),
+    both_polarities: bool = False,
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Plan:
@@ -225,6 +226,8 @@ def plan(
         Directions of gravity to compare, degrees in the beam frame. The default is that of the rig.
     tip_weight : float or sequence of float
         Weights at the tip to compare, grams.
+    both_polarities : bool
+        Whether to consider also runs that repeat each state with the current of the coil reversed.
     output : str or Path
         A protocol to write.
     force : bool
@@ -245,7 +248,7 @@ def plan(
     beams = [specimen_of(specimen_or_path) for specimen_or_path in several(specimen)]
     fitted_laws = fits_of(fits)
     aim = planning.Goal.of(fitted_laws[0].path, [fitted_law.fit for fitted_law in fitted_laws], model, goal)
-    choice = planning.mountings(beams, bench, several(gravity_angle), several(tip_weight))
+    choice = planning.mountings(beams, bench, several(gravity_angle), several(tip_weight), both_polarities)
     runs = planning.plan(aim, choice, bench, base, states or len(base.currents_A))
     planned = Plan(aim, tuple(runs), base)
     if path:

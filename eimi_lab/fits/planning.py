@@ -6,7 +6,7 @@ The mathematics is in `eimi_fitting.inference.planning.design_of_experiment`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ from eimi_lab.config.rig import Rig
 from eimi_lab.config.rig_uncertainty import stated_by_rig
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import to_toml
+from eimi_lab.fits.evidence import FEWEST_STATES
 from eimi_lab.fits.fits_file import AnyFit
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.process.errors import InputError
@@ -46,11 +47,23 @@ _GRID = 41  # currents among which the states are chosen
 
 @dataclass(frozen=True)
 class Mounting:
-    """A specimen, the angle of gravity in the beam frame (None: gravity does not bend it), and a weight at its tip."""
+    """How a specimen is mounted and loaded in a run.
+
+    Attributes
+    ----------
+    specimen : SpecimenFile
+    gravity_angle_deg : float or None
+        Angle of gravity in the beam frame; None if gravity does not bend the beam.
+    tip_weight_g : float
+        Weight at the tip.
+    both_polarities : bool
+        Whether each current is also reversed.
+    """
 
     specimen: SpecimenFile
     gravity_angle_deg: float | None
     tip_weight_g: float
+    both_polarities: bool = False
 
     @property
     def tip_force_N(self) -> float:
@@ -58,10 +71,11 @@ class Mounting:
         return 1e-3 * STANDARD_GRAVITY * self.tip_weight_g
 
     def in_words(self) -> str:
-        """Return specimen, gravity and weight in words."""
+        """Return specimen, gravity, weight and polarities in words."""
         gravity = "no gravity" if self.gravity_angle_deg is None else f"gravity at {self.gravity_angle_deg:g}°"
         weight = f", {self.tip_weight_g:g} g at the tip" if self.tip_weight_g else ""
-        return f"{self.specimen.specimen.name}, {gravity}{weight}"
+        both = ", both polarities" if self.both_polarities else ""
+        return f"{self.specimen.specimen.name}, {gravity}{weight}{both}"
 
 
 @dataclass(frozen=True)
@@ -72,7 +86,7 @@ class PlannedRun:
     ----------
     mounting : Mounting
     currents_A : tuple of float
-        The currents of the chosen states.
+        The currents of the chosen states; with both polarities those from 0 up.
     expected, spaced : float
         Expected half-width of the 95 % interval in per cent, for the chosen and for equally spaced states. To
         discriminate between two laws: the expected difference of AIC in favour of the first.
@@ -147,7 +161,11 @@ class Goal:
 
 
 def mountings(
-    specimens: Sequence[SpecimenFile], rig: Rig, gravity_angles: Sequence[float], weights: Sequence[float]
+    specimens: Sequence[SpecimenFile],
+    rig: Rig,
+    gravity_angles: Sequence[float],
+    weights: Sequence[float],
+    both_polarities: bool = False,
 ) -> list[Mounting]:
     """Return all combinations of specimens, angles of gravity and weights.
 
@@ -159,6 +177,8 @@ def mountings(
         Angles of gravity in the beam frame in degrees; if empty, that of the rig.
     weights : sequence of float
         Weights at the tip in grams; if empty, none.
+    both_polarities : bool
+        Whether to consider also runs that repeat each state with the current reversed.
 
     Raises
     ------
@@ -170,10 +190,11 @@ def mountings(
         raise InputError(f"rig {rig.name}: calibration has gravity = false: leave out --tip-weight and --gravity-angle")
     angles: Sequence[float | None] = gravity_angles or [round(BeamFrame(rig.calibration).gravity_deg, 3)]
     return [
-        Mounting(specimen, angle if gravity else None, weight)
+        Mounting(specimen, angle if gravity else None, weight, both)
         for specimen in specimens
         for angle in angles
         for weight in weights or [0.0]
+        for both in ((False, True) if both_polarities else (False,))
     ]
 
 
@@ -217,8 +238,10 @@ def _currents(rig: Rig, protocol: Protocol) -> Array:
 
 def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states: int) -> PlannedRun | None:
     constant = rig.calibration.coil_constant_mT_per_A
+    if mounting.both_polarities:
+        currents_A, states = currents_A[currents_A > 0], states // 2
     loads = Loads.along(
-        constant * currents_A,
+        constant * (np.concatenate([currents_A, -currents_A]) if mounting.both_polarities else currents_A),
         BeamFrame(rig.calibration).field_deg,
         mounting.gravity_angle_deg,
         mounting.tip_force_N,
@@ -237,6 +260,8 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
             criterion = rivals(law, _law(goal.rival), specimen, loads, stated, noise)
         else:
             criterion = candidates(law, specimen, loads, stated, noise, goal.parameter)
+        if mounting.both_polarities:
+            criterion = _in_pairs(criterion, len(currents_A))
         choice = exchange(criterion, states)
     except ValueError:  # the beam has an equilibrium in too few states
         return None
@@ -251,6 +276,30 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
     )
 
 
+def _in_pairs(criterion: Candidates | Rivals, currents: int) -> Candidates | Rivals:
+    """Return the pairs of states I and -I as one state each; of the loads, the second half reverses the first.
+
+    Raises ValueError if the beam has an equilibrium in fewer than two pairs.
+    """
+    place = {int(state): k for k, state in enumerate(criterion.states)}
+    pairs = [(place[i], place[i + currents]) for i in range(currents) if i in place and i + currents in place]
+    if len(pairs) < FEWEST_STATES:
+        raise ValueError(f"the beam has an equilibrium in {len(pairs)} pairs of states")
+    first, second = np.array(pairs).T
+    if isinstance(criterion, Rivals):
+        sums = {name: getattr(criterion, name) for name in ("square", "score", "normal")}
+        of_both: dict[str, Any] = {name: values[first] + values[second] for name, values in sums.items()}
+        return replace(criterion, loads=criterion.loads.take(first), states=criterion.states[first], **of_both)
+    return replace(
+        criterion,
+        loads=criterion.loads.take(first),
+        states=criterion.states[first],
+        normal=criterion.normal[first] + criterion.normal[second],
+        moved=criterion.moved[first] + criterion.moved[second],
+        points=2 * criterion.points,
+    )
+
+
 def _law(fit: FitRecord) -> KnownLaw:
     return KnownLaw(LAWS[fit.model], np.array(fit.values()))
 
@@ -262,7 +311,8 @@ def _noise(fit: FitRecord) -> EdgeNoise:
 
 def protocol_text(goal: Goal, run: PlannedRun, protocol: Protocol) -> str:
     """Return a protocol of the planned states, with their purpose as a comment."""
-    states = Currents(values_A=run.currents_A)
+    both = {"both_polarities": True} if run.mounting.both_polarities else {}
+    states = Currents(values_A=run.currents_A, **both)
     changed = protocol.model_copy(
         update={"name": f"{protocol.name}-planned", "current": states, "tip_force_N": run.mounting.tip_force_N}
     )
@@ -295,6 +345,7 @@ def content(goal: Goal, runs: Sequence[PlannedRun]) -> dict[str, Any]:
                 "specimen": run.mounting.specimen.specimen.name,
                 "gravity_angle_deg": run.mounting.gravity_angle_deg,
                 "tip_weight_g": run.mounting.tip_weight_g,
+                "both_polarities": run.mounting.both_polarities,
                 "currents_A": run.currents_A,
                 "expected": run.expected,
                 "equally_spaced": run.spaced,

@@ -142,6 +142,9 @@ def _limit(fit: FitRecord) -> str:
         what = " and ".join(whole) if whole else "some numbers of specimen or calibration"
         words += f"; {what} {'are' if len(whole) != 1 or whole[0] == 'dimensions' else 'is'} taken as exact, "
         words += "because no uncertainty is stated: the true interval is wider"
+    for entry in fit.if_uncertain:
+        words += f"; {entry.standard_uncertainty:g} {'degrees' if entry.unit == 'deg' else entry.unit} of error in the "
+        words += f"{entry.words} would move the modulus by {entry.effect_percent:.2g} %"
     return f"{words}."
 
 

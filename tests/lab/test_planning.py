@@ -65,6 +65,24 @@ def test_the_plan_is_printed_as_json(fits: Path, monkeypatch: pytest.MonkeyPatch
     assert len(planned["currents_A"]) == 2
 
 
+def test_both_polarities_are_planned_where_the_direction_of_magnetisation_is_uncertain(
+    fits: Path, run, tmp_path: Path
+) -> None:
+    specimen, out = tmp_path / "specimen.toml", tmp_path / "planned.toml"
+    exact = Path("protocols/specimens/type1.toml").read_text()
+    specimen.write_text(exact.replace("\nmagnetisation_angle_deg = 0.0", "\nmagnetisation_angle_deg = 1.7"))
+    asked = ("plan", fits, *ARGUMENTS, "--specimen", specimen, "--states", 4, "--force", "-o", out)
+    assert run(*asked)[0] == 0
+    one = half_width(out.read_text().splitlines()[0])
+    assert not load_protocol(out).current.both_polarities
+    assert run(*asked, "--both-polarities")[0] == 0
+    assert half_width(out.read_text().splitlines()[0]) < 0.5 * one
+    protocol = load_protocol(out)
+    assert protocol.current.both_polarities
+    assert len(protocol.currents_A) == 4
+    assert sum(protocol.currents_A) == pytest.approx(0.0)
+
+
 @pytest.mark.parametrize(
     ("more", "told"),
     [
