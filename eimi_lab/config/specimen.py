@@ -62,6 +62,9 @@ class Beam(Table):
     """Depth along the camera's line of sight; a number, or a table as for ``width_mm``."""
     density_kg_m3: float = Field(gt=0)
     """Density of the silicone."""
+    poisson_ratio: float = Field(default=0.5, gt=0, le=0.5)
+    """Poisson's ratio of the material at small strain. A fit takes the material as incompressible; below 0.495 it says
+    what this does to the modulus."""
     section: mechanics.Section = "solid"
     """Model of the depth: the solid beam, or one of two planar approximations."""
     magnetisation_kA_per_m: Annotated[tuple[float, float], Field(strict=False)] = (0.0, 0.0)

@@ -14,12 +14,16 @@ from numpy.typing import NDArray
 from eimi_fitting.inference.evidence.experiment import Comparison, Experiment, compare
 from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.inference.evidence.unknowns import Setup, freed_number
+from eimi_fitting.inference.planning.compressibility import bulk_ratio, compressibility_bias
 from eimi_fitting.inference.planning.section_bias import expected_bias
 from eimi_fitting.laws import LAWS
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.records import FitRecord, TensileRecord
 
 Array = NDArray[np.float64]
+
+INCOMPRESSIBLE_FROM = 0.495
+"""Poisson's ratio from which the error of an incompressible model is about 0.4 % of the modulus or less."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,18 @@ def rest_shape_remark(evidence: Evidence) -> str | None:
     return (
         f"{evidence.path}: the states without load show that the beam is not as stated: {shape.in_words} at rest; the "
         'fit begins at this shape (rest_shape = "straight" in the specimen\'s file prevents it)'
+    )
+
+
+def compressibility_remark(evidence: Evidence) -> str | None:
+    """Return a sentence on what a stated Poisson's ratio is worth; None from 0.495, where it changes little."""
+    ratio = evidence.poisson_ratio
+    if ratio >= INCOMPRESSIBLE_FROM:
+        return None
+    percent = 100 * compressibility_bias(evidence.experiment.model.specimen, ratio)
+    return (
+        f"{evidence.path}: poisson_ratio = {ratio:g} is a bulk modulus of {bulk_ratio(ratio):.3g} shear moduli; "
+        f"the fit takes the material as incompressible, for which the modulus is about {abs(percent):.1f} % too low"
     )
 
 

@@ -65,6 +65,8 @@ class Evidence:
         Contradictions between the measured edges and the calibration.
     rest_shape : MeasuredRestShape or None
         The shape at rest, if it was measured and differs from the stated one.
+    poisson_ratio : float
+        The stated Poisson's ratio; the fit takes the material as incompressible.
     """
 
     path: Path
@@ -75,6 +77,7 @@ class Evidence:
     taken_as_exact: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     rest_shape: MeasuredRestShape | None = None
+    poisson_ratio: float = 0.5
 
     def plot(self) -> Any:
         """Return a matplotlib figure of the measured edges or points of the used states, in the beam frame."""
@@ -170,6 +173,7 @@ def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bo
         _taken_as_exact(dataset),
         _lens_doubts(dataset, observed),
         rest_shape,
+        dataset.specimen.specimen.poisson_ratio,
     )
 
 

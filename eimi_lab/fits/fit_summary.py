@@ -10,7 +10,7 @@ from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.interval.budget import BudgetEntry
 from eimi_fitting.inference.planning.choice_of_law import Choice
 from eimi_fitting.laws.search_space import BULK_NAME
-from eimi_lab.fits.assumptions import rest_shape_remark, section_remark
+from eimi_lab.fits.assumptions import compressibility_remark, rest_shape_remark, section_remark
 from eimi_lab.fits.evidence import WHOLE_FILES, Evidence
 from eimi_lab.fits.law_record import LawRecord
 from eimi_lab.fits.records import FitRecord, TensileRecord
@@ -62,8 +62,9 @@ def tensile_remarks(fit: TensileRecord) -> list[str]:
 
 
 def evidence_remarks(evidence: Sequence[Evidence]) -> list[str]:
-    """Return a line for each dataset with a planar section assumption, and for each with a measured shape at rest."""
-    return [remark for one in evidence for say in (section_remark, rest_shape_remark) if (remark := say(one))]
+    """Return a line for each planar section, each measured shape at rest and each compressible material."""
+    remarks_of = (section_remark, rest_shape_remark, compressibility_remark)
+    return [remark for one in evidence for say in remarks_of if (remark := say(one))]
 
 
 def budget_lines(fit: FitRecord) -> list[str]:

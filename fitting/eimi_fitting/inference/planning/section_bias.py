@@ -23,11 +23,11 @@ from eimi_fitting.laws import LAWS
 
 Array = NDArray[np.float64]
 
-_MODULUS_PA = 50e3  # arbitrary: the loads are scaled with it
+MODULUS_PA = 50e3  # arbitrary: the loads are scaled with it
 _LINEAR_TURN_DEG = 60.0  # tip rotation under the largest load if the stiffness stayed that at rest; in fact about 45
 # Elements. The bias differs by at most 0.3 % of the modulus from that with 20 x 4 elements, and takes a third of the
 # time of a fit's mesh.
-_ALONG, _ACROSS = 13, 1
+ALONG, ACROSS = 13, 1
 _STEP = 0.02  # of the logarithm of the modulus, for the difference quotient
 
 
@@ -50,10 +50,10 @@ def expected_bias(specimen: Specimen) -> float:
         If the solid model does not support the specimen.
     """
     law = LAWS["neo-hookean"]
-    beside = SolidBeside(replace(specimen, section="solid"), _ALONG, _ACROSS)
+    beside = SolidBeside(replace(specimen, section="solid"), ALONG, ACROSS)
     planar = BeamModel(specimen, beside.planar.along, beside.planar.across, specimen.planar_section)
-    loads = _loads(planar)
-    stated, stiffer = (np.array([[_MODULUS_PA * np.exp(step)]]) for step in (0.0, _STEP))
+    loads = bending_loads(planar)
+    stated, stiffer = (np.array([[MODULUS_PA * np.exp(step)]]) for step in (0.0, _STEP))
     here = planar.solve(law, stated, loads, tolerance_mm=TOLERANCE_MM, keep=True)
     ahead = planar.solve(law, stiffer, loads, tolerance_mm=TOLERANCE_MM, near=here.every)
     options = SolidOptions(planar_shapes=here if beside.has_mesh_of(planar) else None)
@@ -68,11 +68,11 @@ def expected_bias(specimen: Specimen) -> float:
     return float(np.expm1(-slope @ distances / (slope @ slope)))
 
 
-def _loads(planar: BeamModel) -> Loads:
+def bending_loads(planar: BeamModel) -> Loads:
     """Return half of the largest load and the whole: fields across the beam or, without a magnet, tip forces."""
-    specimen, law, modulus = planar.specimen, LAWS["neo-hookean"], np.array([[_MODULUS_PA]])
+    specimen, law, modulus = planar.specimen, LAWS["neo-hookean"], np.array([[MODULUS_PA]])
     magnetic = specimen.magnet is not None or any(specimen.magnetisation_A_per_m)
-    stiffness_N = 1e-6 * _MODULUS_PA * specimen.width_mm**3 * specimen.depth_mm / specimen.length_mm**2
+    stiffness_N = 1e-6 * MODULUS_PA * specimen.width_mm**3 * specimen.depth_mm / specimen.length_mm**2
 
     def of(share: Array) -> Loads:
         loads = Loads.along(
