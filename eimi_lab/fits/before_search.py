@@ -91,10 +91,11 @@ def _with(change: str, file: str, path: Path) -> str:
 
 
 def check_states(path: Path, experiment: Experiment, states: Sequence[State]) -> None:
-    """Check currents and magnet of a dataset. Raises InputError if no material could explain the states."""
+    """Check currents, magnet and field of a dataset. Raises InputError if no material could explain the states."""
     try:
         _check_currents(states)
         _check_magnet(path, experiment)
+        _check_map(experiment)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 
@@ -122,6 +123,20 @@ def _check_magnet(path: Path, experiment: Experiment) -> None:
             "its file has no [magnet] and no magnetisation_kA_per_m; state one of them, and "
             + (f"give it: eimi segment {path} --specimen specimen.toml" if _is_edges(experiment) else "import again")
         )
+
+
+def _check_map(experiment: Experiment) -> None:
+    """Refuse a field that is not known at a place that the tip reaches."""
+    table = experiment.loads.coil.table if experiment.loads.coil else None
+    if table is None or not _is_edges(experiment):
+        return
+    for x, y in _tips_mm(experiment):
+        if not table.covers(np.array([[x, y]])):
+            raise InputError(
+                f"the tip reaches x_mm = {x:.3g}, y_mm = {y:.3g}, but the field of calibration.field is known for x_mm "
+                f"from {table.x_mm[0]:g} to {table.x_mm[-1]:g} and y_mm from {table.y_mm[0]:g} to {table.y_mm[-1]:g} "
+                "only; measure a larger map"
+            )
 
 
 def check_width(dataset: Dataset) -> None:

@@ -9,15 +9,17 @@ import h5py
 import numpy as np
 import pytest
 
+import eimi_lab as eimi
 from eimi_drivers.interfaces import InstrumentDisconnected
 from eimi_lab.acquisition.dry_run import dry_run
 from eimi_lab.acquisition.event_words import in_words
 from eimi_lab.acquisition.events import Event, Paused, Warned
 from eimi_lab.acquisition.open_bench import open_bench
 from eimi_lab.acquisition.run import acquire
+from eimi_lab.config.materials import TrueMaterials
 from eimi_lab.config.protocol import Protocol, load_protocol
 from eimi_lab.config.rig import load_rig
-from eimi_lab.config.specimen import load_specimen
+from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import parse
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.segmentation import segment
@@ -151,3 +153,25 @@ def test_the_virtual_rig_reverses_its_field_and_the_edges_lie_on_the_other_side(
     assert right[..., 1].max() == pytest.approx(-left[..., 1].min(), abs=0.02)
     assert right[..., 1].max() > 5.0
     assert np.isfinite(experiment.observed.sigma_mm).any()
+
+
+@pytest.mark.slow
+def test_a_hidden_tilt_of_the_moment_is_found_by_the_whole_chain_and_the_modulus_is_right(tmp_path: Any) -> None:
+    """Short version: `tests/fitting/test_magnetisation_angle.py`, from arrays."""
+    rig, exact = load_rig("virtual"), load_specimen("type1")
+    assert rig.virtual is not None
+    silicone = '[silicone."Dragon Skin 10"]\nmodel = "neo-hookean"\nparameters = { mu_Pa = 46390.0 }\n'
+    hidden = parse(TrueMaterials, f"{silicone}[bench]\nmagnetisation_angle_deg = 3.0\n", "materials.toml")
+    rig = rig.model_copy(update={"virtual": rig.virtual.model_copy(update={"materials": hidden})})
+    stated = exact.text.replace("\nmagnetisation_angle_deg = 0.0", "\nmagnetisation_angle_deg = 3.0")
+    specimen = parse(SpecimenFile, stated, "specimen.toml")
+    protocol = with_both(load_protocol("dragon_skin_10_quick"))
+    path = tmp_path / "run.h5"
+    with open_bench(rig, specimen, protocol.limits) as bench:
+        acquire(protocol, specimen, rig, bench, path)
+    fit = eimi.fit(path, "neo-hookean")
+    (freed,) = fit.freed
+    assert freed.deviation.value == pytest.approx(3.0, abs=0.05)
+    assert fit.initial_shear_modulus.value == pytest.approx(46390.0, rel=0.01)
+    low, high = fit.initial_shear_modulus.interval_95
+    assert low < 46390.0 < high

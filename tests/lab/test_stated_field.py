@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from eimi_fitting.beam.coil_field import CoilShape, FieldTable
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.config.materials import TrueMaterials
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.config.toml import parse
+from eimi_lab.dataset.state import State
+from eimi_lab.fits.before_search import check_states
 from eimi_lab.process.errors import InputError
 from eimi_lab.virtual.virtual_rig import open_virtual_rig
 from eimi_lab.vision.field_at_beam import stated_background_T, stated_coil
@@ -91,6 +101,29 @@ def test_a_measured_map_is_read_from_its_file_and_kept_in_the_text(tmp_path):
     (tmp_path / "field.csv").write_text("x,y,bx,by\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"field\.csv: the first row should be x_mm,y_mm,bx_mT,by_mT"):
         load_calibration(tmp_path / "calibration.toml")
+
+
+@pytest.mark.parametrize(
+    "stated", ["[field]\ngradient_per_m = [1.0, 0.0]", "[uncertainty]\nfield_gradient_per_m = 1.0"]
+)
+def test_an_uneven_field_on_magnetised_silicone_is_refused(stated):
+    beam = replace(load_specimen("type1").mechanics(), magnet=None, magnetisation_A_per_m=(4e4, 0.0))
+    with pytest.raises(InputError, match="the model of an uneven field acts on a magnet only"):
+        stated_coil(parse(Calibration, f"{CALIBRATION}{stated}\n", "calibration.toml"), beam)
+
+
+def test_a_map_that_ends_before_the_tip_is_refused():
+    beam = replace(load_specimen("type1").mechanics(), section="plane-stress")
+    places = np.linspace(0.0, 29.0, 5)
+    table = FieldTable(places, places - 15.0, np.ones((5, 5, 2)))
+    loads = replace(Loads.along([0.0, 5.0]), coil=CoilShape((0.0, 1.0), table=table))
+    tip = np.array([[30.0, -1.5], [30.0, 1.5]])[:, None]
+    observed = EdgeObservation(np.stack([tip, tip + np.array([-3.0, 9.0])]), np.full((2, 2, 1), 0.01))
+    states = (State(0, 0.0, 0.0, 0.0, 0.0, ()), State(1, 1.0, 1.0, 5.0, 0.0, ()))
+    with pytest.raises(
+        InputError, match=r"the tip reaches x_mm = 30, y_mm = 0, but the field of calibration\.field is"
+    ):
+        check_states(Path("run.h5"), Experiment(BeamModel(beam), loads, observed), states)
 
 
 def outline_mm(bench: str = "", calibration: str = CALIBRATION) -> np.ndarray:
