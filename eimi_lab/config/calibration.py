@@ -29,6 +29,7 @@ Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 DISTORTION_LENGTHS = (4, 5, 8, 12, 14)
 
 
+_OF_LATER_RELEASES = ("background_field_mT", "field")  # keys that the hash of a calibration has only if it has them
 _ROUNDING = 1e-9  # of the sine of an angle
 
 
@@ -128,7 +129,7 @@ class Calibration(Document):
         Datasets with the same calibration share its errors. Datasets with the same coil constant share its error.
         """
         coil = f"coil of {self.coil_constant_mT_per_A:g} mT/A"
-        numbers = self.model_dump_json(exclude={"picture"})
+        numbers = self._as_json({"picture"})
         this_calibration = f"calibration {hashlib.sha256(numbers.encode()).hexdigest()[:16]}"
         in_units = {
             "pixels_per_mm": 1 / self.pixels_per_mm,
@@ -144,7 +145,12 @@ class Calibration(Document):
     @property
     def digest(self) -> str:
         """SHA-256 of the values; it does not depend on the file's layout and comments."""
-        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
+        return hashlib.sha256(self._as_json(set()).encode()).hexdigest()
+
+    def _as_json(self, excluded: set[str]) -> str:
+        """Return the values as JSON, as earlier releases did if a calibration has no key of later ones."""
+        absent = {key for key in _OF_LATER_RELEASES if getattr(self, key) is None}
+        return self.model_dump_json(exclude=excluded | absent)
 
     def age_days(self, taken: datetime) -> float | None:
         """Return the days from the calibration to ``taken``; None if ``calibrated_on`` is not stated."""

@@ -59,6 +59,15 @@ def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
     return run
 
 
+def test_its_calibration_has_the_same_hash() -> None:
+    """Edges and stated uncertainties name their calibration by it."""
+    with open_dataset(RELEASE / "run.h5") as dataset:
+        edges, calibration = dataset.edges(), dataset.calibration
+    assert edges is not None
+    assert calibration is not None
+    assert {edge_set.calibration_digest for edge_set in edges} == {calibration.digest}
+
+
 def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
     """Yield every number and text of a JSON value with its path of keys."""
     if isinstance(value, dict | list):
