@@ -19,7 +19,7 @@ from eimi_lab.commands.examples import EXAMPLES, in_help
 from eimi_lab.commands.result import printing
 from eimi_lab.process.errors import InputError, OwnFault, tell
 from eimi_lab.process.log import LEVELS, VARIABLE, log_to_stderr
-from eimi_lab.process.stderr import never_blocking, open_closed_streams
+from eimi_lab.process.stderr import never_blocking, open_closed_streams, write_every_character
 from eimi_lab.process.stopping import Stopped, leaving, unwind_on_termination
 from eimi_lab.process.threads import one_thread_each
 
@@ -93,6 +93,7 @@ def main() -> None:
     unwind_on_termination()
     one_thread_each()
     open_closed_streams()
+    write_every_character()
     try:
         with never_blocking():
             status = _status()

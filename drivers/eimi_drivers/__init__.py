@@ -1,14 +1,15 @@
 """Power supplies and cameras: their interfaces, their drivers, and emulators that stand in for them.
 
-interfaces   what a supply and a camera must offer, and the errors that they raise
-contract     check a driver against the interfaces
-installed    find drivers by name: built in, announced by another package, or added by a program
-supplies     drivers of power supplies; `open_supply` opens one by name
-cameras      drivers of cameras; `open_camera` opens one by name
-emulators    emulated supplies with a coil, for tests and for work without hardware
-testing      conformance suites for drivers of other packages
-discovery    list the instruments that are attached
-clock        the time on a bench and on the virtual rig
+interfaces    what a supply and a camera must offer, and the errors that they raise
+contract      check a driver against the interfaces
+installed     find drivers by name: built in, announced by another package, or added by a program
+supplies      drivers of power supplies; `open_supply` opens one by name
+cameras       drivers of cameras; `open_camera` opens one by name
+emulators     emulated supplies with a coil, for tests and for work without hardware
+testing       conformance suites for drivers of other packages
+serial_ports  list the serial ports of this computer
+discovery     list the instruments that are attached
+clock         the time on a bench and on the virtual rig
 
 This package knows currents, voltages and pixels. It imports neither `eimi_lab` nor `eimi_fitting`.
 """

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Literal
 
 import pyvisa
-from serial.tools import list_ports
 
 from eimi_drivers.cameras import CAMERAS
 from eimi_drivers.interfaces import raised
+from eimi_drivers.serial_ports import attached_ports
 from eimi_drivers.supplies import SUPPLIES
 from eimi_drivers.supplies.transport import visa_library
 
@@ -125,10 +125,16 @@ def list_serial_ports() -> tuple[Found, ...]:
             kind="supply",
             driver="korad" if (port.vid, port.pid) in KORAD_USB_IDS else SERIAL_DRIVERS,
             address=port.device,
-            text=port.description if port.description not in (None, "n/a") else "serial port",
+            text=_described(port.description, port.serial_number),
         )
-        for port in sorted(list_ports.comports(), key=lambda port: str(port.device))
+        for port in sorted(attached_ports(), key=lambda port: str(port.device))
     )
+
+
+def _described(description: str | None, serial_number: str | None) -> str:
+    """Return what the operating system states about a port; the serial number tells two equal adapters apart."""
+    text = description if description not in (None, "n/a") else "serial port"
+    return f"{text}, serial number {serial_number}" if serial_number else f"{text}"
 
 
 def list_visa_resources() -> tuple[tuple[Found, ...], tuple[str, ...]]:

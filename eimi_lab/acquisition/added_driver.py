@@ -15,6 +15,9 @@ import sys
 from eimi_drivers.interfaces import UnusableDriver
 from eimi_drivers.supplies.supply_names import SUPPLIES
 
+LONGEST_ON_WINDOWS = 24_000
+"""Most characters of a driver there. A command line has at most 32767 (Microsoft, CreateProcessW), others included."""
+
 
 def pack(name: str) -> str:
     """Return a text from which `unpack` adds the driver in another process; empty for an installed driver.
@@ -35,7 +38,13 @@ def pack(name: str) -> str:
             f"the supply driver {name!r} cannot be sent to the process that switches the coil off if the run dies: "
             f"{error}; write it as a class in a module of its own"
         ) from error
-    return json.dumps({"path": sys.path, "driver": base64.b64encode(pickled).decode("ascii")})
+    packed = json.dumps({"path": sys.path, "driver": base64.b64encode(pickled).decode("ascii")})
+    if sys.platform == "win32" and len(packed) > LONGEST_ON_WINDOWS:
+        raise UnusableDriver(
+            f"the supply driver {name!r} is too large to be carried over to the process that switches the coil off if "
+            "the run dies; write it as a class in a module of its own"
+        )
+    return packed
 
 
 def unpack(name: str, packed: str) -> None:

@@ -11,8 +11,6 @@ from __future__ import annotations
 
 import json
 import os
-import select
-import signal
 import subprocess
 import sys
 import time
@@ -21,6 +19,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 
 from eimi_drivers.interfaces import Identity, InstrumentError, Limits
+from eimi_lab.process.awake import awake_s
+from eimi_lab.process.detached import detached, resume
+from eimi_lab.process.pipes import handed_down, never_wait_to_write, readable
 
 READY_WITHIN_S = 120.0
 STILL_FOR_S = 5.0
@@ -37,11 +38,6 @@ TAKING_OVER_WITHIN_S = 10.0
 READY, HERE, TAKING_OVER = b"ready\n", b".\n", b"taking over\n"  # messages of the guardian
 ARM, BEAT, DISARM, TAKE_OVER, ALLOW, SUPPLY = b"on", b".", b"off", b"take over", b"allow ", b"supply "  # of the run
 RECOGNISED = b"recognised"
-
-
-def awake_s() -> float:
-    """Return the time of a clock that also counts while the computer sleeps, if the system has one."""
-    return time.clock_gettime(time.CLOCK_BOOTTIME) if hasattr(time, "CLOCK_BOOTTIME") else time.monotonic()
 
 
 class StoodStill(InstrumentError):
@@ -91,21 +87,21 @@ class Guardian:
     def __init__(self, ward: Ward, events: int | None = None) -> None:
         self._ward = ward
         inherited = [] if events is None else [os.dup(events)]  # not 1: standard output is the pipe to the run
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", f"{__name__}_process", json.dumps(asdict(ward)), *map(str, inherited)],
-            pass_fds=inherited,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            bufsize=0,
-            start_new_session=True,
-        )
+        with handed_down(*inherited) as (names, options):
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", f"{__name__}_process", json.dumps(asdict(ward)), *names],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                bufsize=0,
+                **options,
+                **detached(),
+            )
         for descriptor in inherited:
             os.close(descriptor)
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._to, self._from = self._process.stdin, self._process.stdout
-        for end in (self._to, self._from):
-            os.set_blocking(end.fileno(), False)
+        never_wait_to_write(self._to.fileno())
         self._said = b""
         self._armed = False
         self._heard_s = time.monotonic()
@@ -118,7 +114,7 @@ class Guardian:
         """
         until = time.monotonic() + READY_WITHIN_S
         while READY not in self._said and self._process.poll() is None and time.monotonic() < until:
-            select.select([self._from], [], [], 0.2)
+            readable(self._from.fileno(), 0.2)
             self._listen()
         if READY not in self._said or not self._send(ARM):
             raise InstrumentError(f"{self._ward.address}: the guardian process did not start; nothing was switched on")
@@ -197,7 +193,7 @@ class Guardian:
     def dismiss(self) -> None:
         """Close the pipes. An armed guardian now switches the coil off; this method does not wait for it."""
         if self._armed:
-            self._process.send_signal(signal.SIGCONT)  # the guardian may have been stopped
+            resume(self._process)
             self._send(TAKE_OVER)
         else:
             self._process.kill()
@@ -206,10 +202,9 @@ class Guardian:
         self._from.close()
 
     def _listen(self) -> None:
-        with suppress(BlockingIOError):
-            while received := os.read(self._from.fileno(), 4096):
-                self._heard_s = time.monotonic()
-                self._said = (self._said + received).replace(HERE, b"")
+        while readable(self._from.fileno(), 0.0) and (received := os.read(self._from.fileno(), 4096)):
+            self._heard_s = time.monotonic()
+            self._said = (self._said + received).replace(HERE, b"")
 
     def _send(self, message: bytes) -> bool:
         try:

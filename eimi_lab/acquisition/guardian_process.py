@@ -10,7 +10,6 @@ import json
 import logging
 import os
 import re
-import select
 import signal
 import sys
 import time
@@ -34,6 +33,7 @@ from eimi_lab.acquisition.events import (
     OnEvent,
     RunKilled,
     Takeover,
+    Warned,
     off_confirmed,
 )
 from eimi_lab.acquisition.guardian import (
@@ -51,7 +51,10 @@ from eimi_lab.acquisition.guardian import (
     TAKING_OVER,
     Ward,
 )
+from eimi_lab.process.console import when_closed
+from eimi_lab.process.detached import Starter, be_shut_down_last, ended_with_others
 from eimi_lab.process.log import VARIABLE, log_to_stderr
+from eimi_lab.process.pipes import never_wait_to_write, readable, received
 from eimi_lab.process.scope import move_to_own_scope
 from eimi_lab.process.stderr import never_blocking
 
@@ -60,6 +63,10 @@ _log = logging.getLogger("eimi_lab.acquisition.guardian_process")  # the process
 TRY_FOR_S = 3600.0  # time for a person to reconnect a cable or to come to the bench
 TRY_AGAIN_AFTER_S, TRY_AGAIN_LATER_S = 0.1, 1.0
 REPORT_EVERY_S = 60.0
+ENDED_WITH_OTHERS = (
+    "the guardian process is in a job object of the program that started this one: if that program ends all its "
+    "processes at once, nobody switches the coil off; start eimi from a terminal of Windows"
+)
 FROM_RUN, TO_RUN = 0, 1
 
 DIED: Takeover = "run_died"
@@ -69,11 +76,15 @@ ASKED: Takeover = "run_could_not_switch_off"
 
 def stand_guard(ward: Ward, on_event: OnEvent) -> None:
     """Wait for the run to end; if the coil may still be on, switch it off."""
-    for name in ("SIGINT", "SIGHUP", "SIGTERM", "SIGPIPE"):  # the guardian must not end before the run
+    for name in ("SIGINT", "SIGHUP", "SIGTERM", "SIGPIPE", "SIGBREAK"):  # the guardian must not end before the run
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
-    run = os.getppid()
-    os.set_blocking(TO_RUN, False)
+    when_closed(_stay)
+    be_shut_down_last()
+    if ended_with_others():
+        on_event(Warned(message=ENDED_WITH_OTHERS))
+    run = Starter()
+    never_wait_to_write(TO_RUN)
     scoped = move_to_own_scope("eimi-guardian", f"switches the supply at {ward.address} off if its run dies")
     _log.info("in a scope of its own: %s", scoped)
     _say(READY)
@@ -93,7 +104,7 @@ def _wait_until_needed(ward: Ward) -> tuple[Takeover | None, Ward]:
     """
     armed, patience_s, heard_s, unfinished = False, STILL_FOR_S, time.monotonic(), b""
     while True:
-        if select.select([FROM_RUN], [], [], SILENT_FOR_S / 4)[0]:
+        if readable(FROM_RUN, SILENT_FOR_S / 4):
             data = os.read(FROM_RUN, 4096)
             if not data:
                 return DIED if armed else None, ward
@@ -120,11 +131,11 @@ def _wait_until_needed(ward: Ward) -> tuple[Takeover | None, Ward]:
         _say(HERE)
 
 
-def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: int, on_event: OnEvent) -> None:
+def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_event: OnEvent) -> None:
     """Ramp down, switch off and measure, repeatedly, until no current is measured or `TRY_FOR_S` has passed.
 
     A run that stands still keeps its connection, and some supplies serve only one connection at a time. If the first
-    attempt fails, the guardian therefore kills the process of the run, whose number is `run`.
+    attempt fails, the guardian therefore kills the process of the run, `run`.
     """
     began = time.monotonic()
     reported_s = began - REPORT_EVERY_S + 2.0
@@ -146,10 +157,9 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: int, on_event: O
         if emulated and not Path(emulated[0]).exists():
             on_event(EmulatedSupplyGone(takeover=takeover, address=ward.address))
             return
-        if takeover == STANDS_STILL and not killed and measured_A is None and os.getppid() == run:
+        if takeover == STANDS_STILL and not killed and measured_A is None and run.runs():
             on_event(RunKilled(address=ward.address, reason=why))
-            with suppress(ProcessLookupError):
-                os.kill(run, signal.SIGKILL)
+            run.kill()
             killed = True
             continue
         not_off = OffNotConfirmed(
@@ -252,6 +262,10 @@ def _ramp_down(supply: PowerSupply) -> str:
     return ""
 
 
+def _stay() -> None:
+    """Do nothing while Windows logs the user off: the run ends first, and its end is what this process waits for."""
+
+
 def _say(message: bytes) -> None:
     with suppress(OSError):  # the run is gone or does not read
         os.write(TO_RUN, message)
@@ -265,8 +279,8 @@ def _print(event: Event) -> None:
 
 
 def main(ward: str, events: str | None = None) -> None:
-    """Guard a supply, a `Ward` as JSON. events: number of a file descriptor for events, if a program reads them."""
-    with never_blocking(), sending_events(_print, None if events is None else int(events)) as on_event:
+    """Guard a supply, a `Ward` as JSON. events: name of a descriptor for events, if a program reads them."""
+    with never_blocking(), sending_events(_print, None if events is None else received(events)) as on_event:
         log_to_stderr(os.environ.get(VARIABLE, ""))
         guarded = Ward(**json.loads(ward))
         unpack(guarded.driver, guarded.packed)

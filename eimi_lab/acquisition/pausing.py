@@ -8,9 +8,6 @@ Ctrl-C and --resume interrupt a run within a state.
 
 from __future__ import annotations
 
-import os
-import select
-import sys
 from collections.abc import Callable
 
 from eimi_lab.acquisition.events import OnEvent, OutputSwitched, Paused, PauseRequested, Resumed
@@ -24,20 +21,6 @@ LOOK_EVERY_S = 0.1
 def no_input() -> str | None:
     """Return None; the input of a run without a terminal."""
     return None
-
-
-def typed_line() -> str | None:
-    """Return the line that was typed on the terminal, or None if there is none. Never waits.
-
-    A process in the background of a terminal reads nothing, because reading would stop it.
-    """
-    try:
-        terminal = sys.stdin.fileno()
-        if os.tcgetpgrp(terminal) != os.getpgrp() or not select.select([terminal], [], [], 0)[0]:
-            return None
-        return os.read(terminal, 1024).decode("utf-8", "replace").strip()
-    except (OSError, ValueError, AttributeError):  # no terminal, closed, or a system without them
-        return None
 
 
 class Pauses:

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from eimi_drivers.interfaces import InstrumentError
-from eimi_drivers.supplies.transport import split_address
+from eimi_drivers.supplies.transport import serial_port
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.writer_lock import WriterLock
 
@@ -30,7 +30,7 @@ def only_run_on(address: str) -> Iterator[None]:
     InstrumentError
         If another run uses the supply.
     """
-    place = split_address(address)[0]
+    place = serial_port(address)
     line = os.path.realpath(place) if place.startswith("/") else place.upper()
     folder = Path(os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir())
     user = os.getuid() if hasattr(os, "getuid") else 0

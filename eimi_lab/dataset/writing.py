@@ -12,6 +12,7 @@ file was deleted, moved or replaced, the writer continues in a copy beside it.
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import tempfile
@@ -330,7 +331,7 @@ class DatasetWriter:
 
     def _refuse_overwritten(self) -> None:
         """Raise StorageFailed if the beginning of the file differs from what the last write left."""
-        if os.pread(self._descriptor, HEAD_BYTES, 0) != self._head:
+        if self._read_head() != self._head:
             self._abandon()
             raise StorageFailed(
                 f"{self.path}: another program wrote into it during the run: the {self._stored} states stored so far "
@@ -350,7 +351,7 @@ class DatasetWriter:
         finally:
             os.close(source)
             old_lock.release()
-        self._head = os.pread(self._descriptor, HEAD_BYTES, 0)
+        self._head = self._read_head()
         self._warn(
             f"{taken_from} {fate} during the run; its {self._stored} states, and the following ones, are in {self.path}"
         )
@@ -358,7 +359,16 @@ class DatasetWriter:
     def _synchronise(self) -> None:
         self._file.flush()
         os.fsync(self._descriptor)
-        self._head = os.pread(self._descriptor, HEAD_BYTES, 0)
+        self._head = self._read_head()
+
+    def _read_head(self) -> bytes:
+        """Return the beginning of the file; Windows has no pread(2)."""
+        place = os.lseek(self._descriptor, 0, os.SEEK_CUR)  # HDF5 may continue from here
+        try:
+            os.lseek(self._descriptor, 0, os.SEEK_SET)
+            return os.read(self._descriptor, HEAD_BYTES)
+        finally:
+            os.lseek(self._descriptor, place, os.SEEK_SET)
 
 
 def _taken_away(path: Path, descriptor: int) -> str:
@@ -416,7 +426,8 @@ def _access() -> h5p.PropFAID:
 
 def _empty_file(header: Header, image: NDArray[Any]) -> bytes:
     """Create a dataset without frames in memory, where no disk can be full, and return its bytes."""
-    with h5py.File("memory", "w", libver="latest", driver="core", backing_store=False) as file:
+    memory = io.BytesIO()
+    with h5py.File(memory, "w", libver="latest") as file:
         entry = write_header(file, header)
         detector = group(entry["instrument"], "detector", "NXdetector")
         frames = frame_stack(detector, "data", image)
@@ -443,5 +454,4 @@ def _empty_file(header: Header, image: NDArray[Any]) -> bytes:
         columns(group(entry, "sessions", "NXcollection"), SESSION_COLUMNS)
         make_recordings(entry, planned(header.protocol), image)
         write_state_columns(entry, "frames")
-        file.flush()
-        return bytes(file.id.get_file_image())
+    return memory.getvalue()

@@ -14,6 +14,7 @@ import json
 import os
 import signal
 import sys
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -41,6 +42,9 @@ from eimi_lab.acquisition.events import (
 )
 from eimi_lab.page.eye import EDGES, FRAMES, SIZES
 from eimi_lab.page.frame_memory import new_memory
+from eimi_lab.page.watched_run import SIGNAL
+from eimi_lab.process.detached import detached
+from eimi_lab.process.pipes import handed_down
 
 CONFIRMED_WITHIN_S = 4.0
 """Kill a run that has not confirmed the output as off within this time after STOP; its guardian then takes over."""
@@ -155,16 +159,15 @@ class BenchRun:
         bell_read_end, bell = os.pipe()
         events_read_end, events = os.pipe()
         closed, open_while_seen = os.pipe()
-        for_run = (memory, bell, events)
-        self._run = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-P", "-m", "eimi_lab", *self.order.arguments()[:1]),
-            *("--quiet", f"--watched-by={','.join(map(str, for_run))}", *self.order.arguments()[1:]),
-            stdin=asyncio.subprocess.PIPE,
-            stdout=asyncio.subprocess.DEVNULL,
-            stderr=asyncio.subprocess.PIPE,
-            pass_fds=for_run,
-            start_new_session=True,
-        )
+        with handed_down(memory, bell, events) as (names, inherited):
+            self._run = await asyncio.create_subprocess_exec(
+                *(sys.executable, "-P", "-m", "eimi_lab", *self.order.arguments()[:1]),
+                *("--quiet", f"--watched-by={','.join(names)}", *self.order.arguments()[1:]),
+                stdin=asyncio.subprocess.PIPE,
+                stdout=asyncio.subprocess.DEVNULL,
+                stderr=asyncio.subprocess.PIPE,
+                **(inherited | detached()),
+            )
         rig, specimen = self.order.rig, self.order.specimen
         self._eyes = [
             await self._eye(FRAMES, memory, bell_read_end, rig),
@@ -176,14 +179,14 @@ class BenchRun:
             self._tasks.append(asyncio.create_task(work))
 
     async def _eye(self, what: str, memory: int, until: int, *files: str) -> asyncio.subprocess.Process:
-        return await asyncio.create_subprocess_exec(
-            *(sys.executable, "-P", "-m", "eimi_lab.page.eye", what, str(memory), str(until), *files),
-            stdin=asyncio.subprocess.DEVNULL,
-            stdout=asyncio.subprocess.PIPE,
-            stderr=asyncio.subprocess.DEVNULL,
-            pass_fds=(memory, until),
-            start_new_session=True,
-        )
+        with handed_down(memory, until) as (names, inherited):
+            return await asyncio.create_subprocess_exec(
+                *(sys.executable, "-P", "-m", "eimi_lab.page.eye", what, *names, *files),
+                stdin=asyncio.subprocess.DEVNULL,
+                stdout=asyncio.subprocess.PIPE,
+                stderr=asyncio.subprocess.DEVNULL,
+                **(inherited | detached()),
+            )
 
     def pause(self) -> None:
         """Ask for a pause after the current state."""
@@ -217,7 +220,7 @@ class BenchRun:
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._ended.wait(), CLOSED_WITHIN_S)
             if self.going_on:
-                self._signal(signal.SIGKILL)
+                self._kill()
         for eye in self._eyes:
             with suppress(ProcessLookupError):
                 eye.kill()
@@ -228,7 +231,7 @@ class BenchRun:
         try:
             await asyncio.wait_for(self._answered.wait(), CONFIRMED_WITHIN_S)
         except TimeoutError:
-            self._signal(signal.SIGKILL)
+            self._kill()
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._answered.wait(), CLOSED_WITHIN_S)
         if self.progress.coil == "off":
@@ -238,8 +241,15 @@ class BenchRun:
         return in_words(OffNotConfirmed(by="run", reason=""))
 
     def _signal(self, number: int) -> None:
+        if sys.platform == "win32":  # it has no signals between processes; see `watched_run`
+            self._type(f"{SIGNAL}{number:d}")
+        else:
+            with suppress(ProcessLookupError):
+                self._run.send_signal(number)
+
+    def _kill(self) -> None:
         with suppress(ProcessLookupError):
-            self._run.send_signal(number)
+            self._run.kill()
 
     def _type(self, line: str) -> None:
         assert self._run.stdin is not None
@@ -267,17 +277,20 @@ class BenchRun:
         self._phase("ended")
 
     async def _hear_events(self, descriptor: int) -> None:
-        reader = asyncio.StreamReader(limit=LONGEST_LINE)
+        """Read events in a thread, because asyncio reads no pipe of this kind on Windows."""
         loop = asyncio.get_running_loop()
-        transport, _ = await loop.connect_read_pipe(
-            lambda: asyncio.StreamReaderProtocol(reader), os.fdopen(descriptor, "rb", buffering=0)
-        )
-        try:
-            while line := await reader.readline():
-                with suppress(ValueError):  # a killed run leaves an incomplete line
-                    self.heard(from_line(line))
-        finally:
-            transport.close()
+        lines: asyncio.Queue[bytes] = asyncio.Queue()
+
+        def read() -> None:
+            with os.fdopen(descriptor, "rb") as pipe, suppress(RuntimeError):  # the page has ended
+                while line := pipe.readline(LONGEST_LINE):
+                    loop.call_soon_threadsafe(lines.put_nowait, line)
+                loop.call_soon_threadsafe(lines.put_nowait, b"")
+
+        threading.Thread(target=read, name="events", daemon=True).start()
+        while line := await lines.get():
+            with suppress(ValueError):  # a killed run leaves an incomplete line
+                self.heard(from_line(line))
 
     def heard(self, event: Event | None) -> None:
         """Update the state from an event; None stands for an event that only a later release defines."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import select
 import struct
 import sys
 import time
@@ -22,6 +21,8 @@ from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.page.frame_memory import FrameMemory, NewestFrame
 from eimi_lab.page.stored_runs import finite, in_pixels, jpeg, shown_flags
+from eimi_lab.process.detached import give_way
+from eimi_lab.process.pipes import readable, received
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.edge_set import tip_angle_deg
 from eimi_lab.vision.edges.finding import find_edges
@@ -45,7 +46,6 @@ def show_frames(memory: int, bell: int, rig: str) -> None:
     """Send each newest frame until the bell, a pipe, is closed; the run closes it at its end."""
     calibration, frames, last = load_rig(rig).calibration, FrameMemory(memory), 0
     while True:
-        select.select([bell], [], [])
         if not os.read(bell, 4096):
             return
         frame = frames.read(last)
@@ -62,7 +62,7 @@ def find_in_frames(memory: int, until_closed: int, rig: str, specimen: str) -> N
     calibration, beam, frames = load_rig(rig).calibration, load_specimen(specimen), FrameMemory(memory)
     place, last, pause_s, going_on = BeamFrame(calibration), 0, SHORTEST_PAUSE_S, True
     while going_on:
-        going_on = not select.select([until_closed], [], [], pause_s)[0]
+        going_on = not readable(until_closed, pause_s)
         frame = frames.read(last)
         if frame is None or frame.kept > 1:
             continue
@@ -127,8 +127,8 @@ if __name__ == "__main__":
     what, memory, until, *rest = sys.argv[1:]
     with suppress(BrokenPipeError, KeyboardInterrupt):  # the page has ended
         if what == FRAMES:
-            os.nice(GIVES_WAY)
-            show_frames(int(memory), int(until), *rest)
+            give_way(GIVES_WAY)
+            show_frames(received(memory), received(until), *rest)
         else:
-            os.nice(2 * GIVES_WAY)
-            find_in_frames(int(memory), int(until), *rest)
+            give_way(2 * GIVES_WAY)
+            find_in_frames(received(memory), received(until), *rest)

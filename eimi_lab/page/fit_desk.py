@@ -20,6 +20,7 @@ from eimi_lab.page.data_folder import DataFolder
 from eimi_lab.page.report_links import ReportLinks
 from eimi_lab.page.tabs import Tabs
 from eimi_lab.page.worker import Worker
+from eimi_lab.process.detached import detached
 from eimi_lab.process.errors import InputError
 
 LOOK_EVERY_S = 0.4
@@ -151,7 +152,7 @@ class FitDesk:
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.DEVNULL,
             stderr=asyncio.subprocess.PIPE,
-            start_new_session=True,
+            **detached(),
             limit=LONGEST_LINE_BYTES,
         )
         assert self._process.stderr is not None

@@ -26,9 +26,14 @@ from eimi_lab.acquisition.events import OnEvent, PageGone
 from eimi_lab.acquisition.heating import Warming
 from eimi_lab.acquisition.live_view import Live, Show, show_nothing
 from eimi_lab.acquisition.open_bench import Bench
-from eimi_lab.acquisition.pausing import typed_line
 from eimi_lab.config.rig import Rig
 from eimi_lab.page.frame_memory import FrameMemory
+from eimi_lab.process.console import typed_line
+from eimi_lab.process.pipes import never_wait_to_write, received
+from eimi_lab.process.stopping import signal_main_thread
+
+SIGNAL = "signal "
+"""Begins the line by which the page sends a signal, whose number follows, where the system cannot (Windows)."""
 
 SHOWN_EVERY_S = 1 / 40
 RATE_OVER_S = 1.0
@@ -47,8 +52,8 @@ class Descriptors:
 
     @classmethod
     def of(cls, numbers: str) -> Descriptors:
-        """Read three numbers that are separated by commas."""
-        return cls(*map(int, numbers.split(",")))
+        """Receive three descriptors, whose names are separated by commas."""
+        return cls(*map(received, numbers.split(",")))
 
 
 @dataclass(frozen=True)
@@ -81,9 +86,12 @@ def watched(page: Descriptors | None, bench: Bench, rig: Rig, on_event: OnEvent)
 
 def _listen(typed: queue.SimpleQueue[str], on_event: OnEvent) -> None:
     for line in sys.stdin:
-        typed.put(line.strip())
+        if line.startswith(SIGNAL):
+            signal_main_thread(int(line.removeprefix(SIGNAL)))
+        else:
+            typed.put(line.strip())
     on_event(PageGone())
-    os.kill(os.getpid(), signal.SIGTERM)
+    signal_main_thread(signal.SIGTERM)
 
 
 class WatchedSupply:
@@ -176,7 +184,7 @@ class _Shown:
 
     def __init__(self, memory: FrameMemory, bell: int, supply: WatchedSupply) -> None:
         self._memory, self._bell, self._supply = memory, bell, supply
-        os.set_blocking(bell, False)
+        never_wait_to_write(bell)
         self._times: deque[float] = deque()
         self._shown_s = 0.0
 

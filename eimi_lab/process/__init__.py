@@ -9,8 +9,12 @@ garbage      less frequent garbage collection, and reuse of freed memory
 workers      distribution of tasks to processes or a cluster
 awake        no sleep of the computer while a run goes on
 scope        a systemd scope of its own for a process
+console      lines typed on the terminal, and its closing
+detached     processes that outlive their terminal, and their priority
+pipes        pipes between processes
 writer_lock  one writer at a time for each file
 log          the log for a maintainer, off by default
 limits       limits of memory and processor time
+replacing    replacing of files that another program may have open
 outputs      result files that are written completely or not at all
 """

@@ -1,4 +1,4 @@
-"""Keep the computer awake, if its operating system supports this."""
+"""Keep the computer awake, if its operating system supports this, and notice that it slept."""
 
 from __future__ import annotations
 
@@ -6,11 +6,29 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 _CONTINUOUS, _SYSTEM_REQUIRED = 0x80000000, 0x00000001
 """Flags of SetThreadExecutionState (Microsoft, Windows API, winbase.h)."""
+
+
+def awake_s() -> float:
+    """Return seconds of a clock that also counts while the computer sleeps, if the system has one.
+
+    Linux: CLOCK_BOOTTIME (clock_gettime(2)). macOS: CLOCK_MONOTONIC, which counts sleep there (its clock_gettime(3)).
+    Windows: GetTickCount64 (Microsoft, Windows API, sysinfoapi.h).
+    """
+    if sys.platform == "win32":
+        import ctypes
+
+        ticks = ctypes.windll.kernel32.GetTickCount64
+        ticks.restype = ctypes.c_uint64
+        return float(ticks()) / 1000
+    if sys.platform == "linux":
+        return time.clock_gettime(time.CLOCK_BOOTTIME)
+    return time.clock_gettime(time.CLOCK_MONOTONIC)
 
 
 @contextmanager

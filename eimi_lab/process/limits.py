@@ -17,15 +17,12 @@ from pathlib import Path
 
 from eimi_lab.process.errors import InputError
 
-try:
-    import resource
-except ImportError:  # Windows
-    resource = None  # type: ignore[assignment]
-
 ASSUMED_FREE_BYTES = 4 << 30
 """Assumed free memory if the system does not state it."""
 SHARE_OF_FREE = 4
 """At most one part in this number of the free memory is unpacked from a file at once."""
+_CRASHED = 0xC0000000
+"""The least exit status of a process that crashed on Windows (Microsoft, [MS-ERREF], NTSTATUS)."""
 WALL_WITHIN_S = 3600.0
 """Limit of a child by the wall clock: a disk or a network may be slow, and a process may wait for it forever."""
 
@@ -38,14 +35,16 @@ def free_memory_bytes() -> int:
     (RLIMIT_AS) is respected. Without any source the value is `ASSUMED_FREE_BYTES`.
     """
     free = _linux() if sys.platform == "linux" else _windows() if sys.platform == "win32" else _macos()
+    if sys.platform == "win32":
+        return free or ASSUMED_FREE_BYTES
+    import resource
+
     if not free:
         with suppress(AttributeError, ValueError, OSError):
             free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     free = free if free > 0 else ASSUMED_FREE_BYTES
-    if resource is not None:
-        soft = resource.getrlimit(resource.RLIMIT_AS)[0]
-        free = free if soft == resource.RLIM_INFINITY else min(free, soft)
-    return free
+    soft = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return free if soft == resource.RLIM_INFINITY else min(free, soft)
 
 
 def refuse_unpacked(claimed_bytes: int, what: str) -> None:
@@ -68,8 +67,7 @@ def refuse_unpacked(claimed_bytes: int, what: str) -> None:
 
 def limit_memory(most_bytes: int) -> None:
     """Limit the address space of this process, if the operating system supports it; a lower limit is kept."""
-    if resource is not None:
-        _lower(resource.RLIMIT_AS, most_bytes)
+    _lower("RLIMIT_AS", most_bytes)
 
 
 def run_limited(path: Path, command: Sequence[str], within_s: float) -> subprocess.CompletedProcess[bytes]:
@@ -94,17 +92,18 @@ def run_limited(path: Path, command: Sequence[str], within_s: float) -> subproce
     InputError
         If the command took too long, was killed, or crashed.
     """
-    wall_s = within_s if resource is None else within_s + WALL_WITHIN_S
-    clock = "s" if resource is None else "s of processor time"
+    wall_s = within_s if sys.platform == "win32" else within_s + WALL_WITHIN_S
     try:
         done = subprocess.run([*command, str(round(within_s))], capture_output=True, timeout=wall_s, check=False)
     except subprocess.TimeoutExpired as error:
         raise InputError(f"{path}: reading it took longer than {wall_s:.0f} s") from error
-    if done.returncode >= 0:
+    if 0 <= done.returncode < _CRASHED:
         return done
+    if sys.platform == "win32":
+        raise InputError(f"{path}: is damaged: the process that read it crashed ({done.returncode:#x})")
     name = signal.Signals(-done.returncode).name
     if name == "SIGXCPU":
-        raise InputError(f"{path}: reading it took longer than {within_s:.0f} {clock}")
+        raise InputError(f"{path}: reading it took longer than {within_s:.0f} s of processor time")
     if name in ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP"):
         raise InputError(f"{path}: the process that read it was ended by {name}; the memory may not suffice")
     raise InputError(f"{path}: is damaged: the process that read it crashed ({name})")
@@ -125,14 +124,18 @@ def child_arguments(count: int) -> list[str]:
 
 def obey_processor_limit(within_s: str) -> None:
     """Let the system end this process after so many seconds of processor time, if it supports it."""
-    if resource is not None:
-        _lower(resource.RLIMIT_CPU, int(within_s))
+    _lower("RLIMIT_CPU", int(within_s))
 
 
-def _lower(which: int, most: int) -> None:
-    soft, hard = resource.getrlimit(which)
-    limits = [limit for limit in (most, soft, hard) if limit != resource.RLIM_INFINITY]
-    resource.setrlimit(which, (min(limits), hard))
+def _lower(name: str, most: int) -> None:
+    """Lower a limit of this process, which setrlimit(2) names; Windows has none."""
+    if sys.platform != "win32":
+        import resource
+
+        which: int = getattr(resource, name)
+        soft, hard = resource.getrlimit(which)
+        limits = [limit for limit in (most, soft, hard) if limit != resource.RLIM_INFINITY]
+        resource.setrlimit(which, (min(limits), hard))
 
 
 def _linux() -> int:

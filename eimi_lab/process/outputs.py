@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.replacing import remove, replace
 from eimi_lab.process.writer_lock import followed, only_writer
 
 
@@ -85,18 +86,18 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
         temporary = Path(name)
         try:
             yield temporary
-            with temporary.open("rb") as written:
+            with temporary.open("r+b") as written:  # Windows synchronises only a file that is open for writing
                 os.fsync(written.fileno())
             umask = os.umask(0)
             os.umask(umask)
             temporary.chmod(0o666 & ~umask)
-            os.replace(temporary, file)
+            replace(temporary, file)
         except OSError as error:  # on a full disk, the error names no file or the temporary one
             if error.errno is not None and (error.filename is None or name in (error.filename, error.filename2)):
                 raise OSError(error.errno, error.strerror, str(path)) from error
             raise
         finally:
-            temporary.unlink(missing_ok=True)
+            remove(temporary)
 
 
 def write_file(path: Path, content: str | bytes, force: bool) -> None:
@@ -139,7 +140,7 @@ def whole_folder(folder: Path, force: bool) -> Iterator[Path]:
     new_folder(folder, force)
     try:
         try:  # created inside the folder, because its parent may be on another file system
-            unfinished = tempfile.TemporaryDirectory(prefix=".unfinished.", dir=folder)
+            unfinished = tempfile.TemporaryDirectory(prefix=".unfinished.", dir=folder, ignore_cleanup_errors=True)
         except OSError as error:
             raise InputError(f"{folder}: no file can be created in this folder ({error.strerror})") from error
         with unfinished as name:
@@ -159,7 +160,7 @@ def whole_folder(folder: Path, force: bool) -> Iterator[Path]:
 def _put(file: Path, path: Path) -> None:
     """Move a file to a path; if the path is a symbolic link, copy it to the file to which the link leads."""
     if not path.is_symlink():
-        os.replace(file, path)
+        replace(file, path)
         return
     with whole_file(path, force=True) as temporary:
         shutil.copyfile(file, temporary)

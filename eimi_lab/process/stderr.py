@@ -1,8 +1,8 @@
 """A standard error stream that never blocks the program, and the words that C libraries print there.
 
-If nobody reads standard error (a full pipe, or a terminal stopped with Ctrl-S), an ordinary write would block, and a
-coil might stay on. Here, text that cannot be written at once waits in memory for the next write. If too much text
-waits, the oldest lines are dropped and counted.
+If nobody reads standard error (a full pipe, a terminal stopped with Ctrl-S, or a Windows console in which text is
+selected), an ordinary write would block, and a coil might stay on. Here, text that cannot be written at once waits in
+memory for the next write. If too much text waits, the oldest lines are dropped and counted.
 """
 
 from __future__ import annotations
@@ -28,11 +28,14 @@ class NeverBlocking(io.TextIOBase):
     """A text stream to a file descriptor whose other end may have stopped reading."""
 
     def __init__(self, descriptor: int) -> None:
-        self._descriptor = _reopened(descriptor)
+        self._open(descriptor)
         self._waiting = bytearray()
         self._dropped = 0
         self._lock = threading.Lock()
         self._original = descriptor
+
+    def _open(self, descriptor: int) -> None:
+        self._descriptor = _reopened(descriptor)
 
     @property
     def encoding(self) -> str:  # type: ignore[override]  # a read-only attribute of the base
@@ -74,10 +77,17 @@ class NeverBlocking(io.TextIOBase):
     def finish(self) -> None:
         """Try for a short time to send the remaining text, then close the stream."""
         until = time.monotonic() + FINISH_WITHIN_S
-        while self._waiting and time.monotonic() < until:
+        while self._left() and time.monotonic() < until:
             self.flush()
-            if self._waiting:
+            if self._left():
                 time.sleep(0.01)
+        self._close()
+
+    def _left(self) -> bool:
+        """Return whether text was accepted that is not written yet."""
+        return bool(self._waiting)
+
+    def _close(self) -> None:
         os.close(self._descriptor)
 
     def _send(self) -> None:
@@ -88,6 +98,54 @@ class NeverBlocking(io.TextIOBase):
             return
         except OSError:  # the reader has closed its end
             self._waiting.clear()
+
+
+class WrittenByThread(NeverBlocking):
+    """A text stream whose text a thread writes, so that the program waits for no reader.
+
+    It is for Windows, where every write to a console or a file waits, and select(2) takes sockets alone. A console gets
+    Unicode, whatever its code page.
+    """
+
+    def _open(self, descriptor: int) -> None:
+        self._raw = open(os.dup(descriptor), "wb", buffering=0)  # noqa: SIM115  # closed in `_close`
+        self._to_send = threading.Semaphore(0)
+        self._sending = False
+        threading.Thread(target=self._write_all, name="standard error", daemon=True).start()
+
+    def _left(self) -> bool:
+        with self._lock:
+            return bool(self._waiting) or self._sending
+
+    def _close(self) -> None:
+        if not self._left():  # otherwise the thread is in a write, which closing would have to wait for
+            self._raw.close()
+
+    def _send(self) -> None:
+        self._to_send.release()
+
+    def _write_all(self) -> None:
+        while self._to_send.acquire():
+            with self._lock:
+                text = bytes(self._waiting)
+                self._waiting.clear()
+                self._sending = bool(text)
+            with suppress(OSError, ValueError):  # the reader has closed its end, or the stream is closed
+                while text:
+                    text = text[self._raw.write(text) or len(text) :]
+            self._sending = False
+
+
+def write_every_character() -> None:
+    """Let standard output and standard error take every character.
+
+    On Windows, what is not a console gets UTF-8, as every text file of this program does, whatever the code page.
+    Elsewhere, a character that the terminal's encoding lacks is written with a backslash.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            utf8 = sys.platform == "win32" and not stream.isatty()
+            stream.reconfigure(encoding="utf-8" if utf8 else None, errors="backslashreplace")
 
 
 def open_closed_streams() -> None:
@@ -109,7 +167,7 @@ def never_blocking() -> Iterator[None]:
     """Replace standard error by a stream that never blocks, within the context."""
     before = sys.stderr
     try:
-        stream = NeverBlocking(before.fileno())
+        stream = (WrittenByThread if sys.platform == "win32" else NeverBlocking)(before.fileno())
     except (OSError, ValueError, AttributeError):  # standard error is in memory, closed or None
         yield
         return
@@ -151,7 +209,7 @@ def _reopened(descriptor: int) -> int:
     Any other file is duplicated: if it were opened again, it would be written from its beginning.
     """
     mode = os.fstat(descriptor).st_mode
-    if stat.S_ISFIFO(mode) or stat.S_ISCHR(mode):
+    if sys.platform != "win32" and (stat.S_ISFIFO(mode) or stat.S_ISCHR(mode)):
         with suppress(OSError):
             return os.open(f"/dev/fd/{descriptor}", os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
     return os.dup(descriptor)

@@ -5,16 +5,23 @@ from __future__ import annotations
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from eimi_lab.process.console import when_closed
+
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
-TERMINATION = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+TERMINATION = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
+"""SIGBREAK is Windows' signal for Ctrl-Break; here it also stands for a closed console, a log-off and a shutdown."""
+
 AGAIN_AFTER_S = 0.05
+IN_HASTE_AFTER_S = 1.0
+"""Windows ends a process 5 s after its console was closed: a second signal follows so long after the first."""
 
 
 class Stopped(BaseException):
@@ -54,11 +61,12 @@ def unwind_on_termination() -> None:
     for number in (signal.SIGINT, *TERMINATION):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _raise)
+    when_closed(_leave_the_console)
     report = sys.unraisablehook
 
     def send_again(dropped: UnraisableHookArgs) -> None:
         if isinstance(dropped.exc_value, Stopped):
-            threading.Timer(AGAIN_AFTER_S, _signal_main_thread, [dropped.exc_value.number]).start()
+            threading.Timer(AGAIN_AFTER_S, signal_main_thread, [dropped.exc_value.number]).start()
         else:
             report(dropped)
 
@@ -87,11 +95,18 @@ def raise_if_asked() -> None:
         raise Stopped(_received[0])
 
 
-def _signal_main_thread(number: int) -> None:
+def signal_main_thread(number: int) -> None:
+    """Send a signal to this process from any of its threads; the main thread handles it."""
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(threading.main_thread().ident or 0, number)  # this also interrupts a waiting system call
     else:
         signal.raise_signal(number)
+
+
+def _leave_the_console() -> None:
+    signal_main_thread(TERMINATION[-1])
+    time.sleep(IN_HASTE_AFTER_S)
+    signal_main_thread(TERMINATION[0])
 
 
 def _raise(number: int, frame: FrameType | None) -> None:

@@ -24,6 +24,7 @@ from importlib.metadata import version
 from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
+from eimi_lab.process.detached import give_way
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.garbage import collect_seldom, keep_freed_memory
 from eimi_lab.process.threads import THREADS
@@ -31,6 +32,7 @@ from eimi_lab.process.threads import THREADS
 T = TypeVar("T")
 Task = TypeVar("Task")
 
+LOOK_EVERY_S = 0.5
 LARGEST_NUMBER_OF_LOSSES = 3  # successive losses of workers without a finished task between them
 PACKAGES = ("eimi-lab", "numpy", "scipy", "cma")  # numerical results depend on the versions of these packages
 _ANSWER_S = 10
@@ -57,7 +59,8 @@ def executor_for(workers: int, scheduler: str | None) -> Callable[[], AbstractCo
         If both are given, or if the cluster cannot be used (see `cluster`).
     """
     if scheduler is None:
-        workers = min(workers, os.cpu_count() or 1)  # more workers than processors would only need more memory
+        # More workers than processors would only need more memory, and Windows waits for no more than 61 at once.
+        workers = min(workers, os.cpu_count() or 1, 61)
         return partial(processes, workers) if workers > 1 else None
     if workers > 1:
         raise InputError(
@@ -123,7 +126,8 @@ def completed(
                     meanwhile()
                     meanwhile = None
                 while futures:
-                    for future in wait(futures, return_when=FIRST_COMPLETED).done:
+                    # On Windows a wait without a limit would keep Ctrl-C from the main thread.
+                    for future in wait(futures, LOOK_EVERY_S, return_when=FIRST_COMPLETED).done:
                         task, error = futures.pop(future), future.exception()
                         if error is not None and not isinstance(error, expected):
                             raise error
@@ -154,14 +158,14 @@ class _Processes(ProcessPoolExecutor):
 @contextmanager
 def _blocked(name: str) -> Iterator[None]:
     """Block a signal, so that processes started in the context inherit this; here the signal arrives afterwards."""
-    if not hasattr(signal, name) or not hasattr(signal, "pthread_sigmask"):
+    if sys.platform == "win32":
         yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [getattr(signal, name)])
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    else:
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, [getattr(signal, name)])
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -216,8 +220,9 @@ def start_resource_tracker() -> None:
     The process ignores the other signals. A hang-up would end it before the pool, and Python would report its loss in
     many lines.
     """
-    with _blocked("SIGHUP"):
-        resource_tracker.ensure_running()
+    if sys.platform != "win32":  # Windows removes shared resources by itself
+        with _blocked("SIGHUP"):
+            resource_tracker.ensure_running()
 
 
 def leave_with_parent() -> None:
@@ -238,8 +243,7 @@ def _begin_work() -> None:
     """Prepare a process of a pool; its priority is below that of the parent, which shows the progress."""
     leave_with_parent()
     keep_freed_memory()
-    if hasattr(os, "nice"):
-        os.nice(1)
+    give_way(1)
 
 
 @contextmanager

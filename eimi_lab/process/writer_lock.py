@@ -92,10 +92,13 @@ class WriterLock:
             del _held[self._file]
             if held.descriptor < 0:
                 return
-            with suppress(PermissionError):  # Windows removes no file that is open
+            if sys.platform != "win32":
                 self._file.unlink(missing_ok=True)  # before unlocking, when nobody else can hold it
             unlock_descriptor(held.descriptor)  # closing is not enough if a forked process has the descriptor
             os.close(held.descriptor)
+            if sys.platform == "win32":
+                with suppress(PermissionError):  # it is open in a program that takes the lock now
+                    self._file.unlink(missing_ok=True)
 
 
 def lock_file(path: Path) -> Path:

@@ -11,6 +11,7 @@ from serial.tools import list_ports
 
 from eimi_drivers import discovery
 from eimi_drivers.discovery import Found
+from eimi_drivers.supplies.transport import usb_serial_number
 
 
 def test_without_instruments_discovery_gives_notes_and_opens_no_port(monkeypatch, tmp_path):
@@ -29,14 +30,30 @@ def test_without_instruments_discovery_gives_notes_and_opens_no_port(monkeypatch
 
 def test_serial_ports_name_the_driver(monkeypatch):
     ports = [
-        SimpleNamespace(device="/dev/ttyACM0", vid=0x0416, pid=0x5011, description="USB Virtual COM"),
-        SimpleNamespace(device="/dev/ttyUSB0", vid=0x0403, pid=0x6001, description=None),
+        SimpleNamespace(device="/dev/ttyUSB0", vid=0x0403, pid=0x6001, description=None, serial_number=None),
+        SimpleNamespace(device="COM12", vid=0x0416, pid=0x5011, description="USB Virtual COM", serial_number="A7"),
     ]
     monkeypatch.setattr(list_ports, "comports", lambda: ports)
     assert discovery.list_serial_ports() == (
-        Found("supply", "korad", "/dev/ttyACM0", "USB Virtual COM"),
         Found("supply", discovery.SERIAL_DRIVERS, "/dev/ttyUSB0", "serial port"),
+        Found("supply", "korad", "COM12", "USB Virtual COM, serial number A7"),
     )
+
+
+def test_ports_that_the_system_cannot_list_are_a_note(monkeypatch):
+    def fail():
+        raise OSError("no such service")
+
+    monkeypatch.setattr(list_ports, "comports", fail)
+    assert any(note.startswith("serial ports: ") and "no such service" in note for note in discovery.discover().notes)
+    assert usb_serial_number("COM3") == ""
+
+
+@pytest.mark.parametrize("address", ["COM12", "com12", "ASRL12::INSTR", r"\\.\COM12", "COM12#1"])
+def test_the_serial_number_of_a_usb_port_is_found_by_every_name_of_the_port(monkeypatch, address):
+    ports = [SimpleNamespace(device="COM1", serial_number="A1"), SimpleNamespace(device="COM12", serial_number="A12")]
+    monkeypatch.setattr(list_ports, "comports", lambda: ports)
+    assert usb_serial_number(address) == "A12"
 
 
 def test_visa_resources_are_listed_without_serial_ports(monkeypatch):
@@ -72,7 +89,7 @@ def test_cameras_are_listed_in_order_without_metadata_nodes(tmp_path):
 def test_a_port_that_this_user_may_not_open_is_noted_with_the_remedy(monkeypatch, tmp_path):
     port = tmp_path / "ttyUSB0"
     port.touch()
-    listed = SimpleNamespace(device=str(port), vid=None, pid=None, description="adapter")
+    listed = SimpleNamespace(device=str(port), vid=None, pid=None, description="adapter", serial_number=None)
     monkeypatch.setattr(list_ports, "comports", lambda: [listed])
     monkeypatch.setattr(discovery.os, "access", lambda path, mode: False)
     monkeypatch.setattr(discovery, "list_basler_cameras", tuple)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import select
 import socketserver
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -96,10 +97,10 @@ def open_terminal() -> tuple[int, int]:
     InstrumentError
         The operating system has no pseudo-terminals.
     """
-    try:
-        import tty
-    except ImportError as error:
-        raise InstrumentError("this system has no pseudo-terminals: serve on a TCP port instead") from error
+    if sys.platform == "win32":
+        raise InstrumentError("Windows has no pseudo-terminals; serve on a TCP port: `eimi emulate SUPPLY --tcp 0`")
+    import tty
+
     device_end, driver_end = os.openpty()
     tty.setraw(driver_end)
     return device_end, driver_end
@@ -165,7 +166,7 @@ def serve_tcp(instrument: Responder, host: str = "127.0.0.1", port: int = 0) -> 
                     self.request.sendall(answer)
 
     class Server(socketserver.ThreadingTCPServer):
-        allow_reuse_address = True
+        allow_reuse_address = sys.platform != "win32"  # on Windows a second server could take the port away
         daemon_threads = True
         block_on_close = False
 

@@ -19,13 +19,16 @@ import pyvisa
 import serial
 
 try:
-    from termios import error as TerminalError
-except ImportError:  # Windows has no termios, and pyserial does without it there
-    TerminalError = OSError  # type: ignore[assignment,misc]
+    import termios
+except ImportError:  # Windows has none, and pyserial does without it there
+    termios = None  # type: ignore[assignment]
 
 from eimi_drivers.interfaces import Clock, InstrumentDisconnected, InstrumentError, InstrumentTimeout, raised
+from eimi_drivers.serial_ports import attached_ports
 
 _log = logging.getLogger(__name__)
+
+TerminalError: type[Exception] = getattr(termios, "error", OSError)
 _sharing = False
 
 
@@ -39,6 +42,7 @@ WRITE_TIMEOUT_S = 2.0
 OPEN_TIMEOUT_S = 3.0
 
 _VISA_SERIAL = re.compile(r"ASRL(.+?)(?:::INSTR)?", re.IGNORECASE)
+_VISA_SOCKET = re.compile(r"TCPIP\d*::([^:]+)::(\d+)::SOCKET", re.IGNORECASE)
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 SERIAL_URLS = ("socket://", "rfc2217://")
 """The permitted pyserial URLs. Others can do harm: ``spy://`` overwrites the file that it names."""
@@ -78,27 +82,30 @@ def split_address(address: str) -> tuple[str, int | None]:
 
 def usb_serial_number(address: str) -> str:
     """Return the serial number of the USB device that a serial port belongs to; "" if it has none or is no USB port."""
-    from serial.tools import list_ports
-
-    place = split_address(address)[0]
-    visa = _VISA_SERIAL.fullmatch(place)
-    port = visa[1] if visa else place
-    name = f"COM{port}" if port.isdecimal() else os.path.realpath(port)
-    if "://" in port or "::" in port or name.startswith("/dev/pts/"):
+    port = serial_port(address)
+    name = os.path.realpath(port) if port.startswith("/") else port.upper()
+    if not name.startswith(("/", "COM")) or name.startswith("/dev/pts/"):
         return ""
     try:
-        devices = list_ports.comports()
+        devices = attached_ports()
     except Exception as error:  # without a serial number the supply counts as one that cannot be identified
         _log.info("the serial ports cannot be listed: %s", raised(error))
         return ""
     return next((str(device.serial_number or "") for device in devices if device.device == name), "")
 
 
+def serial_port(address: str) -> str:
+    """Return a serial port as pyserial names it; a VISA resource of a serial port or a socket is translated."""
+    place = split_address(address)[0].removeprefix("\\\\.\\")  # how Windows writes COM10 and above; pyserial adds it
+    if match := _VISA_SERIAL.fullmatch(place):
+        return f"COM{match[1]}" if match[1].isdecimal() else match[1]
+    match = _VISA_SOCKET.fullmatch(place)
+    return f"socket://{match[1]}:{match[2]}" if match else place
+
+
 def check_address(address: str) -> None:
     """Raise ValueError if an address is a URL of another kind than `SERIAL_URLS`."""
-    place = split_address(address)[0]
-    visa = _VISA_SERIAL.fullmatch(place)
-    url = _URL.match(visa[1] if visa else place)
+    url = _URL.match(serial_port(address))
     if url and not url[0].lower().startswith(SERIAL_URLS):
         kinds = " or ".join(SERIAL_URLS)
         raise ValueError(f"{url[0]} is not opened; give a port such as /dev/ttyUSB0, or a URL with {kinds}")
@@ -118,7 +125,7 @@ class SerialTransport:
     ----------
     address : str
         A port such as ``/dev/ttyUSB0`` or ``COM3``, a port in the notation of VISA (``ASRL/dev/ttyUSB0::INSTR``,
-        ``ASRL3::INSTR``), or a pyserial URL such as ``socket://host:port``.
+        ``ASRL3::INSTR``), or a serial line over TCP, such as ``socket://host:port`` or ``TCPIP::host::port::SOCKET``.
     baud_rate : int
         The speed of the line, bit/s.
     """
@@ -129,13 +136,10 @@ class SerialTransport:
         self._open()
 
     def _open(self) -> None:
-        place = split_address(self.address)[0]
-        visa = _VISA_SERIAL.fullmatch(place)
-        port = visa[1] if visa else place
         with self._errors_named():
             check_address(self.address)
             self._port = serial.serial_for_url(
-                f"COM{port}" if port.isdecimal() else port,
+                serial_port(self.address),
                 baudrate=self._baud_rate,
                 timeout=0,
                 write_timeout=WRITE_TIMEOUT_S,

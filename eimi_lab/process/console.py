@@ -1,0 +1,71 @@
+"""The terminal, or console, of the program: lines that are typed on it, and its closing."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import select
+import sys
+import time
+from collections.abc import Callable
+
+if sys.platform == "win32":
+    import msvcrt
+
+    _CLOSING = (2, 5, 6)
+    """CTRL_CLOSE_EVENT, CTRL_LOGOFF_EVENT and CTRL_SHUTDOWN_EVENT (Microsoft, consoleapi.h, HandlerRoutine)."""
+    _HELD_S = 60.0  # Windows ends the process earlier: 5 s after the closing of a console
+
+    _handlers: list[object] = []  # ctypes does not keep them
+    _unfinished: list[str] = []
+
+    def _typed_in_console() -> str | None:
+        """Read the keys that were pressed, and show them; Windows gives a line only to a program that waits for it."""
+        while sys.stdin is not None and sys.stdin.isatty() and msvcrt.kbhit():
+            key = msvcrt.getwche()
+            if key in "\r\n":
+                msvcrt.putwch("\n")
+                line = "".join(_unfinished).strip()
+                _unfinished.clear()
+                return line
+            if key == "\b":
+                del _unfinished[-1:]
+            else:
+                _unfinished.append(key)
+        return None
+
+
+def typed_line() -> str | None:
+    """Return the line that was typed on the terminal, without spaces at its ends; None if there is none. Never waits.
+
+    In the background of a terminal, where reading would stop the program, nothing is read.
+    """
+    if sys.platform == "win32":
+        return _typed_in_console()
+    try:
+        terminal = sys.stdin.fileno()
+        if os.tcgetpgrp(terminal) != os.getpgrp() or not select.select([terminal], [], [], 0)[0]:
+            return None
+        return os.read(terminal, 1024).decode("utf-8", "replace").strip()
+    except (OSError, ValueError, AttributeError):  # no terminal, or a closed one
+        return None
+
+
+def when_closed(act: Callable[[], None]) -> None:
+    """Call a function when Windows closes the console, logs the user off or shuts the computer down.
+
+    It is called in a thread of its own. Windows ends the process some seconds later, or when its main thread has ended.
+    On other systems nothing is called, because they send a signal (SIGHUP, SIGTERM).
+    """
+    if sys.platform == "win32":
+
+        @ctypes.WINFUNCTYPE(ctypes.c_int, ctypes.c_ulong)
+        def handle(event: int) -> int:
+            if event not in _CLOSING:
+                return 0
+            act()
+            time.sleep(_HELD_S)  # the process is ended as soon as this returns
+            return 1
+
+        _handlers.append(handle)
+        ctypes.windll.kernel32.SetConsoleCtrlHandler(handle, 1)

@@ -1,0 +1,110 @@
+"""Processes that outlive the process and the terminal that started them, and the priority of processes."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from typing import Any
+
+if sys.platform == "win32":
+    _kernel = ctypes.WinDLL("kernel32", use_last_error=True)
+    _kernel.OpenProcess.restype = ctypes.c_void_p
+    _kernel.GetCurrentProcess.restype = ctypes.c_void_p
+
+    # Constants of the Windows API (Microsoft, winnt.h and winbase.h).
+    _SYNCHRONIZE, _PROCESS_TERMINATE = 0x00100000, 0x0001
+    _WAIT_TIMEOUT = 0x102
+    _BELOW_NORMAL_PRIORITY = 0x4000
+    _SHUT_DOWN_LAST = 0x100
+    _EXTENDED_LIMITS, _LIMITS_BYTES, _FLAGS_AT = 9, 144, 16
+    """JobObjectExtendedLimitInformation: its number, its size on 64 bits, and the place of its LimitFlags."""
+    _BREAKAWAY_OK, _KILL_ON_JOB_CLOSE = 0x0800, 0x2000
+
+    def _job_limits() -> int:
+        """Return the flags of the job object that this process is in; 0 without one."""
+        limits, length = ctypes.create_string_buffer(_LIMITS_BYTES), ctypes.c_ulong()
+        asked = _kernel.QueryInformationJobObject(None, _EXTENDED_LIMITS, limits, _LIMITS_BYTES, ctypes.byref(length))
+        return int.from_bytes(limits.raw[_FLAGS_AT : _FLAGS_AT + 4], "little") if asked else 0
+
+
+def detached() -> dict[str, Any]:
+    """Return the options of `subprocess.Popen` for a Python process that the terminal's signals do not reach.
+
+    POSIX: it has a session of its own (setsid(2)), so that neither Ctrl-C nor the hang-up of the terminal reaches it.
+    Windows: it has an invisible console and a process group of its own, which Ctrl-C, Ctrl-Break and the closing of the
+    console do not reach, and it leaves the job object of this process if that permits it. In a virtual environment,
+    the `python.exe` there only starts the real one, in a job object that would end it; it is left out, as
+    `multiprocessing` does.
+    """
+    if sys.platform == "win32":
+        flags = subprocess.CREATE_NO_WINDOW | subprocess.CREATE_NEW_PROCESS_GROUP
+        if _job_limits() & _BREAKAWAY_OK:
+            flags |= subprocess.CREATE_BREAKAWAY_FROM_JOB
+        real = getattr(sys, "_base_executable", sys.executable)
+        if real == sys.executable:
+            return {"creationflags": flags}
+        environment = os.environ | {"__PYVENV_LAUNCHER__": sys.executable}
+        return {"creationflags": flags, "executable": real, "env": environment}
+    return {"start_new_session": True}
+
+
+def ended_with_others() -> bool:
+    """Return whether this process is in a job object of Windows that ends all its processes at once."""
+    if sys.platform == "win32":
+        return bool(_job_limits() & _KILL_ON_JOB_CLOSE)
+    return False
+
+
+def be_shut_down_last() -> None:
+    """Ask Windows to end this process after others when the user logs off or the computer is shut down."""
+    if sys.platform == "win32":
+        _kernel.SetProcessShutdownParameters(_SHUT_DOWN_LAST, 0)
+
+
+class Starter:
+    """The process that started this one."""
+
+    def __init__(self) -> None:
+        """Note which process it is; call this early, because it may end and its number be used again."""
+        self._process = os.getppid()
+        if sys.platform == "win32":
+            self._handle = ctypes.c_void_p(_kernel.OpenProcess(_SYNCHRONIZE | _PROCESS_TERMINATE, False, self._process))
+
+    def runs(self) -> bool:
+        """Return whether it has not ended."""
+        if sys.platform == "win32":
+            return bool(self._handle) and _kernel.WaitForSingleObject(self._handle, 0) == _WAIT_TIMEOUT
+        return os.getppid() == self._process
+
+    def kill(self) -> None:
+        """End it at once, if it has not ended; it can do nothing about that."""
+        if sys.platform == "win32":
+            _kernel.TerminateProcess(self._handle, 1)
+        elif self.runs():
+            with suppress(ProcessLookupError):
+                os.kill(self._process, signal.SIGKILL)
+
+
+def resume(process: subprocess.Popen[bytes]) -> None:
+    """Let a process continue that was stopped (SIGSTOP); Windows has no such state."""
+    if sys.platform != "win32":
+        process.send_signal(signal.SIGCONT)
+
+
+def give_way(steps: int) -> None:
+    """Lower the priority of this process.
+
+    Parameters
+    ----------
+    steps
+        The number that is added to the nice value (nice(2)). Windows has one priority class below the normal one,
+        which any number sets.
+    """
+    if sys.platform == "win32":
+        _kernel.SetPriorityClass(ctypes.c_void_p(_kernel.GetCurrentProcess()), _BELOW_NORMAL_PRIORITY)
+    else:
+        os.nice(steps)

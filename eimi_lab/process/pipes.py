@@ -1,0 +1,100 @@
+"""Pipes between processes of this program: read what has come, write what fits, and pass a pipe on to a child.
+
+POSIX has select(2), O_NONBLOCK and inherited descriptors. Windows has PeekNamedPipe, PIPE_NOWAIT and inherited handles
+(Microsoft, Windows API, namedpipeapi.h and processthreadsapi.h).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import select
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+LOOK_EVERY_S = 0.01
+"""On Windows, a process that waits for a pipe looks this often whether something has come."""
+
+if sys.platform == "win32":
+    import msvcrt
+
+    _PIPE_NOWAIT = ctypes.c_ulong(0x00000001)
+
+    def _handle(descriptor: int) -> ctypes.c_void_p:
+        return ctypes.c_void_p(msvcrt.get_osfhandle(descriptor))
+
+    def _has_come(descriptor: int) -> bool:
+        waiting = ctypes.c_ulong()
+        peeked = ctypes.windll.kernel32.PeekNamedPipe(_handle(descriptor), None, 0, None, ctypes.byref(waiting), None)
+        return not peeked or waiting.value > 0  # it fails once the other end is closed
+
+
+def readable(descriptor: int, within_s: float) -> bool:
+    """Return whether a read returns at once: data have come, or the other end is closed.
+
+    Parameters
+    ----------
+    descriptor
+        The end of a pipe to read from.
+    within_s
+        How long to wait for data, in seconds; 0 does not wait.
+    """
+    if sys.platform == "win32":
+        until = time.monotonic() + within_s
+        while not _has_come(descriptor):
+            if time.monotonic() >= until:
+                return False
+            time.sleep(LOOK_EVERY_S)
+        return True
+    return bool(select.select([descriptor], [], [], within_s)[0])
+
+
+def never_wait_to_write(descriptor: int) -> None:
+    """Let a write to a pipe that is full fail with an OSError, where it would wait for the reader.
+
+    Raises
+    ------
+    OSError
+        If the descriptor is no pipe.
+    """
+    if sys.platform == "win32":
+        state = ctypes.byref(_PIPE_NOWAIT)
+        if not ctypes.windll.kernel32.SetNamedPipeHandleState(_handle(descriptor), state, None, None):
+            raise ctypes.WinError()
+    else:
+        os.set_blocking(descriptor, False)
+
+
+@contextmanager
+def handed_down(*descriptors: int) -> Iterator[tuple[list[str], dict[str, Any]]]:
+    """Let a process that is started within the context inherit descriptors.
+
+    Yields
+    ------
+    names, options
+        A name for each descriptor, which `received` turns into a descriptor of the child, and the options of
+        `subprocess.Popen`.
+    """
+    if sys.platform == "win32":
+        handles = [msvcrt.get_osfhandle(descriptor) for descriptor in descriptors]
+        for handle in handles:
+            os.set_handle_inheritable(handle, True)
+        try:
+            inherited = subprocess.STARTUPINFO(lpAttributeList={"handle_list": handles})
+            yield [str(handle) for handle in handles], {"startupinfo": inherited}
+        finally:
+            for handle in handles:
+                os.set_handle_inheritable(handle, False)
+    else:
+        yield [str(descriptor) for descriptor in descriptors], {"pass_fds": descriptors}
+
+
+def received(name: str) -> int:
+    """Return the descriptor that the parent has handed down under a name."""
+    if sys.platform == "win32":
+        return msvcrt.open_osfhandle(int(name), 0)
+    return int(name)

@@ -1,0 +1,61 @@
+"""Replace and remove files that another program may have open.
+
+On Windows, a file that a program has open can be neither replaced nor removed. A virus scanner, an indexer or a
+synchronised folder opens every new file for a moment, and a spreadsheet as long as it shows the file.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+TRY_FOR_S = 5.0
+TRY_AGAIN_AFTER_S = 0.05
+_IN_USE = (5, 32, 33)
+"""ERROR_ACCESS_DENIED, ERROR_SHARING_VIOLATION and ERROR_LOCK_VIOLATION (Microsoft, winerror.h)."""
+
+
+def replace(file: Path, path: Path) -> None:
+    """Move a file to a path, and replace the file there; on Windows, try for `TRY_FOR_S` while one of them is open.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be moved; the error of a file that stays open names the file and the remedy.
+    """
+    try:
+        _patiently(lambda: os.replace(file, path))
+    except PermissionError as error:
+        if not _in_use(error):
+            raise
+        raise PermissionError(
+            f"{path}: cannot be replaced ({error.strerror}): another program has it open, or it is write-protected; "
+            "close it there, and repeat the command"
+        ) from error
+
+
+def remove(file: Path) -> None:
+    """Remove a file if it exists; one that stays open in another program for `TRY_FOR_S` is left where it is."""
+    try:
+        _patiently(lambda: file.unlink(missing_ok=True))
+    except PermissionError as error:
+        if not _in_use(error):
+            raise
+
+
+def _patiently(act: Callable[[], None]) -> None:
+    until = time.monotonic() + TRY_FOR_S
+    while True:
+        try:
+            return act()
+        except PermissionError as error:
+            if not _in_use(error) or time.monotonic() >= until:
+                raise
+        time.sleep(TRY_AGAIN_AFTER_S)
+
+
+def _in_use(error: PermissionError) -> bool:
+    return sys.platform == "win32" and getattr(error, "winerror", None) in _IN_USE
