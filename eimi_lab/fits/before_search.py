@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_fitting.inference.searching.named_causes import NamedCause, Slip
+from eimi_lab.config.size_along import rows_of
 from eimi_lab.dataset.reading import Dataset
 from eimi_lab.dataset.state import State
 from eimi_lab.process.errors import InputError
@@ -154,11 +155,13 @@ def check_width(dataset: Dataset) -> None:
     if calibration is None:
         return
     width_mm = apparent_width_mm(grey(state_mean(dataset.images(0))), BeamFrame(calibration), beam.length_mm)
-    if width_mm is None or 1 / _WIDTH < width_mm / beam.width_mm < _WIDTH:
+    rows = rows_of(beam.width_mm)
+    stated_mm = rows[0][1] if rows else beam.width_mm  # the picture shows the width near the clamp
+    if width_mm is None or 1 / _WIDTH < width_mm / stated_mm < _WIDTH:
         return
     words = (
-        f"{dataset.path}: the beam in the picture is {width_mm / beam.width_mm:.2g} times as wide as it should be: "
-        f"{width_mm:.3g} mm by pixels_per_mm = {calibration.pixels_per_mm:g}, where width_mm = {beam.width_mm:g}"
+        f"{dataset.path}: the beam in the picture is {width_mm / stated_mm:.2g} times as wide as it should be: "
+        f"{width_mm:.3g} mm by pixels_per_mm = {calibration.pixels_per_mm:g}, where width_mm = {stated_mm:g}"
     )
     if abs(width_mm / beam.depth_mm - 1) < _SAME:
         raise InputError(

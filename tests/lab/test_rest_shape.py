@@ -17,6 +17,7 @@ from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import parse, to_toml
 from eimi_lab.process.errors import InputError
 from eimi_lab.virtual.virtual_rig import open_virtual_rig
+from eimi_lab.vision.edges.finding import find_edges
 
 TYPE1 = load_specimen("type1")
 BEAM = replace(TYPE1.mechanics(), section="plane-stress")
@@ -126,3 +127,24 @@ def test_the_virtual_beam_is_cast_as_its_bench_says_and_hangs_straighter():
     assert 0.3 < tip_mm < 1.2
     wide = outline_mm("[bench]\ntaper_mm = -0.2\n")
     assert np.abs(wide[0, 1]) == pytest.approx(np.abs(plain[0, 1]) + 0.05, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("table", "half_mm"),
+    [
+        ("[[0.0, 4.0], [30.0, 2.4]]", lambda x: 2.0 - 0.8 * x / 30),
+        ("[[0.0, 2.5], [23.0, 2.5], [23.0, 6.0], [30.0, 6.0]]", lambda x: np.where(x < 23, 1.25, 3.0)),
+    ],
+    ids=["tapered", "stepped"],
+)
+def test_the_edges_of_a_beam_of_varying_width_are_found_where_they_are_and_without_flags(table, half_mm):
+    rig, specimen = load_rig("virtual"), stated(width_mm=table)
+    assert rig.virtual is not None
+    virtual = rig.virtual.model_copy(update={"mesh": (8, 1, 1)})
+    _, camera, _, _ = open_virtual_rig(rig.model_copy(update={"virtual": virtual}), specimen)
+    edges = find_edges(camera.grab(1.0).image, rig.calibration, specimen)
+    assert not edges.flags
+    for side, sign in ((edges.left, -1), (edges.right, 1)):
+        x, y = side.points_mm.T
+        assert len(x) > 60
+        assert y == pytest.approx(sign * half_mm(x), abs=0.02)

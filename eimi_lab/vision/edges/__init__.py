@@ -9,6 +9,7 @@ profiles                read grey values along normals, and fit blurred steps to
 uneven_light            how the back-light changes along a profile
 curve                   a smooth curve through the points of an edge
 edge_set                the result: both edges, the flags and the corners
+stated_shape            lengths and widths of the specimen, which may vary along it
 dimensions              width, length and twist of the beam as its edges show them
 quality                 contrast, clipping, blur and gamma at the edges
 response                the gamma of the camera, estimated from the shape of the edges

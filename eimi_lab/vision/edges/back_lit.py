@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from eimi_lab.vision.edges.passes import PassResult, Side, SiliconeMargin, first
 from eimi_lab.vision.edges.profiles import AVERAGED_PX, sample
 from eimi_lab.vision.edges.quality import describe_turn_effects, light_findings
 from eimi_lab.vision.edges.silhouette import Silhouette, find_silhouette, measure_back_light, root_places
+from eimi_lab.vision.edges.stated_shape import StatedShape
 from eimi_lab.vision.intensity import full_scale, grey
 from eimi_lab.vision.projection import Projection
 
@@ -90,7 +91,8 @@ class BackLitSearch:
     def __post_init__(self) -> None:
         beam = self.specimen_file.specimen
         self.length_mm, self.width_mm, self.depth_mm = beam.length_mm, beam.width_mm, beam.depth_mm
-        self.width_px = self.width_mm * self.pixels_per_mm
+        self.shape = StatedShape(self.specimen_file.mechanics())
+        self.width_px = self.shape.narrowest_mm * self.pixels_per_mm
 
     def find_outline(self, image: ArrayLike) -> OutlinedBeam | None:
         """Return the beam to about a pixel.
@@ -135,6 +137,7 @@ class BackLitSearch:
         second, corners_px = located
         if not self._measure_shape(second, corners_px):
             return None
+        second = self._without_steps(second, corners_px)
         self.findings |= light_findings(second, picture.largest, picture.lit_beam, self.limits)
         left, right = second.sides
         scatter = scatter_scale(left, right)
@@ -151,21 +154,21 @@ class BackLitSearch:
         largest = full_scale(pixels)
         lit_beam = self.polarity == "bright"
         if self.polarity is None:
-            lit_beam = _is_brighter_than_beside(pixels, self.frame, self.width_mm)
+            lit_beam = _is_brighter_than_beside(pixels, self.frame, self.shape.at_clamp_mm)
         return _DarkBeamImage((largest - pixels).astype(pixels.dtype) if lit_beam else pixels, largest, lit_beam)
 
     def _outline(self, picture: _DarkBeamImage) -> tuple[ClampLine, Silhouette] | None:
         """Return the clamp line and the silhouette to about a pixel; None without a silhouette that has corners."""
         pixels = picture.pixels
-        light = measure_back_light(pixels, self.frame, self.width_mm)
-        clamp = find_clamp_line(pixels, self.frame, self.width_mm, light.bright)
+        light = measure_back_light(pixels, self.frame, self.shape.at_clamp_mm)
+        clamp = find_clamp_line(pixels, self.frame, self.shape.at_clamp_mm, light.bright)
         contrast = (light.bright - light.dark) / picture.largest if picture.largest else 0.0
         self.findings |= {"contrast": contrast, "clamp_seen": clamp.visible_share}
         # A root that is hardly darker than the light around it is not a beam.
         if light.bright - light.dark < 0.2 * light.bright or light.bright <= 0.0:
             self.findings["contrast"] = 0.0
             return None
-        silhouette = find_silhouette(pixels, self.frame, clamp, light, self.length_mm, self.width_mm)
+        silhouette = find_silhouette(pixels, self.frame, clamp, light, self.shape)
         if silhouette is None:
             self.findings["length_deviation"] = 1.0
             return None
@@ -194,7 +197,7 @@ class BackLitSearch:
     def _silicone_margin(self) -> SiliconeMargin:
         """Return the silicone beside the magnet, in pixels."""
         magnet = self.specimen_file.magnet
-        silicone_mm = 0.5 * (self.width_mm - magnet.width_mm) if magnet else 0.0
+        silicone_mm = 0.5 * max(self.shape.at_magnet_mm - magnet.width_mm, 0.0) if magnet else 0.0
         from_tip_mm = magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0
         return SiliconeMargin(
             silicone_mm * self.pixels_per_mm,
@@ -205,17 +208,28 @@ class BackLitSearch:
     def _measure_shape(self, second: PassResult, corners_px: Array) -> bool:
         """Measure width, length, twist and place of the beam; return False if the body is too wide to be the beam."""
         left, right = (side.points_px[side.sound] for side in second.sides)
-        widths, depth_px = local_widths(left, right), self.depth_mm * self.pixels_per_mm
-        self.findings["width_deviation"] = width_deviation(widths, self.width_px)
+        # Widths as those of a beam that has its mean width everywhere.
+        even = self.shape.even_widths(left, local_widths(left, right), corners_px[:2])
+        width_px, depth_px = self.width_mm * self.pixels_per_mm, self.depth_mm * self.pixels_per_mm
+        edge_length_px = self.shape.edge_length_mm * self.pixels_per_mm
+        self.findings["width_deviation"] = width_deviation(even, width_px)
         if self.findings["width_deviation"] > _ABSURD_WIDTH:
             return False
-        self.even_turn_deg = even_turn_deg(widths, self.width_px, depth_px)
+        self.even_turn_deg = even_turn_deg(even, width_px, depth_px)
         self.findings |= {
-            "length_deviation": length_deviation(left, right, corners_px, self.length_mm * self.pixels_per_mm),
-            "twist_deg": twist_deg(widths, self.width_px, depth_px),
+            "length_deviation": length_deviation(left, right, corners_px, edge_length_px),
+            "twist_deg": twist_deg(even, width_px, depth_px),
             "clamp_offset_mm": float(np.linalg.norm(self.frame.to_mm(corners_px[:2]).mean(axis=0))),
         }
         return True
+
+    def _without_steps(self, second: PassResult, corners_px: Array) -> PassResult:
+        """Return the pass without the points near a step of the width, where a profile is no clean step."""
+        near = [self.shape.near_step(side.points_px, corners_px[:2], i) for i, side in enumerate(second.sides)]
+        sides = tuple(
+            replace(side, sound=side.sound & ~left_out) for side, left_out in zip(second.sides, near, strict=True)
+        )
+        return replace(second, sides=sides, residual=np.where(np.concatenate(near), 0.0, second.residual))
 
     def _edge_points(self, side: Side, scatter: float) -> EdgePoints:
         """Return every point that was asked for on one edge, in mm, with its standard deviation."""

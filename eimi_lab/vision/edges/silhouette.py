@@ -13,6 +13,7 @@ from scipy.ndimage import maximum_filter1d
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.clamp_line import ClampLine
 from eimi_lab.vision.edges.profiles import sample
+from eimi_lab.vision.edges.stated_shape import StatedShape
 
 Array = NDArray[np.float64]
 
@@ -132,8 +133,7 @@ def find_silhouette(
     frame: BeamFrame,
     clamp: ClampLine,
     light: BackLight,
-    length_mm: float,
-    width_mm: float,
+    shape: StatedShape,
 ) -> Silhouette | None:
     """Find the dark body that leaves the clamp.
 
@@ -149,14 +149,15 @@ def find_silhouette(
         The line at which the beam leaves its clamp.
     light : BackLight
         The back-light and the grey value of the root.
-    length_mm, width_mm : float
-        Length and width of the specimen.
+    shape : StatedShape
+        The length of the specimen, and its width at the clamp and at the tip.
 
     Returns
     -------
     Silhouette or None
         None if no dark body leaves the clamp, or if its outline is shorter than the beam's length.
     """
+    length_mm, width_mm = shape.length_mm, shape.at_clamp_mm
     scale = float(np.linalg.norm(np.diff(frame.to_px([[0.0, 0.0], [1.0, 0.0]]), axis=0)))
     height, width = image.shape
     reach = _REACH * length_mm * scale
@@ -188,7 +189,7 @@ def find_silhouette(
     if len(outline) < length_mm * scale:
         return None
     at_border = (body <= 0) | (body >= np.array([width - 1, height - 1]))
-    corners, turn_deg = _tip_corners(frame.to_mm(outline), width_mm)
+    corners, turn_deg = _tip_corners(frame.to_mm(outline), shape.at_tip_mm)
     holes = [
         cv2.contourArea(hole) for hole, row in zip(contours, nesting[0], strict=True) if row[_PARENT] == body_index
     ]

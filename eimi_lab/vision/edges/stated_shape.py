@@ -1,0 +1,121 @@
+"""The stated shape of the beam, as far as the search for its edges needs it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.beam.strip import Strip
+
+Array = NDArray[np.float64]
+
+_STATIONS = 1025
+_NEAR_STEP = 0.5  # of the smallest width
+
+
+@dataclass(frozen=True)
+class StatedShape:
+    """Lengths and widths of a specimen whose width may vary along it, in mm.
+
+    Parameters
+    ----------
+    specimen : Specimen
+    """
+
+    specimen: Specimen
+
+    @cached_property
+    def _strip(self) -> Strip:
+        return Strip(self.specimen)
+
+    @cached_property
+    def _along_mm(self) -> Array:
+        return np.linspace(0.0, self.length_mm, _STATIONS)
+
+    @property
+    def length_mm(self) -> float:
+        """Length along the centre line."""
+        return self.specimen.length_mm
+
+    @property
+    def at_clamp_mm(self) -> float:
+        """Width at the clamp."""
+        return float(self._strip.width_mm(np.zeros(1))[0])
+
+    @property
+    def at_tip_mm(self) -> float:
+        """Width at the tip."""
+        return float(self._strip.width_mm(np.array([self.length_mm]))[0])
+
+    @property
+    def at_magnet_mm(self) -> float:
+        """Smallest width along the magnet."""
+        return self._strip.straight.width_mm
+
+    @property
+    def narrowest_mm(self) -> float:
+        """Smallest width."""
+        return float(self._strip.width_mm(self._along_mm).min())
+
+    @cached_property
+    def edge_length_mm(self) -> float:
+        """Mean length of the two edges."""
+        if self._strip.is_straight:
+            return self.length_mm
+        half = np.full(_STATIONS, 0.5 * self._strip.straight.width_mm)
+        edges = (self._strip.at_rest(np.column_stack([self._along_mm, side * half])) for side in (-1, 1))
+        return 0.5 * sum(float(np.hypot(*np.diff(edge, axis=0).T).sum()) for edge in edges)
+
+    def even_widths(self, edge: Array, widths: Array, clamp: Array) -> Array:
+        """Return local widths (n,) divided by the stated ones there, times the mean width; none near a step.
+
+        Parameters
+        ----------
+        edge : ndarray, shape (n, 2)
+            Points of the left edge, ordered from the clamp, in the unit of the widths.
+        widths : ndarray, shape (n,)
+            Distance of each point from the right edge.
+        clamp : ndarray, shape (2, 2)
+            Clamp-left and clamp-right.
+        """
+        if not self._varies:
+            return widths
+        along_mm = self._along_edge(edge, clamp, 0)
+        stated = self._strip.width_mm(np.interp(along_mm, self._edge_mm, self._along_mm))
+        even = np.asarray(widths * self.specimen.width_mm / stated)
+        return even[~self.near_step(edge, clamp, 0)]
+
+    def near_step(self, edge: Array, clamp: Array, side: int) -> NDArray[np.bool_]:
+        """Return which points (n,) of the left (0) or right (1) edge are nearer to a step than half the least width.
+
+        A smooth curve through the points cuts the corners there.
+        """
+        near = np.zeros(len(edge), bool)
+        if not self._varies:
+            return near
+        along_mm, kinks_mm = self._along_edge(edge, clamp, side), self._strip.kinks_mm
+        margin_mm = _NEAR_STEP * self.narrowest_mm
+        for first, last in zip(kinks_mm[:-1:2], kinks_mm[1::2], strict=False):  # the two ends of a ramp
+            begin, end = np.interp([first, last], self._along_mm, self._edge_mm)
+            near |= (along_mm > begin - margin_mm) & (along_mm < end + margin_mm)
+        return near
+
+    @property
+    def _varies(self) -> bool:
+        return bool(self.specimen.rest_shape and self.specimen.rest_shape.widths)
+
+    @cached_property
+    def _edge_mm(self) -> Array:
+        """The length of a stated edge from the clamp to each station."""
+        half = 0.5 * self._strip.width_mm(self._along_mm)
+        return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self._along_mm), np.diff(half)))])
+
+    def _along_edge(self, edge: Array, clamp: Array, side: int) -> Array:
+        """Return the distance (n,) of points from the clamp along their edge, in mm."""
+        path = np.vstack([clamp[side : side + 1], edge])
+        scale = np.linalg.norm(clamp[1] - clamp[0]) / self.at_clamp_mm
+        return np.asarray(np.cumsum(np.hypot(*np.diff(path, axis=0).T)) / scale)
