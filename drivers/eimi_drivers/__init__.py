@@ -1,11 +1,12 @@
-"""Power supplies and cameras: their interfaces, their drivers, and emulators that stand in for them.
+"""Power supplies, cameras and sensors: their interfaces, their drivers, and emulators that stand in for them.
 
-interfaces    what a supply and a camera must offer, and the errors that they raise
+interfaces    what a supply, a camera and a sensor must offer, and the errors that they raise
 contract      check a driver against the interfaces
 installed     find drivers by name: built in, announced by another package, or added by a program
 supplies      drivers of power supplies; `open_supply` opens one by name
 cameras       drivers of cameras; `open_camera` opens one by name
-emulators     emulated supplies with a coil, for tests and for work without hardware
+sensors       drivers of gaussmeters and other sensors; `open_sensor` opens one by name
+emulators     emulated supplies with a coil, and emulated sensors, for tests and for work without hardware
 testing       conformance suites for drivers of other packages
 serial_ports  list the serial ports of this computer
 discovery     list the instruments that are attached

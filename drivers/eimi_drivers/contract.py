@@ -6,14 +6,20 @@ import inspect
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from eimi_drivers.interfaces import Camera, CameraDriver, PowerSupply, SupplyDriver, UnusableDriver
+from eimi_drivers.interfaces import (
+    Camera,
+    CameraDriver,
+    PowerSupply,
+    Sensor,
+    SensorDriver,
+    SupplyDriver,
+    UnusableDriver,
+)
 
 
 def check_supply_driver(name: str, driver: object) -> None:
     """Raise UnusableDriver if a driver does not follow `SupplyDriver` or is a class that lacks a supply member."""
-    faults = [*_call_faults(_name(driver), driver, SupplyDriver.__call__)]
-    if (connect := getattr(driver, "connect", None)) is not None and not _takes(connect, 1):
-        faults.append("connect cannot be called as connect(address)")
+    faults = [*_call_faults(_name(driver), driver, SupplyDriver.__call__), *_connect_faults(driver)]
     _raise("supply", name, driver, [*faults, *_class_faults(driver, PowerSupply)])
 
 
@@ -27,6 +33,12 @@ def check_camera_driver(name: str, driver: object) -> None:
     )
 
 
+def check_sensor_driver(name: str, driver: object) -> None:
+    """Raise UnusableDriver if a driver does not follow `SensorDriver` or is a class that lacks a sensor member."""
+    faults = [*_call_faults(_name(driver), driver, SensorDriver.__call__), *_connect_faults(driver)]
+    _raise("sensor", name, driver, [*faults, *_class_faults(driver, Sensor)])
+
+
 def check_supply(name: str, driver: object, supply: PowerSupply) -> None:
     """Close the object that a driver opened and raise UnusableDriver if it lacks a member of `PowerSupply`."""
     _check_opened("supply", name, driver, supply, PowerSupply)
@@ -37,7 +49,19 @@ def check_camera(name: str, driver: object, camera: Camera) -> None:
     _check_opened("camera", name, driver, camera, Camera)
 
 
-def _check_opened(kind: str, name: str, driver: object, instrument: PowerSupply | Camera, protocol: type) -> None:
+def check_sensor(name: str, driver: object, sensor: Sensor) -> None:
+    """Close the object that a driver opened and raise UnusableDriver if it lacks a member of `Sensor`."""
+    _check_opened("sensor", name, driver, sensor, Sensor)
+
+
+def _connect_faults(driver: object) -> Iterator[str]:
+    if (connect := getattr(driver, "connect", None)) is not None and not _takes(connect, 1):
+        yield "connect cannot be called as connect(address)"
+
+
+def _check_opened(
+    kind: str, name: str, driver: object, instrument: PowerSupply | Camera | Sensor, protocol: type
+) -> None:
     faults = dict(_faults(instrument, protocol))
     try:
         if faults and "close" not in faults:

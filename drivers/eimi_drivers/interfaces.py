@@ -1,12 +1,14 @@
-"""Define the interfaces of power supplies and cameras, and the errors that they raise.
+"""Define the interfaces of power supplies, cameras and sensors, and the errors that they raise.
 
 The suite uses nothing else of an instrument. A supply is any object with the members of `PowerSupply`. A camera is any
-object with the members of `Camera`. Inheritance is not needed. A driver is the class of such an object, or a function
-that returns one; `SupplyDriver` and `CameraDriver` define how it is called. The members listed in a protocol are
-required. The protocol's docstring lists the optional members, and the value that the suite assumes if one is absent.
+object with the members of `Camera`, a sensor any object with those of `Sensor`. Inheritance is not needed. A driver is
+the class of such an object, or a function that returns one; `SupplyDriver`, `CameraDriver` and `SensorDriver` define
+how it is called. The members listed in a protocol are required. The protocol's docstring lists the optional members,
+and the value that the suite assumes if one is absent.
 
-`open_supply` and `open_camera` check that the driver and the instrument have these members, and report missing ones in
-one line. `check_supply` and `check_camera` of `eimi_drivers.testing` check the behaviour of a driver.
+`open_supply`, `open_camera` and `open_sensor` check that the driver and the instrument have these members, and report
+missing ones in one line. `check_supply`, `check_camera` and `check_sensor` of `eimi_drivers.testing` check the
+behaviour of a driver.
 """
 
 from __future__ import annotations
@@ -71,6 +73,10 @@ class SwitchOffFailed(InstrumentError):
 
 class AnotherSupply(InstrumentError):
     """Report that a different instrument answers at the supply's address after the line was reopened."""
+
+
+class AnotherSensor(InstrumentError):
+    """Report that a different instrument answers at the sensor's address after the line was reopened."""
 
 
 def raised(error: BaseException) -> str:
@@ -288,6 +294,66 @@ class CameraDriver(Protocol):
 
     def __call__(self, source: str | int, settings: Any, /) -> Camera:
         """Open the camera at `source` (device number or path, as in the rig file) and apply the `CameraSettings`."""
+
+
+@dataclass(frozen=True)
+class SensorReading:
+    """Hold one value of a sensor.
+
+    Parameters
+    ----------
+    value : float
+        The value, in `unit`; finite.
+    unit : str
+        The unit: "mT" for a field, "degC" for a temperature, and otherwise the sensor's own.
+    time_s : float
+        The time at which the value came, s on the clock with which the sensor was opened.
+    standard_uncertainty : float or None
+        The standard uncertainty of the value in `unit`, as the sensor states it; None if it states none.
+    """
+
+    value: float
+    unit: str
+    time_s: float
+    standard_uncertainty: float | None = None
+
+
+@runtime_checkable
+class Sensor(Protocol):
+    """Define the members of a sensor: a gaussmeter, a thermometer, or another source of one number.
+
+    Every call ends within `timeout_s` and the time in which a late answer is discarded, 2 s together. Every error is an
+    InstrumentError. No call changes a setting of the instrument.
+    """
+
+    name: str
+    """The name of the driver."""
+
+    timeout_s: float
+    """The longest time until an answer, s."""
+
+    def identify(self) -> Identity:
+        """Ask the instrument for its identity."""
+
+    def read(self) -> SensorReading:
+        """Ask for a new value. Raises InstrumentTimeout, InstrumentDisconnected, ReplyNotUnderstood."""
+
+    def close(self) -> None:
+        """Release the port. Closing twice is allowed."""
+
+
+class SensorDriver(Protocol):
+    """Define how a class or a function that opens a sensor is called.
+
+    Optional members:
+
+    connect(address) -> Transport
+        Opens the line to the instrument. The driver is then called with the line instead of the address. Absent: the
+        driver is called with the address.
+    """
+
+    def __call__(self, link: Any, clock: Clock, /) -> Sensor:
+        """Open the sensor at `link`: the line that `connect` returned, or the address as text."""
 
 
 class Clock(Protocol):

@@ -8,6 +8,7 @@ scpi               the commands that all SCPI families share
 scpi_families      SCPI families with one channel, or with the channel in each message
 channel_selected   SCPI families in which one channel is selected at a time
 hislip             the HiSLIP protocol for an emulated SCPI supply
+sensors            emulated gaussmeters and thermometers
 faults             the faults of an emulated instrument, and those of its line
 spoiling           begin and end a fault of a supply, its coil or its line
 serial_port        a serial port that can be unplugged and plugged in again

@@ -117,9 +117,9 @@ def _no_answer(address: str, timeout_s: float, received: bytes = b"") -> Instrum
 
 
 class SerialTransport:
-    """Exchange bytes over a serial port (8 data bits, no parity, 1 stop bit) with pyserial.
+    """Exchange bytes over a serial port (1 stop bit) with pyserial.
 
-    The port is locked, so that two programs cannot use one supply at the same time.
+    The port is locked, so that two programs cannot use one instrument at the same time.
 
     Parameters
     ----------
@@ -128,19 +128,28 @@ class SerialTransport:
         ``ASRL3::INSTR``), or a serial line over TCP, such as ``socket://host:port`` or ``TCPIP::host::port::SOCKET``.
     baud_rate : int
         The speed of the line, bit/s.
+    data_bits : int
+        The number of data bits, 7 or 8.
+    parity : str
+        "N" for none, "O" for odd, "E" for even.
     """
 
-    def __init__(self, address: str, baud_rate: int = 9600) -> None:
+    def __init__(self, address: str, baud_rate: int = 9600, data_bits: int = 8, parity: str = "N") -> None:
         self.address = address
-        self._baud_rate = baud_rate
+        self._baud_rate, self._data_bits, self._parity = baud_rate, data_bits, parity
         self._open()
 
     def _open(self) -> None:
+        port = serial_port(self.address)
+        # A pseudo-terminal carries whole bytes and refuses another number of bits.
+        is_terminal = os.path.realpath(port).startswith("/dev/pts/")
         with self._errors_named():
             check_address(self.address)
             self._port = serial.serial_for_url(
-                serial_port(self.address),
+                port,
                 baudrate=self._baud_rate,
+                bytesize=8 if is_terminal else self._data_bits,
+                parity="N" if is_terminal else self._parity,
                 timeout=0,
                 write_timeout=WRITE_TIMEOUT_S,
                 exclusive=None if _sharing else True,
@@ -200,13 +209,18 @@ def visa_library() -> str:
     return os.environ.get("PYVISA_LIBRARY", "@py")
 
 
+def is_serial_port(address: str) -> bool:
+    """Return whether an address is a serial port, bare or in the notation of VISA, and no other VISA resource."""
+    place = split_address(address)[0]
+    return "::" not in place or _VISA_SERIAL.fullmatch(place) is not None
+
+
 def open_visa(address: str) -> Transport:
     """Open a VISA resource or a bare serial port. Raises InstrumentError.
 
     If the VISA library is pyvisa-py, which does not lock serial ports, a serial port is opened with pyserial instead.
     """
-    place = split_address(address)[0]
-    is_serial = "::" not in place or _VISA_SERIAL.fullmatch(place) is not None
+    is_serial = is_serial_port(address)
     return SerialTransport(address) if is_serial and visa_library() == "@py" else VisaTransport(address)
 
 

@@ -1,0 +1,164 @@
+"""Emulated gaussmeters and thermometers: one model of the measured quantity, and the dialect of each family on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+
+import numpy as np
+
+from eimi_drivers.installed import did_you_mean
+from eimi_drivers.interfaces import Clock, InstrumentError
+from eimi_drivers.supplies.transport import Responder
+
+
+class SensorFault(Enum):
+    """Name a fault of a sensor, beside those of its line, with its effect and the behaviour of a correct program."""
+
+    STUCK = ("the value does not change any more", "stores the values; an interlock cannot notice it")
+    JUMP = ("the value is a hundred times too large", "ends the run if an interlock bounds the sensor")
+
+    def __init__(self, effect: str, correct: str) -> None:
+        self.effect = effect
+        self.correct = correct
+
+    @property
+    def word(self) -> str:
+        """Return the name on the command line."""
+        return self.name.lower()
+
+
+class EmulatedQuantity:
+    """Model a quantity that a sensor measures: the true value and normal noise from a seeded generator.
+
+    Parameters
+    ----------
+    clock : Clock
+        The clock of the sensor.
+    true : callable
+        Returns the true value now, mT or °C.
+    unit : str
+        "mT" or "degC".
+    noise : float
+        The standard deviation of a reading.
+    seed : int
+        The seed of the noise.
+
+    Attributes
+    ----------
+    fault : SensorFault or None
+        The present fault of the sensor.
+    """
+
+    def __init__(
+        self, clock: Clock, true: Callable[[], float], unit: str = "mT", noise: float = 0.0, seed: int = 0
+    ) -> None:
+        self.clock, self.unit, self.noise = clock, unit, noise
+        self.fault: SensorFault | None = None
+        self._true = true
+        self._random = np.random.default_rng(seed)
+        self._last = 0.0
+
+    def read(self) -> float:
+        """Return a reading."""
+        if self.fault is not SensorFault.STUCK:
+            self._last = self._true() + float(self._random.normal(0.0, self.noise))
+        return 100.0 * self._last if self.fault is SensorFault.JUMP else self._last
+
+
+class SensorDialect:
+    """Answer queries that end with a line feed, one line for each.
+
+    Parameters
+    ----------
+    quantity : EmulatedQuantity
+        The measured quantity.
+
+    Attributes
+    ----------
+    identification : str
+        The answer to ``*IDN?``.
+    """
+
+    identification = ""
+    ends_with = b"\r\n"
+
+    def __init__(self, quantity: EmulatedQuantity) -> None:
+        self.quantity = quantity
+        self._pending = b""
+
+    def receive(self, data: bytes) -> bytes:
+        """Receive bytes and return the answers; a query that the family does not know has none."""
+        *queries, self._pending = (self._pending + data).split(b"\n")
+        answers = (self._answer(query.decode("ascii", "replace").strip()) for query in queries)
+        return b"".join(answer.encode("ascii") + self.ends_with for answer in answers if answer)
+
+    def _answer(self, query: str) -> str:
+        return self.identification if query == "*IDN?" else self.answer(query)
+
+    def answer(self, query: str) -> str:
+        """Return the answer to a query of the family, empty if it has none."""
+        raise InstrumentError(f"a dialect of a sensor has no answer to {query}")
+
+
+class LakeShoreDialect(SensorDialect):
+    """Answer as a Lake Shore 425: unit and field in the formats of its manual, section 6.3.1."""
+
+    identification = "LSCI,MODEL425,4250022,1.0"
+    unit = 2
+
+    def answer(self, query: str) -> str:
+        """Answer ``UNIT?`` and ``RDGFIELD?``."""
+        match query:
+            case "UNIT?":
+                return f"{self.unit}"
+            case "RDGFIELD?":
+                return f"{self.quantity.read() * {1: 10.0, 2: 1e-3}[self.unit]:+.5E}"
+        return ""
+
+
+class LakeShore475Dialect(LakeShoreDialect):
+    """Answer as a Lake Shore 475, in gauss."""
+
+    identification = "LSCI,MODEL475,4750011,1.1"
+    unit = 1
+
+
+class FWBellDialect(SensorDialect):
+    """Answer as an F.W. Bell 5080 in gauss."""
+
+    identification = "FW BELL,5080,0,1.0"
+
+    def answer(self, query: str) -> str:
+        """Answer ``:MEASure:FLUX?``, also in its short form."""
+        return f"{10.0 * self.quantity.read():.3f}G;" if query.upper() in (":MEASURE:FLUX?", ":MEAS:FLUX?") else ""
+
+
+class TextLineDialect(SensorDialect):
+    """Answer as a board with the sketch of the documentation."""
+
+    identification = "eimi-lab,hall-board,1,1.0"
+
+    def answer(self, query: str) -> str:
+        """Answer ``READ?``."""
+        quantity = self.quantity
+        return f"{quantity.read():.5f} {quantity.unit} {quantity.noise:.5f}" if query == "READ?" else ""
+
+
+SENSOR_DIALECTS: dict[str, Callable[[EmulatedQuantity], SensorDialect]] = {
+    "lakeshore-425": LakeShoreDialect,
+    "lakeshore-475": LakeShore475Dialect,
+    "fwbell-5080": FWBellDialect,
+    "text-line": TextLineDialect,
+}
+"""The dialect that the sensor driver of the same name understands."""
+
+
+def emulate_sensor(driver: str, quantity: EmulatedQuantity) -> Responder:
+    """Return an emulated sensor with the dialect of a driver. Raises InstrumentError if there is none of this name."""
+    if driver not in SENSOR_DIALECTS:
+        raise InstrumentError(
+            f"there is no emulated sensor {driver!r}; those that exist: {', '.join(SENSOR_DIALECTS)}"
+            f"{did_you_mean(driver, SENSOR_DIALECTS)}"
+        )
+    return SENSOR_DIALECTS[driver](quantity)

@@ -1,0 +1,12 @@
+"""Drivers of gaussmeters, thermometers and other sensors, and `open_sensor`, which opens one by name.
+
+sensor_names      the drivers by name
+base              what every driver on a line shares: one query, one answer, its time limit
+lake_shore        Lake Shore 425 and 475 gaussmeters
+fw_bell           F.W. Bell 5080 gaussmeters
+text_line         a microcontroller with a sensor that answers in lines of text
+"""
+
+from eimi_drivers.sensors.sensor_names import SENSORS, open_sensor
+
+__all__ = ["SENSORS", "open_sensor"]

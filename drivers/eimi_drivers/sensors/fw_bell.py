@@ -1,0 +1,32 @@
+"""F.W. Bell 5080 gaussmeters."""
+
+from __future__ import annotations
+
+import re
+from typing import ClassVar
+
+from eimi_drivers.interfaces import SensorReading
+from eimi_drivers.sensors.base import SensorBase
+
+_FIELD = re.compile(r"\s*([+-]?\d+(?:\.\d*)?(?:[Ee][+-]?\d+)?)\s*([GT])\s*;?\s*")
+_MILLITESLA = {"G": 0.1, "T": 1000.0}
+
+
+class FWBell5080(SensorBase):
+    """Read the field of an F.W. Bell 5080 over its serial port (2400 baud, 8 data bits, no parity).
+
+    ``:MEASure:FLUX?`` answers with the field and its unit, such as ``12.34G``; a semicolon may follow. Query and form
+    of the answer are those of PyMeasure 0.16 (class FWBell5080), because the manual was not available. The unit is that
+    of the front panel, gauss or tesla; ampere per metre is refused. The meter states no uncertainty.
+    """
+
+    name: str = "fwbell-5080"
+    baud_rate: ClassVar[int] = 2400
+    ends_with: ClassVar[bytes] = b"\r\n"
+
+    def read(self) -> SensorReading:
+        """Ask for the field, mT."""
+        answer = self._ask(":MEASure:FLUX?")
+        if not (match := _FIELD.fullmatch(answer)):
+            raise self._not_understood(":MEASure:FLUX?", answer, "a field in gauss or tesla such as 12.34G")
+        return self._reading(_MILLITESLA[match[2]] * float(match[1]), "mT")

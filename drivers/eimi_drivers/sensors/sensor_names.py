@@ -1,0 +1,73 @@
+"""Open a sensor by the name of its driver."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import Any
+
+from eimi_drivers.clock import WallClock
+from eimi_drivers.contract import check_sensor, check_sensor_driver
+from eimi_drivers.installed import Drivers
+from eimi_drivers.interfaces import Clock, InstrumentError, Sensor, SensorDriver, raised
+from eimi_drivers.sensors.fw_bell import FWBell5080
+from eimi_drivers.sensors.lake_shore import LakeShore425, LakeShore475
+from eimi_drivers.sensors.text_line import TextLine
+from eimi_drivers.supplies.logged import LoggedTransport, is_logged
+
+SENSORS: Drivers[SensorDriver] = Drivers(
+    "sensor",
+    "eimi_drivers.sensors",
+    {driver.name: driver for driver in (LakeShore425, LakeShore475, FWBell5080, TextLine)},
+)
+"""Sensor drivers by name: those of this package, of other installed packages, and those added by a program."""
+
+
+def open_sensor(driver: str, address: str, clock: Clock | None = None) -> Sensor:
+    """Open the sensor at an address. No message is sent.
+
+    Parameters
+    ----------
+    driver : str
+        A name in `SENSORS`.
+    address : str
+        A serial port or a VISA resource, in the form that the driver expects.
+    clock : Clock, optional
+        The clock of the rig; the default is the wall clock.
+
+    Returns
+    -------
+    Sensor
+        The open sensor.
+
+    Raises
+    ------
+    UnusableDriver
+        The driver is unknown or lacks a member.
+    InstrumentDisconnected
+        The address cannot be opened.
+    InstrumentError
+        The driver raised an error of its own.
+    """
+    return open_with(SENSORS[driver], driver, address, clock or WallClock())
+
+
+def open_with(driver: SensorDriver, name: str, address: str, clock: Clock) -> Sensor:
+    """Open a sensor with a driver that is not in `SENSORS`; `name` is used in messages. See `open_sensor`."""
+    check_sensor_driver(name, driver)
+    connect = getattr(driver, "connect", None)
+    with ExitStack() as opened:
+        try:
+            link: Any = address
+            if connect is not None:
+                link = connect(address)
+                if is_logged():
+                    link = LoggedTransport(link, clock)
+                opened.callback(link.close)
+            sensor = driver(link, clock)
+        except InstrumentError:
+            raise
+        except Exception as error:
+            raise InstrumentError(f"{name} sensor {address}: its driver raised {raised(error)} when opened") from error
+        check_sensor(name, driver, sensor)
+        opened.pop_all()
+    return sensor

@@ -1,0 +1,223 @@
+"""The checks of a sensor driver, on an emulated or a fake instrument."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+
+from eimi_drivers.clock import SimulatedClock, WallClock
+from eimi_drivers.contract import check_sensor as check_members
+from eimi_drivers.contract import check_sensor_driver
+from eimi_drivers.emulators.faults import Fault, FaultyInstrument
+from eimi_drivers.emulators.sensors import EmulatedQuantity
+from eimi_drivers.emulators.serve import serve_pty
+from eimi_drivers.interfaces import (
+    Clock,
+    Identity,
+    InstrumentDisconnected,
+    InstrumentError,
+    InstrumentTimeout,
+    ReplyNotUnderstood,
+    Sensor,
+    SensorDriver,
+    SensorReading,
+)
+from eimi_drivers.sensors.sensor_names import open_with
+from eimi_drivers.supplies.transport import InProcessTransport, Responder
+from eimi_drivers.testing.claims import claim, must_raise, run_checks, within
+
+PATIENCE_S = 60.0
+CALL_WITHIN_S = 2.0
+"""The longest permitted duration of a call, s on the clock of the sensor."""
+
+
+@dataclass
+class SensorBench:
+    """Hold an open sensor, the emulated instrument that it reads, and the true value.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor that the driver opened.
+    true : list of float
+        The true value is its last element, in the unit of the emulated quantity.
+    unit : str
+        The unit of the true value.
+    line : FaultyInstrument
+        The instrument; it can be made to fail.
+    clock : Clock
+        The clock of the driver and the instrument.
+    address : str
+        The address at which the sensor was opened.
+    """
+
+    sensor: Sensor
+    true: list[float]
+    unit: str
+    line: FaultyInstrument
+    clock: Clock
+    address: str
+
+    def reads(self, value: float) -> None:
+        """Claim that the sensor reads a new true value."""
+        self.true.append(value)
+        before_s = self.clock.now()
+        reading = self.sensor.read()
+        claim(isinstance(reading, SensorReading), f"read() should return a SensorReading, not {reading!r}")
+        claim(reading.unit == self.unit, f"read() gives the unit {reading.unit!r}, not {self.unit!r}")
+        tolerance = 1e-4 * abs(value) + 1e-3
+        claim(abs(reading.value - value) <= tolerance, f"read() gives {reading.value:g} where the value is {value:g}")
+        claim(before_s <= reading.time_s <= self.clock.now(), "read() should give the time at which the value came")
+        sigma = reading.standard_uncertainty
+        claim(sigma is None or 0 <= sigma < math.inf, f"read() gives the standard uncertainty {sigma!r}")
+
+
+def states_its_identity(bench: SensorBench) -> None:
+    """Check that `identify` returns the driver, the instrument and the address, and that `timeout_s` is positive."""
+    identity = bench.sensor.identify()
+    claim(isinstance(identity, Identity), f"identify() should return an Identity, not {identity!r}")
+    claim(bool(identity.driver and identity.text), f"identify() leaves driver or text empty: {identity}")
+    claim(identity.address == bench.address, f"identify() gives the address {identity.address!r}")
+    claim(0 < bench.sensor.timeout_s <= CALL_WITHIN_S, f"timeout_s = {bench.sensor.timeout_s!r} should be up to 2 s")
+
+
+def reads_values_of_either_sign(bench: SensorBench) -> None:
+    """Check that `read` returns each new value with its unit and its time."""
+    for value in (0.0, 3.2915, -3.2915, 29.9):
+        bench.reads(value)
+
+
+def gives_up_on_a_silent_line(bench: SensorBench) -> None:
+    """Check that a query without an answer raises InstrumentTimeout in time, and that the next query works."""
+    bench.reads(1.0)
+    bench.line.inject(Fault.SILENCE)
+    for _ in range(2):
+        must_raise((InstrumentTimeout,), "read() on a silent line", lambda: _in_time(bench))
+    bench.line.inject(None)
+    bench.reads(2.0)
+
+
+def understands_no_garbage(bench: SensorBench) -> None:
+    """Check that an unreadable answer raises InstrumentTimeout or ReplyNotUnderstood, and that the next query works."""
+    for fault in (Fault.GARBAGE, Fault.PARTIAL):
+        bench.line.inject(fault)
+        must_raise(
+            (InstrumentTimeout, ReplyNotUnderstood), f"read() with {fault.word} answers", lambda: _in_time(bench)
+        )
+        bench.line.inject(None)
+        bench.reads(1.5)
+
+
+def takes_no_late_answer_for_the_next(bench: SensorBench) -> None:
+    """Check that the driver waits for an answer after 0.3 s, and discards one that comes after its time limit."""
+    bench.line.inject(Fault.SLOW)
+    bench.reads(1.0)
+    bench.line.late_s = bench.sensor.timeout_s + 0.3
+    with suppress(InstrumentTimeout):  # a driver may wait longer
+        bench.sensor.read()
+    bench.line.inject(None)
+    bench.reads(-2.0)
+
+
+def reports_a_cut_line(bench: SensorBench) -> None:
+    """Check that a cut line raises InstrumentDisconnected or InstrumentTimeout, also the second time."""
+    bench.reads(1.0)
+    bench.line.inject(Fault.DISCONNECT)
+    for _ in range(2):
+        must_raise(
+            (InstrumentDisconnected, InstrumentTimeout), "read() on a line that was cut", lambda: _in_time(bench)
+        )
+
+
+def closes_twice(bench: SensorBench) -> None:
+    """Check that closing twice is allowed, and that a closed sensor raises InstrumentError or still reads."""
+    bench.sensor.close()
+    bench.sensor.close()
+    with suppress(InstrumentError):
+        bench.sensor.read()
+
+
+SENSOR_CHECKS: tuple[Callable[[SensorBench], None], ...] = (
+    states_its_identity,
+    reads_values_of_either_sign,
+    gives_up_on_a_silent_line,
+    understands_no_garbage,
+    takes_no_late_answer_for_the_next,
+    reports_a_cut_line,
+    closes_twice,
+)
+"""The checks that `check_sensor` runs."""
+
+
+@contextmanager
+def sensor_bench(
+    open: SensorDriver,
+    emulator: Callable[[EmulatedQuantity], Responder],
+    unit: str = "mT",
+    serve: Callable[[Responder], AbstractContextManager[str]] | None = None,
+) -> Iterator[SensorBench]:
+    """Open a sensor driver on an emulated instrument. See `check_sensor` for the parameters."""
+    name = str(getattr(open, "name", getattr(open, "__name__", "sensor")))
+    with ExitStack() as stack:
+        simulated = serve is None and hasattr(open, "connect")
+        clock: Clock = SimulatedClock() if simulated else WallClock()
+        true = [0.0]
+        line = FaultyInstrument(emulator(EmulatedQuantity(clock, lambda: true[-1], unit)), clock)
+        if simulated:
+            address = "in-process"
+            check_sensor_driver(name, open)
+            sensor = open(InProcessTransport(line, clock, address), clock)
+            check_members(name, open, sensor)
+        else:
+            address = stack.enter_context((serve or serve_pty)(line))
+            sensor = open_with(open, name, address, clock)
+        stack.callback(sensor.close)
+        yield SensorBench(sensor, true, unit, line, clock, address)
+
+
+def check_sensor(
+    open: SensorDriver,
+    emulator: Callable[[EmulatedQuantity], Responder],
+    *,
+    unit: str = "mT",
+    serve: Callable[[Responder], AbstractContextManager[str]] | None = None,
+    checks: Iterable[Callable[[SensorBench], None]] = SENSOR_CHECKS,
+) -> None:
+    """Check a sensor driver against an emulated instrument.
+
+    Parameters
+    ----------
+    open : SensorDriver
+        The driver: a class or a function that follows `SensorDriver`.
+    emulator : callable
+        Takes an `EmulatedQuantity` and returns an object whose `receive(data: bytes) -> bytes` answers queries.
+        Example: ``lambda quantity: emulate_sensor("text-line", quantity)``.
+    unit : str
+        The unit of the values: "mT", "degC" or another one.
+    serve : callable, optional
+        A context manager that makes the emulated instrument reachable and returns its address: `serve_pty`,
+        `serve_tcp` or another one. If it is omitted, a driver with `connect` is checked in this process in simulated
+        time, and a driver without `connect` on a pseudo-terminal.
+    checks : iterable of functions, optional
+        A selection of `SENSOR_CHECKS`; the default is all.
+
+    Raises
+    ------
+    AssertionError
+        At least one check failed. The message names every failed check and the correct behaviour.
+    """
+    subject = f"the sensor driver {getattr(open, '__name__', open)}"
+    run_checks(subject, checks, lambda: sensor_bench(open, emulator, unit, serve))
+
+
+def _in_time(bench: SensorBench) -> SensorReading:
+    simulated = isinstance(bench.clock, SimulatedClock)
+    began_s = bench.clock.now()
+    try:
+        return within(PATIENCE_S if simulated else 2 * CALL_WITHIN_S, "read()", bench.sensor.read)
+    finally:
+        if simulated:
+            took_s = bench.clock.now() - began_s
+            claim(took_s <= CALL_WITHIN_S, f"read() took {took_s:g} s, longer than {CALL_WITHIN_S:g} s")
