@@ -135,6 +135,14 @@ def test_a_dry_run_shows_the_pause_and_sends_no_negative_current(bench: Any) -> 
     assert not any("-0." in line for line in lines if ">" in line)
 
 
+def test_a_bipolar_supply_reverses_its_current_without_a_pause(bench: Any) -> None:
+    supply = bench.rig.supply.model_copy(update={"driver": "kepco-bop", "address": "GPIB0::6::INSTR"})
+    lines: list[str] = []
+    dry_run(bench.protocol, bench.specimen, bench.rig.model_copy(update={"supply": supply}), lines.append)
+    assert not any("swaps the leads" in line for line in lines)
+    assert any("-0.3" in line for line in lines if "  > " in line)
+
+
 def test_the_virtual_rig_reverses_its_field_and_the_edges_lie_on_the_other_side(tmp_path: Any) -> None:
     rig, specimen = load_rig("virtual"), load_specimen("type1")
     assert rig.virtual is not None
