@@ -4,6 +4,7 @@ Run one with `python -m benchmarks.NAME` in the top folder; `python -m benchmark
 
 speed               the cost of one simulated curve, and how it grows
 peer, felupe_beam   the same curve in FElupe
+felupe_strip        a beam that is bent and tapered at rest in FElupe
 solid               the solid model: orders of convergence, difference from the planar model, cost
 solid_mesh          the error of the modulus due to the mesh of the solid
 hidden_solids       fits of hidden solids under every section, and the predicted bias
