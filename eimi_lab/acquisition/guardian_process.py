@@ -132,7 +132,7 @@ def _wait_until_needed(ward: Ward) -> tuple[Takeover | None, Ward]:
 
 
 def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_event: OnEvent) -> None:
-    """Ramp down, switch off and measure, repeatedly, until no current is measured or `TRY_FOR_S` has passed.
+    """Switch off and measure, repeatedly, until no current is measured or `TRY_FOR_S` has passed.
 
     A run that stands still keeps its connection, and some supplies serve only one connection at a time. If the first
     attempt fails, the guardian therefore kills the process of the run, `run`.
@@ -182,7 +182,9 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_even
 
 
 def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
-    """Open the supply, compare its identity, ramp down, switch off, measure and close.
+    """Open the supply, compare its identity, switch off, measure and close.
+
+    No set-point but zero is sent: half of a current that is measured during a fault may be above the set-point.
 
     Parameters
     ----------
@@ -203,45 +205,61 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
     Exception
         If the supply was not confirmed off, the error that prevented it.
     """
-    clock = WallClock()
+    clock, remark = WallClock(), ""
     supply = open_supply(ward.driver, ward.address, ward.limits, clock)
     try:
-        found_off = _found_off(ward, supply, was_on)
-        without_ramp = _ramp_down(supply)
+        unidentified = _compare(ward, supply)
+        found_off = ward.identity is not None and _find_off(supply, was_on)
         try:
             off = switch_off(supply, clock)
-            if found_off and not (ward.identity and ward.identity[1]) and "/dev/pts/" not in ward.address:
-                measured = f", {off.current_A:.2f} A measured" if off else ""
-                raise SwitchOffFailed(
-                    f"{ward.address}: the output of the supply was already off{measured}, but the supply has no serial "
-                    "number, so that it may not be the supply of the coil"
-                )
-            return (replace(off, found_off=found_off) if off else off), without_ramp
         except SwitchOffFailed as error:
             if error.current_A is not None:  # the supply of the coil, which fails to stop the current
                 was_on.add(True)
-            if error.current_A is not None or found_off or supply.output_on():
+            if error.current_A is not None or found_off or not _is_one_of_a_kind(ward) or supply.output_on():
                 raise
             off = measured_off(supply.measure, off_limit_A(supply), clock, ward.address)
-            return off, f"; not every stage went well ({error})"
+            unidentified = _compare(ward, supply)  # the line may have been reopened
+            remark = f"; not every stage went well ({error})"
+        measured = f", {off.current_A:.2f} A measured" if off else ""
+        if unidentified:
+            raise SwitchOffFailed(
+                f"{ward.address}: a supply was switched off{measured}, but it did not answer with its identity, so "
+                f"that it may not be the supply of the coil ({unidentified})"
+            )
+        if not was_on and not _is_one_of_a_kind(ward):
+            raise SwitchOffFailed(
+                f"{ward.address}: the output of the supply was {'already off' if found_off else 'not seen on'}"
+                f"{measured}, but the supply has no serial number, so that it may not be the supply of the coil"
+            )
+        return (replace(off, found_off=found_off) if off else off), remark
     finally:
         with suppress(Exception):
             supply.close()
 
 
-def _found_off(ward: Ward, supply: PowerSupply, was_on: set[bool]) -> bool:
-    """Return whether the output is off before the first attempt. Raises AnotherSupply if another supply answers."""
+def _compare(ward: Ward, supply: PowerSupply) -> str:
+    """Return why the supply is not identified, in words, or "" if it is. Raises AnotherSupply if another one answers.
+
+    A supply that does not answer is switched off nevertheless, because it may be the supply of the coil.
+    """
     if ward.identity is None:
-        return False
+        return ""
     try:
         answered = supply.identify()
-    except InstrumentError:  # try to switch off anyway
-        return False
+    except AnotherSupply:
+        raise
+    except InstrumentError as error:
+        return str(error)
     if (answered.text, answered.serial_number) != ward.identity:
         raise AnotherSupply(
             f"{ward.address}: another supply answers: {answered.text!r} {answered.serial_number} instead of "
             f"{' '.join(ward.identity)!r}"
         )
+    return ""
+
+
+def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
+    """Return whether the output is off, and was so in every earlier attempt. If it is on, add True to `was_on`."""
     with suppress(InstrumentError):
         if supply.output_on():
             was_on.add(True)
@@ -249,17 +267,9 @@ def _found_off(ward: Ward, supply: PowerSupply, was_on: set[bool]) -> bool:
     return False
 
 
-def _ramp_down(supply: PowerSupply) -> str:
-    """Set half the measured current, and return a remark if that failed.
-
-    A full ramp would take time, and the motion of the beam does not matter any more. One intermediate step halves the
-    jump of the supply.
-    """
-    try:
-        supply.set_current(supply.measure().current_A / 2)
-    except Exception as error:  # an error in a library must not prevent the next stages
-        return f", straight to zero without an intermediate step ({' '.join(str(error).split())})"
-    return ""
+def _is_one_of_a_kind(ward: Ward) -> bool:
+    """Return whether the identity or the address can belong to no other supply."""
+    return ward.identity is None or bool(ward.identity[1]) or "/dev/pts/" in ward.address
 
 
 def _stay() -> None:

@@ -169,9 +169,9 @@ class FaultyInstrument:
         """Lose every message for this number of seconds."""
         self._silent_until_s = self._clock.now() + seconds
 
-    def swap(self, other: Responder) -> None:
-        """Cut the line at the next message; another instrument answers afterwards."""
-        self._fault, self._concerns, self._next = Fault.DROP, bool, other
+    def swap(self, other: Responder, concerns: Callable[[bytes], bool] = bool) -> None:
+        """Cut the line at the next message that this concerns, see `inject`; another instrument answers afterwards."""
+        self._fault, self._concerns, self._next = Fault.DROP, concerns, other
 
     def reconnect(self) -> None:
         """Restore a line that was cut for good."""
