@@ -1,6 +1,7 @@
 """The shape at rest: stated in specimen.toml, or measured in the states without load."""
 
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,11 @@ from eimi_lab.config.materials import TrueMaterials
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import parse, to_toml
+from eimi_lab.fits.assumptions import compressibility_remark
+from eimi_lab.fits.evidence import Evidence, load_evidence
+from eimi_lab.fits.fit_summary import evidence_remarks
+from eimi_lab.fits.fits_file import read_fits_file
+from eimi_lab.fits.states_used import StatesUsed
 from eimi_lab.process.errors import InputError
 from eimi_lab.virtual.virtual_rig import open_virtual_rig
 from eimi_lab.vision.edges.finding import find_edges
@@ -70,6 +76,17 @@ def test_no_shape_is_measured_without_a_state_at_rest_or_if_the_weight_bends_the
     hidden = with_modes(BEAM, (0.8,))
     assert measured_rest_shape(seen(hidden, Loads.along(FIELD_MT[1:]))) is None
     assert measured_rest_shape(seen(hidden, Loads.along(FIELD_MT, gravity_angle_deg=20.0))) is None
+
+
+def test_a_fit_says_what_a_stated_ratio_of_poisson_is_worth():
+    evidence = Evidence(
+        Path("run.h5"), "", seen(BEAM, Loads.along(FIELD_MT)), (), StatesUsed(4, (), ()), poisson_ratio=0.48
+    )
+    assert compressibility_remark(evidence) == (
+        "run.h5: poisson_ratio = 0.48 is a bulk modulus of 24.7 shear moduli; the fit takes the material as "
+        "incompressible, for which the modulus is about 1.3 % too low"
+    )
+    assert compressibility_remark(replace(evidence, poisson_ratio=0.5)) is None
 
 
 def test_a_table_of_widths_reaches_the_model_and_is_written_again():
@@ -148,3 +165,31 @@ def test_the_edges_of_a_beam_of_varying_width_are_found_where_they_are_and_witho
         x, y = side.points_mm.T
         assert len(x) > 60
         assert y == pytest.approx(sign * half_mm(x), abs=0.02)
+
+
+@pytest.mark.slow
+def test_a_run_with_a_bent_beam_finds_its_modulus_unless_the_shape_is_stated_as_straight(tmp_path: Path, run) -> None:
+    rigs = Path(str(files("eimi_lab.protocols"))) / "rigs"
+    for file in rigs.glob("virtual*.toml"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    with (tmp_path / "virtual_materials.toml").open("a") as materials:
+        materials.write("\n[bench]\ncast_bend_mm = 1.0\ntaper_mm = -0.1\n")
+    text = load_specimen("bench_example").text
+    dataset, fits = tmp_path / "run.h5", tmp_path / "fits.json"
+
+    def fitted(specimen: str) -> float:
+        (tmp_path / "beam.toml").write_text(specimen)
+        status, printed = run("segment", dataset, "--specimen", tmp_path / "beam.toml")
+        assert status == 0, printed
+        status, printed = run("fit", dataset, "--model", "neo-hookean", "-o", fits, "--force")
+        assert status == 0, printed
+        remarks = " ".join(evidence_remarks([load_evidence(dataset)]))
+        assert ("bent by up to 0.9" in remarks) == ("rest_shape" not in specimen)
+        return read_fits_file(fits).fits[0].initial_shear_modulus.value
+
+    protocol, rig = "dragon_skin_10_quick", tmp_path / "virtual.toml"
+    status, printed = run("acquire", protocol, "--specimen", "bench_example", "--rig", rig, "-o", dataset)
+    assert status == 0, printed
+    assert fitted(text) == pytest.approx(46390, rel=0.01)
+    straight = text.replace("[specimen]", '[specimen]\nrest_shape = "straight"', 1)
+    assert fitted(straight) == pytest.approx(46390 * 0.89, rel=0.03)
