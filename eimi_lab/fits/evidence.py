@@ -167,7 +167,7 @@ def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bo
     return Evidence(
         path,
         digest,
-        rest_shape.applied(experiment) if rest_shape else experiment,
+        rest_shape.applied(experiment, f"states without load of {digest[:16]}") if rest_shape else experiment,
         states,
         _states_used(dataset, used),
         _taken_as_exact(dataset),

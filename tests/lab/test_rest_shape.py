@@ -11,6 +11,7 @@ from eimi_fitting import LAWS, BeamModel, EdgeObservation, Experiment, Loads
 from eimi_fitting.beam.outline import edge_curves, points_on
 from eimi_fitting.beam.rest_modes import bend_offset, with_modes
 from eimi_fitting.beam.strip import Strip
+from eimi_fitting.inference.evidence.unknowns import shared
 from eimi_fitting.inference.searching.measured_rest_shape import measured_rest_shape
 from eimi_lab.config.materials import TrueMaterials
 from eimi_lab.config.rig import load_rig
@@ -70,6 +71,13 @@ def test_a_cast_bend_and_a_taper_are_measured_although_the_weight_straightens_th
     assert shape.widths_mm[0] == pytest.approx(0.04, abs=0.003)
     stated_sources = {source.source: source for source in shape.applied(experiment).stated}
     assert 0 < stated_sources["rest-shape"].standard_uncertainty < 0.02
+
+
+def test_two_datasets_with_measured_shapes_have_an_error_each():
+    experiment = seen(with_modes(BEAM, (0.8,)), Loads.along(FIELD_MT))
+    shape = measured_rest_shape(experiment)
+    of_both = [shape.applied(experiment, f"states of {name}").stated for name in ("a.h5", "b.h5")]
+    assert [group.datasets for group in shared("rest-shape", of_both)] == [(0,), (1,)]
 
 
 def test_no_shape_is_measured_without_a_state_at_rest_or_if_the_weight_bends_the_beam():

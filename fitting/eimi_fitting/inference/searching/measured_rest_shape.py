@@ -72,11 +72,17 @@ class MeasuredRestShape:
     bend_sigma_mm: float
     width_sigma_mm: float
 
-    def applied(self, experiment: Experiment) -> Experiment:
-        """Return the experiment with this shape, and with its uncertainty instead of a stated one."""
+    def applied(self, experiment: Experiment, of: str = "states without load") -> Experiment:
+        """Return the experiment with this shape, and with its uncertainty instead of a stated one.
+
+        Parameters
+        ----------
+        experiment : Experiment
+        of : str
+            The states that were measured; each dataset has an error of its own, and needs another name.
+        """
         sigmas = {"rest-shape": self.bend_sigma_mm, "taper": 2 * self.width_sigma_mm}
         others = (stated for stated in experiment.stated if stated.source not in sigmas)
-        of = "states without load"
         return replace(
             experiment,
             model=experiment.model.of(self.specimen),
