@@ -70,7 +70,7 @@ def test_a_cast_bend_and_a_taper_are_measured_although_the_weight_straightens_th
     )  # without its weight it is about 1 mm: the tip hangs nearer to the line of the clamp than it was cast
     assert shape.widths_mm[0] == pytest.approx(0.04, abs=0.003)
     stated_sources = {source.source: source for source in shape.applied(experiment).stated}
-    assert 0 < stated_sources["rest-shape"].standard_uncertainty < 0.02
+    assert 0 < stated_sources["rest-shape"].standard_uncertainty < 0.03
 
 
 def test_two_datasets_with_measured_shapes_have_an_error_each():

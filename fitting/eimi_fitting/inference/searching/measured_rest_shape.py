@@ -43,6 +43,7 @@ _TURN_DEG, _SHIFT_MM = 1.0, 0.2  # prior standard deviations of the picture's tu
 _PICTURE_STEPS = 0.01 * np.eye(2)  # of the difference quotients, in degrees and mm
 _SURE = 3.0  # standard deviations
 _SYSTEMATIC_MM = 1e-3  # an error of the edges that does not average out
+_OF_AMPLITUDE = 0.015  # error of the planar model's weight: a bend of 1 mm of a hidden solid is measured as 0.985 mm
 _NO_LOAD = 0.02  # share of the largest field or tip force; a smaller one is in the model, as the weight is
 _ACROSS = 0.05  # share of gravity across the clamp up to which the weight is not taken for a bend, about 3 degrees
 _BENT_STATES, _ROUNDS, _STEPS = 4, 3, 2
@@ -148,6 +149,7 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
     if fitted is None:
         return None
     amplitudes, sigma = fitted
+    sigma = np.hypot(sigma, _OF_AMPLITUDE * np.abs(amplitudes))
     bends, widths = (part[np.isin(part, used)] for part in np.split(np.arange(_MODES), [BENDS]))
     return MeasuredRestShape(
         _shaped(experiment, amplitudes).model.specimen,
