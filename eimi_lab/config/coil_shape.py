@@ -28,8 +28,8 @@ Row = Annotated[tuple[float, float, float, float], Field(strict=False)]
 class CoilShapeTable(Table):
     """The shape of the coil's field, in the plane of the beam and in the beam frame.
 
-    Its strength is that of coil_constant_mT_per_A, which holds at the middle of the magnet at rest. State two loops, a
-    measured map, or only a gradient.
+    Its strength is that of coil_constant_mT_per_A, which holds at the middle of the magnet at rest. If there is no
+    magnet it holds at the middle of the beam. State two loops, a measured map, or only a gradient.
     """
 
     radius_mm: float | None = Field(default=None, gt=0)
@@ -37,7 +37,7 @@ class CoilShapeTable(Table):
     gap_mm: float | None = Field(default=None, ge=0)
     """Distance between the planes of the loops; equal to the radius for a Helmholtz coil, 0 for a single loop."""
     centre_mm: Pair | None = None
-    """Point half-way between the loops, along and across the beam; by default the middle of the magnet at rest."""
+    """Point half-way between the loops, along and across the beam; by default the place of coil_constant_mT_per_A."""
     map: Annotated[tuple[Row, ...], Field(strict=False, max_length=_MOST_ROWS)] | None = None
     """Measured field: name of a CSV file beside this one with the columns x_mm, y_mm, bx_mT and by_mT on a rectangular
     grid. A dataset keeps its rows."""

@@ -42,13 +42,6 @@ def in_stated_field(loads: Loads, calibration: Calibration, specimen: Specimen) 
 
 def stated_coil(calibration: Calibration, specimen: Specimen) -> CoilShape | None:
     """Return the stated shape of the coil's field, None for a uniform one; raise InputError as `in_stated_field`."""
-    is_uncertain = bool((calibration.uncertainty or {}).get("field_gradient_per_m"))
-    if any(specimen.magnetisation_A_per_m) and (calibration.field is not None or is_uncertain):
-        key = "calibration.field" if calibration.field is not None else "[uncertainty] field_gradient_per_m"
-        raise InputError(
-            f"{key}: the model of an uneven field acts on a magnet only, but the specimen has magnetisation_kA_per_m; "
-            "leave it out, or the magnetisation"
-        )
     if calibration.field is None:
         return None
     try:

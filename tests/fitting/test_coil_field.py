@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eimi_fitting.beam.coil_field import CoilShape, DipoleInField, FieldTable, loop_field
+from eimi_fitting.beam.coil_field import CoilShape, DipoleInField, FieldTable, SiliconeInField, loop_field
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.solid_model import SolidModel
@@ -113,6 +113,44 @@ def test_a_wide_coil_bends_as_a_uniform_field_and_newtons_method_takes_as_few_st
     assert shapes[2].converged.all()
     assert abs(shapes[2].rigid[0, -1, 1] - shapes[0].rigid[0, -1, 1]) > 0.02
     assert (shapes[2].iterations <= shapes[0].iterations + 1).all()
+
+
+SILICONE = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", magnetisation_A_per_m=(40e3, 0.0))
+
+
+def test_forces_and_stiffness_of_magnetised_silicone_are_the_derivatives_of_its_energy():
+    rng = np.random.default_rng(0)
+    nodes, shares, dipoles = rng.uniform(0, 20, (2, 9, 2)), rng.uniform(0, 0.2, (2, 9)), rng.normal(0, 1, (2, 9))
+    silicone = SiliconeInField(
+        helmholtz(50.0), np.array([15.0, 0.0]), nodes, shares, dipoles, np.array([[0.4e-3, 6.9e-3]])
+    )
+    nodal = rng.normal(0, 1, (2, 1, 2, 9))
+
+    def energy(displacement: np.ndarray) -> float:
+        moved = displacement[:, 0].swapaxes(1, 2) + nodes
+        places, moments = (np.einsum("eni,en->ei", moved, weights) for weights in (shares, dipoles))
+        field = silicone.shape.ratio(places, silicone.rest_mm)[0] * complex(0.4e-3, 6.9e-3)
+        return -float((np.conj(moments @ [1, 1j]) * field).real.sum())
+
+    force, stiffness = silicone.load(nodal)
+    for place in ((0, 0, 0, 3), (0, 0, 1, 7), (1, 0, 1, 0)):
+        step = np.zeros_like(nodal)
+        step[place] = 1e-3
+        slope = (energy(nodal + step) - energy(nodal - step)) / 2e-3
+        assert force[place] == pytest.approx(-slope, rel=1e-5, abs=1e-9)
+        change = (silicone.load(nodal + step)[0] - silicone.load(nodal - step)[0]) / 2e-3
+        of_step = stiffness[place[0], 0].reshape(2, 9, 2, 9)[:, :, place[2], place[3]]
+        assert of_step == pytest.approx(-change[place[0], 0], rel=1e-4, abs=1e-8)
+
+
+@pytest.mark.parametrize("model", [BeamModel(SILICONE), SolidModel(SILICONE, 6, 1)])
+def test_magnetised_silicone_in_a_wide_coil_bends_as_in_a_uniform_field(model):
+    uniform = Loads.along(FIELDS_MT)
+    wide = replace(uniform, coil=helmholtz(20000.0))
+    near = replace(uniform, coil=helmholtz(60.0, (15.0, 0.0)))
+    tips = [model.tip_angle_deg(model.solve(LAW, MODULUS_PA, loads))[0, -1] for loads in (uniform, wide, near)]
+    assert tips[1] == pytest.approx(tips[0], abs=1e-4)
+    assert 0.001 < abs(tips[2] - tips[0]) < 5.0
 
 
 def test_a_gradient_pulls_a_magnet_with_the_force_of_its_dipole_on_a_cantilever():

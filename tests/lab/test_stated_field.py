@@ -103,15 +103,6 @@ def test_a_measured_map_is_read_from_its_file_and_kept_in_the_text(tmp_path):
         load_calibration(tmp_path / "calibration.toml")
 
 
-@pytest.mark.parametrize(
-    "stated", ["[field]\ngradient_per_m = [1.0, 0.0]", "[uncertainty]\nfield_gradient_per_m = 1.0"]
-)
-def test_an_uneven_field_on_magnetised_silicone_is_refused(stated):
-    beam = replace(load_specimen("type1").mechanics(), magnet=None, magnetisation_A_per_m=(4e4, 0.0))
-    with pytest.raises(InputError, match="the model of an uneven field acts on a magnet only"):
-        stated_coil(parse(Calibration, f"{CALIBRATION}{stated}\n", "calibration.toml"), beam)
-
-
 def test_a_map_that_ends_before_the_tip_is_refused():
     beam = replace(load_specimen("type1").mechanics(), section="plane-stress")
     places = np.linspace(0.0, 29.0, 5)

@@ -102,6 +102,14 @@ class LoadedMesh:
         Integrals of the derivatives of the nodes' shape functions over the silicone.
     nodal_dipole : ndarray, shape (N,)
         Product of ``slopes`` and the magnetisation of the silicone: the nodal force in a field of 1 T.
+    element_dipole : ndarray, shape (E, n)
+        The same by element.
+    element_share : ndarray, shape (E, n)
+        Weights of the nodes in the middle of each element.
+    element_nodes_mm : ndarray, shape (E, n, 2)
+        Nodes of the elements at rest.
+    field_place_mm : ndarray, shape (2,)
+        The place at rest where the strength of a field is stated.
     magnet_mass : float
         Mass, in kg, of the magnet and of the silicone that it carries rigidly.
     magnet_face_mm : ndarray, shape (2,)
@@ -129,6 +137,10 @@ class LoadedMesh:
             magnetisation = _turned(np.array(specimen.magnetisation_A_per_m), angle)
             dipoles = np.einsum("eai,ie->ea", solid.ops.slope[..., :2], magnetisation)
             np.add.at(self.nodal_dipole, elements, MPA_PER_PA * dipoles)
+            self.element_dipole = MPA_PER_PA * dipoles
+            self.element_share = solid.ops.load / solid.ops.load.sum(axis=1, keepdims=True)
+            self.element_nodes_mm = solid.mesh.nodes[elements][..., :2]
+        self.field_place_mm = grid.strip.at_rest(np.array([[specimen.field_place_mm, 0.0]]))[0]
         self.magnet_face_mm = np.array(grid.face_mm)
         self.magnet_mass, self.magnet_centre_mm, self.magnet_dipole = 0.0, np.zeros(2), np.zeros(2)
         if magnet:

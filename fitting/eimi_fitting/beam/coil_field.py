@@ -1,4 +1,4 @@
-"""The field of a coil that is not uniform, and a dipole in it.
+"""The field of a coil that is not uniform, with a magnet or magnetised silicone in it.
 
 The field in the plane of the beam is B(x) = q(x) F with the field F at the magnet's place at rest. As complex numbers,
 B_x + i B_y, the factor q is one scalar for all currents and directions of F, with q = 1 at that place. A rigid dipole m
@@ -238,3 +238,70 @@ class DipoleInField:
         curved = np.einsum("bi,bi->b", bent, velocity) + np.einsum("bi,bi->b", first, towards)
         stiffness[:, 2, 2] = -(pull * (curved - 2j * along - q)).real
         return load, stiffness
+
+
+@dataclass(frozen=True)
+class SiliconeInField:
+    """Magnetised silicone in the field of a coil: one dipole in the middle of each element.
+
+    The dipole of an element is the integral of F M, a sum over its nodes with the weights of `dipoles`. Its place is
+    their mean with the weights of `shares`.
+
+    Parameters
+    ----------
+    shape : CoilShape
+    rest_mm : ndarray, shape (2,)
+        The place where the strength of the field is stated.
+    nodes_mm : ndarray, shape (E, n, 2)
+        Nodes of the elements at rest.
+    shares, dipoles : ndarray, shape (E, n)
+        Weights of the nodes in the place, and in the dipole in N/T.
+    field_T : ndarray, shape (B, 2)
+        The strength of the field; one row for each candidate, or one for all.
+    """
+
+    shape: CoilShape
+    rest_mm: Array
+    nodes_mm: Array
+    shares: Array
+    dipoles: Array
+    field_T: Array
+
+    def load(self, nodal: Array) -> tuple[Array, Array]:
+        """Return the forces on the nodes and their stiffness.
+
+        Parameters
+        ----------
+        nodal : ndarray, shape (E, B, d, n)
+            Displacements of the nodes in mm.
+
+        Returns
+        -------
+        force : ndarray, shape (E, B, d, n)
+            In N: minus the derivatives of the energy, the sum of -m . B over the elements.
+        stiffness : ndarray, shape (E, B, d, n, d, n)
+            Second derivatives of the energy.
+        """
+        e, b, d, n = nodal.shape
+        moved = nodal[:, :, :2] + self.nodes_mm.swapaxes(1, 2)[:, None]  # (E, B, 2, n)
+        places, dipoles = (np.einsum("ebin,en->ebi", moved, w) for w in (self.shares, self.dipoles))
+        ratios = self.shape.ratio(places.reshape(-1, 2), self.rest_mm)
+        q, first, second = (r.reshape(e, b, *r.shape[1:]) for r in ratios)
+        field = np.broadcast_to(self.field_T @ [1, 1j], b)[None]
+        slope, bent = field[..., None] * first, field[..., None, None] * second
+        pull = np.conj(dipoles @ [1, 1j])  # m . B is the real part of conj(m) B
+        along_dipole, along_place = _components(field * q), (pull[..., None] * slope).real
+        force = np.zeros(nodal.shape)
+        force[:, :, :2] = np.einsum("ebi,en->ebin", along_dipole, self.dipoles)
+        force[:, :, :2] += np.einsum("ebi,en->ebin", along_place, self.shares)
+        mixed = _components(slope)  # (E, B, k, i): the derivative of B_i along x_k
+        stiffness = np.zeros((e, b, d, n, d, n))
+        crossed = np.einsum("ebki,en,em->ebinkm", mixed, self.dipoles, self.shares)
+        curved = np.einsum("ebik,en,em->ebinkm", (pull[..., None, None] * bent).real, self.shares, self.shares)
+        stiffness[:, :, :2, :, :2] = -(crossed + crossed.transpose(0, 1, 4, 5, 2, 3) + curved)
+        return force, stiffness
+
+
+def _components(values: Complex) -> Array:
+    """Return the real and the imaginary part of complex numbers (...) as vectors (..., 2)."""
+    return np.stack([values.real, values.imag], axis=-1)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from eimi_fitting.beam import brick, element
 from eimi_fitting.beam.bricks import Bricks
-from eimi_fitting.beam.coil_field import DipoleInField
+from eimi_fitting.beam.coil_field import DipoleInField, SiliconeInField
 from eimi_fitting.beam.element import Batch
 from eimi_fitting.beam.mesh import Indices, Mesh
 from eimi_fitting.beam.pressure import FollowerPressure
@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 
 _MOST_ITERATIONS = 25  # of Newton's method
 _LOADS = ("nodal", "force", "tensor", "pressure", "moment")
+_IN_COIL = ("in_coil", "silicone_in_coil")
 _ELEMENTS_AT_ONCE = 4096  # of all candidates or states together, whose strains are computed at once
 
 
@@ -59,6 +60,8 @@ class SolidLoads:
         Pressure on the face in N/mm².
     in_coil : DipoleInField or None
         The magnet in the field of a coil that is not uniform.
+    silicone_in_coil : SiliconeInField or None
+        Magnetised silicone in such a field.
     """
 
     nodal: Array
@@ -67,6 +70,7 @@ class SolidLoads:
     pressure: Array
     moment: Array
     in_coil: DipoleInField | None = None
+    silicone_in_coil: SiliconeInField | None = None
 
 
 @dataclass(frozen=True)
@@ -131,11 +135,15 @@ def joined(parts: Sequence[Configuration]) -> Configuration:
 def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
     """Return the loads of batches one after another as those of one batch."""
     arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _LOADS}
-    first = next((part.in_coil for part in parts if part.in_coil), None)
-    if first is None:
-        return SolidLoads(**arrays)
-    fields = [part.in_coil.field_T if part.in_coil else np.zeros_like(part.force) for part in parts]
-    return SolidLoads(**arrays, in_coil=replace(first, field_T=np.concatenate(fields)))
+    joined_loads = SolidLoads(**arrays)
+    for name in _IN_COIL:
+        if first := next((load for part in parts if (load := getattr(part, name))), None):
+            of_parts = [getattr(part, name) for part in parts]
+            fields = [
+                load.field_T if load else np.zeros_like(part.force) for load, part in zip(of_parts, parts, strict=True)
+            ]
+            setattr(joined_loads, name, replace(first, field_T=np.concatenate(fields)))
+    return joined_loads
 
 
 @dataclass(frozen=True)
@@ -236,6 +244,10 @@ class Solid:
         if self.face is not None and np.any(loads.pressure):
             force, symmetric = force.copy(), False
             self.face.press(loads.pressure, nodal.reshape(n, b, self._unknowns), force, K)
+        if loads.silicone_in_coil:
+            of_field, field_stiffness = loads.silicone_in_coil.load(nodal)
+            force = force - of_field.reshape(force.shape)
+            K += field_stiffness.reshape(K.shape)
         effective = force
         mixed = kind.mixed(batch)
         if mixed:
@@ -353,5 +365,8 @@ def _rows_of_batch(batch: Batch, rows: Indices) -> Batch:
 def _rows_of_loads(loads: SolidLoads, rows: Indices) -> SolidLoads:
     if len(loads.force) == 1:
         return loads
-    in_coil = replace(loads.in_coil, field_T=loads.in_coil.field_T[rows]) if loads.in_coil else None
-    return SolidLoads(**{name: getattr(loads, name)[rows] for name in _LOADS}, in_coil=in_coil)
+    of_rows: dict[str, Any] = {name: getattr(loads, name)[rows] for name in _LOADS}
+    for name in _IN_COIL:
+        load = getattr(loads, name)
+        of_rows[name] = replace(load, field_T=load.field_T[rows]) if load else None
+    return SolidLoads(**of_rows)

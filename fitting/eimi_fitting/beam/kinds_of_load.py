@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.actuation import LoadedMesh
-from eimi_fitting.beam.coil_field import CoilShape, DipoleInField
+from eimi_fitting.beam.coil_field import CoilShape, DipoleInField, SiliconeInField
 from eimi_fitting.beam.equilibrium import SolidLoads
 from eimi_fitting.units import MPA_PER_PA
 
@@ -40,9 +40,7 @@ class UniformField:
 
 @dataclass(frozen=True)
 class CoilField:
-    """The field of a coil that is not uniform, on the magnet.
-
-    Magnetised silicone is taken to be in the uniform field.
+    """The field of a coil that is not uniform, on the magnet and on magnetised silicone.
 
     Parameters
     ----------
@@ -64,7 +62,9 @@ class CoilField:
         field = field_factor[:, None] * numbers  # (B, 2)
         total.in_coil = DipoleInField(self.shape, mesh.magnet_dipole, mesh.magnet_centre_mm, mesh.magnet_face_mm, field)
         if mesh.nodal_dipole.any():
-            total.nodal[..., :2] += mesh.nodal_dipole[:, None] * field[:, None, :]
+            total.silicone_in_coil = SiliconeInField(
+                self.shape, mesh.field_place_mm, mesh.element_nodes_mm, mesh.element_share, mesh.element_dipole, field
+            )
 
 
 @dataclass(frozen=True)
