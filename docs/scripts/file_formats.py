@@ -87,6 +87,7 @@ FURTHER_EXAMPLES = {
     "field.map": '"field.csv"',
     "field.gradient_per_m": "[0.5, 0.0]",
     "bench.magnetisation_angle_deg": "3.0",
+    "bench.coil_constant_mT_per_A": "4.5",
     "bench.background_field_mT": "[0.0, 0.04]",
     "bench.field.radius_mm": "50.0",
     "bench.field.gap_mm": "50.0",

@@ -16,6 +16,7 @@ added_driver      send a driver that this program added to the guardian process
 cameras           the camera that a rig names: a device, a recording or a virtual beam
 playback          a recording in place of a camera
 live_view         show the frames during a run
+sensing           read the sensors of the bench
 interlocks        end the run if a reading leaves its bounds
 heating           decide whether the coil withstands a protocol
 switching_off     end every run with the coil off

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from eimi_drivers.interfaces import Camera, Clock, Frame
+from eimi_drivers.interfaces import Camera, Clock, Frame, SensorReading
 from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S
 from eimi_lab.vision.check import Flag
 from eimi_lab.vision.frame_checks import frame_flags
@@ -14,11 +14,12 @@ from eimi_lab.vision.settling_statistic import Noise
 
 @dataclass(frozen=True)
 class Capture:
-    """Frames, the measured current (A) and the time on the run's clock (s) of each frame, and the flags of all."""
+    """Frames; the measured current (A), the clock's time (s) and the sensors' readings of each; the flags of all."""
 
     frames: tuple[Frame, ...]
     measured_A: tuple[float, ...]
     time_s: tuple[float, ...]
+    sensed: tuple[Mapping[str, SensorReading], ...]
     flags: tuple[Flag, ...]
 
 
@@ -27,6 +28,7 @@ def capture(
     clock: Clock,
     count: int,
     measured_A: Callable[[], float],
+    sense: Callable[[], Mapping[str, SensorReading]],
     noise: Noise,
     stop_if_asked: Callable[[], None],
 ) -> Capture:
@@ -42,6 +44,8 @@ def capture(
         Number of frames.
     measured_A : callable
         Measures the current, A; called once after each frame.
+    sense : callable
+        Reads the sensors; called once after each frame.
     noise : Noise
         Noise of the camera, for the flags.
     stop_if_asked : callable
@@ -53,10 +57,11 @@ def capture(
         The frames with their currents, times and flags.
     """
     camera.flush()
-    frames, currents, times = [], [], []
+    frames, currents, times, sensed = [], [], [], []
     for _ in range(count):
         stop_if_asked()
         frames.append(camera.grab(GRAB_TIMEOUT_S))
         times.append(clock.now())
         currents.append(measured_A())
-    return Capture(tuple(frames), tuple(currents), tuple(times), frame_flags(frames, noise))
+        sensed.append(sense())
+    return Capture(tuple(frames), tuple(currents), tuple(times), tuple(sensed), frame_flags(frames, noise))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 from eimi_drivers.interfaces import Clock, InstrumentError, Off, PowerSupply, Reading
@@ -35,6 +35,11 @@ def without_contact(supply: object) -> str:
     return str(getattr(supply, "without_contact", "not known of this driver"))
 
 
+def no_sensors() -> dict[str, float]:
+    """Return no values; for a bench without sensors."""
+    return {}
+
+
 def never() -> None:
     """Do nothing; the `stop_if_asked` of a ramp that must not be interrupted."""
 
@@ -56,7 +61,10 @@ class Coil:
         Whether the supply is simulated in this process. Its current is then not measured between the operations: no
         unit can fail, and a measurement would change the simulated time and the noise of every run.
     interlocks : Interlocks
-        Bounds of the readings of the supply. With any of them the current of a simulated supply is measured too.
+        Bounds of the readings. With any of them the current of a simulated supply is measured too.
+    sense : callable
+        Reads the sensors and returns their values by name, without those that gave none. Called with each measurement
+        if there are interlocks.
 
     Attributes
     ----------
@@ -83,10 +91,12 @@ class Coil:
         asked_A: float = 0.0,
         simulated: bool = False,
         interlocks: Interlocks | None = None,
+        sense: Callable[[], Mapping[str, float]] = no_sensors,
     ) -> None:
         self.supply = supply
         self._simulated = simulated
         self._interlocks = interlocks or Interlocks()
+        self._sense = sense
         self._clock = clock
         self._rule = rule
         self.asked_A = asked_A
@@ -132,14 +142,20 @@ class Coil:
             self._interlocks.check_silence(self._clock.now())
 
     def _compare(self, reading: Reading) -> None:
-        if not (self._is_right(reading.current_A) and self._interlocks.hold(readings_of(reading))):
+        readings = self._readings(reading)
+        if not (self._is_right(reading.current_A) and self._interlocks.hold(readings)):
             self._clock.sleep(MEASURED_AGAIN_AFTER_S)
             reading = self.supply.measure()
+            readings = self._readings(reading)
             if not self._is_right(reading.current_A):
                 self.out_of_control = True
                 raise self._off_target(self._swapped(reading.current_A))
         with self._without_ramp():
-            self._interlocks.check(readings_of(reading), self._clock.now())
+            self._interlocks.check(readings, self._clock.now())
+
+    def _readings(self, measured: Reading) -> dict[str, float]:
+        """Return the readings that an interlock can bound, by name: those of the supply and of the sensors."""
+        return {**readings_of(measured), **(self._sense() if self._interlocks else {})}
 
     @contextmanager
     def _without_ramp(self) -> Iterator[None]:

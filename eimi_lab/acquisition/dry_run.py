@@ -115,6 +115,8 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
     if rig.coil:
         worst = hottest(protocol, rig.coil)
         say(f"coil: at most {100 * worst.share:.0f} % of its allowed heat, at the end of {worst.stage}")
+    for sensor in rig.sensors:
+        say(f"sensor: {sensor.name}, {sensor.driver} at {sensor.address}, measures {sensor.measures}; not read here")
     for interlock in rig.interlocks:
         say(f"interlock: {interlock.in_words}")
     cycles = protocol.conditioning.cycles if protocol.conditioning else 0

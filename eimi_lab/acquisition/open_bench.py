@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings
-from eimi_drivers.interfaces import Camera, Clock, InstrumentError, PowerSupply
+from eimi_drivers.interfaces import Camera, Clock, InstrumentError, PowerSupply, Sensor
 from eimi_lab.acquisition.event_words import on_terminal
 from eimi_lab.acquisition.events import OnEvent, Warned
 from eimi_lab.acquisition.guardian import Guardian, Ward, guarding
 from eimi_lab.acquisition.interruption import Interruption
 from eimi_lab.acquisition.playback import Cue
+from eimi_lab.acquisition.sensing import OpenSensor
 from eimi_lab.acquisition.supply_lock import only_run_on
 from eimi_lab.config.protocol import SupplyLimits
 from eimi_lab.config.rig import Rig
@@ -32,6 +33,7 @@ class Bench:
     dies; None for a simulated supply, which ends with the run. camera_settings: values read back from the camera after
     it was set up. cue: present state of the run, for a recording. interruption: called by supply and camera during long
     operations, so that a signal can interrupt them. relay: swaps the leads of the coil; None if a person has to.
+    sensors: the sensors of the rig.
     """
 
     supply: PowerSupply
@@ -43,6 +45,7 @@ class Bench:
     cue: Cue = field(default_factory=Cue)
     interruption: Interruption = field(default_factory=Interruption)
     relay: Callable[[], None] | None = None
+    sensors: tuple[OpenSensor, ...] = ()
 
 
 @contextmanager
@@ -84,14 +87,17 @@ def open_bench(
     )
     if rig.simulated:
         from eimi_lab.virtual.virtual_rig import open_virtual_rig
+        from eimi_lab.virtual.virtual_sensors import open_virtual_sensor
 
         supply, camera, clock, truth = open_virtual_rig(limited, specimen)
         with closing(supply), closing(camera):
-            yield Bench(supply, camera, clock, truth, relay=camera.swap_leads)
+            emulated = tuple(OpenSensor(rule, open_virtual_sensor(rule, camera, clock)) for rule in rig.sensors)
+            yield Bench(supply, camera, clock, truth, relay=camera.swap_leads, sensors=emulated)
         return
     from eimi_drivers.cameras.timed import TimedCamera
     from eimi_drivers.clock import WallClock
     from eimi_drivers.interfaces import InstrumentDisconnected
+    from eimi_drivers.sensors.sensor_names import open_sensor
     from eimi_drivers.supplies.supply_names import open_supply
     from eimi_lab.acquisition.added_driver import pack
     from eimi_lab.acquisition.cameras import open_rig_camera
@@ -115,9 +121,23 @@ def open_bench(
                 interruption.while_waiting,
             )
             opened.callback(_close_or_tell, eye, on_event or on_terminal(silent))
+            sensors = []
+            for rule in rig.sensors:
+                sensors.append(OpenSensor(rule, open_sensor(rule.driver, rule.address, wall)))
+                opened.callback(_close_or_tell, sensors[-1].sensor, on_event or on_terminal(silent))
         except InstrumentDisconnected as error:
             raise InstrumentDisconnected(f"{error}; {_attached()}") from error
-        yield Bench(supply, eye, wall, _truth(rig, specimen), guardian, eye.settings, cue, interruption)
+        yield Bench(
+            supply,
+            eye,
+            wall,
+            _truth(rig, specimen),
+            guardian,
+            eye.settings,
+            cue,
+            interruption,
+            sensors=tuple(sensors),
+        )
 
 
 def _truth(rig: Rig, specimen: SpecimenFile) -> dict[str, Any] | None:
@@ -129,10 +149,10 @@ def _truth(rig: Rig, specimen: SpecimenFile) -> dict[str, Any] | None:
     return truth_of(rig, specimen)
 
 
-def _close_or_tell(camera: Camera, on_event: OnEvent) -> None:
-    """Close the camera; an error becomes a warning, because the coil is off and the states are stored by then."""
+def _close_or_tell(instrument: Camera | Sensor, on_event: OnEvent) -> None:
+    """Close a camera or a sensor; an error becomes a warning: the coil is off and the states are stored by then."""
     try:
-        camera.close()
+        instrument.close()
     except InstrumentError as error:
         on_event(Warned(message=str(error)))
 

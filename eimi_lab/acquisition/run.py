@@ -36,6 +36,7 @@ from eimi_lab.acquisition.pausing import Pauses, no_input
 from eimi_lab.acquisition.playback import NOISE_FRAMES
 from eimi_lab.acquisition.polarity import Polarity, cannot_reverse, swaps_leads
 from eimi_lab.acquisition.resuming import UnfinishedRun, refuse_taken, take_up
+from eimi_lab.acquisition.sensing import Sensing
 from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S
 from eimi_lab.acquisition.stepping import Stepping
 from eimi_lab.acquisition.switching_off import switching_off
@@ -160,7 +161,18 @@ def acquire(
     ending = _Ending(path, len(protocol.currents_A))
     with _with_first_and_last_event(_run_begun(protocol, specimen, rig, bench, path, resume), ending, on_event) as send:
         supply, camera, clock = bench.supply, WatchedCamera(bench.camera, show, bench.cue), bench.clock
-        identities = (supply.identify(), camera.identify())
+
+        def beat() -> None:
+            if bench.guardian:
+                bench.guardian.beat()
+            bench.interruption.while_storing()
+
+        def warn(message: str) -> None:
+            send(Warned(message=message))
+
+        sensing = Sensing(bench.sensors, clock, warn, beat)
+        sensor_identities, sensors = sensing.begin()
+        identities = (supply.identify(), camera.identify(), *sensor_identities)
         if bench.guardian:
             bench.guardian.expect(identities[0])
         header = Header(
@@ -173,11 +185,12 @@ def acquire(
             note,
             camera_settings=bench.camera_settings,
             without_contact="" if bench.truth else without_contact(supply),
+            sensors=sensors,
         )
         _begin_with_output_off(bench, protocol, take_over, rig.simulated, send)
         interlocks = Interlocks(rig.interlocks, send)
         if interlocks:
-            interlocks.refuse_to_begin(readings_of(supply.measure()))
+            interlocks.refuse_to_begin({**readings_of(supply.measure()), **sensing.values()})
         supply.check()
         supply.set_current(0.0)
         supply.set_voltage(supply.limits.voltage_V)
@@ -191,14 +204,6 @@ def acquire(
             ending.stored = begun.states
             return path
 
-        def beat() -> None:
-            if bench.guardian:
-                bench.guardian.beat()
-            bench.interruption.while_storing()
-
-        def warn(message: str) -> None:
-            send(Warned(message=message))
-
         with (
             DatasetWriter.resume(path, beat, warn)
             if resume
@@ -208,9 +213,17 @@ def acquire(
                 protocol=protocol,
                 specimen=specimen,
                 calibration=rig.calibration,
-                coil=Coil(supply, clock, protocol.ramp, simulated=rig.simulated, interlocks=interlocks),
+                coil=Coil(
+                    supply,
+                    clock,
+                    protocol.ramp,
+                    simulated=rig.simulated,
+                    interlocks=interlocks,
+                    sense=sensing.values,
+                ),
                 camera=camera,
                 clock=clock,
+                sensing=sensing,
                 guardian=bench.guardian,
                 noise=noise,
                 writer=writer,

@@ -11,6 +11,7 @@ from eimi_lab.acquisition.coil import Coil
 from eimi_lab.acquisition.events import OnEvent, Settled, StateStored
 from eimi_lab.acquisition.guardian import Guardian
 from eimi_lab.acquisition.live_view import WatchedCamera
+from eimi_lab.acquisition.sensing import Sensing
 from eimi_lab.acquisition.settling import wait_until_settled
 from eimi_lab.acquisition.transients import Transient
 from eimi_lab.config.calibration import Calibration
@@ -34,6 +35,7 @@ class Stepping:
     coil: Coil
     camera: WatchedCamera
     clock: Clock
+    sensing: Sensing
     guardian: Guardian | None
     noise: Noise
     writer: DatasetWriter
@@ -60,7 +62,13 @@ class Stepping:
         self.on_event(Settled(state=state, waited_s=settled.waited_s, at_rest=not settled.flags))
         self.coil.supply.check()
         taken = capture(
-            self.camera, self.clock, protocol.frames_per_state, self.coil.measured_A, self.noise, stop_if_asked
+            self.camera,
+            self.clock,
+            protocol.frames_per_state,
+            self.coil.measured_A,
+            self.sensing.read,
+            self.noise,
+            stop_if_asked,
         )
         flags = settled.flags + taken.flags
         self.writer.append_state(
@@ -72,6 +80,10 @@ class Stepping:
             tip_force_N=self.protocol.tip_force_N,
             flags=flags,
             transient=self._on_the_run(transient.moments),
+            sensed=[
+                {name: replace(reading, time_s=reading.time_s - self.began_s) for name, reading in readings.items()}
+                for readings in taken.sensed
+            ],
         )
         names = tuple(flag.name for flag in flags)
         self.on_event(StateStored(state=state, current_A=current_A, waited_s=settled.waited_s, flags=names))

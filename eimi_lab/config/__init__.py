@@ -8,6 +8,7 @@ specimen          specimen.toml: the beam, its magnet and the point where a tip 
 size_along        a width or depth that may vary along the beam
 protocol          protocol.toml: the currents of a run and the conditions at each of them
 rig               rig.toml: the supply, the camera and the coil of a bench
+sensor            the table [[sensors]] of a rig: gaussmeters, thermometers and other sensors
 interlock         the table [[interlocks]] of a rig: bounds of a reading that keep the coil on
 calibration       calibration.toml: scale, orientation and lens of the camera, and the coil constant
 coil_shape        the table [field] of a calibration: how the coil's field changes from place to place

@@ -25,7 +25,8 @@ class Interlock(Table):
     """Bounds of a reading. The coil is switched off if the reading leaves them or does not come."""
 
     reading: str = Field(min_length=1)
-    """The name of the reading: coil_current_A, coil_voltage_V or coil_power_W, as the supply measures them."""
+    """The name of a sensor in [[sensors]], or coil_current_A, coil_voltage_V or coil_power_W, as the supply measures
+    them."""
     minimum: float | None = None
     """Smallest permitted value, in the unit of the reading. It also holds at zero current and before the run."""
     maximum: float | None = None

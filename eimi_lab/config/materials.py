@@ -51,6 +51,8 @@ class TrueBench(Table):
     """Offset of the centre line by which the beam was cast with an even bend, at the end of its flexible part."""
     taper_mm: float = 0.0
     """Change of the width from the clamp to the end of the flexible part."""
+    coil_constant_mT_per_A: float | None = Field(default=None, gt=0)
+    """Field per current at the magnet, instead of the stated one."""
     background_field_mT: Pair | None = None
     """Field without a current, instead of the stated one: to the right and down in the image."""
     field: CoilShapeTable | None = None

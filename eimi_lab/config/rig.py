@@ -19,6 +19,7 @@ from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.config.interlock import READINGS, Interlock, check_readings
 from eimi_lab.config.materials import TrueMaterials, load_materials
 from eimi_lab.config.protocol import SupplyLimits
+from eimi_lab.config.sensor import RigSensor, check_sensors
 from eimi_lab.config.simulated_optics import Optics
 from eimi_lab.config.toml import Document, Table, check, locate, parse_table, read_text
 from eimi_lab.config.uncertainty import OfRig
@@ -183,6 +184,8 @@ class Rig(Document):
     """Thermal rating of the coil; a protocol that would overheat it is refused."""
     virtual: Virtual | None = None
     """The virtual rig; required with the virtual camera and allowed only there."""
+    sensors: Annotated[tuple[RigSensor, ...], Field(strict=False)] = ()
+    """Gaussmeters, thermometers and other sensors, each in a table [[sensors]]."""
     interlocks: Annotated[tuple[Interlock, ...], Field(strict=False)] = ()
     """Bounds of readings, each in a table [[interlocks]]; the coil is switched off if a reading leaves them."""
     uncertainty: OfRig | None = None
@@ -208,7 +211,8 @@ class Rig(Document):
 
     @model_validator(mode="after")
     def _interlocks_on_readings_of_this_bench(self) -> Rig:
-        check_readings(self.interlocks, tuple(READINGS))
+        check_sensors(self.sensors, self.simulated)
+        check_readings(self.interlocks, (*READINGS, *(sensor.name for sensor in self.sensors)))
         return self
 
     @property

@@ -11,6 +11,8 @@ containment       check that a file holds all its data itself and claims no absu
 rewriting         safe change of a finished file by way of a copy
 restating         correction of specimen and calibration after a run; the former ones stay in the file
 segmentation      search for the edges of every state
+logged_sensor     the values `LoggedSensor` and `SensorLog`: a sensor and what it measured
+sensor_logs       the logs of sensors in the file
 stored_edges      the edges in the file
 dark_and_flat     the dark frame and the flat field in the file, which correct the frames
 labelled          edges and tracked points as an xarray.Dataset

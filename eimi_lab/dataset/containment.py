@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 
 from eimi_lab.dataset.recordings import BELONGS_TO
+from eimi_lab.dataset.sensor_logs import PLACE as SENSORS
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.limits import refuse_unpacked
 
@@ -26,6 +27,7 @@ READ = (
     *("entry/specimen", "entry/calibration", "entry/protocol", "entry/rig", "entry/truth", "entry/start_time"),
     *("entry/user_note", "entry/data", "entry/states", "entry/sessions", "entry/correction", "entry/instrument"),
     f"entry/{FORMER}",
+    f"entry/{SENSORS}",
     *(f"entry/{name}" for name in BELONGS_TO),
     *(
         "entry/segmentation/projection",
@@ -43,15 +45,22 @@ def refuse_links_and_absurd_sizes(path: Path, file: h5py.File) -> None:
     Only the places in `READ` are checked; a user may have added other things to the file.
     """
     for place in READ:
-        parent: Any = file
-        for name in place.split("/"):
-            if not isinstance(parent, h5py.Group) or name not in parent:
-                break
-            parent = _member(path, parent, name)
-        else:
-            names = list(parent) if isinstance(parent, h5py.Group) else []
-            for item in [_member(path, parent, name) for name in names] or [parent]:
-                _refuse_storage(path, item)
+        _refuse_members(path, file, place)
+    sensors = file.get(f"entry/{SENSORS}")
+    for name in sensors if isinstance(sensors, h5py.Group) else ():
+        _refuse_members(path, file, f"entry/{SENSORS}/{name}")
+        _refuse_members(path, file, f"entry/{SENSORS}/{name}/value_log")
+
+
+def _refuse_members(path: Path, file: h5py.File, place: str) -> None:
+    parent: Any = file
+    for name in place.split("/"):
+        if not isinstance(parent, h5py.Group) or name not in parent:
+            return
+        parent = _member(path, parent, name)
+    names = list(parent) if isinstance(parent, h5py.Group) else []
+    for item in [_member(path, parent, name) for name in names] or [parent]:
+        _refuse_storage(path, item)
 
 
 def _member(path: Path, parent: h5py.Group, name: str) -> Any:

@@ -3,6 +3,7 @@
 /entry                      NXentry
   title, start_time, end_time, program_name
   sample                    NXsample
+  sample/environment        NXenvironment: an NXsensor for each sensor of the rig, with an NXlog of one row per frame
   instrument                NXinstrument: detector (NXdetector), supply (NXcollection of two NXlog)
   instrument/detector/settings    NXcollection: exposure, gain and other settings that were read back from the camera
   specimen, calibration, protocol, rig    NXnote: the TOML texts of the run
@@ -36,6 +37,7 @@ from eimi_drivers.interfaces import Identity
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import Document
+from eimi_lab.dataset.logged_sensor import LoggedSensor
 from eimi_lab.vision.check import Flag, Severity
 
 if TYPE_CHECKING:  # these modules import every driver, which is slow, and reading a dataset does not need them
@@ -81,7 +83,7 @@ class Header:
     specimen, calibration, protocol, rig
         The files of the run.
     instruments
-        Identities of the supply and the camera.
+        Identities of the supply, the camera and the sensors.
     truth
         True materials of a virtual rig.
     note
@@ -92,6 +94,8 @@ class Header:
         Settings as they were read back from the camera.
     without_contact
         What would happen to the coil if the cable were pulled or the computer stopped, in words.
+    sensors
+        The sensors that are read during the run.
     """
 
     specimen: SpecimenFile
@@ -104,6 +108,7 @@ class Header:
     taken: str | None = None
     camera_settings: CameraSettings | None = None
     without_contact: str = ""
+    sensors: tuple[LoggedSensor, ...] = ()
 
     @property
     def documents(self) -> dict[str, Document | None]:

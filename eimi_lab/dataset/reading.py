@@ -21,11 +21,13 @@ from eimi_lab.dataset.containment import FORMER, refuse_links_and_absurd_sizes
 from eimi_lab.dataset.dark_and_flat import correction_by, stored_correction
 from eimi_lab.dataset.labelled import labelled_edges, labelled_points
 from eimi_lab.dataset.layout import FORMAT, FORMAT_ATTRIBUTE, Kind, flags_from_text, get_text
+from eimi_lab.dataset.logged_sensor import SensorLog
 from eimi_lab.dataset.points import TrackedPoints, read_points
 from eimi_lab.dataset.recordings import CONDITIONING, RELEASE, TRANSIENTS, Recording, read_recording
 from eimi_lab.dataset.repair.mended_file import MendedFile
 from eimi_lab.dataset.repair.probing import why_unreadable
 from eimi_lab.dataset.repair.superblock import close_superblock
+from eimi_lab.dataset.sensor_logs import read_sensor_logs
 from eimi_lab.dataset.state import State
 from eimi_lab.dataset.stored_edges import read_edges, read_projection
 from eimi_lab.dataset.tip_force_angles import tip_force_angles
@@ -246,6 +248,11 @@ class Dataset:
         with self._naming_damage():
             group = self._entry["instrument"]
             return tuple(get_text(group[name], "data") for name in sorted(group) if name.startswith("identity_"))
+
+    def sensors(self) -> tuple[SensorLog, ...]:
+        """Return the values of every sensor of the run, one for each frame; empty without sensors."""
+        with self._naming_damage():
+            return read_sensor_logs(self._entry, len(self.states)) if self.kind == "frames" else ()
 
     def start_time(self) -> datetime:
         """Return when the run started, or when the oldest of the imported image files was written."""

@@ -25,6 +25,7 @@ from eimi_lab.dataset.repair.chunks import mend_chunks
 from eimi_lab.dataset.repair.mended_file import MendedFile
 from eimi_lab.dataset.repair.metadata import mend_metadata
 from eimi_lab.dataset.repair.superblock import close_superblock, is_hdf5
+from eimi_lab.dataset.sensor_logs import log_of, sensor_names
 from eimi_lab.process.errors import InputError, OwnFault, tell
 from eimi_lab.process.limits import child_arguments, limit_memory, obey_processor_limit, run_limited
 from eimi_lab.process.outputs import whole_file
@@ -263,6 +264,9 @@ def _drop_unacknowledged(entry: h5py.Group, states: int) -> None:
         entry["states"][name].resize(states, axis=0)
     for name in ("frames", *FRAME_COLUMNS):
         entry["data"][name].resize(frames, axis=0)
+    for name in sensor_names(entry):
+        for column in log_of(entry, name).values():
+            column.resize(frames, axis=0)
 
 
 def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
@@ -301,10 +305,11 @@ def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
         if place != row:
             data["frames"][place] = data["frames"][row]
     data["frames"].resize(len(kept), axis=0)
-    for name in FRAME_COLUMNS:
-        column = data[name][()][kept]
-        data[name].resize(len(kept), axis=0)
-        data[name][:] = column
+    logs = [column for name in sensor_names(entry) for column in log_of(entry, name).values()]
+    for column in (*(data[name] for name in FRAME_COLUMNS), *logs):
+        values = column[()][kept]
+        column.resize(len(kept), axis=0)
+        column[:] = values
     return of_states
 
 

@@ -16,7 +16,7 @@ import io
 import os
 import re
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
@@ -28,7 +28,7 @@ import numpy as np
 from h5py import h5f, h5p
 from numpy.typing import NDArray
 
-from eimi_drivers.interfaces import Frame
+from eimi_drivers.interfaces import Frame, SensorReading
 from eimi_lab.dataset.layout import (
     FRAME_COLUMNS,
     SESSION_COLUMNS,
@@ -53,6 +53,7 @@ from eimi_lab.dataset.recordings import (
     make_recordings,
     planned,
 )
+from eimi_lab.dataset.sensor_logs import log_of, make_sensor_logs, rows_of, sensor_names
 from eimi_lab.process.errors import InputError, tell
 from eimi_lab.process.outputs import whole_file
 from eimi_lab.process.writer_lock import WriterLock
@@ -167,6 +168,7 @@ class DatasetWriter:
         self._frames = entry["data/frames"]
         self._columns = {name: entry["data"][name] for name in FRAME_COLUMNS}
         self._states = {name: entry["states"][name] for name in STATE_COLUMNS}
+        self._sensors = {name: log_of(entry, name) for name in sensor_names(entry)}
         self._end_time = entry["end_time"]
         self._sessions = {name: entry["sessions"][name] for name in SESSION_COLUMNS}
         self._recordings = {name: dict(entry[name]) for name in BELONGS_TO if name in entry}
@@ -243,6 +245,7 @@ class DatasetWriter:
         tip_force_N: float = 0.0,
         flags: tuple[Flag, ...] = (),
         transient: Sequence[Moment] = (),
+        sensed: Sequence[Mapping[str, SensorReading]] = (),
     ) -> None:
         """Store a state and its frames; after the return they survive a crash of the program or the machine.
 
@@ -260,6 +263,8 @@ class DatasetWriter:
             Flags of the state.
         transient
             Frames while the beam settled; ignored if the file has no group for them.
+        sensed
+            For each frame, the readings of the sensors by name, with times on the run's clock.
 
         Raises
         ------
@@ -293,7 +298,11 @@ class DatasetWriter:
                 self._beat()
             for name, column in self._columns.items():
                 append(column, rows[name])
-            for dataset in (self._frames, *self._columns.values()):
+            logs = [column for log in self._sensors.values() for column in log.values()]
+            for name, log in self._sensors.items():
+                for column, values in rows_of(name, sensed, number).items():
+                    append(log[column], values)
+            for dataset in (self._frames, *self._columns.values(), *logs):
                 dataset.flush()
             self._append_moments(TRANSIENTS, [index] * len(transient), transient)
             for name, column in self._states.items():
@@ -451,6 +460,7 @@ def _empty_file(header: Header, image: NDArray[Any]) -> bytes:
             log["time"] = of_frame["time"]
             log["value"] = of_frame[name]
 
+        make_sensor_logs(entry, header.sensors)
         columns(group(entry, "sessions", "NXcollection"), SESSION_COLUMNS)
         make_recordings(entry, planned(header.protocol), image)
         write_state_columns(entry, "frames")

@@ -2,9 +2,10 @@
 
 Its parameters are in the table [virtual] of the rig.
 
-virtual_rig  the supply and the camera of the simulated bench
-beam         the finite-element shape of the virtual specimen in the field of the coil
-optics       the image of the beam in front of a back-light
-raster       the fraction of each pixel that a polygon covers
-simulation   the shapes of a specimen of a known law, as `eimi simulate` writes them
+virtual_rig      the supply and the camera of the simulated bench
+virtual_sensors  the gaussmeter and the thermometers of the simulated bench
+beam             the finite-element shape of the virtual specimen in the field of the coil
+optics           the image of the beam in front of a back-light
+raster           the fraction of each pixel that a polygon covers
+simulation       the shapes of a specimen of a known law, as `eimi simulate` writes them
 """

@@ -63,6 +63,8 @@ class VirtualCamera:
         Coil constant.
     virtual
         The table [virtual] of the rig.
+    background_mT
+        Field along the coil's axis without a current.
     """
 
     settings = NO_SETTINGS
@@ -75,9 +77,10 @@ class VirtualCamera:
         frame: BeamFrame,
         mT_per_A: float,
         virtual: Virtual,
+        background_mT: float = 0.0,
     ) -> None:
         self._beam, self._coil, self._clock, self._frame = beam, coil, clock, frame
-        self._mT_per_A, self._virtual = mT_per_A, virtual
+        self._mT_per_A, self._virtual, self._background_mT = mT_per_A, virtual, background_mT
         self._rng = np.random.default_rng(virtual.seed)
         self._number = 0
         self._leads_swapped = False
@@ -89,6 +92,11 @@ class VirtualCamera:
     def swap_leads(self) -> None:
         """Swap the leads of the coil, as the relay of the virtual rig does: its field at the beam is reversed."""
         self._leads_swapped = not self._leads_swapped
+
+    def field_mT(self) -> float:
+        """Return the true field at the magnet along the coil's axis now: that of the current and the background."""
+        current_A = self._coil.coil_current_A()
+        return self._background_mT + self._mT_per_A * (-current_A if self._leads_swapped else current_A)
 
     def identify(self) -> Identity:
         """Return the identity of the camera."""
@@ -158,13 +166,16 @@ def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -
     material = _material(virtual, specimen)
     view = frame.view(specimen.specimen.depth_mm, virtual.frame_size_px)
     gravity_deg = frame.gravity_deg if rig.calibration.gravity else None
-    mT_per_A = rig.calibration.coil_constant_mT_per_A
+    bench = virtual.materials.bench or TrueBench()
+    mT_per_A = bench.coil_constant_mT_per_A or rig.calibration.coil_constant_mT_per_A
     strongest_mT = abs(mT_per_A) * rig.supply.limits.current_A
-    true_beam, true_field = _as_it_is(specimen, rig.calibration, virtual.materials.bench or TrueBench())
+    true_beam, true_field = _as_it_is(specimen, rig.calibration, bench)
     x_T, y_T = stated_background_T(true_field).tolist()
     loads = VirtualLoads(gravity_deg, frame.field_deg, (x_T, y_T), stated_coil(true_field, true_beam))
     beam = VirtualBeam(true_beam, material, virtual.mesh, loads, strongest_mT, view)
-    return VirtualCamera(beam, coil, clock, frame, mT_per_A, virtual)
+    axis_rad = np.radians(frame.field_deg)
+    along_axis_mT = 1e3 * float(x_T * np.cos(axis_rad) + y_T * np.sin(axis_rad))
+    return VirtualCamera(beam, coil, clock, frame, mT_per_A, virtual, along_axis_mT)
 
 
 def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:

@@ -1,0 +1,95 @@
+"""The table [[sensors]] of a rig: gaussmeters, thermometers and other sensors that are read during a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from eimi_drivers.emulators.sensors import SENSOR_DIALECTS
+from eimi_drivers.installed import did_you_mean
+from eimi_drivers.sensors.sensor_names import SENSORS
+from eimi_drivers.supplies.transport import check_address
+from eimi_lab.config.interlock import READINGS
+from eimi_lab.config.toml import Table
+
+EMULATED = "virtual"
+"""The address of a sensor of the virtual rig."""
+
+Quantity = Literal["field", "specimen_temperature", "coil_temperature", "other"]
+
+UNITS: dict[str, str] = {"field": "mT", "specimen_temperature": "degC", "coil_temperature": "degC"}
+"""The unit that a sensor of each quantity must have; any unit will do for another quantity."""
+
+
+class RigSensor(Table):
+    """A sensor, which is read with every stored frame and every 1.5 s; its values are in the dataset."""
+
+    name: str = Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")
+    """Name of the sensor in the dataset and in [[interlocks]]: small letters, digits and underscores."""
+    driver: str
+    """lakeshore-425, lakeshore-475, fwbell-5080, text-line, or the name of a driver from another package."""
+    address: str = Field(min_length=1)
+    """A serial port or a VISA resource; "virtual" for an emulated sensor of the virtual rig."""
+    measures: Quantity = "other"
+    """field: along the coil's axis, positive for a positive current; a fit uses it in place of coil_constant_mT_per_A.
+    specimen_temperature or coil_temperature. other: the values are stored and can have an interlock."""
+    at_magnet: float = 1.0
+    """Field at the magnet divided by the field at the probe; negative if the probe is mounted the other way round."""
+    uncertainty: float | None = Field(default=None, ge=0)
+    """Standard uncertainty of one reading, in its unit; by default the one that the sensor states itself, if any."""
+    uncertainty_share: float | None = Field(default=None, ge=0, le=0.5)
+    """Standard uncertainty that all readings share, as a fraction: that of the probe's calibration and of at_magnet."""
+
+    @field_validator("driver")
+    @classmethod
+    def _exists(cls, driver: str) -> str:
+        if driver not in SENSORS:
+            names = list(SENSORS)
+            raise ValueError(f"is not a driver; there are {', '.join(names)}{did_you_mean(driver, names)}")
+        return driver
+
+    @field_validator("address")
+    @classmethod
+    def _opens_no_file(cls, address: str) -> str:
+        check_address(address)
+        return address
+
+    @model_validator(mode="after")
+    def _consistent(self) -> RigSensor:
+        if self.name in READINGS:
+            raise ValueError(f"name = {self.name!r} is the name of a reading of the supply; choose another one")
+        if self.at_magnet == 0 or (self.at_magnet != 1 and self.measures != "field"):
+            raise ValueError(
+                f"at_magnet = {self.at_magnet:g} should be the ratio of two fields, not 0, and belongs to "
+                'measures = "field"'
+            )
+        return self
+
+
+def check_sensors(sensors: Sequence[RigSensor], simulated: bool) -> None:
+    """Raise ValueError if two sensors have one name or one role, or an emulated one is on a real bench.
+
+    Parameters
+    ----------
+    sensors
+        The sensors of a rig.
+    simulated
+        Whether the rig is the virtual rig in simulated time.
+    """
+    for number, sensor in enumerate(sensors):
+        place = f"sensors.{number}"
+        for other in sensors[:number]:
+            if other.name == sensor.name:
+                raise ValueError(f"{place}.name = {sensor.name!r}: another sensor has this name")
+            if other.measures == sensor.measures != "other":
+                raise ValueError(f'{place}.measures = "{sensor.measures}": {other.name} does that already')
+        if simulated != (sensor.address == EMULATED):
+            should = f'"{EMULATED}", because this rig is simulated' if simulated else "that of an instrument"
+            raise ValueError(f"{place}.address = {sensor.address!r} should be {should}")
+        if simulated and (sensor.driver not in SENSOR_DIALECTS or sensor.measures == "other"):
+            raise ValueError(
+                f"{place}: a sensor of the virtual rig has one of the drivers {', '.join(SENSOR_DIALECTS)}, and "
+                f"measures one of {', '.join(UNITS)}"
+            )
