@@ -93,16 +93,21 @@ class Order:
 class Progress:
     """The state of a run as the page shows it.
 
-    The attribute ``coil`` is "off", "on" or "unknown"; ``phase`` is "beginning", "running", "pausing", "paused",
-    "stopping" or "ended".
+    The attribute ``number`` distinguishes two runs of one page, also if they write a dataset of the same name. ``coil``
+    is "off", "on", "switching off" (from STOP to the event that answers it) or "unknown"; ``off_by`` is "measured" or
+    "commanded" and says how it was confirmed as off; ``coil_A`` is the current that was measured for this, or None.
+    ``phase`` is "beginning", "running", "pausing", "paused", "ending" (with a ramp), "stopping" or "ended".
     """
 
+    number: int
     dataset: str
     protocol: str
     specimen: str
     rig: str
     phase: str = "beginning"
     coil: str = "off"
+    off_by: str = ""
+    coil_A: float | None = None
     states: int = 0
     currents_A: list[float] = field(default_factory=list)
     stored: int = 0
@@ -126,6 +131,8 @@ class BenchRun:
     ----------
     order : Order
         Inputs and options of the run.
+    number : int
+        Number of the run on this page.
     name : str
         Name of the dataset on the page.
     changed : callable
@@ -135,11 +142,16 @@ class BenchRun:
     """
 
     def __init__(
-        self, order: Order, name: str, changed: Callable[[], None], seen: Callable[[dict[str, Any], bytes], None]
+        self,
+        order: Order,
+        number: int,
+        name: str,
+        changed: Callable[[], None],
+        seen: Callable[[dict[str, Any], bytes], None],
     ) -> None:
         self.order = order
         protocol, specimen, rig = (Path(chosen).stem for chosen in (order.protocol, order.specimen, order.rig))
-        self.progress = Progress(name, protocol, specimen, rig)
+        self.progress = Progress(number, name, protocol, specimen, rig)
         self._changed, self._seen = changed, seen
         self._tasks: list[asyncio.Task[None]] = []
         self._answered = asyncio.Event()
@@ -203,13 +215,15 @@ class BenchRun:
         """Ask for the end, with a ramp down. Stored states stay, and the run can be resumed."""
         if self.going_on:
             self._signal(signal.SIGINT)
-            self._phase("stopping")
+            self._phase("ending")
 
     def stop(self) -> asyncio.Task[str]:
         """Set the coil to zero and switch it off at once; the returned task gives the outcome in words."""
         if self.going_on:
             for number in AT_ONCE:
                 self._signal(number)
+            if self.progress.coil == "on":
+                self.progress.coil = "switching off"
             self._phase("stopping")
         return asyncio.create_task(self._confirmed())
 
@@ -260,9 +274,11 @@ class BenchRun:
         self.progress.phase = phase
         self._changed()
 
-    def _coil(self, state: str) -> None:
+    def _coil(self, state: str, event: OffConfirmed | OffNotConfirmed | None = None) -> None:
         self.progress.coil = state
-        if state == "on":
+        self.progress.coil_A = event.current_A if event else None
+        self.progress.off_by = event.determined_by if isinstance(event, OffConfirmed) else ""
+        if state in ("on", "switching off"):
             self._answered.clear()
         else:  # off, or a coil that may still be on
             self._answered.set()
@@ -271,7 +287,10 @@ class BenchRun:
         """Read events and messages until the run has ended, and its guardian too if it took over."""
         await asyncio.gather(self._hear_events(events), self._hear_words())
         self.progress.status = await self._run.wait()
-        if self.progress.coil == "on":  # no event confirmed the coil; a run without a guardian is simulated
+        if self.progress.coil in (
+            "on",
+            "switching off",
+        ):  # no event confirmed the coil; a run without a guardian is simulated
             self._coil("unknown" if self.progress.guardian else "off")
         self._ended.set()
         self._phase("ended")
@@ -301,15 +320,15 @@ class BenchRun:
                 progress.guardian, progress.hottest_share = event.guardian, event.hottest_share
                 progress.without_contact = event.without_contact or NOTHING_SWITCHED
             case OutputSwitched(on=True):
-                self._coil("on")
+                self._coil("on" if progress.phase != "stopping" else "switching off")
                 if progress.phase in ("beginning", "paused"):
                     progress.phase = "running"
             case OffConfirmed():
                 self._last_off = event
-                self._coil("off")
+                self._coil("off", event)
             case OffNotConfirmed():
                 self._last_off = event
-                self._coil("unknown")
+                self._coil("unknown", event)
             case Paused() if progress.phase == "pausing" or event.swap_leads:
                 progress.phase = "paused"
             case StateStored():
@@ -351,5 +370,6 @@ class BenchRun:
             while True:
                 about_bytes, picture_bytes = SIZES.unpack(await eye.stdout.readexactly(SIZES.size))
                 about = json.loads(await eye.stdout.readexactly(about_bytes))
+                about["run"] = self.progress.number
                 self._seen(about, await eye.stdout.readexactly(picture_bytes) if picture_bytes else b"")
         await eye.wait()

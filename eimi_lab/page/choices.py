@@ -20,6 +20,8 @@ Choices = dict[str, list[str]]
 SHIPPED = {"protocol": "", "specimen": "specimens", "rig": "rigs"}
 # A key that only TOML files of this kind have.
 KEYS = {"protocol": "frames_per_state", "specimen": "specimen", "rig": "supply", "calibration": "pixels_per_mm"}
+READ = {"protocol": load_protocol, "specimen": load_specimen, "rig": load_rig}
+INCOMPLETE = "incomplete"
 MOST_FILES = 500
 MOST_LINES = 400
 
@@ -31,8 +33,11 @@ def shipped(kind: str) -> list[str]:
 
 
 def choices(folder: DataFolder) -> Choices:
-    """Return the names to choose from by kind: TOML files of the data folder and its subfolders, then shipped ones."""
-    names: Choices = {kind: [] for kind in KEYS}
+    """Return the names to choose from by kind: TOML files of the data folder and its subfolders, then shipped ones.
+
+    The list under `INCOMPLETE` names the files that a run would refuse, such as a template that is not filled in.
+    """
+    names: Choices = {kind: [] for kind in (*KEYS, INCOMPLETE)}
     tomls = sorted([*folder.root.glob("*.toml"), *folder.root.glob("*/*.toml")])[:MOST_FILES]
     for file in tomls:
         name = folder.name_of(file)
@@ -43,10 +48,20 @@ def choices(folder: DataFolder) -> Choices:
         for kind, key in KEYS.items():
             if key in table:
                 names[kind].append(name)
+                if kind in READ and not _is_complete(kind, file):
+                    names[INCOMPLETE].append(name)
                 break
     for kind in SHIPPED:
         names[kind] += shipped(kind)
     return names
+
+
+def _is_complete(kind: str, file: Path) -> bool:
+    try:
+        READ[kind](file)
+    except InputError:
+        return False
+    return True
 
 
 def chosen(folder: DataFolder, kind: str, name: object) -> str:

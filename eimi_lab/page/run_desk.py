@@ -22,6 +22,7 @@ class RunDesk:
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
         self._folder, self._worker, self.tabs = folder, worker, tabs
         self.run: BenchRun | None = None
+        self._number = 0
 
     def routes(self) -> list[BaseRoute]:
         """Return the routes of the run."""
@@ -67,7 +68,8 @@ class RunDesk:
             take_over=asked.get("take_over") is True,
             note="" if resume else str(asked.get("note", "")).strip(),
         )
-        self.run = BenchRun(order, self._folder.name_of(dataset), self.tabs.changed, self.tabs.show)
+        self._number += 1
+        self.run = BenchRun(order, self._number, self._folder.name_of(dataset), self.tabs.changed, self.tabs.show)
         await self.run.begin()
         self.tabs.changed()
         return {}

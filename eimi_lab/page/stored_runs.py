@@ -93,26 +93,32 @@ def edges(path: Path, index: int) -> Edges:
     """
     with open_dataset(path) as dataset:
         _check_state(dataset, index)
-        edge_set = _edges(path, _file_number(path), index)
+        edge_set = _edges(path, _identity(dataset), index)
         assert dataset.calibration is not None
         shown = in_pixels(edge_set, BeamFrame(dataset.calibration))
         shown["tip_angle_deg"] = finite(tip_angle_deg(edge_set))
         return shown
 
 
-def _file_number(path: Path) -> tuple[int, int]:
-    """Return a key of the file that stays the same while states are appended; stored states do not change."""
-    about = path.stat()
-    return about.st_dev, about.st_ino
+Identity = tuple[int, int, str]
+
+
+def _identity(dataset: Dataset) -> Identity:
+    """Return a key of the dataset that stays the same while states are appended; stored states do not change.
+
+    The number of the file is not enough, because a new file can get the number of a file that was deleted.
+    """
+    about = dataset.path.stat()
+    return about.st_dev, about.st_ino, dataset.start_time().isoformat()
 
 
 @lru_cache(maxsize=1024)
-def _edges(path: Path, file: tuple[int, int], index: int) -> EdgeSet:
+def _edges(path: Path, identity: Identity, index: int) -> EdgeSet:
     with open_dataset(path) as dataset:
         return edges_of_state(dataset, index)
 
 
-_last_estimate: dict[tuple[int, int], ModulusSoFar] = {}
+_last_estimate: dict[Identity, ModulusSoFar] = {}
 _section_bias = lru_cache(maxsize=8)(section_bias_of)
 
 
@@ -131,7 +137,7 @@ def modulus(path: Path, states: int) -> dict[str, Any] | None:
     Returns
     -------
     dict or None
-        Modulus and 95 % interval in kPa, error in mm; None if there are too few states.
+        Modulus and 95 % interval in kPa, what limits the interval, error in mm; None if there are too few states.
 
     Raises
     ------
@@ -139,23 +145,24 @@ def modulus(path: Path, states: int) -> dict[str, Any] | None:
         If no load acts on the beam or the search does not converge.
     """
     with open_dataset(path) as dataset:
-        file = _file_number(path)
-        edges = [_edges(path, file, index) for index in range(min(states, len(dataset.states)))]
+        identity = _identity(dataset)
+        edges = [_edges(path, identity, index) for index in range(min(states, len(dataset.states)))]
         experiment = experiment_so_far(dataset, edges)
         section_bias = _section_bias(dataset.specimen.mechanics())  # slow only for the first state
     if experiment is None:
         return None
     began = time.process_time()
     try:
-        estimate = modulus_so_far(experiment, section_bias, _last_estimate.get(file))
+        estimate = modulus_so_far(experiment, section_bias, _last_estimate.get(identity))
     except (NothingActs, NothingConverged) as error:
         raise InputError(f"no modulus yet: {error}") from error
-    _last_estimate[file] = estimate
+    _last_estimate[identity] = estimate
     return {
         "states": states,
         "used": estimate.states,
         "modulus_kPa": estimate.value_Pa / 1e3,
         "interval_95_kPa": [end / 1e3 for end in estimate.interval_95_Pa],
+        "limited_by": estimate.limited_by,
         "error_mm": estimate.error_mm,
         "seconds": time.process_time() - began,
     }

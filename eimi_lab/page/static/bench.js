@@ -2,13 +2,12 @@
 import { ask, byId, el, facts, flagList, number, svg, tell } from "./dom.js";
 import { on, state, steer } from "./live.js";
 import { Picture } from "./picture.js";
-import { plot } from "./plot.js";
+import { showStates } from "./run_states.js";
 
 const picture = new Picture(byId("live"));
 let choicesShown = false;
-let taken = { dataset: "", states: [], moduli: [] }; // stored states of the current run with their edges, and the moduli estimated from them
-let asking = false;
-let lastEdges = null;
+let shownRun = 0; // number of the run to which everything on the screen belongs
+let lastAbout = null, lastEdges = null;
 
 const BEGINS = "starting the run …";
 const tried = (act) => async (event) => {
@@ -21,10 +20,11 @@ export async function showBench() {
   choicesShown = true;
   const choices = await ask("/api/choices");
   for (const kind of ["protocol", "specimen", "rig"]) {
-    byId(kind).replaceChildren(...choices[kind].map((name) => el("option", { value: name }, name)));
+    byId(kind).replaceChildren(...choices[kind].map((name) =>
+      el("option", { value: name }, choices.incomplete.includes(name) ? `${name} (not complete)` : name)));
   }
   for (const [kind, name] of [["protocol", "dragon_skin_10_quick"], ["specimen", "type1"], ["rig", "virtual"]]) {
-    const file = choices[kind].find((choice) => choice.includes(".")); // a shipped name has no dot
+    const file = choices[kind].find((choice) => choice.includes(".") && !choices.incomplete.includes(choice)); // a shipped name has no dot
     byId(kind).value = file ?? name;
   }
 }
@@ -51,9 +51,7 @@ for (const act of ["pause", "go-on", "end"]) byId(act).addEventListener("click",
 const minutes = (seconds) => seconds === null ? "—" : seconds < 90 ? `${Math.round(seconds)} s` : `${Math.round(seconds / 60)} min`;
 const percent = (share) => share === null || share === undefined ? "not rated in the rig" : `${number(100 * share)} %`;
 const PHASES = { beginning: "starting", running: "▶ running", pausing: "will pause after this state", paused: "❚❚ paused, coil off",
-  stopping: "■ stopping", ended: "ended" };
-
-let lastAbout = null;
+  ending: "ending with a ramp down", stopping: "■ stopping", ended: "ended" };
 
 function showState({ run, control }) {
   const goingOn = run !== null && run.phase !== "ended";
@@ -63,18 +61,17 @@ function showState({ run, control }) {
   for (const id of ["dry", "start"]) byId(id).disabled = !mine;
   byId("pause").disabled = !mine || run?.phase !== "running";
   byId("go-on").disabled = !mine || run?.phase !== "paused";
-  byId("end").disabled = !mine || run?.phase === "stopping";
+  byId("end").disabled = !mine || ["ending", "stopping"].includes(run?.phase);
+  byId("bench").classList.toggle("with-run", run !== null);
   if (!run) return;
+  if (run.number !== shownRun) forget(run.number);
   if (run.phase !== "beginning" && byId("told").textContent === BEGINS) tell("");
-  if (!goingOn && lastAbout) {
-    const off = run.coil === "off" ? { set_A: 0, on: false, field_mT: 0 } : {};
-    showValues({ ...lastAbout, ...off, rate_Hz: 0 });
-    picture.canvas.setAttribute("aria-label", "the last picture of the run");
-  }
+  if (lastAbout) showValues(goingOn ? lastAbout : { ...lastAbout, rate_Hz: 0 });
+  if (!goingOn && lastAbout) picture.canvas.setAttribute("aria-label", "the last picture of the run");
   byId("progress").max = run.states || 1;
   byId("progress").value = run.stored;
   facts(byId("progress-facts"), [
-    ["run", PHASES[run.phase] + (run.phase === "ended" && run.status && run.last_words ? `: ${run.last_words}` : "")],
+    ["run", PHASES[run.phase]],
     ["dataset", run.dataset],
     ["protocol, specimen, rig", `${run.protocol}, ${run.specimen}, ${run.rig}`],
     ["states", `${run.stored} of ${run.states}`],
@@ -83,51 +80,21 @@ function showState({ run, control }) {
     ["if the run fails", (run.guardian ? "a guardian process switches the coil off; if it is killed too, or the cable or the computer fails: " : "") + run.without_contact],
   ]);
   byId("said").replaceChildren(...run.said.slice().reverse().map((words) => el("li", {}, words)));
-  followStates(run);
+  showStates(run);
 }
 
-async function followStates(run) {
-  if (taken.dataset !== run.dataset || run.stored < taken.states.length) taken = { dataset: run.dataset, states: [], moduli: [] };
-  if (asking || taken.states.length >= run.stored) return;
-  asking = true;
-  const mine = taken;
-  try {
-    const about = await ask("/api/dataset", { file: run.dataset });
-    for (let index = mine.states.length; index < about.states.length; index++) {
-      const edges = await ask("/api/dataset/edges", { file: run.dataset, state: index });
-      mine.states.push({ ...about.states[index], ...edges, flags: edges.flags });
-      if (mine === taken) showPlot();
-      const modulus = await ask("/api/dataset/modulus", { file: run.dataset, states: index + 1 });
-      if (modulus) mine.moduli.push(modulus);
-      if (mine === taken) showModulus();
-    }
-  } catch (error) { tell(error.message, true); }
-  asking = false;
-  if (state.run && taken.states.length < state.run.stored) setTimeout(() => followStates(state.run), 500);
-}
-
-function showPlot() {
-  plot(byId("live-plot"), taken.states.map((one, index) => ({
-    x: one.field_mT, y: one.tip_angle_deg, flagged: one.flags.length > 0, now: index === taken.states.length - 1,
-    title: `state ${index}: ${number(one.field_mT)} mT, ${number(one.tip_angle_deg)}°`,
-  })), { x: "field, mT", y: "tip angle, degrees", high: 230 });
-}
-
-function showModulus() {
-  const last = taken.moduli[taken.moduli.length - 1];
-  byId("modulus-plot").hidden = !last;
-  if (!last) { byId("modulus-words").textContent = ""; return; }
-  const [low, high] = last.interval_95_kPa;
-  byId("modulus-words").textContent = `shear modulus so far: ${number(last.modulus_kPa)} kPa, 95 % between ${number(low)} and ${number(high)} `
-    + `(${last.used} states; an estimate with a planar model, the result is that of the fit)`;
-  plot(byId("modulus-plot"), taken.moduli.map((one) => ({
-    x: one.states, y: one.modulus_kPa, low: one.interval_95_kPa[0], high: one.interval_95_kPa[1], now: one === last,
-    title: `${one.states} states: ${number(one.modulus_kPa)} kPa`,
-  })), { x: "states", y: "modulus, kPa", high: 180 });
+// Clear what belongs to the run before: its picture, edges, flags and values.
+function forget(number) {
+  shownRun = number;
+  lastAbout = lastEdges = null;
+  picture.clear();
+  for (const id of ["values", "light", "live-flags"]) byId(id).replaceChildren();
+  byId("light-words").textContent = "";
 }
 
 on("state", showState);
 on("frame", async (about, blob) => {
+  if (about.run !== state.run?.number) return;
   await picture.show(blob, about.size_px, `live picture, frame ${about.number}`);
   byId("live").dataset.seen = about.seen;
   lastAbout = about;
@@ -135,16 +102,30 @@ on("frame", async (about, blob) => {
   showLight(about);
 });
 on("edges", (edges) => {
+  if (edges.run !== state.run?.number) return;
   lastEdges = edges;
   picture.draw(edges);
   flagList(byId("live-flags"), edges.flags);
 });
 
+// The current as it belongs to the state of the coil in the header. A frame can be older than that state.
+function currents(about) {
+  const { coil, coil_A, off_by } = state.run;
+  const measured = coil_A === null ? null : `${number(coil_A)} A`;
+  switch (coil) {
+    case "on": return [`${number(about.set_A)} A`, `${number(about.measured_A)} A`, `${number(about.field_mT)} mT`];
+    case "switching off": return ["0 A", "not confirmed yet", "—"];
+    case "unknown": return ["0 A", measured ?? "not known", "—"];
+    default: return ["0 A", measured ?? (off_by === "measured" ? "0 A" : "not measured"), "0 mT"];
+  }
+}
+
 function showValues(about) {
+  const [set, measured, field] = currents(about);
   facts(byId("values"), [
-    ["set current", `${number(about.set_A)} A`],
-    ["measured current", about.on ? `${number(about.measured_A)} A` : "coil off"],
-    ["field", `${number(about.field_mT)} mT`],
+    ["set current", set],
+    ["measured current", measured],
+    ["field", field],
     ["heat of the coil", percent(about.heat_share)],
     ["frame rate", `${number(about.rate_Hz, 2)} Hz`],
     ["blur σ (focus)", lastEdges?.blur_px ? `${number(lastEdges.blur_px)} px (limit ${number(lastEdges.blur_limit_px)})` : "—"],

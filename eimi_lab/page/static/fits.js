@@ -10,6 +10,8 @@ export async function showFits(dataset) {
   if (file !== dataset) {
     file = dataset;
     stored = null;
+    for (const id of ["fit-result", "fit-plot"]) byId(id).replaceChildren();
+    byId("fit-report").hidden = true;
     shown = stageOf(state.fit);
     showProgress();
   }
@@ -38,7 +40,7 @@ function result(fit) {
 
 function converge(generations) {
   plot(byId("fit-plot"), generations.map(([generation, best]) => ({ x: generation, y: Math.log10(1e3 * best), title: `${number(1e3 * best)} µm` })),
-    { x: "generation", y: "log10 of the best error, µm", small: true });
+    { x: "generation", y: "log10 of the best error, µm", small: true, whole: true });
 }
 
 const stageOf = (fit) => fit && fit.dataset === file ? `${fit.number} ${fit.phase}` : "";

@@ -55,12 +55,14 @@ function showFrame(data) {
 const say = (message) => { if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message)); };
 const take = () => say({ take: true });
 
-const COIL = { off: "○ coil off", on: "● COIL ON", unknown: "▲ COIL MAY BE ON" };
+const HOW = { measured: "as measured", commanded: "commanded, not measured" };
+const COIL = { off: "coil off", on: "COIL ON", "switching off": "switching off …", unknown: "COIL MAY BE ON" };
 
 function showHeader(gone) {
   const coil = state.run?.coil ?? "off";
-  byId("coil").textContent = gone ? "? not connected" : COIL[coil];
-  byId("coil").className = gone ? "" : coil;
+  byId("coil-words").textContent = gone ? "not connected" : COIL[coil];
+  byId("coil-how").textContent = gone || coil !== "off" ? "" : HOW[state.run?.off_by] ?? "not measured";
+  byId("coil").className = gone ? "gone" : coil.replace(" ", "-");
   byId("take").hidden = gone || state.control === "you";
   byId("control-words").textContent = gone ? "" : { you: "in control", other: "watching", nobody: "no tab in control" }[state.control];
 }

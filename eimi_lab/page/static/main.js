@@ -1,6 +1,7 @@
 // Shows the view that the address names.
 import { showBench } from "./bench.js";
 import { byId, tell } from "./dom.js";
+import "./outcome.js";
 import { showPictures } from "./pictures.js";
 import { showFolder } from "./runs.js";
 

@@ -23,6 +23,12 @@ export class Picture {
     if (words) this.canvas.setAttribute("aria-label", words);
   }
 
+  clear() {
+    this.canvas.getContext("2d").clearRect(0, 0, this.canvas.width, this.canvas.height);
+    this.canvas.setAttribute("aria-label", "no picture yet");
+    this.draw(null);
+  }
+
   draw(edges) {
     const lines = edges ? ["left", "right"].filter((side) => edges[side].length).map((side) =>
       svg("polyline", { class: `edge ${side}`, points: edges[side].map((point) => point.join(",")).join(" ") })) : [];

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import time
 from collections.abc import Callable
@@ -74,8 +75,51 @@ def test_a_run_is_begun_watched_by_two_tabs_reloaded_and_stopped(emulated_bench:
     page.get_by_text("the coil is off, confirmed after").wait_for()
     assert emulated_bench.is_off()
     page.get_by_role("button", name="Start").wait_for()
-    with open_dataset(emulated_bench.folder / "run.h5") as dataset:
-        assert 2 <= len(dataset.states) < 451
+    stored = len(stored_currents(emulated_bench.folder / "run.h5"))
+    assert 2 <= stored < 451
+    page.reload()
+    page.locator(
+        f"#live-plot circle.dot >> nth={stored - 1}"
+    ).wait_for()  # all states of the dataset, after a reload too
+    assert page.locator("#live-plot circle.dot").count() == stored
+    assert f"{stored} of 451 states" in page.locator("#outcome").inner_text()
+    assert page.get_by_role("button", name="Fit this").is_visible()
+
+
+def test_a_run_that_fails_shows_its_reason_and_nothing_of_the_run_before(
+    emulated_bench: Any, dashboard: Any, tab: Any
+) -> None:
+    page = tab(dashboard(emulated_bench.folder)[1])
+    start(page)
+    page.locator("#live-plot circle.dot >> nth=1").wait_for()
+    page.locator("#coil.on").wait_for()
+    on = page.locator("#lamp").bounding_box(), colour_of(page, "#coil")
+    page.keyboard.press("Escape")
+    page.locator("#coil.off").wait_for()
+    off = page.locator("#lamp").bounding_box(), colour_of(page, "#coil")
+    assert on[0]["width"] == off[0]["width"] == 48
+    assert on[1] != off[1]
+    assert "as measured" in page.locator("#coil").inner_text()
+    page.get_by_role("button", name="Start").wait_for()
+    page.locator("#values").get_by_text("0 mT").wait_for()
+
+    rig = emulated_bench.folder / "rig.toml"
+    rig.write_text(re.sub(r'address = "[^"]*"', 'address = "TCPIP::127.0.0.1::1::SOCKET"', rig.read_text()))
+    page.get_by_label("Dataset to write").fill("second.h5")
+    page.get_by_role("button", name="Start").click()
+    page.get_by_text("Connection refused").wait_for()
+    reason = page.locator("#outcome-words").bounding_box()
+    assert reason["x"] > 300  # beside the form, above the picture
+    assert reason["y"] < 300
+    assert "No state was stored" in page.locator("#outcome").inner_text()
+    assert page.locator("#live-plot circle.dot").count() == 0
+    assert page.locator("#values").inner_text() == ""
+    assert not page.locator("#modulus").is_visible()
+    assert not page.get_by_role("button", name="Fit this").is_visible()
+
+
+def colour_of(page: Any, place: str) -> str:
+    return str(page.locator(place).evaluate("element => getComputedStyle(element).backgroundColor"))
 
 
 def test_a_killed_server_takes_the_coil_off_and_loses_no_state(emulated_bench: Any, dashboard: Any, tab: Any) -> None:
@@ -88,7 +132,7 @@ def test_a_killed_server_takes_the_coil_off_and_loses_no_state(emulated_bench: A
     wait_until(emulated_bench.is_off)
     page.get_by_text("not connected").wait_for()
     again = tab(dashboard(emulated_bench.folder)[1])
-    again.get_by_text("coil off").first.wait_for()
+    again.locator("#coil.off").wait_for()
     again.get_by_label("continue this dataset").check()
     stored = len(stored_currents(emulated_bench.folder / "run.h5"))
     start(again)
@@ -124,10 +168,11 @@ def test_a_coil_whose_current_flows_on_is_never_called_off(emulated_bench: Any, 
     page.get_by_text("stopping: switching the coil off").wait_for()
     page.get_by_text("THE COIL MAY STILL BE ON: 0.80 A measured").first.wait_for()
     page.get_by_text("COIL MAY BE ON").wait_for()
-    for words, whole in (("the coil is off", False), ("○ coil off", False), ("coil off", True)):
+    page.locator("#values").get_by_text("0.8 A").wait_for()
+    for words, whole in (("the coil is off", False), ("coil off", True)):
         assert page.get_by_text(words, exact=whole).all_inner_texts() == []
     emulated_bench.coil.shorted_A = 0.0  # its guardian still tries
-    page.get_by_text("○ coil off").wait_for()
+    page.locator("#coil.off").wait_for()
     assert emulated_bench.is_off()
 
 

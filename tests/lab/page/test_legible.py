@@ -14,6 +14,7 @@ PAIRS = [
     *((ink, ground) for ink in ("ink", "faint", "accent", "warn", "bad", "good") for ground in ("ground", "raised")),
     ("ground", "accent"),
     ("stop-ink", "stop"),
+    ("on-ink", "on"),
 ]
 
 
@@ -57,3 +58,60 @@ def test_stop_is_visible_wherever_the_page_is_scrolled(served: Any, tab: Any, wi
         assert box["x"] + box["width"] <= wide
         assert min(box["width"], box["height"]) >= 44  # for a finger
         assert page.locator("html").evaluate("root => root.scrollWidth") <= wide
+
+
+@pytest.mark.parametrize(("wide", "high"), [(1280, 720), (1363, 800), (390, 844)])
+def test_no_message_moves_stop_or_makes_the_page_wider(served: Any, tab: Any, wide: int, high: int) -> None:
+    page = tab(served.address)
+    page.set_viewport_size({"width": wide, "height": high})
+    page.get_by_text("in control").wait_for()
+    stop = page.get_by_role("button", name="STOP")
+    before = stop.bounding_box()
+    for place, words in {
+        "#told": "an error of three lines " * 20,
+        "#coil-words": "COIL MAY STILL BE ON",
+        "#where": "/a/long/path" + "/without_a_space" * 20,
+        "#outcome-words": "/a/long/path" * 30,
+    }.items():
+        page.locator(place).evaluate("(element, words) => { element.textContent = words; }", words)
+        assert stop.bounding_box() == before
+    for view in ("Bench", "Runs"):
+        page.get_by_role("link", name=view).click()
+        assert page.locator("html").evaluate("root => root.scrollWidth") <= wide
+        assert stop.bounding_box() == before
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        [[1, 46.2]],
+        [[0, 0.0031]],
+        [[1, 46.231], [2, 46.2324]],
+        [[1, 1234567.25], [2, 1234567.5]],
+        [[k, -1e-5 * k] for k in range(1, 452)],
+    ],
+)
+def test_the_texts_of_a_plot_do_not_overlap_and_states_are_counted_in_whole_numbers(
+    served: Any, tab: Any, points: list[list[float]]
+) -> None:
+    page = tab(served.address)
+    texts = page.evaluate(
+        """async (points) => {
+          const { plot } = await import("/static/plot.js");
+          const figure = document.body.appendChild(document.createElement("figure"));
+          plot(figure, points.map(([x, y]) => ({ x, y })), { x: "states", y: "modulus, kPa", high: 180, whole: true });
+          return [...figure.querySelectorAll("text")].map((text) => {
+            const { left, right, top, bottom } = text.getBoundingClientRect();
+            return { words: text.textContent, anchor: text.getAttribute("text-anchor"), left, right, top, bottom };
+          });
+        }""",
+        points,
+    )
+    counts = [text["words"] for text in texts if text["anchor"] == "middle"][:-2]
+    assert counts
+    assert all(words.lstrip("-").isdigit() for words in counts)
+    for index, one in enumerate(texts):
+        for other in texts[index + 1 :]:
+            apart_x = one["right"] <= other["left"] or other["right"] <= one["left"]
+            apart_y = one["bottom"] <= other["top"] + 3 or other["bottom"] <= one["top"] + 3  # a line has empty margins
+            assert apart_x or apart_y, (one["words"], other["words"])

@@ -25,7 +25,7 @@ words.in_words = lambda event: "xyzzy"
 def a_run(folder: Path) -> BenchRun:
     files = {name: str(folder / f"{name}.toml") for name in ("protocol", "specimen", "rig")}
     order = Order(dataset=folder / "words.h5", **files)
-    return BenchRun(order, "words.h5", lambda: None, lambda about, picture: None)
+    return BenchRun(order, 1, "words.h5", lambda: None, lambda about, picture: None)
 
 
 async def until(true: Callable[[], bool]) -> None:
@@ -82,6 +82,14 @@ def test_the_coil_on_the_page_follows_the_events() -> None:
     assert heard(on, off).progress.coil == "off"
     assert heard(on, OffNotConfirmed(by="run", reason="")).progress.coil == "unknown"
     assert heard(on, OffNotConfirmed(by="run", reason=""), off).progress.coil == "off"
+
+
+def test_the_current_on_the_page_is_the_one_that_confirmed_the_state_of_the_coil() -> None:
+    on, flows = OutputSwitched(on=True), OffNotConfirmed(by="run", reason="", current_A=0.6, limit_A=0.02)
+    off = OffConfirmed(by="run", determined_by="measured", current_A=0.003, limit_A=0.02)
+    states = [heard(on).progress, heard(on, flows).progress, heard(on, flows, off).progress, heard(off, on).progress]
+    assert [state.coil_A for state in states] == [None, 0.6, 0.003, None]
+    assert [state.off_by for state in states] == ["", "", "measured", ""]
 
 
 def test_the_page_counts_states_and_ignores_events_of_a_later_release() -> None:

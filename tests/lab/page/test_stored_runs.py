@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
+from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+
+from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.specimen import load_specimen
+from eimi_lab.dataset.importing import import_frames
+
+PROTOCOLS = Path(str(files("eimi_lab.protocols")))
 
 
 def test_a_dataset_is_shown_with_its_edges_and_is_not_changed(served: Any) -> None:
@@ -58,3 +67,25 @@ def test_fits_that_cannot_be_used_are_reported_in_one_line(served: Any) -> None:
     answer = served.ask("/api/fit?file=odd.h5")
     assert answer.status == 400
     assert "digits" in json.loads(answer.body)["error"]
+
+
+def test_edges_of_a_dataset_that_replaced_another_one_are_its_own(served: Any, frame: Any) -> None:
+    folder = served.folder
+    specimen, calibration = load_specimen(folder / "specimen.toml"), load_calibration(folder / "calibration.toml")
+    (folder / "swapped").mkdir()
+    for index in (1, 2):
+        cv2.imwrite(str(folder / "swapped" / f"frame_{index}.png"), frame(index, 9.0))
+    import_frames(folder / "swapped", folder / "states.csv", specimen, calibration, folder / "second.h5")
+    shutil.copy(folder / "run.h5", folder / "same.h5")
+    before = json.loads(served.ask("/api/dataset/edges?file=same.h5&state=0").body)
+    (folder / "same.h5").write_bytes((folder / "second.h5").read_bytes())  # the number of the file stays the same
+    after = json.loads(served.ask("/api/dataset/edges?file=same.h5&state=0").body)
+    moved = np.mean(after["left"], axis=0)[0] - np.mean(before["left"], axis=0)[0]
+    assert moved == pytest.approx(9.0 - 2.0, abs=0.3)  # as drawn
+
+
+def test_a_template_that_is_not_filled_in_is_named_incomplete(served: Any) -> None:
+    (served.folder / "my_beam.toml").write_text((PROTOCOLS / "first" / "specimen.toml").read_text())
+    choices = json.loads(served.ask("/api/choices").body)
+    assert "my_beam.toml" in choices["specimen"]
+    assert choices["incomplete"] == ["my_beam.toml"]

@@ -46,6 +46,8 @@ class ModulusSoFar:
         Error of the fit over all states, mm.
     states : int
         Number of states in the fit.
+    limited_by : str
+        The source with the largest effect on the interval, in words: a stated uncertainty, or the noise of the edges.
     bounds_Pa : tuple of float
         Range of moduli that was searched, Pa; the next estimate uses it again.
     unit : ndarray, shape (1,)
@@ -56,6 +58,7 @@ class ModulusSoFar:
     interval_95_Pa: tuple[float, float]
     error_mm: float
     states: int
+    limited_by: str
     bounds_Pa: tuple[float, float]
     unit: Array
 
@@ -101,7 +104,8 @@ def modulus_so_far(
     whole = problem.unknowns.whole(unit)[0]
     optimum = polish(problem.nearby(1.0), whole)
     noise = linearise_noise(problem, optimum)
-    modulus = estimate(problem, optimum, (), noise, (), 1).initial_shear_modulus
+    fitted = estimate(problem, optimum, (), noise, (), 1)
+    modulus, first = fitted.initial_shear_modulus, fitted.measure_next
     share = 1.0 / (1.0 + section_bias)
     low_Pa, high_Pa = modulus.interval_95
     return ModulusSoFar(
@@ -109,6 +113,7 @@ def modulus_so_far(
         interval_95_Pa=(share * low_Pa, share * high_Pa),
         error_mm=float(optimum.evaluation.objective_mm[0]),
         states=len(flat.loads),
+        limited_by="the noise of the edges" if first.source is None else first.words,
         bounds_Pa=bounds,
         unit=np.asarray(optimum.unit)[: problem.unknowns.searched],
     )

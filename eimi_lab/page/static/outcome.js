@@ -1,0 +1,44 @@
+// What a run has come to: why it failed, and the next step, which is the fit and then the report.
+import { ask, byId, tell } from "./dom.js";
+import { on, state } from "./live.js";
+import { openRun } from "./runs.js";
+
+let shown = "";
+
+export function showOutcome(run) {
+  const ended = run !== null && run.phase === "ended";
+  const failed = ended && run.status !== 0;
+  byId("outcome").hidden = !ended;
+  byId("outcome").className = failed ? "failed" : "";
+  if (!ended) { shown = ""; return; }
+  const stored = run.stored ? `${run.stored} of ${run.states} states are stored in ${run.dataset}.` : "No state was stored.";
+  byId("outcome-title").textContent = failed ? "The run did not complete" : "The run is complete";
+  byId("outcome-words").textContent = failed && run.last_words ? run.last_words : stored;
+  byId("outcome-stored").textContent = failed && run.last_words ? stored : "";
+  byId("fit-this").hidden = !run.stored;
+  const stage = `${run.number} ${state.fit?.number} ${state.fit?.phase}`;
+  if (run.stored && stage !== shown) {
+    shown = stage;
+    showReport(run).catch((error) => tell(error.message, true));
+  }
+}
+
+async function showReport(run) {
+  const { fits, report } = await ask("/api/fit", { file: run.dataset });
+  if (state.run?.number !== run.number) return;
+  byId("outcome-report").hidden = !report;
+  if (report) byId("outcome-report").href = report;
+  byId("fit-this").textContent = fits.length ? "Show the fit" : "Fit this";
+  byId("fit-this").dataset.fit = fits.length ? "" : "1";
+}
+
+byId("fit-this").addEventListener("click", async () => {
+  const { run } = state, fits = byId("fit-this").dataset.fit;
+  try {
+    location.hash = "#runs";
+    await openRun(run.dataset);
+    byId("fit").scrollIntoView();
+    if (fits && !byId("fit-start").disabled) byId("fit").requestSubmit();
+  } catch (error) { tell(error.message, true); }
+});
+on("state", ({ run }) => showOutcome(run));

@@ -1,0 +1,81 @@
+// The states of the run on the screen, as its dataset holds them: the angle of the tip, and the modulus so far.
+import { ask, byId, number } from "./dom.js";
+import { state } from "./live.js";
+import { plot } from "./plot.js";
+
+const AGAIN_MS = 500;
+const nothingOf = ({ number, dataset }) => ({ number, dataset, states: [], edges: [], moduli: new Map() }); // moduli: by number of states
+let taken = nothingOf({ number: 0, dataset: "" });
+let reading = false;
+
+// Show the states of this run and of no other one.
+export function showStates(run) {
+  if (taken.number !== run.number) {
+    taken = nothingOf(run);
+    showPlot();
+    showModulus("");
+  }
+  if (run.stored && !reading) readStates();
+}
+
+async function readStates() {
+  reading = true;
+  while (state.run?.number === taken.number) {
+    const mine = taken;
+    try {
+      if (await readNext(mine)) continue;
+    } catch (error) {
+      if (mine === taken) showModulus(error.message);
+    }
+    if (mine === taken && mine.states.length >= state.run.stored) break;
+    await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
+  }
+  reading = false;
+}
+
+// Read one thing that is missing: first every edge, then the newest modulus, then the earlier ones. Return whether one was missing.
+async function readNext(mine) {
+  const { dataset: file, states, edges, moduli } = mine;
+  if (states.length < state.run.stored) mine.states = (await ask("/api/dataset", { file })).states;
+  const many = mine.states.length;
+  if (edges.length < many) {
+    edges.push(await ask("/api/dataset/edges", { file, state: edges.length }));
+    if (mine === taken) showPlot();
+    return true;
+  }
+  for (let first = many; first > 0; first--) {
+    if (moduli.has(first)) continue;
+    moduli.set(first, null); // also if there is none, so that it is asked for once
+    moduli.set(first, await ask("/api/dataset/modulus", { file, states: first }));
+    if (mine === taken) showModulus("");
+    return true;
+  }
+  return false;
+}
+
+function showPlot() {
+  const { states, edges } = taken;
+  byId("live-plot").hidden = !edges.length;
+  plot(byId("live-plot"), edges.map((found, index) => ({
+    x: states[index].field_mT, y: found.tip_angle_deg, flagged: states[index].flags.length + found.flags.length > 0, now: index === edges.length - 1,
+    title: `state ${index}: ${number(states[index].field_mT)} mT, ${number(found.tip_angle_deg)}°`,
+  })), { x: "field, mT", y: "tip angle, degrees", high: 230 });
+}
+
+function showModulus(why) {
+  const all = [...taken.moduli].sort(([a], [b]) => a - b).map(([, one]) => one).filter((one) => one);
+  const last = all[all.length - 1];
+  byId("modulus-plot").hidden = all.length < 2;
+  byId("modulus").hidden = !last && !why;
+  byId("modulus-number").textContent = last ? `${number(last.modulus_kPa)} kPa` : "";
+  byId("modulus-words").textContent = why;
+  if (!last) { byId("modulus-interval").textContent = ""; return; }
+  const [low, high] = last.interval_95_kPa;
+  byId("modulus-interval").textContent = `95 %: ${number(low)} to ${number(high)} kPa`;
+  byId("modulus-words").textContent = why || `Shear modulus so far, from ${last.used} states of ${taken.dataset}. Limited most by ${last.limited_by}. `
+    + "It is an estimate with a planar model; the result is that of the fit.";
+  plot(byId("modulus-plot"), all.map((one) => ({
+    x: one.states, y: one.modulus_kPa, low: one.interval_95_kPa[0], high: one.interval_95_kPa[1], now: one === last,
+    title: `${one.states} states: ${number(one.modulus_kPa)} kPa`,
+  })), { x: "states", y: "modulus, kPa", high: 180, whole: true });
+}
