@@ -5,7 +5,8 @@
 It prints its address, then a line for every change of output, set-point or true current: the time in seconds of the
 monotonic clock, which all processes of a machine share; 1 or 0 for the output; the set-point and the true current in
 amperes. The name of a fault on its standard input, such as `shorted`, begins this fault, see ``eimi emulate --faults``.
-Answers of a slow supply are delayed by 0.4 s. `contact` adds 6 ohm to the leads. `none` ends the faults.
+Answers of a slow supply are delayed by 0.4 s. `contact` adds 6 ohm to the leads. `none` ends the faults. The
+transport `port` is a serial port that can be unplugged.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from dataclasses import replace
 from eimi_drivers.clock import WallClock
 from eimi_drivers.emulators.faults import Fault, FaultyInstrument
 from eimi_drivers.emulators.hislip import serve_hislip
+from eimi_drivers.emulators.serial_port import serve_port
 from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
 from eimi_drivers.emulators.spoiling import begin_fault, end_faults
 from eimi_drivers.emulators.supply import CoilSupply
@@ -42,7 +44,7 @@ class CoilOnLeads(CoilSupply):
         return replace(measured, voltage_V=measured.voltage_V + self.contact_ohm * measured.current_A)
 
 
-SERVE = {"pty": serve_pty, "tcp": serve_tcp, "hislip": serve_hislip}
+SERVE = {"pty": serve_pty, "port": serve_port, "tcp": serve_tcp, "hislip": serve_hislip}
 
 
 def main() -> None:

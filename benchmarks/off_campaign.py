@@ -24,9 +24,13 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.emulated_supply import LEAST_CHANGE_A
 from benchmarks.spoilt_bench import Supply, Trial, make_bench, wait_until
+from eimi_drivers.emulators.faults import SLEEPS_FOR_S
+from eimi_drivers.supplies.off import LEAST_OFF_A as OFF_A
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recovery import recover
+from tests.shared.processes import WAIT_AT_MOST_S
 
 
 @dataclass(frozen=True)
@@ -35,7 +39,8 @@ class Fault:
 
     act: causes the fault and returns the moment from which the time is counted; said: pattern that the messages of the
     run must contain; off_within_s: promised time; unread: see `Trial`; flows_on: the current does not end with the
-    output, so that no message may call the coil off while the current flows.
+    output; out_of_reach: no program can switch the coil off any more, so that the time is counted until the run says
+    that the coil may be on; not_said: pattern that no message may contain.
     """
 
     name: str
@@ -46,6 +51,8 @@ class Fault:
     off_within_s: float
     unread: bool = False
     flows_on: bool = False
+    out_of_reach: bool = False
+    not_said: str = ""
 
 
 def _silent_for(trial: Trial, seconds: float, then: Callable[[], object]) -> float:
@@ -79,8 +86,9 @@ def _second_run(trial: Trial) -> float:
     stored = trial.acknowledged()
     second = trial.start("second.h5")
     assert second.stderr is not None
-    trial.lines += [f"second: {line.rstrip()}" for line in second.stderr]
-    trial.lines.append(f"second: status {second.wait(60)}")
+    for line in second.stderr:
+        trial.hear(f"second: {line}")
+    trial.hear(f"second: status {second.wait(60)}")
     wait_until(lambda: trial.acknowledged() > stored, "the first run did not go on")
     return trial.send(signal.SIGTERM)
 
@@ -105,21 +113,21 @@ def _stopped_together(trial: Trial, seconds: float) -> float:
     return time.monotonic()
 
 
-def _shorted(trial: Trial, number: signal.Signals) -> float:
-    trial.supply.tell("shorted")
+def _spoilt_then_sent(trial: Trial, fault: str, number: signal.Signals) -> float:
+    trial.supply.tell(fault)
     time.sleep(0.1)
     return trial.send(number)
 
 
-def _spoilt_coil(trial: Trial, fault: str) -> float:
+def _spoilt(trial: Trial, fault: str) -> float:
     began = time.monotonic()
     trial.supply.tell(fault)
     return began
 
 
-def _pulled_cable(trial: Trial) -> float:
-    trial.supply.tell("silence")
-    return time.monotonic()
+def _asleep(trial: Trial) -> float:
+    trial.supply.tell("sleep")
+    return time.monotonic() + SLEEPS_FOR_S
 
 
 def _step_clock(trial: Trial) -> float:
@@ -131,6 +139,10 @@ MAY_BE_ON = r"MAY STILL BE ON: 0\.80 A measured"
 OFF_TARGET = r"A measured at a set-point of 1\.5 A"
 LINES = (("korad", "pty"), ("scpi", "tcp"), ("scpi", "hislip"))
 """A serial line, a socket and HiSLIP."""
+
+ON = "MAY STILL BE ON"
+CUT = (("korad", "port"), ("genesys", "port"), ("scpi", "tcp"), ("keysight-n6700", "tcp"), ("scpi", "hislip"))
+"""Lines that can be cut; the second and the fourth supply have a serial number."""
 
 TOOK_OVER = "stood still for more than 5 s.*switched off"
 DIED = "the run died; .*: the coil was switched off"
@@ -151,7 +163,7 @@ FAULTS = (
             f"shorted regulator, {number.name} {transport}",
             driver,
             transport,
-            lambda t, n=number: _shorted(t, n),
+            lambda t, n=number: _spoilt_then_sent(t, "shorted", n),
             MAY_BE_ON,
             6.0,
             flows_on=True,
@@ -164,7 +176,7 @@ FAULTS = (
             f"{fault} {transport}",
             driver,
             transport,
-            lambda t, f=fault: _spoilt_coil(t, f),
+            lambda t, f=fault: _spoilt(t, f),
             OFF_TARGET,
             3.0,
         )
@@ -176,7 +188,7 @@ FAULTS = (
             f"contact that opens an interlock, {transport}",
             driver,
             transport,
-            lambda t: _spoilt_coil(t, "contact"),
+            lambda t: _spoilt(t, "contact"),
             r"interlock coil_voltage_V: 15\S* measured, above maximum = 12",
             3.0,
         )
@@ -192,6 +204,70 @@ FAULTS = (
             3.0,
         )
         for driver, transport in LINES
+    ),
+    *(
+        Fault(
+            f"{fault} {transport} {driver}",
+            driver,
+            transport,
+            lambda t, f=fault: _spoilt(t, f),
+            ON,
+            3.0,
+            out_of_reach=True,
+        )
+        for driver, transport in CUT
+        for fault in ("swap", "reenumerate", "disconnect")
+    ),
+    *(
+        Fault(
+            f"{fault}, SIGKILL {transport} {driver}",
+            driver,
+            transport,
+            lambda t, f=fault: _spoilt_then_sent(t, f, signal.SIGKILL),
+            ON,
+            3.0,
+            out_of_reach=True,
+        )
+        for driver, transport in CUT
+        for fault in ("swap", "disconnect")
+    ),
+    *(Fault(f"sleep {transport}", driver, transport, _asleep, ON, 3.0) for driver, transport in LINES),
+    *(
+        Fault(
+            f"brownout {transport}",
+            driver,
+            transport,
+            lambda t: _spoilt(t, "brownout"),
+            "this run did not switch it off|a person switched the output off",
+            3.0,
+        )
+        for driver, transport in LINES
+    ),
+    *(
+        Fault(
+            f"offset, {number.name} {transport}",
+            driver,
+            transport,
+            lambda t, n=number: _spoilt_then_sent(t, "offset", n),
+            r"the coil (is|was switched) off, below 0\.02 A measured",
+            within,
+            not_said=ON,
+        )
+        for driver, transport in LINES
+        for number, within in ((signal.SIGTERM, 4.0), (signal.SIGKILL, 3.0))
+    ),
+    *(
+        Fault(
+            f"locked, {number.name} {transport}",
+            driver,
+            transport,
+            lambda t, n=number: _spoilt_then_sent(t, "locked", n),
+            ON,
+            3.0,
+            out_of_reach=True,
+        )
+        for driver, transport in LINES
+        for number in (signal.SIGTERM, signal.SIGKILL)
     ),
     Fault("two Ctrl-C", "korad", "pty", lambda t: t.send(signal.SIGINT, signal.SIGINT, pause_s=0.1), STOPPED, 2.5),
     Fault("Ctrl-Z", "scpi", "tcp", _refused_then_stopped, "Ctrl-Z is refused", 4.0),
@@ -228,7 +304,7 @@ FAULTS = (
     Fault("silent for 15 s", "scpi", "tcp", lambda t: _silent_for(t, 15.0, lambda: None), "", 6.0),
     Fault("clock steps back, silent for 3 s", "scpi", "tcp", _step_clock, "", 6.0),
     Fault("slow supply", "korad", "pty", _slow, STOPPED, 8.0),
-    Fault("cable pulled", "keysight-n6700", "tcp", _pulled_cable, "MAY STILL BE ON", 13.0),
+    Fault("cable pulled", "keysight-n6700", "tcp", lambda t: _spoilt(t, "silence"), "MAY STILL BE ON", 13.0),
     Fault(
         "computer dead",
         "keysight-n6700",
@@ -266,19 +342,26 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
             time.sleep(after_s)
             began = fault.act(trial)
             try:
-                wait_until(lambda: not supply.on(), "the coil was left on")
-                on_for_s = max(0.0, supply.off_s() - began)
+                if fault.out_of_reach:
+                    on_for_s = trial.wait_for_words(fault.said, began) - began
+                else:
+                    wait_until(lambda: not supply.on(), "the coil was left on")
+                    on_for_s = max(0.0, supply.off_s() - began)
+                if fault.flows_on:
+                    trial.wait_for_words(fault.said, began)
             except RuntimeError as error:
                 on_for_s = time.monotonic() - began
                 wrong.append(str(error))
-            if fault.flows_on:
-                wrong += _called_off(trial)
             supply.tell("none")
             if trial.process.poll() is None and "SIGSTOP" in fault.name:
                 trial.process.send_signal(signal.SIGCONT)
+            if fault.out_of_reach:
+                trial.process.wait(WAIT_AT_MOST_S)
+                trial.end_guardian()
             trial.end()
-            if supply.on():
+            if supply.on() and not fault.out_of_reach:
                 wrong.append("the coil is on again")
+            wrong += _called_off_too_early(trial)
         finally:
             if trial.process.poll() is None:
                 trial.process.kill()
@@ -288,6 +371,8 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
             wrong.append(f"off only after {on_for_s:.2f} s")
         if not re.search(fault.said, "\n".join(trial.lines), re.DOTALL):
             wrong.append(f"no word of {fault.said!r}")
+        if fault.not_said and re.search(fault.not_said, "\n".join(trial.lines)):
+            wrong.append(f"a word of {fault.not_said!r}")
         if "Traceback" in "\n".join(trial.lines):
             wrong.append("a traceback")
         stored = _stored(folder)
@@ -297,11 +382,14 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
         return Outcome(on_for_s, trial.acknowledged(), lost, wrong)
 
 
-def _called_off(trial: Trial) -> list[str]:
-    """Wait for the message that the coil may be on; return the messages that call the coil off."""
-    wait_until(lambda: any("MAY STILL BE ON" in line for line in trial.lines), "no word of a coil that may be on")
-    off = re.compile("the coil (is|was switched) off")
-    return [line for line in trial.lines if off.search(line)]
+def _called_off_too_early(trial: Trial) -> list[str]:
+    """Return the messages that called the coil off while a current above the limit flowed."""
+    early = []
+    for line, at_s in zip(trial.lines, trial.heard_s, strict=True):
+        true_A = trial.supply.true_A(at_s)
+        if re.search("the coil (is|was switched) off", line) and abs(true_A) > OFF_A + LEAST_CHANGE_A:
+            early.append(f"called off at {true_A:.2f} A: {line}")
+    return early
 
 
 def _stored(folder: Path) -> int:

@@ -41,7 +41,7 @@ class Supply:
         self._listener = threading.Thread(target=self._listen, daemon=True)
         lines = [self._process.stdout.readline().strip() for _ in range(2)]  # the two lines come in any order
         self.address = next(line for line in lines if not re.match(r"\d+\.\d{4} ", line))
-        if driver not in {"korad", "genesys"} and transport == "pty":
+        if driver not in {"korad", "genesys"} and transport in {"pty", "port"}:
             self.address = f"ASRL{self.address}::INSTR"
         self._listener.start()
 
@@ -73,6 +73,10 @@ class Supply:
             off_s = at
         return off_s
 
+    def true_A(self, at_s: float) -> float:
+        """Return the true current (A) at a time on the monotonic clock, within the smallest change that is told."""
+        return next((true_A for told_s, _, _, true_A in reversed(self.told) if told_s <= at_s), 0.0)
+
     def close(self) -> None:
         """End the process."""
         assert self._process.stdin is not None
@@ -84,13 +88,14 @@ class Supply:
 class Trial:
     """A run on its bench.
 
-    unread: whether standard error goes into a full pipe that nobody reads.
+    unread: whether standard error goes into a full pipe that nobody reads. heard_s: when each of `lines` came.
     """
 
     folder: Path
     supply: Supply
     unread: bool = False
     lines: list[str] = field(default_factory=list)
+    heard_s: list[float] = field(default_factory=list)
 
     def begin(self) -> None:
         """Start the run, and wait until the full current is set."""
@@ -143,7 +148,23 @@ maximum = 12.0
     def _read(self) -> None:
         assert self.process.stderr is not None
         for line in self.process.stderr:
-            self.lines.append(line.rstrip())
+            self.hear(line)
+
+    def hear(self, line: str) -> None:
+        """Note a line of the run or its guardian, and the time at which it came."""
+        self.heard_s.append(time.monotonic())
+        self.lines.append(line.rstrip())
+
+    def wait_for_words(self, pattern: str, after_s: float) -> float:
+        """Wait until a line contains the pattern; return its time, or at least `after_s`."""
+        wait_until(lambda: any(re.search(pattern, line) for line in self.lines), f"no word of {pattern!r}")
+        first = next(number for number, line in enumerate(self.lines) if re.search(pattern, line))
+        return max(after_s, self.heard_s[first])
+
+    def end_guardian(self) -> None:
+        """End a guardian that tries to reach a supply that does not come back."""
+        if alive(self.guardian):
+            os.kill(self.guardian, signal.SIGKILL)
 
     def send(self, *numbers: signal.Signals, pause_s: float = 0.0) -> float:
         """Send signals to the run; return the time of the first one."""

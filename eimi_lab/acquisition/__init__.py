@@ -20,6 +20,7 @@ sensing           read the sensors of the bench
 interlocks        end the run if a reading leaves its bounds
 heating           decide whether the coil withstands a protocol
 switching_off     end every run with the coil off
+doubt             say that the coil may still be on while switching off takes long
 interruption      react to signals during an operation
 guardian          the guardian, seen from the run
 guardian_process  the process that switches off if the run dies or stands still

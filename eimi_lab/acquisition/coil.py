@@ -8,7 +8,15 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
-from eimi_drivers.interfaces import Clock, InstrumentError, Off, PowerSupply, Reading
+from eimi_drivers.interfaces import (
+    Clock,
+    InstrumentDisconnected,
+    InstrumentError,
+    InstrumentTimeout,
+    Off,
+    PowerSupply,
+    Reading,
+)
 from eimi_drivers.supplies.off import off_limit_A, switch_off
 from eimi_lab.acquisition.interlocks import BeyondInterlock, Interlocks, readings_of
 from eimi_lab.config.protocol import Ramp
@@ -77,6 +85,8 @@ class Coil:
     out_of_control : bool
         Whether `watch` measured a current that differs from its set-point, an interlock opened, or the run stood
         still. `ramp_down` then does nothing.
+    unreachable : str
+        Why the supply does not answer, in words; empty if it does. `ramp_down` then does nothing either.
 
     Notes
     -----
@@ -102,6 +112,7 @@ class Coil:
         self.asked_A = asked_A
         self.changed_s = self._watched_s = clock.now()
         self.leads_swapped = self.out_of_control = False
+        self.unreachable = ""
         self._recent: deque[tuple[float, float]] = deque([(self.changed_s, asked_A)])
         self._stepping = threading.Lock()
 
@@ -133,9 +144,10 @@ class Coil:
         if self._clock.now() - self._watched_s > every_s and self._stepping.acquire(blocking=False):
             try:
                 self._watched_s = self._clock.now()
-                self.supply.check()
+                self.check()
                 if measured:
-                    self._compare(self.supply.measure())
+                    with self._reaching():
+                        self._compare(self.supply.measure())
             finally:
                 self._stepping.release()
         with self._without_ramp():
@@ -156,6 +168,20 @@ class Coil:
     def _readings(self, measured: Reading) -> dict[str, float]:
         """Return the readings that an interlock can bound, by name: those of the supply and of the sensors."""
         return {**readings_of(measured), **(self._sense() if self._interlocks else {})}
+
+    def check(self) -> None:
+        """Check the supply for faults. Raises the errors of `PowerSupply.check`."""
+        with self._reaching():
+            self.supply.check()
+
+    @contextmanager
+    def _reaching(self) -> Iterator[None]:
+        """Note that the supply does not answer: no time is lost with a ramp then."""
+        try:
+            yield
+        except (InstrumentTimeout, InstrumentDisconnected) as error:
+            self.unreachable = str(error)
+            raise
 
     @contextmanager
     def _without_ramp(self) -> Iterator[None]:
@@ -183,7 +209,8 @@ class Coil:
     def _set(self, current_A: float) -> None:
         self.asked_A = current_A
         self._recent.append((self._clock.now(), current_A))
-        self.supply.set_current(self._swapped(current_A))
+        with self._reaching():
+            self.supply.set_current(self._swapped(current_A))
         self.changed_s = self._clock.now()
 
     def ramp_to(self, current_A: float, stop_if_asked: Callable[[], None] = never) -> None:
@@ -200,9 +227,9 @@ class Coil:
     def ramp_down(self, stop_if_asked: Callable[[], None] = never) -> None:
         """Ramp to zero within `ramp.down_within_s`, in larger steps than the rule's if the supply is slow.
 
-        There is no ramp if `out_of_control` is set. Raises the errors of `PowerSupply.set_current`.
+        There is no ramp if `out_of_control` or `unreachable` is set. Raises the errors of `PowerSupply.set_current`.
         """
-        if self.out_of_control:
+        if self.out_of_control or self.unreachable:
             return
         start = self.asked_A
         seconds = min(abs(start) / self._rule.rate_A_per_s, self._rule.down_within_s)
@@ -235,19 +262,23 @@ class Coil:
         Raises InstrumentError if that takes longer than `REACHED_WITHIN_S`.
         """
         began = self._clock.now()
-        while abs((measured := self._swapped(self.supply.measure().current_A)) - self.asked_A) > self._rule.tolerance_A:
+        while abs((measured := self._measure_A()) - self.asked_A) > self._rule.tolerance_A:
             stop_if_asked()
-            self.supply.check()
+            self.check()
             if self._clock.now() - began > REACHED_WITHIN_S:
                 raise self._off_target(measured)
             self._clock.sleep(POLL_S)
 
     def measured_A(self) -> float:
         """Return the measured current, A. Raises InstrumentError if it differs from the set-point."""
-        measured = self._swapped(self.supply.measure().current_A)
+        measured = self._measure_A()
         if abs(measured - self.asked_A) > self._rule.tolerance_A:
             raise self._off_target(measured)
         return measured
+
+    def _measure_A(self) -> float:
+        with self._reaching():
+            return self._swapped(self.supply.measure().current_A)
 
     def _off_target(self, measured: float) -> InstrumentError:
         return InstrumentError(

@@ -51,11 +51,20 @@ _REMARKS = (ConditioningDone, PauseRequested, Paused, Resumed, SuspendRefused, P
 def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = tell) -> OnEvent:
     """Return a listener that passes the words of each state to `report`, and those of other events to `remark`.
 
-    It does not print an error that ends the run, or a coil that may be on: the caller that catches the exception does.
+    It does not print an error that ends the run, or a coil that may be on at its end: the caller that catches the
+    exception does. It prints a coil that may be on while the run still tries to switch it off, and the end of that.
     """
+    doubted = False
 
     def listen(event: Event) -> None:
-        if isinstance(event, StateStored | StateStoredBefore):
+        nonlocal doubted
+        if isinstance(event, OffNotConfirmed) and event.trying_process is not None:
+            doubted = True
+            remark(in_words(event))
+        elif isinstance(event, OffConfirmed) and doubted:
+            doubted = False
+            remark(in_words(event))
+        elif isinstance(event, StateStored | StateStoredBefore):
             report(in_words(event))
         elif isinstance(event, RunBegun) and event.guardian:
             remark(protection_in_words(event.without_contact))

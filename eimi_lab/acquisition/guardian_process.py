@@ -23,6 +23,7 @@ from eimi_drivers.supplies.off import measured_off, off_limit_A, switch_off
 from eimi_drivers.supplies.supply_names import open_supply
 from eimi_drivers.supplies.transport import share_ports
 from eimi_lab.acquisition.added_driver import unpack
+from eimi_lab.acquisition.doubt import doubted_after
 from eimi_lab.acquisition.event_lines import sending_events
 from eimi_lab.acquisition.event_words import in_words
 from eimi_lab.acquisition.events import (
@@ -63,6 +64,7 @@ _log = logging.getLogger("eimi_lab.acquisition.guardian_process")  # the process
 TRY_FOR_S = 3600.0  # time for a person to reconnect a cable or to come to the bench
 TRY_AGAIN_AFTER_S, TRY_AGAIN_LATER_S = 0.1, 1.0
 REPORT_EVERY_S = 60.0
+DOUBTED_AFTER_S = 2.0
 ENDED_WITH_OTHERS = (
     "the guardian process is in a job object of the program that started this one: if that program ends all its "
     "processes at once, nobody switches the coil off; start eimi from a terminal of Windows"
@@ -94,7 +96,14 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
             share_ports()  # the run holds the locks of the ports
             _say(TAKING_OVER)
         on_event(GuardianTookOver(takeover=takeover, address=ward.address))
-        switch_off_for_the_run(ward, takeover, run, on_event)
+        doubt = OffNotConfirmed(
+            by="guardian",
+            reason=f"not confirmed off within {DOUBTED_AFTER_S:g} s",
+            takeover=takeover,
+            trying_process=os.getpid(),
+        )
+        with doubted_after(DOUBTED_AFTER_S, doubt, on_event):
+            switch_off_for_the_run(ward, takeover, run, on_event)
 
 
 def _wait_until_needed(ward: Ward) -> tuple[Takeover | None, Ward]:
@@ -138,7 +147,7 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_even
     attempt fails, the guardian therefore kills the process of the run, `run`.
     """
     began = time.monotonic()
-    reported_s = began - REPORT_EVERY_S + 2.0
+    reported_s = began - REPORT_EVERY_S + DOUBTED_AFTER_S
     pause_s = TRY_AGAIN_AFTER_S
     killed = False
     was_on = {True} if ward.recognised else set()

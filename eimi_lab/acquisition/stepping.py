@@ -60,7 +60,7 @@ class Stepping:
         transient = Transient(protocol.transients.frames_per_state, protocol.settle.timeout_s, self.coil)
         settled = wait_until_settled(self.camera, self.clock, protocol.settle, self.noise, stop_if_asked, transient.see)
         self.on_event(Settled(state=state, waited_s=settled.waited_s, at_rest=not settled.flags))
-        self.coil.supply.check()
+        self.coil.check()
         taken = capture(
             self.camera,
             self.clock,

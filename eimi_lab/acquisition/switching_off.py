@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -11,6 +12,7 @@ from types import FrameType
 
 from eimi_drivers.interfaces import InstrumentError, Off
 from eimi_lab.acquisition.coil import Coil, never
+from eimi_lab.acquisition.doubt import doubted_after
 from eimi_lab.acquisition.events import (
     OffNotConfirmed,
     OnEvent,
@@ -28,6 +30,9 @@ SIGNALS = (signal.SIGINT, *TERMINATION)
 SUSPEND = getattr(signal, "SIGTSTP", None)
 OFF_WITHIN_S = 30.0
 """Longest time for switching off on a bad line; after it the guardian tries as well."""
+
+DOUBTED_AFTER_S = 0.5
+"""Time after which a coil counts as possibly on if its supply did not answer or did not obey before."""
 
 _log = logging.getLogger(__name__)
 
@@ -190,7 +195,7 @@ def ramp_down_and_switch_off(
         _log.info("a second signal came: the ramp down is left out")
         _off(coil, guardian, on_event)
     except InstrumentError as error:
-        _off(coil, guardian, on_event)
+        _off(coil, guardian, on_event, str(error))
         raise InstrumentError(f"the coil is off, but the ramp down before it failed: {error}") from error
     except BaseException:
         _off(coil, guardian, on_event)
@@ -199,11 +204,15 @@ def ramp_down_and_switch_off(
         _off(coil, guardian, on_event)
 
 
-def _off(coil: Coil, guardian: Guardian | None, on_event: OnEvent) -> None:
+def _off(coil: Coil, guardian: Guardian | None, on_event: OnEvent, failed: str = "") -> None:
+    """Switch off and report it. failed: why the ramp down failed, in words."""
     if guardian:
         guardian.allow(OFF_WITHIN_S)
+    reason = failed or coil.unreachable
+    doubt = OffNotConfirmed(by="run", reason=reason, trying_process=os.getpid()) if reason else None
     try:
-        off = coil.switch_off()
+        with doubted_after(DOUBTED_AFTER_S, doubt, on_event):
+            off = coil.switch_off()
     except Exception as error:
         measured_A, limit_A = getattr(error, "current_A", None), getattr(error, "limit_A", None)
         on_event(OffNotConfirmed(by="run", reason=str(error), current_A=measured_A, limit_A=limit_A))

@@ -23,9 +23,11 @@ from eimi_drivers.interfaces import Identity, InstrumentError, Limits, SwitchOff
 from eimi_drivers.supplies.supply_names import open_supply
 from eimi_lab.acquisition import guardian as guardian_module
 from eimi_lab.acquisition.coil import Coil
+from eimi_lab.acquisition.event_words import on_terminal
+from eimi_lab.acquisition.events import Event, OffConfirmed, OffNotConfirmed
 from eimi_lab.acquisition.guardian import STILL_FOR_S, Guardian, StoodStill, Ward, guarding
 from eimi_lab.acquisition.guardian_process import _try_once
-from eimi_lab.acquisition.switching_off import switching_off
+from eimi_lab.acquisition.switching_off import ramp_down_and_switch_off, switching_off
 from eimi_lab.config.protocol import load_protocol
 from tests.patience import PATIENCE_S
 
@@ -352,3 +354,35 @@ def test_another_supply_on_a_line_that_was_reopened_while_switching_off_is_not_b
         with pytest.raises(InstrumentError, match=r"another supply answers|supply is not there"):
             _try_once(ward, set())
         assert bench.coil.state.output
+
+
+def test_a_coil_that_cannot_be_reached_is_reported_before_the_attempts_have_ended() -> None:
+    bench = Bench("korad")
+    events: list[Event] = []
+    with bench.ward() as ward:
+        supply = open_supply(ward.driver, ward.address, ward.limits)
+        coil = Coil(supply, WallClock(), load_protocol("dragon_skin_10").ramp, asked_A=0.5)
+        bench.line.inject(Fault.SILENCE)
+        with pytest.raises(SwitchOffFailed):
+            ramp_down_and_switch_off(coil, on_event=events.append)
+        supply.close()
+    first, last = events
+    assert isinstance(first, OffNotConfirmed)
+    assert isinstance(last, OffNotConfirmed)
+    assert first.trying_process == os.getpid()
+    assert last.trying_process is None
+    assert last.time_s - first.time_s > 1.0  # the supply has 1 s for each answer
+
+
+def test_the_end_of_the_doubt_is_printed_after_the_doubt() -> None:
+    printed: list[str] = []
+    listen = on_terminal(printed.append, printed.append)
+    off = OffConfirmed(by="run", determined_by="measured", current_A=0.0, limit_A=0.02)
+    listen(off)
+    assert printed == []
+    listen(OffNotConfirmed(by="run", reason="no answer", trying_process=7))
+    listen(off)
+    assert printed == [
+        "THE COIL MAY STILL BE ON, switch it off by hand; process 7 continues to try: no answer",
+        "the coil is off, below 0.02 A measured",
+    ]

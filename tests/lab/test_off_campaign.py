@@ -11,9 +11,11 @@ import pytest
 from tests.patience import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
-QUICK = ("SIGSTOP pty korad", "guardian stopped", "shorted regulator, SIGTERM pty")
+QUICK = ("SIGSTOP pty korad", "guardian stopped", "shorted regulator, SIGTERM pty", "swap port genesys")
 LONG = (
     *("run and guardian stopped for 12 s, pty", "contact that opens an interlock, tcp", "second acquire, TCP"),
+    *("swap, SIGKILL port genesys", "disconnect tcp scpi", "disconnect, SIGKILL tcp scpi", "reenumerate hislip scpi"),
+    *("sleep hislip", "brownout tcp", "offset, SIGKILL tcp", "locked, SIGTERM pty", "locked, SIGKILL tcp"),
     "computer dead",
     *("shorted regulator, SIGKILL tcp", "shorted regulator, SIGTERM tcp", "drift pty", "fallen tcp"),
     "grab never returns",

@@ -2,6 +2,7 @@
 
 supply_names    the drivers by name
 base            what every driver shares: limits, read-back, protection, switching off in stages
+values          set-points as text, and the numbers and lines in answers
 identity        the serial number in an identification
 off             measure the current until the coil is off
 korad           Korad supplies and their relabelled versions

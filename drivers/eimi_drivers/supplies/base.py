@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from decimal import ROUND_DOWN, Decimal
 from typing import ClassVar, TypeVar
 
 from eimi_drivers.interfaces import (
     AnotherSupply,
     Clock,
     Identity,
+    InstrumentDisconnected,
     InstrumentError,
     Limits,
     Off,
@@ -27,13 +26,14 @@ from eimi_drivers.interfaces import (
 from eimi_drivers.supplies.identity import in_words, serial_number_in
 from eimi_drivers.supplies.off import measured_off, off_limit_A
 from eimi_drivers.supplies.transport import Transport, split_address, usb_serial_number
+from eimi_drivers.supplies.values import line_in, number_in, set_point_text
 
 REPLY_TIMEOUT_S = 1.0
 READ_BACK_WITHIN_S = 0.6
 """Time (s) within which a new set-point must read back; some Korad firmware needs 0.45 s."""
 
 LATE_ANSWER_S = 1.0
-"""Wait (s) before the query that follows an unanswered one; a late answer that arrives meanwhile is discarded."""
+"""Time (s) after an unanswered query in which no other is sent; a late answer that arrives meanwhile is discarded."""
 
 PROTECTION_MARGIN = 1.1
 """Ratio of the level of the instrument's own protection to the limit. The protection is for a failed regulator."""
@@ -52,11 +52,6 @@ def armed_in_words(protections: str) -> str:
     """Return the end of `without_contact` that names the armed protections; empty if there are none."""
     return f"; armed in the supply: {protections}" if protections else ""
 
-
-_NUMBER = re.compile(rb"[ \t\r\n]*[+-]?(\d{1,12}\.?\d{0,12}|\.\d{1,12})([eE][+-]?\d{1,2})?[ \t\r\n\0]*")
-_NOT_A_MEASUREMENT = 1e30
-"""Larger numbers are no measurement: SCPI answers 9.91E+37 for "not a number" and 9.9E+37 for infinity (SCPI-99,
-volume 1, 7.2.1)."""
 
 _Value = TypeVar("_Value")
 
@@ -126,6 +121,7 @@ class SupplyBase(ABC):
         self._clock = clock
         self._switched_on = False
         self._unanswered = False
+        self._late_until_s = 0.0
         self._bound: Identity | None = None
         self._unconfirmed = False  # the line was reopened and the instrument was not identified since
         channel = split_address(link.address)[1]
@@ -191,7 +187,7 @@ class SupplyBase(ABC):
     def set_voltage(self, voltage_V: float) -> None:
         """Set the compliance voltage and read it back. Raises SetPointRefused, SetPointNotTaken."""
         self._refuse_outside("voltage", voltage_V, 0.0, self.limits.voltage_V, "V")
-        sent = _text(voltage_V, self.voltage_step_V)
+        sent = set_point_text(voltage_V, self.voltage_step_V)
         self._send_voltage(sent)
         self._verify("voltage", sent, self.voltage_step_V, "V", self._voltage_set)
 
@@ -199,7 +195,7 @@ class SupplyBase(ABC):
         """Set the current and read the set-point back. Raises SetPointRefused, SetPointNotTaken."""
         lowest = -self.limits.current_A if self.bipolar else 0.0
         self._refuse_outside("current", current_A, lowest, self.limits.current_A, "A")
-        self._send_current(_text(current_A, self.current_step_A))
+        self._send_current(set_point_text(current_A, self.current_step_A))
         self._verify_current(current_A)
 
     def set_output(self, on: bool) -> None:
@@ -319,7 +315,7 @@ class SupplyBase(ABC):
 
     def _try_to_switch_off(self) -> SwitchOffFailed | None:
         stages: tuple[tuple[str, Callable[[], None]], ...] = (
-            ("zero", lambda: self._send_current(_text(0.0, self.current_step_A))),
+            ("zero", lambda: self._send_current(set_point_text(0.0, self.current_step_A))),
             ("off", lambda: self._send_output(False)),
             ("zero", lambda: self._verify_current(0.0)),
             ("verify", lambda: self._verify_output(False)),
@@ -351,12 +347,17 @@ class SupplyBase(ABC):
 
         If the previous query had no answer, wait first, so that its late answer is not used for this query.
         """
-        if self._unanswered:
-            self._clock.sleep(LATE_ANSWER_S)
+        if self._unanswered and (remaining_s := self._late_until_s - self._clock.now()) > 0:
+            self._clock.sleep(remaining_s)
         self._link.write(message)
         self._clock.sleep(pause_s)
         self._unanswered = True
-        reply = self._link.read(size, REPLY_TIMEOUT_S, end)
+        self._late_until_s = self._clock.now() + REPLY_TIMEOUT_S + LATE_ANSWER_S
+        try:
+            reply = self._link.read(size, REPLY_TIMEOUT_S, end)
+        except InstrumentDisconnected:
+            self._late_until_s -= REPLY_TIMEOUT_S
+            raise
         self._unanswered = False
         return reply
 
@@ -368,7 +369,9 @@ class SupplyBase(ABC):
             )
 
     def _verify_current(self, current_A: float) -> None:
-        self._verify("current", _text(current_A, self.current_step_A), self.current_step_A, "A", self._current_set)
+        self._verify(
+            "current", set_point_text(current_A, self.current_step_A), self.current_step_A, "A", self._current_set
+        )
 
     def _verify(self, quantity: str, sent: str, step: str, unit: str, ask: Callable[[], float]) -> None:
         """Compare the text that was sent with the read-back. Raises SetPointNotTaken, InstrumentError."""
@@ -411,7 +414,7 @@ class SupplyBase(ABC):
             )
 
     def _number(self, question: str, reply: bytes) -> float:
-        if not _NUMBER.fullmatch(reply) or abs(number := float(reply.strip(b"\0 \t\r\n"))) > _NOT_A_MEASUREMENT:
+        if (number := number_in(reply)) is None:
             raise self._not_understood(question, reply, "a number")
         return number
 
@@ -420,8 +423,7 @@ class SupplyBase(ABC):
         return self._bind(text, serial_number_in(text))
 
     def _line(self, question: str, reply: bytes) -> str:
-        text = reply.strip(b"\0 \t\r\n").decode("latin-1")
-        if not (text.isascii() and text.isprintable() and text):
+        if (text := line_in(reply)) is None:
             raise self._not_understood(question, reply, "a line of text")
         return text
 
@@ -442,11 +444,3 @@ class SupplyBase(ABC):
         return ReplyNotUnderstood(
             f"{self._link.address}: the answer to {question} must be {expected}, but it is {reply!r}"
         )
-
-
-def _text(value: float, step: str) -> str:
-    """Return a value as text in whole steps.
-
-    It is first rounded to 9 decimals, because a binary fraction such as 0.7999999999999999 would lose a whole step.
-    """
-    return str(Decimal(repr(round(float(value), 9))).quantize(Decimal(step), ROUND_DOWN) + 0)  # + 0: no minus zero

@@ -1,0 +1,33 @@
+"""Set-points as text, and the numbers and lines in answers."""
+
+from __future__ import annotations
+
+import re
+from decimal import ROUND_DOWN, Decimal
+
+_PADDING = b"\0 \t\r\n"
+_NUMBER = re.compile(rb"[ \t\r\n]*[+-]?(\d{1,12}\.?\d{0,12}|\.\d{1,12})([eE][+-]?\d{1,2})?[ \t\r\n\0]*")
+_NOT_A_MEASUREMENT = 1e30
+"""Larger numbers are no measurement: SCPI answers 9.91E+37 for "not a number" and 9.9E+37 for infinity (SCPI-99,
+volume 1, 7.2.1)."""
+
+
+def set_point_text(value: float, step: str) -> str:
+    """Return a set-point as text in whole steps, rounded toward zero.
+
+    It is first rounded to 9 decimals, because a binary fraction such as 0.7999999999999999 would lose a whole step.
+    """
+    return str(Decimal(repr(round(float(value), 9))).quantize(Decimal(step), ROUND_DOWN) + 0)  # + 0: no minus zero
+
+
+def number_in(reply: bytes) -> float | None:
+    """Return the number that an answer consists of; None if it is none, or no measurement."""
+    if not _NUMBER.fullmatch(reply) or abs(number := float(reply.strip(_PADDING))) > _NOT_A_MEASUREMENT:
+        return None
+    return number
+
+
+def line_in(reply: bytes) -> str | None:
+    """Return the line of printable text that an answer consists of; None if it is none."""
+    text = reply.strip(_PADDING).decode("latin-1")
+    return text if text.isascii() and text.isprintable() and text else None
