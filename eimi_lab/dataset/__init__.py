@@ -13,6 +13,8 @@ restating         correction of specimen and calibration after a run; the former
 segmentation      search for the edges of every state
 logged_sensor     the values `LoggedSensor` and `SensorLog`: a sensor and what it measured
 sensor_logs       the logs of sensors in the file
+measured_field    the line of the field against the current, with its uncertainties
+measured_columns  measured fields' uncertainties and temperatures of imported states
 stored_edges      the edges in the file
 dark_and_flat     the dark frame and the flat field in the file, which correct the frames
 labelled          edges and tracked points as an xarray.Dataset

@@ -18,6 +18,7 @@ from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.dataset.dark_and_flat import Images, check_like, store_correction
 from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.listing import ListedFrame, Listing, last_number, list_frames, some
+from eimi_lab.dataset.measured_columns import store_measured_columns
 from eimi_lab.dataset.points import Load
 from eimi_lab.dataset.state_loads import load_of
 from eimi_lab.dataset.tip_force_angles import store_tip_force_angles
@@ -109,6 +110,7 @@ def import_frames(
         except StorageFailed as error:  # its message speaks of the temporary file and of resuming a run
             raise OSError(f"{path}: cannot be written: {error.reason}") from error
         store_tip_force_angles(temporary, [load.tip_force_angle_deg for load, _ in by_state])
+        store_measured_columns(temporary, [load for load, _ in by_state])
         if correcting:
             store_correction(temporary, correcting)
     _report_unlisted(listing, states)

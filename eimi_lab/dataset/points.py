@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import h5py
@@ -20,6 +20,7 @@ from eimi_lab.dataset.layout import (
     write_header,
     write_state_columns,
 )
+from eimi_lab.dataset.measured_columns import write_measured_columns
 from eimi_lab.dataset.tip_force_angles import write_tip_force_angles
 
 Array = NDArray[np.float64]
@@ -78,12 +79,18 @@ class Load:
         Force at the tip.
     tip_force_angle_deg
         Direction of the force in the beam frame, from +x toward +y; None for the direction of gravity.
+    field_sigma_mT
+        Standard uncertainty of the measured field; None if the field was not measured.
+    temperature_degC
+        Measured temperature of the specimen, which does not distinguish two loads; None if it was not measured.
     """
 
     current_A: float | None
     field_mT: float
     tip_force_N: float
     tip_force_angle_deg: float | None = None
+    field_sigma_mT: float | None = None
+    temperature_degC: float | None = field(default=None, compare=False)
 
 
 def write_points(
@@ -138,6 +145,7 @@ def write_points(
             append(states["flags"], [flags_to_text(())])
             append(states["index"], [index])
         write_tip_force_angles(entry["states"], [load.tip_force_angle_deg for load in loads])
+        write_measured_columns(entry["states"], loads)
         entry["end_time"][()] = now().encode()
 
 

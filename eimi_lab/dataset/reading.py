@@ -22,6 +22,8 @@ from eimi_lab.dataset.dark_and_flat import correction_by, stored_correction
 from eimi_lab.dataset.labelled import labelled_edges, labelled_points
 from eimi_lab.dataset.layout import FORMAT, FORMAT_ATTRIBUTE, Kind, flags_from_text, get_text
 from eimi_lab.dataset.logged_sensor import SensorLog
+from eimi_lab.dataset.measured_columns import measured_column
+from eimi_lab.dataset.measured_field import measured_line
 from eimi_lab.dataset.points import TrackedPoints, read_points
 from eimi_lab.dataset.recordings import CONDITIONING, RELEASE, TRANSIENTS, Recording, read_recording
 from eimi_lab.dataset.repair.mended_file import MendedFile
@@ -68,6 +70,9 @@ class Dataset:
         Directions in the beam frame, from +x toward +y.
     gravity
         Whether the weight bends the beam.
+    field_line
+        The field against the current as a gaussmeter measured it during the run; the fields of the states are its slope
+        times their currents. None if the field follows from the stated coil constant, or was imported.
     """
 
     def __init__(self, path: Path, file: h5py.File, finished: bool, if_damaged: str = _IF_DAMAGED) -> None:
@@ -149,6 +154,15 @@ class Dataset:
         if not np.array_equal(indices, np.arange(len(indices))):
             raise InputError(f"{self.path}: the numbers of its states are damaged; `eimi recover` may mend them")
         angles = tip_force_angles(table, len(indices))
+        sigmas, temperatures = (measured_column(table, name, len(indices)) for name in ("field_sigma", "temperature"))
+        fields = table["field"][: len(indices)]
+        logs = read_sensor_logs(self._entry, len(indices)) if self.kind == "frames" else ()
+        self.field_line = measured_line(logs, table["current"][: len(indices)])
+        if self.field_line is not None:
+            fields = self.field_line.mT_per_A * table["current"][: len(indices)]
+        for log in logs:
+            if log.sensor.measures == "specimen_temperature":
+                temperatures = log.by_state(len(indices))
         measured = np.full(len(indices), np.nan)
         if self.kind == "frames":
             # Rows of a state whose storing was not completed are ignored.
@@ -163,10 +177,12 @@ class Dataset:
                 index=int(index),
                 current_A=_none_if_nan(table["current"][index]),
                 measured_A=_none_if_nan(measured[index]),
-                field_mT=float(table["field"][index]),
+                field_mT=float(fields[index]),
                 tip_force_N=float(table["tip_force"][index]),
                 flags=flags_from_text(table["flags"][index]),
                 tip_force_angle_deg=_none_if_nan(angles[index]),
+                field_sigma_mT=_none_if_nan(sigmas[index]),
+                temperature_degC=_none_if_nan(temperatures[index]),
             )
             for index in indices
         )

@@ -25,6 +25,10 @@ class State:
         Flags of the run.
     tip_force_angle_deg
         Direction of the tip force in the beam frame, from +x toward +y; None for the direction of gravity.
+    field_sigma_mT
+        Standard uncertainty of a field that was measured in this state; None if the field follows from the current.
+    temperature_degC
+        Measured temperature of the specimen; None if it was not measured.
     """
 
     index: int
@@ -34,3 +38,5 @@ class State:
     tip_force_N: float
     flags: tuple[Flag, ...]
     tip_force_angle_deg: float | None = None
+    field_sigma_mT: float | None = None
+    temperature_degC: float | None = None

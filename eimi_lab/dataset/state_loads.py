@@ -26,7 +26,12 @@ LOAD_COLUMNS = {
     "tip_force_angle_deg": Column(
         "Direction of the tip force in the beam frame, from +x toward +y.", "0", "the direction of gravity"
     ),
+    "field_sigma_mT": Column("Standard uncertainty of a measured field_mT.", "0.02", "the field is exact"),
+    "temperature_degC": Column("Measured temperature of the specimen.", "23.5", "not measured"),
 }
+
+
+ABSOLUTE_ZERO_DEGC = -273.15
 
 
 def load_of(row: Row, calibration: Calibration | None) -> Load:
@@ -37,15 +42,25 @@ def load_of(row: Row, calibration: Calibration | None) -> Load:
         raise InputError(f"{row.path}: row 1: has {wrong}; give one of them")
     force = row.number("tip_force_N") if "tip_force_N" in row.cells else 0.0
     angle = row.number("tip_force_angle_deg") if row.cells.get("tip_force_angle_deg") else None
+    sigma = row.number("field_sigma_mT") if row.cells.get("field_sigma_mT") else None
+    temperature = row.number("temperature_degC") if row.cells.get("temperature_degC") else None
+    if sigma is not None and (sigma < 0 or not has_field):
+        raise row.fault("field_sigma_mT", "0 or above, and beside a measured field_mT")
+    if temperature is not None and temperature < ABSOLUTE_ZERO_DEGC:
+        raise row.fault("temperature_degC", "a temperature in degrees Celsius")
+    current, field = None, 0.0
     if has_field:
         field = row.number("field_mT")
-        return Load(field / calibration.coil_constant_mT_per_A if calibration else None, field, force, angle)
-    current = row.number("current_A")
-    if calibration:
-        return Load(current, current * calibration.coil_constant_mT_per_A, force, angle)
-    if current:
-        raise row.fault("current_A", "0; for tracked points give field_mT instead, since they have no coil constant")
-    return Load(current, 0.0, force, angle)
+        current = field / calibration.coil_constant_mT_per_A if calibration else None
+    else:
+        current = row.number("current_A")
+        if calibration:
+            field = current * calibration.coil_constant_mT_per_A
+        elif current:
+            raise row.fault(
+                "current_A", "0; for tracked points give field_mT instead, since they have no coil constant"
+            )
+    return Load(current, field, force, angle, sigma, temperature)
 
 
 def numbered_loads(rows: list[Row]) -> dict[int, Load]:

@@ -1,31 +1,33 @@
 """From stored datasets to identified materials.
 
-evidence            read a dataset as the states, edges or points, and loads of a fit
-states_used         the states that a fit uses, and the flags of those that it leaves out
-perspective         detect in the edges that the lens sees the depth of the beam in perspective
-before_search       check a dataset for errors that no material could explain
-options             the options of a fit
-fitting             check the options of a fit, and state why it is refused
-fit_grid            fit several laws to several datasets, with several seeds and bootstrap replicates
-checkpoint          log all generations of a search, so that an interrupted one can be resumed
-discovering         discover the terms of a law
-law_record          the part of a result file that all fits have in common
-bootstrap_record    the part of a result file on bootstrap replicates
-residuals           distances of measured places from simulated ones, by state, edge and arc length
-records             the fits of a result file
-fits_file           compare the laws of several fits; write and read fits.json
-fit_summary         print a fit and the comparison of laws
-assumptions         the bulk modulus and the nuisances that a fit assumes for a dataset
-simulated_fit       simulate a fit on a dataset, and compute its error
-prediction          simulate several fits on several datasets, and share the work among processes
-predicted_error     compute the interval of the error of a fit on a dataset
-validation          the errors of a fit on a dataset, and validation.json
-validation_tables   print validations
-planning            plan the states, the mounting and the specimen of the next run
-tensile_files       read tensile tests
-tensile_fits        fit a law to a tensile test
-export              write fits as material cards of other programs
-fit_figures         figures of fits, residuals and errors for a notebook
+evidence             read a dataset as the states, edges or points, and loads of a fit
+measured_conditions  the measured field in place of the stated coil constant
+measured_remarks     sentences on the measured field and temperature
+states_used          the states that a fit uses, and the flags of those that it leaves out
+perspective          detect in the edges that the lens sees the depth of the beam in perspective
+before_search        check a dataset for errors that no material could explain
+options              the options of a fit
+fitting              check the options of a fit, and state why it is refused
+fit_grid             fit several laws to several datasets, with several seeds and bootstrap replicates
+checkpoint           log all generations of a search, so that an interrupted one can be resumed
+discovering          discover the terms of a law
+law_record           the part of a result file that all fits have in common
+bootstrap_record     the part of a result file on bootstrap replicates
+residuals            distances of measured places from simulated ones, by state, edge and arc length
+records              the fits of a result file
+fits_file            compare the laws of several fits; write and read fits.json
+fit_summary          print a fit and the comparison of laws
+assumptions          the bulk modulus and the nuisances that a fit assumes for a dataset
+simulated_fit        simulate a fit on a dataset, and compute its error
+prediction           simulate several fits on several datasets, and share the work among processes
+predicted_error      compute the interval of the error of a fit on a dataset
+validation           the errors of a fit on a dataset, and validation.json
+validation_tables    print validations
+planning             plan the states, the mounting and the specimen of the next run
+tensile_files        read tensile tests
+tensile_fits         fit a law to a tensile test
+export               write fits as material cards of other programs
+fit_figures          figures of fits, residuals and errors for a notebook
 
 The truth that a virtual rig stores is not read here: only `eimi_lab.demonstration` and the report read it, to score.
 """

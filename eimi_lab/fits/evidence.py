@@ -24,9 +24,11 @@ from eimi_fitting.inference.searching.measured_rest_shape import MeasuredRestSha
 from eimi_lab.config.rig_uncertainty import stated_by_rig
 from eimi_lab.config.specimen import MEASURED
 from eimi_lab.config.uncertainty import missing_keys
+from eimi_lab.dataset.measured_field import FieldLine
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.state import State
 from eimi_lab.fits.before_search import check_width
+from eimi_lab.fits.measured_conditions import REPLACED, stated_by_measurement, with_measured_offset
 from eimi_lab.fits.perspective import seen_depth
 from eimi_lab.fits.states_used import FEW_POINTS, FlaggedState, StatesUsed, WidenedState
 from eimi_lab.process.errors import InputError
@@ -39,6 +41,7 @@ from eimi_lab.vision.field_at_beam import in_stated_field
 
 Array = NDArray[np.float64]
 
+COIL_CONSTANT = "coil_constant_mT_per_A"
 WHOLE_FILES = ("dimensions", "calibration")  # the words if specimen or calibration states no uncertainty at all
 FEWEST_STATES = 2  # from which a modulus can be identified: one at rest and one bent
 FEWEST_POINTS = 10  # on each edge of a state that is used
@@ -67,6 +70,10 @@ class Evidence:
         The shape at rest, if it was measured and differs from the stated one.
     poisson_ratio : float
         The stated Poisson's ratio; the fit takes the material as incompressible.
+    field_line : FieldLine or None
+        The measured field; None if it follows from the stated coil constant.
+    typed_mT_per_A : float or None
+        The stated coil constant.
     """
 
     path: Path
@@ -78,6 +85,8 @@ class Evidence:
     doubts: tuple[str, ...] = ()
     rest_shape: MeasuredRestShape | None = None
     poisson_ratio: float = 0.5
+    field_line: FieldLine | None = None
+    typed_mT_per_A: float | None = None
 
     def plot(self) -> Any:
         """Return a matplotlib figure of the measured edges or points of the used states, in the beam frame."""
@@ -174,6 +183,8 @@ def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bo
         _lens_doubts(dataset, observed),
         rest_shape,
         dataset.specimen.specimen.poisson_ratio,
+        dataset.field_line,
+        dataset.calibration.coil_constant_mT_per_A if dataset.calibration else None,
     )
 
 
@@ -229,9 +240,10 @@ def _loads(dataset: Dataset, states: Sequence[State]) -> Loads:
     if dataset.calibration is None:
         return loads
     try:
-        return in_stated_field(loads, dataset.calibration, dataset.specimen.mechanics())
+        in_field = in_stated_field(loads, dataset.calibration, dataset.specimen.mechanics())
     except InputError as error:
         raise InputError(f"{dataset.path}: {error}") from error
+    return with_measured_offset(in_field, dataset)
 
 
 def _stated(dataset: Dataset) -> tuple[StatedSource, ...]:
@@ -242,14 +254,17 @@ def _stated(dataset: Dataset) -> tuple[StatedSource, ...]:
         rig = dataset.text("rig")
         if rig is not None:
             sources += stated_by_rig(rig, f"{dataset.path}: rig", dataset.calibration.coil_constant_mT_per_A)
-    return sources
+    measured = stated_by_measurement(dataset, dataset.states)
+    return (*(source for source in sources if not measured or source.source not in REPLACED), *measured)
 
 
 def _taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
     specimen, calibration = dataset.specimen, dataset.calibration
     keys = missing_keys(WHOLE_FILES[0], specimen.uncertainty, specimen.uncertain_keys())
     if calibration is not None:
-        keys += missing_keys(WHOLE_FILES[1], calibration.uncertainty, calibration.uncertain_keys())
+        is_measured = bool(stated_by_measurement(dataset, dataset.states))
+        keys_of_file = [key for key in calibration.uncertain_keys() if not (is_measured and key == COIL_CONSTANT)]
+        keys += missing_keys(WHOLE_FILES[1], calibration.uncertainty, keys_of_file)
     return keys
 
 

@@ -13,6 +13,7 @@ from eimi_fitting.laws.search_space import BULK_NAME
 from eimi_lab.fits.assumptions import compressibility_remark, rest_shape_remark, section_remark
 from eimi_lab.fits.evidence import WHOLE_FILES, Evidence
 from eimi_lab.fits.law_record import LawRecord
+from eimi_lab.fits.measured_remarks import measured_field_remark, temperature_differences, temperature_remark
 from eimi_lab.fits.records import FitRecord, TensileRecord
 
 _LARGEST = 5  # sources with a line each; the smaller ones share a line
@@ -62,9 +63,16 @@ def tensile_remarks(fit: TensileRecord) -> list[str]:
 
 
 def evidence_remarks(evidence: Sequence[Evidence]) -> list[str]:
-    """Return a line for each planar section, each measured shape at rest and each compressible material."""
-    remarks_of = (section_remark, rest_shape_remark, compressibility_remark)
-    return [remark for one in evidence for say in remarks_of if (remark := say(one))]
+    """Return the lines on section, shape at rest, compressibility, measured field and temperature of the datasets."""
+    remarks_of = (
+        section_remark,
+        rest_shape_remark,
+        compressibility_remark,
+        measured_field_remark,
+        temperature_remark,
+    )
+    remarks = [remark for one in evidence for say in remarks_of if (remark := say(one))]
+    return [*remarks, *temperature_differences(evidence)]
 
 
 def budget_lines(fit: FitRecord) -> list[str]:

@@ -1,0 +1,121 @@
+"""The field of a coil against its current, from readings of a gaussmeter: a line with its standard uncertainties."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from eimi_lab.dataset.logged_sensor import LoggedSensor, SensorLog
+
+
+@dataclass(frozen=True)
+class FieldLine:
+    """The field at the magnet along the coil's axis: slope times current, plus an offset that needs no current.
+
+    Parameters
+    ----------
+    probe
+        Name and identification of the gaussmeter; datasets with the same probe share the error of its calibration.
+    mT_per_A, offset_mT
+        The slope and the offset: that of the probe's zero, of remanence, and of the background field.
+    mT_per_A_sigma, offset_mT_sigma
+        Their standard uncertainties.
+    scatter_mT
+        Standard deviation of the readings about the line.
+    currents
+        Number of different currents.
+    shared_is_stated
+        Whether an uncertainty that all readings share was stated. Otherwise the scale of the gaussmeter is exact.
+    """
+
+    probe: str
+    mT_per_A: float
+    mT_per_A_sigma: float
+    offset_mT: float
+    offset_mT_sigma: float
+    scatter_mT: float
+    currents: int
+    shared_is_stated: bool
+
+    @property
+    def in_words(self) -> str:
+        """Say slope and offset with their standard uncertainties."""
+        return (
+            f"{self.mT_per_A:.5g} ± {self.mT_per_A_sigma:.2g} mT/A, and {self.offset_mT:.3g} ± "
+            f"{self.offset_mT_sigma:.2g} mT without a current"
+        )
+
+
+def field_line(
+    sensor: LoggedSensor, current_A: ArrayLike, field_mT: ArrayLike, stated_mT: ArrayLike = np.nan
+) -> FieldLine | None:
+    """Fit a line to the readings of a gaussmeter by least squares.
+
+    The standard deviation of one reading is the larger of the scatter about the line and the stated uncertainty. The
+    stated uncertainty is also that of the zero of the gaussmeter, which all readings share, and is added to that of the
+    offset. The uncertainty that all readings share as a fraction is added to that of the slope (JCGM 100:2008, 5.1.2).
+
+    Parameters
+    ----------
+    sensor
+        The gaussmeter.
+    current_A, field_mT
+        (n,) currents and readings; a reading that is NaN is left out.
+    stated_mT
+        (n,) or a number: the standard uncertainty that the gaussmeter stated for each reading; NaN for none. That of
+        the rig file takes precedence.
+
+    Returns
+    -------
+    FieldLine or None
+        None if there are readings at fewer than two different currents.
+    """
+    current, field, stated = np.broadcast_arrays(
+        np.asarray(current_A, dtype=float), np.asarray(field_mT, dtype=float), np.asarray(stated_mT, dtype=float)
+    )
+    known = np.isfinite(current) & np.isfinite(field)
+    current, field, stated = current[known], sensor.at_magnet * field[known], stated[known]
+    currents = len(np.unique(current))
+    if currents < 2:
+        return None
+    sigma = sensor.uncertainty if sensor.uncertainty is not None else _root_mean_square(stated[np.isfinite(stated)])
+    zero_mT = abs(sensor.at_magnet) * sigma
+    columns = np.column_stack([current, np.ones(len(current))])
+    (slope, offset), *_ = np.linalg.lstsq(columns, field, rcond=None)
+    freedom = len(field) - 2
+    scatter = float(np.sqrt(np.sum((field - columns @ [slope, offset]) ** 2) / freedom)) if freedom else 0.0
+    variance = max(scatter, zero_mT) ** 2 * np.diag(np.linalg.inv(columns.T @ columns))
+    return FieldLine(
+        f"{sensor.name} ({sensor.model})",
+        float(slope),
+        float(np.hypot(np.sqrt(variance[0]), (sensor.uncertainty_share or 0.0) * slope)),
+        float(offset),
+        float(np.hypot(np.sqrt(variance[1]), zero_mT)),
+        scatter,
+        currents,
+        sensor.uncertainty_share is not None,
+    )
+
+
+def measured_line(logs: Sequence[SensorLog], current_A: ArrayLike) -> FieldLine | None:
+    """Return the line of the gaussmeter of a run; None if there is none, or too few currents.
+
+    Parameters
+    ----------
+    logs
+        The values of all sensors.
+    current_A
+        (states,) the current of each state.
+    """
+    for log in logs:
+        if log.sensor.measures == "field":
+            currents = np.asarray(current_A, dtype=float)
+            return field_line(log.sensor, currents[log.state], log.value, log.standard_uncertainty)
+    return None
+
+
+def _root_mean_square(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
