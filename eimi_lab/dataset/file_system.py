@@ -5,12 +5,17 @@ A network file system does not preserve the order of writes, so a dataset there 
 
 from __future__ import annotations
 
+import ctypes
+import sys
 from pathlib import Path
 
 NETWORK = frozenset(
     {"nfs", "nfs4", "cifs", "smb3", "smbfs", "ncpfs", "afs", "9p", "ceph", "lustre", "gpfs", "beegfs", "glusterfs"}
     | {"fuse.sshfs", "fuse.glusterfs", "fuse.cephfs", "fuse.rclone", "fuse.davfs", "davfs"}
 )
+_DRIVE_REMOTE = 4
+"""The result of GetDriveTypeW for a network drive (Microsoft, Windows API, fileapi.h)."""
+
 MOUNTS = Path("/proc/self/mounts")
 
 
@@ -28,12 +33,16 @@ def network_file_system(folder: Path, mounts: Path = MOUNTS) -> str | None:
     Returns
     -------
     str or None
-        The type; None for a local file system, or if the system has no table of mounts.
+        The type; None for a local file system, or if the system has no table of mounts. Windows states only that a
+        drive is a network drive.
     """
+    if sys.platform == "win32":
+        share = folder.resolve().anchor  # a drive, or a share of a server
+        return "network drive" if ctypes.windll.kernel32.GetDriveTypeW(share) == _DRIVE_REMOTE else None
     if not mounts.is_file():
         return None
     kind, depth = "", -1
-    for line in mounts.read_text().splitlines():
+    for line in mounts.read_text(encoding="utf-8", errors="surrogateescape").splitlines():
         place, type_of_mount = line.split()[1:3]
         at = Path(place.replace("\\040", " "))
         if folder.resolve().is_relative_to(at) and len(at.parts) >= depth:  # a later mount hides an earlier one

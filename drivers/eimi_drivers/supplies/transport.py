@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import os
 import re
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -40,6 +41,7 @@ def share_ports() -> None:
 
 WRITE_TIMEOUT_S = 2.0
 OPEN_TIMEOUT_S = 3.0
+POLL_EVERY_S = 0.002
 
 _VISA_SERIAL = re.compile(r"ASRL(.+?)(?:::INSTR)?", re.IGNORECASE)
 _VISA_SOCKET = re.compile(r"TCPIP\d*::([^:]+)::(\d+)::SOCKET", re.IGNORECASE)
@@ -192,10 +194,27 @@ class SerialTransport:
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
         """See `Transport.read`."""
         with self._errors_named():
-            self._port.timeout = timeout_s
-            received = bytes(self._port.read_until(end, size) if end else self._port.read(size))
+            if sys.platform == "win32":
+                received = self._polled(size, timeout_s, end)
+            else:
+                self._port.timeout = timeout_s
+                received = bytes(self._port.read_until(end, size) if end else self._port.read(size))
         if len(received) < size and not (end and received.endswith(end)):
             raise _no_answer(self.address, timeout_s, received)
+        return received
+
+    def _polled(self, size: int, timeout_s: float, end: bytes) -> bytes:
+        """Read without a timeout of the port: under Wine, a read that times out is an error of the line."""
+        self._port.timeout = 0
+        until = time.monotonic() + timeout_s
+        received = b""
+        while len(received) < size and not (end and received.endswith(end)):
+            piece = bytes(self._port.read(1 if end else size - len(received)))
+            if not piece and time.monotonic() >= until:
+                break
+            if not piece:
+                time.sleep(POLL_EVERY_S)
+            received += piece
         return received
 
     def close(self) -> None:
