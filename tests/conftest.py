@@ -16,9 +16,9 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
 # Under nohup or in the background a process starts with these signals ignored, and its children would inherit this.
-for _number, _handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
-    if signal.getsignal(_number) is signal.SIG_IGN:
-        signal.signal(_number, _handler)
+for _name, _handler in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):
+    if hasattr(signal, _name) and signal.getsignal(getattr(signal, _name)) is signal.SIG_IGN:
+        signal.signal(getattr(signal, _name), _handler)
 
 # Processes that a test starts inherit this variable, and the name of the test that pytest sets.
 os.environ["EIMI_TESTS_OF"] = str(os.getpid())
@@ -35,6 +35,7 @@ settings.load_profile("steady")
 MEASURED = Path(__file__).parents[2] / "shared" / "data"
 
 
+@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
     """Use one worker more than there are processors, because many tests wait for emulated instruments."""
     return (os.cpu_count() or 1) + 1

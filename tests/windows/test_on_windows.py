@@ -1,0 +1,172 @@
+"""What differs on Windows: open files, locks, pipes, processes, ports and text. `.ci/windows` runs this under Wine."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from eimi_drivers.clock import WallClock
+from eimi_drivers.emulators.serve import emulate, serve_tcp
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import Limits
+from eimi_drivers.supplies.supply_names import open_supply
+from eimi_lab.process import replacing
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.outputs import write_file
+from eimi_lab.process.pipes import never_wait_to_write, readable
+from eimi_lab.process.writer_lock import WriterLock, is_being_written, lock_file
+from tests.patience import PATIENCE_S
+
+pytestmark = pytest.mark.skipif(sys.platform != "win32", reason="needs Windows; `.ci/windows` has it under Wine")
+
+EIMI = (sys.executable, "-X", "utf8=0", "-m", "eimi_lab")
+"""The program without UTF-8 as the encoding of the locale."""
+
+
+def eimi(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*EIMI, *arguments], cwd=folder, capture_output=True, encoding="utf-8", timeout=PATIENCE_S, check=False
+    )
+
+
+def wait_for(path: Path) -> None:
+    until = time.monotonic() + PATIENCE_S
+    while not path.exists():
+        assert time.monotonic() < until
+        time.sleep(0.02)
+
+
+@contextmanager
+def another_process(folder: Path, code: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Run code until the context ends; it creates the file `ready` when it is ready."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", code + "\nopen('ready', 'w').close(); input()"], cwd=folder, stdin=-1
+    )
+    try:
+        wait_for(folder / "ready")
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_the_whole_chain_runs_in_a_folder_with_an_umlaut(tmp_path: Path) -> None:
+    folder = tmp_path / "Prüfstand µ"
+    folder.mkdir()
+    done = eimi(folder, "demo", "--quick")
+    assert done.returncode == 0, done.stderr
+    assert "initial shear modulus 46384 Pa" in done.stdout
+    assert "µm" in done.stdout
+    assert sorted(path.name for path in (folder / "eimi-demo").iterdir()) == ["dataset.h5", "fits.json", "report.html"]
+
+
+def test_a_file_that_is_open_for_a_moment_is_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "fits.json"
+    path.write_bytes(b"old")
+    scanned = path.open("rb")
+    threading.Timer(0.5, scanned.close).start()
+    write_file(path, "neu: µ", force=True)
+    assert path.read_bytes() == "neu: µ".encode()
+
+
+def test_a_file_that_stays_open_is_named_and_nothing_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(replacing, "TRY_FOR_S", 0.3)
+    path = tmp_path / "fits.json"
+    path.write_bytes(b"old")
+    with path.open("rb"), pytest.raises(PermissionError, match=r"fits\.json: cannot be replaced .* close it there"):
+        write_file(path, "new", force=True)
+    assert path.read_bytes() == b"old"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["fits.json"]
+
+
+def test_a_second_writer_is_refused_until_the_first_has_died(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    code = "from pathlib import Path\nfrom eimi_lab.process.writer_lock import WriterLock\n"
+    with another_process(tmp_path, code + "lock = WriterLock(Path('run.h5'))"):
+        assert is_being_written(path)
+        with pytest.raises(InputError, match="is being written to by process"):
+            WriterLock(path)
+    lock = WriterLock(path)
+    lock.release()
+    assert not lock_file(path).exists()
+
+
+def test_a_full_pipe_does_not_hold_up_its_writer() -> None:
+    reading, writing = os.pipe()
+    assert not readable(reading, 0.0)
+    never_wait_to_write(writing)
+
+    def fill() -> None:
+        for _ in range(1 << 16):
+            os.write(writing, b"x" * 64)
+
+    with pytest.raises(OSError, match=r"\[Errno"):
+        fill()
+    assert readable(reading, 0.0)
+    os.close(writing)
+    while os.read(reading, 4096):
+        pass
+    assert readable(reading, 0.0)  # the end of the pipe
+    os.close(reading)
+
+
+GUARDED = """
+import json, sys, time
+from eimi_lab.acquisition.guardian import Guardian, Ward
+guardian = Guardian(Ward("scpi", sys.argv[1], 1.0, 10.0))
+guardian.arm()
+open("ready", "w")
+while True:
+    guardian.beat()
+    guardian.check()
+    time.sleep(0.05)
+"""
+
+
+def test_the_guardian_of_a_run_that_was_killed_switches_the_coil_off(tmp_path: Path) -> None:
+    coil = CoilSupply(WallClock())
+    with serve_tcp(emulate("scpi", coil)) as address:
+        supply = open_supply("scpi", address, Limits(1.0, 10.0))
+        supply.set_voltage(10.0)
+        run = subprocess.Popen([sys.executable, "-c", GUARDED, address], cwd=tmp_path)
+        wait_for(tmp_path / "ready")
+        supply.set_current(0.5)
+        supply.set_output(True)
+        supply.close()
+        assert coil.state.output
+        run.kill()  # TerminateProcess
+        run.wait()
+        until = time.monotonic() + PATIENCE_S
+        while coil.state.output:
+            assert time.monotonic() < until
+            time.sleep(0.02)
+        assert coil.state.set_current_A == 0.0
+
+
+def test_a_supply_on_a_com_port_above_9_answers() -> None:
+    port = os.environ.get("EIMI_TESTS_COM_PORT")
+    if port is None:
+        pytest.skip("needs an emulated Korad on the port that EIMI_TESTS_COM_PORT names, as `.ci/windows` starts one")
+    assert int(port.removeprefix("COM")) > 9
+    supply = open_supply("korad", port, Limits(1.0, 10.0))
+    supply.set_voltage(10.0)
+    supply.set_current(0.5)
+    supply.set_output(True)
+    assert supply.output_on()
+    supply.safe_off()
+    assert not supply.output_on()
+    supply.close()
+
+
+def test_an_emulated_supply_without_a_tcp_port_is_refused_in_one_line(tmp_path: Path) -> None:
+    done = eimi(tmp_path, "emulate", "korad")
+    assert done.returncode == 1
+    assert done.stderr == "eimi: Windows has no pseudo-terminals; serve on a TCP port: `eimi emulate SUPPLY --tcp 0`\n"
