@@ -25,7 +25,10 @@ from eimi_lab.process.threads import one_thread_each
 
 GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "Measure": (bench.instruments, bench.acquire, bench.recover, next_run.plan, bench.emulate),
-    "Prepare": (beginning.init, images.calibrate, images.import_, images.segment),
+    "Prepare": (
+        *(beginning.init, images.calibrate, bench.calibrate_coil, images.import_),
+        images.segment,
+    ),
     "Fit": (
         *(material_laws.fit, material_laws.tensile, studying.discover, material_laws.validate),
         *(material_laws.simulate, material_laws.export),
@@ -39,7 +42,7 @@ _LONGEST_SUMMARY = 200
 
 
 def _name(command: Callable[..., Any]) -> str:
-    return command.__name__.rstrip("_")  # `import` is a keyword of Python
+    return command.__name__.rstrip("_").replace("_", "-")  # `import` is a keyword of Python
 
 
 class _CommandsInGroups(TyperGroup):

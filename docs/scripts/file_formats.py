@@ -94,6 +94,8 @@ FURTHER_EXAMPLES = {
     "bench.field.centre_mm": "[28.0, 0.0]",
     "bench.field.map": '"field.csv"',
     "bench.field.gradient_per_m": "[0.5, 0.0]",
+    "field.against_current": "[[0.0, 0.03], [0.5, 2.38]]",
+    "bench.field.against_current": "[[0.0, 0.03], [0.5, 2.38]]",
     "uncertainty.background_field_mT": "0.03",
     "uncertainty.field_gradient_per_m": "0.5",
     "calibrated_on": "2026-11-20",

@@ -11,6 +11,9 @@ pausing           wait for a person
 polarity          swap the leads of a coil whose supply cannot reverse its current
 resuming          continue a run that ended early
 supply_lock       one run at a time for each supply
+open_coil         open the supply and the sensors that a rig names
+coil_calibration  measure the field of the coil against its current
+output_off        begin with the output of the supply off
 open_bench        open the instruments that a rig names
 added_driver      send a driver that this program added to the guardian process
 cameras           the camera that a rig names: a device, a recording or a virtual beam

@@ -10,18 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings
-from eimi_drivers.interfaces import Camera, Clock, InstrumentError, PowerSupply, Sensor
+from eimi_drivers.interfaces import Camera, Clock, PowerSupply
 from eimi_lab.acquisition.event_words import on_terminal
-from eimi_lab.acquisition.events import OnEvent, Warned
-from eimi_lab.acquisition.guardian import Guardian, Ward, guarding
+from eimi_lab.acquisition.events import OnEvent
+from eimi_lab.acquisition.guardian import Guardian
 from eimi_lab.acquisition.interruption import Interruption
+from eimi_lab.acquisition.open_coil import attached, close_or_tell, open_coil
 from eimi_lab.acquisition.playback import Cue
 from eimi_lab.acquisition.sensing import OpenSensor
-from eimi_lab.acquisition.supply_lock import only_run_on
 from eimi_lab.config.protocol import SupplyLimits
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.process.awake import kept_awake
 from eimi_lab.process.progress import silent
 
 
@@ -91,52 +90,40 @@ def open_bench(
 
         supply, camera, clock, truth = open_virtual_rig(limited, specimen)
         with closing(supply), closing(camera):
-            emulated = tuple(OpenSensor(rule, open_virtual_sensor(rule, camera, clock)) for rule in rig.sensors)
+            emulated = tuple(
+                OpenSensor(rule, open_virtual_sensor(rule, camera.field_mT, clock)) for rule in rig.sensors
+            )
             yield Bench(supply, camera, clock, truth, relay=camera.swap_leads, sensors=emulated)
         return
     from eimi_drivers.cameras.timed import TimedCamera
-    from eimi_drivers.clock import WallClock
     from eimi_drivers.interfaces import InstrumentDisconnected
-    from eimi_drivers.sensors.sensor_names import open_sensor
-    from eimi_drivers.supplies.supply_names import open_supply
-    from eimi_lab.acquisition.added_driver import pack
     from eimi_lab.acquisition.cameras import open_rig_camera
 
-    wall, cue, interruption = WallClock(), Cue(), Interruption()
-    driver = rig.supply.driver
-    within = limited.supply.opened_with
-    ward = Ward(driver, rig.supply.address, within.current_A, within.voltage_V, pack(driver), within.off_below_A)
-    with ExitStack() as opened:
-        opened.enter_context(only_run_on(rig.supply.address))
-        opened.enter_context(kept_awake("a run with current in a coil"))
-        guardian = opened.enter_context(guarding(ward, guardian_events))
+    cue = Cue()
+    with (
+        open_coil(limited, transcript, on_event=on_event, guardian_events=guardian_events) as coil,
+        ExitStack() as opened,
+    ):
         try:
-            supply = opened.enter_context(
-                closing(open_supply(ward.driver, ward.address, within, wall, transcript, interruption.between_messages))
-            )
             eye = TimedCamera(
                 f"camera {rig.camera.source}",
-                lambda: open_rig_camera(rig, specimen, wall, cue),
+                lambda: open_rig_camera(rig, specimen, coil.clock, cue),
                 time.process_time if rig.virtual else time.monotonic,
-                interruption.while_waiting,
+                coil.interruption.while_waiting,
             )
-            opened.callback(_close_or_tell, eye, on_event or on_terminal(silent))
-            sensors = []
-            for rule in rig.sensors:
-                sensors.append(OpenSensor(rule, open_sensor(rule.driver, rule.address, wall)))
-                opened.callback(_close_or_tell, sensors[-1].sensor, on_event or on_terminal(silent))
         except InstrumentDisconnected as error:
-            raise InstrumentDisconnected(f"{error}; {_attached()}") from error
+            raise InstrumentDisconnected(f"{error}; {attached()}") from error
+        opened.callback(close_or_tell, eye, on_event or on_terminal(silent))
         yield Bench(
-            supply,
+            coil.supply,
             eye,
-            wall,
+            coil.clock,
             _truth(rig, specimen),
-            guardian,
+            coil.guardian,
             eye.settings,
             cue,
-            interruption,
-            sensors=tuple(sensors),
+            coil.interruption,
+            sensors=coil.sensors,
         )
 
 
@@ -147,23 +134,3 @@ def _truth(rig: Rig, specimen: SpecimenFile) -> dict[str, Any] | None:
     from eimi_lab.virtual.virtual_rig import truth_of
 
     return truth_of(rig, specimen)
-
-
-def _close_or_tell(instrument: Camera | Sensor, on_event: OnEvent) -> None:
-    """Close a camera or a sensor; an error becomes a warning: the coil is off and the states are stored by then."""
-    try:
-        instrument.close()
-    except InstrumentError as error:
-        on_event(Warned(message=str(error)))
-
-
-def _attached() -> str:
-    """Return a list of the attached instruments, for the error about an instrument that was not found."""
-    from eimi_drivers.discovery import list_cameras, list_serial_ports
-
-    ports = ", ".join(port.address for port in list_serial_ports()) or "none"
-    cameras = ", ".join(camera.address for camera in list_cameras()) or "none"
-    return (
-        f"serial ports of this computer: {ports}; cameras: {cameras}; `eimi instruments` shows more, and --rig virtual "
-        "needs no instrument"
-    )

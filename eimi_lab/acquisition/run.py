@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from eimi_drivers.interfaces import InstrumentError, SwitchOffFailed
-from eimi_drivers.supplies.off import off_limit_A
 from eimi_lab.acquisition.coil import Coil, without_contact
 from eimi_lab.acquisition.conditioning import condition
 from eimi_lab.acquisition.event_words import left_behind
@@ -32,6 +30,7 @@ from eimi_lab.acquisition.interlocks import Interlocks, readings_of
 from eimi_lab.acquisition.interruption import Interruption
 from eimi_lab.acquisition.live_view import Show, WatchedCamera, show_nothing
 from eimi_lab.acquisition.open_bench import Bench
+from eimi_lab.acquisition.output_off import begin_with_output_off
 from eimi_lab.acquisition.pausing import Pauses, no_input
 from eimi_lab.acquisition.playback import NOISE_FRAMES
 from eimi_lab.acquisition.polarity import Polarity, cannot_reverse, swaps_leads
@@ -187,7 +186,7 @@ def acquire(
             without_contact="" if bench.truth else without_contact(supply),
             sensors=sensors,
         )
-        _begin_with_output_off(bench, protocol, take_over, rig.simulated, send)
+        begin_with_output_off(bench, protocol.ramp, take_over, rig.simulated, send)
         interlocks = Interlocks(rig.interlocks, send)
         if interlocks:
             interlocks.refuse_to_begin({**readings_of(supply.measure()), **sensing.values()})
@@ -324,36 +323,3 @@ def _step_through(
     finally:
         polarity.remind(run)
     run.store(RELEASE, [states - 1] * len(released), released)
-
-
-def _begin_with_output_off(
-    bench: Bench, protocol: Protocol, take_over: bool, simulated: bool, on_event: OnEvent
-) -> None:
-    """Refuse a supply whose output is on, or with `take_over` switch it off. Raises InstrumentError, Stopped.
-
-    A simulated supply whose output is off is not measured, see `Coil`.
-    """
-    supply = bench.supply
-    if simulated and not supply.output_on():
-        return
-    reading = supply.measure()
-    if not supply.output_on():
-        limit_A = off_limit_A(supply)
-        if getattr(supply, "measures_current", True) and abs(reading.current_A) > limit_A:
-            raise SwitchOffFailed(
-                f"{supply.identify().address}: {reading.current_A:.2f} A measured although the output is off; at most "
-                f"{limit_A:g} A counts as off",
-                reading.current_A,
-                limit_A,
-            )
-        return
-    if not take_over:
-        raise InstrumentError(
-            f"{supply.identify().address}: the output is on ({reading.current_A:.3f} A, {reading.voltage_V:.2f} V); "
-            "another program may use the supply or may have crashed; a run begins with the output off, and "
-            "--take-over switches it off first"
-        )
-    limit = supply.limits.current_A
-    coil = Coil(supply, bench.clock, protocol.ramp, asked_A=max(-limit, min(reading.current_A, limit)))
-    with switching_off(coil, bench.guardian, bench.interruption, on_event):
-        return

@@ -155,6 +155,62 @@ def acquire(
     return Result(lines, {"dataset": stored, "states": states})
 
 
+def calibrate_coil(
+    rig: Annotated[str, typer.Option(metavar="FILE", help="rig.toml with a gaussmeter in [[sensors]]")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="calibration to write, beside the old one")
+    ] = Path("calibration.toml"),
+    largest: Annotated[
+        float | None,
+        typer.Option(metavar="AMPERE", help="largest current", show_default="the largest that the rig allows"),
+    ] = None,
+    steps: Annotated[int, typer.Option(help="currents from zero to the largest", min=2, max=200)] = 6,
+    force: Force = False,
+) -> Result:
+    """Measure the field of the coil with a gaussmeter.
+
+    The current goes up and back to zero, and is also reversed if the supply can. The written calibration is that of the
+    rig with the measured coil constant, the field without a current, their uncertainties, and the table. The probe
+    belongs where the magnet is; take the specimen away, because its magnet has a field too.
+    """
+    from datetime import date
+
+    from eimi_lab.acquisition.coil_calibration import calibrate_coil as measure
+    from eimi_lab.acquisition.coil_calibration import calibration_currents, with_measured_coil
+    from eimi_lab.acquisition.event_words import on_terminal
+    from eimi_lab.config.rig import load_rig
+    from eimi_lab.process.outputs import refuse_existing, write_file
+    from eimi_lab.process.progress import silent
+
+    refuse_existing(output, force)
+    bench_rig = load_rig(rig)
+    measured = measure(bench_rig, calibration_currents(bench_rig, largest, steps), on_terminal(silent))
+    calibration = with_measured_coil(bench_rig.calibration, measured, date.today())
+    write_file(output, calibration.text, force)
+    before, line = bench_rig.calibration.coil_constant_mT_per_A, measured.line
+    lines = [f"{a:8.4g} A {b:10.5g} mT" for a, b in zip(measured.current_A, measured.field_mT, strict=True)]
+    lines += [
+        f"at the magnet, by {line.probe}: {line.in_words}; the calibration of the rig states {before:g} mT/A",
+        f"readings scatter by {line.scatter_mT:.2g} mT about the line, and differ by at most "
+        f"{measured.hysteresis_mT:.2g} mT between the way up and the way down",
+    ]
+    if not line.shared_is_stated:
+        lines.append("the scale of the gaussmeter is taken as exact, because its table states no uncertainty_share")
+    lines.append(f"{output}: the calibration with the measured coil")
+    return Result(
+        lines,
+        {
+            "calibration": output,
+            "coil_constant_mT_per_A": line.mT_per_A,
+            "coil_constant_sigma_mT_per_A": line.mT_per_A_sigma,
+            "offset_mT": line.offset_mT,
+            "offset_sigma_mT": line.offset_mT_sigma,
+            "current_A": measured.current_A.tolist(),
+            "field_mT": measured.field_mT.tolist(),
+        },
+    )
+
+
 def recover(
     crashed: Annotated[Path, typer.Argument(help="dataset of a run that crashed, or a damaged dataset")],
     output: Output,

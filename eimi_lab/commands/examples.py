@@ -29,6 +29,7 @@ EXAMPLES = {
         "eimi calibrate board_*.png --board charuco --coil-constant 4.7 --clamp-midpoint-px 640 80",
         "eimi calibrate rest.png --specimen specimen.toml --coil-constant 4.7 --clamp-midpoint-px 640 80",
     ),
+    "calibrate-coil": ("eimi calibrate-coil --rig rig.toml -o calibration.toml",),
     "segment": ("eimi segment run.h5", "eimi segment run.h5 --channel red --overlay overlays --csv edges --workers 2"),
     "fit": (
         "eimi fit run.h5 --model neo-hookean -o fits.json",

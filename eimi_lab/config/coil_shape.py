@@ -43,6 +43,9 @@ class CoilShapeTable(Table):
     grid. A dataset keeps its rows."""
     gradient_per_m: Pair | None = None
     """Change of the strength per metre along and across the beam, as a share; alone, or in addition to loops or map."""
+    against_current: Annotated[tuple[Pair, ...], Field(strict=False, max_length=_MOST_ROWS)] | None = None
+    """Currents (A) and readings of a gaussmeter (mT) from which `eimi calibrate-coil` took the coil constant; a record
+    that changes nothing."""
 
     @model_validator(mode="after")
     def _consistent(self) -> CoilShapeTable:
@@ -52,11 +55,16 @@ class CoilShapeTable(Table):
             raise ValueError("has both radius_mm and map; give one of them")
         if self.centre_mm is not None and self.radius_mm is None:
             raise ValueError("centre_mm is the centre of the loops; give radius_mm and gap_mm, too")
-        if self.radius_mm is None and self.map is None and self.gradient_per_m is None:
+        if not self.is_uneven and self.against_current is None:
             raise ValueError("states nothing: give radius_mm and gap_mm, or map, or gradient_per_m")
         if self.map is not None:
             self._grid()
         return self
+
+    @property
+    def is_uneven(self) -> bool:
+        """Whether the table states how the field changes from place to place."""
+        return not (self.radius_mm is None and self.map is None and self.gradient_per_m is None)
 
     def _grid(self) -> FieldTable:
         rows = np.array(sorted(self.map or ()))

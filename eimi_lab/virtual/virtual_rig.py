@@ -10,6 +10,7 @@ emulate`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from typing import Any, Protocol
 
@@ -145,6 +146,32 @@ def open_virtual_rig(rig: Rig, specimen: SpecimenFile) -> tuple[PowerSupply, Vir
     """
     virtual = _virtual(rig)
     _material(virtual, specimen)
+    supply, coil, clock = _virtual_coil(rig, virtual)
+    return supply, virtual_camera(rig, specimen, coil, clock), clock, truth_of(rig, specimen)
+
+
+def open_virtual_coil(rig: Rig) -> tuple[PowerSupply, Callable[[], float], Clock]:
+    """Create the supply of the virtual rig alone.
+
+    Returns
+    -------
+    supply, field_mT, clock
+        The supply, the true field along the coil's axis, and the simulated clock.
+
+    Raises
+    ------
+    InputError
+        If the rig has no table [virtual].
+    """
+    virtual = _virtual(rig)
+    supply, coil, clock = _virtual_coil(rig, virtual)
+    bench = virtual.materials.bench or TrueBench()
+    mT_per_A = bench.coil_constant_mT_per_A or rig.calibration.coil_constant_mT_per_A
+    offset_mT = _along_axis_mT(rig.calibration, bench)
+    return supply, lambda: offset_mT + mT_per_A * coil.coil_current_A(), clock
+
+
+def _virtual_coil(rig: Rig, virtual: Virtual) -> tuple[PowerSupply, CoilSupply, SimulatedClock]:
     clock = SimulatedClock()
     coil = CoilSupply(
         clock,
@@ -157,7 +184,14 @@ def open_virtual_rig(rig: Rig, specimen: SpecimenFile) -> tuple[PowerSupply, Vir
         rig.supply.opened_with,
         clock,
     )
-    return supply, virtual_camera(rig, specimen, coil, clock), clock, truth_of(rig, specimen)
+    return supply, coil, clock
+
+
+def _along_axis_mT(calibration: Calibration, bench: TrueBench) -> float:
+    """Return the true field without a current along the coil's axis."""
+    stated = calibration.model_copy(update=_hidden(bench))
+    axis_rad = np.radians(BeamFrame(stated).field_deg)
+    return 1e3 * float(stated_background_T(stated) @ [np.cos(axis_rad), np.sin(axis_rad)])
 
 
 def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -> VirtualCamera:
@@ -173,9 +207,7 @@ def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -
     x_T, y_T = stated_background_T(true_field).tolist()
     loads = VirtualLoads(gravity_deg, frame.field_deg, (x_T, y_T), stated_coil(true_field, true_beam))
     beam = VirtualBeam(true_beam, material, virtual.mesh, loads, strongest_mT, view)
-    axis_rad = np.radians(frame.field_deg)
-    along_axis_mT = 1e3 * float(x_T * np.cos(axis_rad) + y_T * np.sin(axis_rad))
-    return VirtualCamera(beam, coil, clock, frame, mT_per_A, virtual, along_axis_mT)
+    return VirtualCamera(beam, coil, clock, frame, mT_per_A, virtual, _along_axis_mT(rig.calibration, bench))
 
 
 def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
@@ -201,8 +233,11 @@ def _as_it_is(
         turned_deg = beam.magnet.magnetisation_angle_deg + bench.magnetisation_angle_deg
         beam = replace(beam, magnet=replace(beam.magnet, magnetisation_angle_deg=turned_deg))
     beam = with_modes(beam, (bench.cast_bend_mm,), (0.5 * bench.taper_mm,))
-    hidden = {key: value for key in ("background_field_mT", "field") if (value := getattr(bench, key)) is not None}
-    return beam, calibration.model_copy(update=hidden)
+    return beam, calibration.model_copy(update=_hidden(bench))
+
+
+def _hidden(bench: TrueBench) -> dict[str, Any]:
+    return {key: value for key in ("background_field_mT", "field") if (value := getattr(bench, key)) is not None}
 
 
 def _virtual(rig: Rig) -> Virtual:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from eimi_drivers.emulators.sensors import EmulatedQuantity, emulate_sensor
 from eimi_drivers.interfaces import Clock, Sensor
 from eimi_drivers.sensors.sensor_names import SENSORS
 from eimi_drivers.supplies.transport import InProcessTransport
 from eimi_lab.config.sensor import UNITS, RigSensor
-from eimi_lab.virtual.virtual_rig import VirtualCamera
 
 ROOM_DEGC = 23.0
 """Temperature of the virtual laboratory; the virtual coil does not warm up."""
@@ -16,22 +17,22 @@ NOISE = {"mT": 0.005, "degC": 0.02}
 """Standard deviation of a reading."""
 
 
-def open_virtual_sensor(rule: RigSensor, camera: VirtualCamera, clock: Clock) -> Sensor:
+def open_virtual_sensor(rule: RigSensor, field_mT: Callable[[], float], clock: Clock) -> Sensor:
     """Open the driver of a sensor on its emulated instrument.
 
     Parameters
     ----------
     rule
         The sensor in the rig file.
-    camera
-        The camera of the virtual rig, which knows the true field at the magnet.
+    field_mT
+        Returns the true field at the magnet along the coil's axis.
     clock
         The simulated clock.
     """
     unit = UNITS[rule.measures]
 
     def true() -> float:
-        return camera.field_mT() / rule.at_magnet if unit == "mT" else ROOM_DEGC
+        return field_mT() / rule.at_magnet if unit == "mT" else ROOM_DEGC
 
     instrument = emulate_sensor(rule.driver, EmulatedQuantity(clock, true, unit, NOISE[unit]))
     return SENSORS[rule.driver](InProcessTransport(instrument, clock, f"emulated {rule.driver}"), clock)

@@ -42,7 +42,7 @@ def in_stated_field(loads: Loads, calibration: Calibration, specimen: Specimen) 
 
 def stated_coil(calibration: Calibration, specimen: Specimen) -> CoilShape | None:
     """Return the stated shape of the coil's field, None for a uniform one; raise InputError as `in_stated_field`."""
-    if calibration.field is None:
+    if calibration.field is None or not calibration.field.is_uneven:
         return None
     try:
         return calibration.field.shape(specimen, BeamFrame(calibration).field_deg)

@@ -1,0 +1,216 @@
+"""Measure the field of a coil against its current with the gaussmeter of a rig."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from datetime import date
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_drivers.interfaces import InstrumentError, SensorReading
+from eimi_drivers.supplies.supply_names import is_bipolar
+from eimi_lab.acquisition.coil import Coil
+from eimi_lab.acquisition.events import OnEvent, Warned
+from eimi_lab.acquisition.interlocks import Interlocks, readings_of
+from eimi_lab.acquisition.open_coil import CoilBench, open_coil
+from eimi_lab.acquisition.output_off import begin_with_output_off
+from eimi_lab.acquisition.sensing import OpenSensor, Sensing
+from eimi_lab.acquisition.switching_off import switching_off
+from eimi_lab.config.calibration import Calibration, changed_calibration
+from eimi_lab.config.protocol import Ramp
+from eimi_lab.config.rig import Rig
+from eimi_lab.dataset.measured_field import FieldLine, field_line
+from eimi_lab.process.errors import InputError
+
+RAMP = Ramp(rate_A_per_s=0.5, step_A=0.05, tolerance_A=0.02, down_within_s=2.0)
+SETTLED_AFTER_S = 0.5
+"""Time between the moment at which the current is reached and the first reading of the field."""
+BETWEEN_READINGS_S = 0.1
+READINGS = 5
+"""Readings of the field at each current."""
+
+
+@dataclass(frozen=True)
+class CoilCalibration:
+    """The field of a coil against its current.
+
+    Parameters
+    ----------
+    current_A, field_mT : ndarray, shape (n,)
+        The currents in the order of the measurement, and the mean readings of the probe.
+    line : FieldLine
+        Slope and offset at the magnet.
+    hysteresis_mT : float
+        Largest difference of two means at one current, on the way up and on the way down, at the probe.
+    """
+
+    current_A: NDArray[np.float64]
+    field_mT: NDArray[np.float64]
+    line: FieldLine
+    hysteresis_mT: float
+
+
+def calibration_currents(rig: Rig, largest_A: float | None, steps: int) -> list[float]:
+    """Return the currents of a calibration: up to the largest and back, and reversed if the supply is bipolar.
+
+    Raises
+    ------
+    InputError
+        If the largest current is beyond the limits of the rig.
+    """
+    limit = rig.supply.limits.current_A
+    bound = min(limit, rig.coil.continuous_current_A) if rig.coil else limit
+    largest = bound if largest_A is None else largest_A
+    if not 0 < largest <= bound:
+        raise InputError(
+            f"--largest = {largest:g} should be above 0 and at most {bound:g} A: rig {rig.name} allows "
+            f"supply.limits.current_A = {limit:g}"
+            + (f" and coil.continuous_current_A = {rig.coil.continuous_current_A:g}" if rig.coil else "")
+        )
+    up = [round(float(current), 6) for current in np.linspace(0.0, largest, steps)]
+    currents = [*up, *up[-2::-1]]
+    bipolar = not rig.simulated and is_bipolar(rig.supply.driver)
+    return [*currents, *(-current for current in currents[1:])] if bipolar else currents
+
+
+def calibrate_coil(rig: Rig, currents_A: list[float], on_event: OnEvent) -> CoilCalibration:
+    """Measure the field at each current; the coil is off at the end, however it ends.
+
+    Parameters
+    ----------
+    rig : Rig
+        A rig with a sensor whose `measures` is "field".
+    currents_A : list of float
+        The currents.
+    on_event : OnEvent
+        Receives warnings, and the events of switching off.
+
+    Raises
+    ------
+    InputError
+        If the rig has no gaussmeter.
+    InstrumentError
+        If an instrument fails, or the gaussmeter gives no value.
+    """
+    probe = next((sensor for sensor in rig.sensors if sensor.measures == "field"), None)
+    if probe is None:
+        raise InputError(f'rig {rig.name}: has no sensor with measures = "field"; add a gaussmeter in [[sensors]]')
+    with _opened(rig, on_event) as bench:
+
+        def warn(message: str) -> None:
+            on_event(Warned(message=message))
+
+        sensing = Sensing(bench.sensors, bench.clock, warn)
+        _, logged = sensing.begin()
+        identity = bench.supply.identify()
+        if bench.guardian:
+            bench.guardian.expect(identity)
+        begin_with_output_off(bench, RAMP, False, rig.simulated, on_event)
+        interlocks = Interlocks(rig.interlocks, on_event)
+        if interlocks:
+            interlocks.refuse_to_begin({**readings_of(bench.supply.measure()), **sensing.values()})
+        bench.supply.check()
+        bench.supply.set_current(0.0)
+        bench.supply.set_voltage(bench.supply.limits.voltage_V)
+        coil = Coil(
+            bench.supply, bench.clock, RAMP, simulated=rig.simulated, interlocks=interlocks, sense=sensing.values
+        )
+        readings: list[list[SensorReading]] = []
+        with switching_off(coil, bench.guardian, bench.interruption, on_event) as stop_if_asked:
+            stop_if_asked()
+            bench.supply.set_output(True)
+            for current_A in currents_A:
+                coil.ramp_to(current_A, stop_if_asked)
+                coil.wait_until_reached(stop_if_asked)
+                bench.clock.sleep(SETTLED_AFTER_S)
+                readings.append(_read(sensing, probe.name, bench, stop_if_asked))
+    sensor = next(each for each in logged if each.name == probe.name)
+    return _evaluated(np.array(currents_A), readings, lambda *columns: field_line(sensor, *columns))
+
+
+def _evaluated(
+    current_A: NDArray[np.float64],
+    readings: list[list[SensorReading]],
+    line_of: Callable[..., FieldLine | None],
+) -> CoilCalibration:
+    values = np.array([[reading.value for reading in at_one] for at_one in readings])
+    stated = [[reading.standard_uncertainty for reading in at_one] for at_one in readings]
+    line = line_of(np.repeat(current_A, READINGS), values.ravel(), np.array(stated, dtype=float).ravel())
+    assert line is not None  # there are at least two currents
+    means = values.mean(axis=1)
+    at = [means[current_A == current] for current in np.unique(current_A)]
+    return CoilCalibration(current_A, means, line, float(max(np.ptp(same) for same in at)))
+
+
+def _read(sensing: Sensing, name: str, bench: CoilBench, stop_if_asked: Callable[[], None]) -> list[SensorReading]:
+    readings = []
+    for _ in range(READINGS):
+        stop_if_asked()
+        bench.clock.sleep(BETWEEN_READINGS_S)
+        reading = sensing.read().get(name)
+        if reading is None:
+            raise InstrumentError(f"the sensor {name} gives no value; its last error is in the warning before")
+        readings.append(reading)
+    return readings
+
+
+@contextmanager
+def _opened(rig: Rig, on_event: OnEvent) -> Iterator[CoilBench]:
+    if not rig.simulated:
+        with open_coil(rig, on_event=on_event) as bench:
+            yield bench
+        return
+    from eimi_lab.virtual.virtual_rig import open_virtual_coil
+    from eimi_lab.virtual.virtual_sensors import open_virtual_sensor
+
+    supply, field_mT, clock = open_virtual_coil(rig)
+    sensors = tuple(OpenSensor(rule, open_virtual_sensor(rule, field_mT, clock)) for rule in rig.sensors)
+    with closing(supply):
+        yield CoilBench(supply, clock, sensors=sensors)
+
+
+def with_measured_coil(calibration: Calibration, measured: CoilCalibration, today: date) -> Calibration:
+    """Return a calibration with the measured coil: its constant, the background along its axis, and the table.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        The calibration of the rig.
+    measured : CoilCalibration
+        The result of `calibrate_coil`.
+    today : date
+        The day of the measurement.
+
+    Raises
+    ------
+    InputError
+        If the measured field is opposite to the stated direction.
+    """
+    line = measured.line
+    if line.mT_per_A <= 0:
+        raise InputError(
+            f"{line.probe}: measured {line.mT_per_A:.4g} mT/A, but a positive current should give a positive field: "
+            "turn the probe round and set at_magnet = -1 in its table, or swap the leads of the coil"
+        )
+    angle = np.radians(calibration.field_angle_deg)
+    axis = np.array([np.cos(angle), np.sin(angle)])
+    background = np.array(calibration.background_field_mT or (0.0, 0.0))
+    background += (line.offset_mT - background @ axis) * axis
+    uncertainty = calibration.uncertainty or {}
+    rows = zip(measured.current_A, measured.field_mT, strict=True)
+    shape = calibration.field.model_dump(exclude_none=True) if calibration.field else {}
+    changes = {
+        "coil_constant_mT_per_A": round(line.mT_per_A, 6),
+        "background_field_mT": tuple(float(part) for part in background.round(6)),
+        "calibrated_on": today,
+        "uncertainty": {
+            **uncertainty,
+            "coil_constant_mT_per_A": float(f"{line.mT_per_A_sigma:.3g}"),
+            "background_field_mT": float(f"{max(line.offset_mT_sigma, uncertainty.get('background_field_mT', 0)):.3g}"),
+        },
+        "field": {**shape, "against_current": tuple((float(a), round(float(b), 6)) for a, b in rows)},
+    }
+    return changed_calibration(calibration, changes)

@@ -1,0 +1,100 @@
+"""Open the supply and the sensors of a rig, guarded, and close them after use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from eimi_drivers.interfaces import Camera, Clock, InstrumentDisconnected, InstrumentError, PowerSupply, Sensor
+from eimi_lab.acquisition.event_words import on_terminal
+from eimi_lab.acquisition.events import OnEvent, Warned
+from eimi_lab.acquisition.guardian import Guardian, Ward, guarding
+from eimi_lab.acquisition.interruption import Interruption
+from eimi_lab.acquisition.sensing import OpenSensor
+from eimi_lab.acquisition.supply_lock import only_run_on
+from eimi_lab.config.rig import Rig
+from eimi_lab.process.awake import kept_awake
+from eimi_lab.process.progress import silent
+
+
+@dataclass(frozen=True)
+class CoilBench:
+    """The open supply of a coil, its clock, its guardian (None for a simulated supply) and the sensors of the rig."""
+
+    supply: PowerSupply
+    clock: Clock
+    guardian: Guardian | None = None
+    interruption: Interruption = field(default_factory=Interruption)
+    sensors: tuple[OpenSensor, ...] = ()
+
+
+@contextmanager
+def open_coil(
+    rig: Rig,
+    transcript: Path | None = None,
+    *,
+    on_event: OnEvent | None = None,
+    guardian_events: int | None = None,
+) -> Iterator[CoilBench]:
+    """Open supply and sensors of a rig with real instruments, and close them at the end of the context.
+
+    Parameters
+    ----------
+    rig : Rig
+        The instruments, with the limits that apply.
+    transcript : Path or None
+        New file that records every message to and from the supply.
+    on_event : OnEvent or None
+        Receives a warning if a sensor cannot be closed. By default the warning is printed.
+    guardian_events : int or None
+        File descriptor to which the guardian writes its events.
+
+    Raises
+    ------
+    InstrumentError
+        If an instrument cannot be opened, or if another run uses the supply.
+    """
+    from eimi_drivers.clock import WallClock
+    from eimi_drivers.sensors.sensor_names import open_sensor
+    from eimi_drivers.supplies.supply_names import open_supply
+    from eimi_lab.acquisition.added_driver import pack
+
+    wall, interruption, driver, within = WallClock(), Interruption(), rig.supply.driver, rig.supply.opened_with
+    ward = Ward(driver, rig.supply.address, within.current_A, within.voltage_V, pack(driver), within.off_below_A)
+    with ExitStack() as opened:
+        opened.enter_context(only_run_on(rig.supply.address))
+        opened.enter_context(kept_awake("a run with current in a coil"))
+        guardian = opened.enter_context(guarding(ward, guardian_events))
+        try:
+            supply = opened.enter_context(
+                closing(open_supply(ward.driver, ward.address, within, wall, transcript, interruption.between_messages))
+            )
+            sensors = []
+            for rule in rig.sensors:
+                sensors.append(OpenSensor(rule, open_sensor(rule.driver, rule.address, wall)))
+                opened.callback(close_or_tell, sensors[-1].sensor, on_event or on_terminal(silent))
+        except InstrumentDisconnected as error:
+            raise InstrumentDisconnected(f"{error}; {attached()}") from error
+        yield CoilBench(supply, wall, guardian, interruption, tuple(sensors))
+
+
+def close_or_tell(instrument: Camera | Sensor, on_event: OnEvent) -> None:
+    """Close a camera or a sensor; an error becomes a warning: the coil is off and the states are stored by then."""
+    try:
+        instrument.close()
+    except InstrumentError as error:
+        on_event(Warned(message=str(error)))
+
+
+def attached() -> str:
+    """Return a list of the attached instruments, for the error about an instrument that was not found."""
+    from eimi_drivers.discovery import list_cameras, list_serial_ports
+
+    ports = ", ".join(port.address for port in list_serial_ports()) or "none"
+    cameras = ", ".join(camera.address for camera in list_cameras()) or "none"
+    return (
+        f"serial ports of this computer: {ports}; cameras: {cameras}; `eimi instruments` shows more, and --rig virtual "
+        "needs no instrument"
+    )

@@ -1,0 +1,45 @@
+"""Begin with the output of the supply off: refuse one that is on, or switch it off."""
+
+from __future__ import annotations
+
+from eimi_drivers.interfaces import InstrumentError, SwitchOffFailed
+from eimi_drivers.supplies.off import off_limit_A
+from eimi_lab.acquisition.coil import Coil
+from eimi_lab.acquisition.events import OnEvent
+from eimi_lab.acquisition.open_bench import Bench
+from eimi_lab.acquisition.open_coil import CoilBench
+from eimi_lab.acquisition.switching_off import switching_off
+from eimi_lab.config.protocol import Ramp
+
+
+def begin_with_output_off(
+    bench: Bench | CoilBench, ramp: Ramp, take_over: bool, simulated: bool, on_event: OnEvent
+) -> None:
+    """Refuse a supply whose output is on, or with `take_over` switch it off. Raises InstrumentError, Stopped.
+
+    A simulated supply whose output is off is not measured, see `Coil`.
+    """
+    supply = bench.supply
+    if simulated and not supply.output_on():
+        return
+    reading = supply.measure()
+    if not supply.output_on():
+        limit_A = off_limit_A(supply)
+        if getattr(supply, "measures_current", True) and abs(reading.current_A) > limit_A:
+            raise SwitchOffFailed(
+                f"{supply.identify().address}: {reading.current_A:.2f} A measured although the output is off; at most "
+                f"{limit_A:g} A counts as off",
+                reading.current_A,
+                limit_A,
+            )
+        return
+    if not take_over:
+        raise InstrumentError(
+            f"{supply.identify().address}: the output is on ({reading.current_A:.3f} A, {reading.voltage_V:.2f} V); "
+            "another program may use the supply or may have crashed; a run begins with the output off, and "
+            "--take-over switches it off first"
+        )
+    limit = supply.limits.current_A
+    coil = Coil(supply, bench.clock, ramp, asked_A=max(-limit, min(reading.current_A, limit)))
+    with switching_off(coil, bench.guardian, bench.interruption, on_event):
+        return
