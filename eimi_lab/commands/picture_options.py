@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -39,6 +40,13 @@ class PictureOptions:
     beam_colour: Annotated[
         str | None, typer.Option(metavar="R,G,B", help="colour of the beam, three numbers from 0 to 255")
     ] = None
+    along: Annotated[
+        str | None,
+        typer.Option(
+            metavar="'X,Y X,Y ...'",
+            help="two to six points on the centre line of the beam in the first image, from clamp to tip, in px",
+        ),
+    ] = None
 
     def changes(self) -> dict[str, Any]:
         """Return the values that replace those of a calibration, by key (`eimi_lab.config.calibration.Changes`).
@@ -53,6 +61,7 @@ class PictureOptions:
             "polarity": self.polarity,
             "channel": self.channel,
             "beam_colour": self.beam_colour and _numbers("--beam-colour", self.beam_colour, 3),
+            "along_px": None if self.along is None else _points("--along", self.along),
         }
         changes: dict[str, Any] = {
             "clamp_midpoint_px": self.clamp and _numbers("--clamp", self.clamp, 2),
@@ -71,6 +80,17 @@ def _numbers(option: str, text: str, count: int, whole: bool = False) -> tuple[f
         kind = "whole numbers" if whole else "numbers"
         raise InputError(f"{option} {text}: should be {count} {kind}, separated by commas")
     return numbers
+
+
+def _points(option: str, text: str) -> tuple[tuple[float, ...], ...]:
+    texts = re.sub(r"\s*,\s*", ",", text.strip()).split()
+    try:
+        points = tuple(tuple(map(float, point.split(","))) for point in texts)
+    except ValueError:
+        points = ()
+    if not 2 <= len(points) <= 6 or any(len(point) != 2 for point in points):
+        raise InputError(f"{option} {text!r}: should be two to six points such as '120,80 118,160 101,240'")
+    return points
 
 
 def ask_where(missing: tuple[str, ...], source: Path, states: Path, calibration: str, output: Path) -> InputError:

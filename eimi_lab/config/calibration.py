@@ -44,6 +44,8 @@ class Picture(Table):
     """The colour in which beam and surroundings differ most."""
     beam_colour: Triple | None = None
     """Red, green and blue of the beam, 0 to 255; use it instead of channel."""
+    along_px: Annotated[tuple[Pair, ...], Field(strict=False)] | None = None
+    """Two to six points on the centre line of the beam in the first picture, from clamp to tip."""
 
     @model_validator(mode="after")
     def _sensible(self) -> Picture:
@@ -53,6 +55,8 @@ class Picture(Table):
             )
         if self.beam_colour is not None and not all(0 <= part <= 255 for part in self.beam_colour):
             raise ValueError(f"beam_colour = {list(self.beam_colour)} should be red, green and blue from 0 to 255")
+        if self.along_px is not None and not 2 <= len(self.along_px) <= 6:
+            raise ValueError(f"along_px has {len(self.along_px)} points; give two to six")
         if self.channel is not None and self.beam_colour is not None:
             raise ValueError("has both channel and beam_colour; give one of them")
         return self

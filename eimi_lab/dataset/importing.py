@@ -28,6 +28,7 @@ from eimi_lab.process.outputs import whole_file
 from eimi_lab.process.progress import silent
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import Flag
+from eimi_lab.vision.clicked_points import check_clicked_points
 from eimi_lab.vision.edges.region import region_of
 from eimi_lab.vision.flags import judge
 from eimi_lab.vision.frame_checks import state_flags
@@ -207,6 +208,7 @@ def _check_prompts(image: Path, specimen: SpecimenFile, calibration: Calibration
             f"pixels_per_mm = {scale:g} is {long_px:.0f} x {wide_px:.0f} px: correct the scale, or the dimensions"
         )
     region_of(calibration, (height, width))
+    check_clicked_points(calibration, specimen, (height, width))
     half = beam.width_mm / 2
     straight = [[0, -half], [0, half], [beam.length_mm, -half], [beam.length_mm, half]]
     corners = BeamFrame(calibration).to_px(np.array(straight))

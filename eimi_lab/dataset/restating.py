@@ -20,6 +20,7 @@ from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.rewriting import rewritten
 from eimi_lab.dataset.stored_edges import drop_edges
 from eimi_lab.process.errors import InputError
+from eimi_lab.vision.clicked_points import check_clicked_points
 from eimi_lab.vision.edges.region import region_of
 
 _LARGEST_TEXTS_BYTES = 1 << 16
@@ -53,12 +54,12 @@ def restate(
     with open_dataset(path) as dataset:
         if dataset.calibration is None:
             raise InputError(f"{path}: holds tracked points, which need no segmentation; import them again")
+        beam = _same_beam(dataset, specimen)
+        corrected = _calibration(dataset, dataset.calibration, calibration, changes or {})
+        check_clicked_points(corrected, beam, dataset.frame_format()[0])
         before: dict[str, Document] = {"specimen": dataset.specimen, "calibration": dataset.calibration}
-        after: dict[str, Document] = {
-            "specimen": _same_beam(dataset, specimen),
-            "calibration": _calibration(dataset, dataset.calibration, calibration, changes or {}),
-        }
-        factor = _field_factor(dataset, dataset.calibration, after["calibration"], calibration)
+        after: dict[str, Document] = {"specimen": beam, "calibration": corrected}
+        factor = _field_factor(dataset, dataset.calibration, corrected, calibration)
     changed = {name: differences(before[name].text, after[name].text) for name in before}
     if any(changed.values()):
         with rewritten(path, _LARGEST_TEXTS_BYTES) as entry:
@@ -93,9 +94,8 @@ def _calibration(dataset: Dataset, present: Calibration, file: Path | None, chan
     return corrected
 
 
-def _field_factor(dataset: Dataset, before: Calibration, after: Document, file: Path | None) -> float:
+def _field_factor(dataset: Dataset, before: Calibration, after: Calibration, file: Path | None) -> float:
     """Return the factor by which the fields change; raise InputError if the fields may not follow from the currents."""
-    assert isinstance(after, Calibration)
     factor = after.coil_constant_mT_per_A / before.coil_constant_mT_per_A
     if factor != 1.0 and dataset.text("protocol") is None:
         raise InputError(

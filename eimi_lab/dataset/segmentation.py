@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_lab.config.calibration import Calibration
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.stored_edges import write_edges
 from eimi_lab.process.errors import InputError
@@ -105,10 +106,14 @@ def _find_all(
 ) -> tuple[EdgeSet, ...]:
     edge_sets: list[EdgeSet] = []
     last_reliable: EdgeSet | None = None
-    with closing(_found_by_workers(frames.dataset, projection, executor)) as results:
+    clicked = _clicked_mm(frames.calibration)
+    with closing(_found_by_workers(frames.dataset, projection, None if clicked is not None else executor)) as results:
         for state, edge_set in zip(frames.dataset.states, results, strict=True):
             if edge_set is None:
-                edge_set = _edges_in(frames, state.index, projection, partial(_return, last_reliable))
+                expected = None
+                if clicked is not None and state.index:
+                    expected = clicked if last_reliable is None else last_reliable.middle_mm
+                edge_set = _edges_in(frames, state.index, projection, partial(_return, last_reliable), expected)
             if _is_reliable(edge_set):
                 last_reliable = edge_set
             edge_set = replace(edge_set, flags=state.flags + edge_set.flags)
@@ -116,6 +121,13 @@ def _find_all(
             flags = ", ".join(flag.name for flag in edge_set.flags) or "no flags"
             report(f"{len(edge_set.left.sigma_mm)} + {len(edge_set.right.sigma_mm)} points, {flags}")
     return tuple(edge_sets)
+
+
+def _clicked_mm(calibration: Calibration) -> NDArray[np.float64] | None:
+    """Return the clicked points (n, 2) in mm, or None; they guide the later states until one is followed."""
+    if calibration.picture is None or calibration.picture.along_px is None:
+        return None
+    return BeamFrame(calibration).to_mm(np.array(calibration.picture.along_px))
 
 
 def _return(edge_set: EdgeSet | None) -> EdgeSet | None:
@@ -195,6 +207,7 @@ def _edges_in(
     index: int,
     projection: Projection | None,
     earlier: Callable[[], EdgeSet | None] | None = None,
+    expected_mm: NDArray[np.float64] | None = None,
 ) -> EdgeSet:
     """Find the edges in the mean image of a state, within the calibration's region and without the run's flags.
 
@@ -209,6 +222,7 @@ def _edges_in(
         calibration_age_days=calibration.age_days(dataset.start_time()),
         projection=projection,
         earlier=earlier,
+        expected_mm=expected_mm,
     )
     return region.in_picture(edge_set) if region else edge_set
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -33,6 +33,7 @@ def import_pictures(
     polarity: Literal["dark", "bright"] | None = None,
     channel: Literal["red", "green", "blue", "grey"] | None = None,
     beam_colour: tuple[float, float, float] | None = None,
+    along: Sequence[tuple[float, float]] | None = None,
     force: bool = False,
 ) -> Dataset:
     """Make a dataset from images or a video.
@@ -65,6 +66,9 @@ def import_pictures(
         Channel in which the beam differs most from its background.
     beam_colour : (float, float, float)
         Colour of the beam: red, green and blue, each from 0 to 255.
+    along : sequence of (float, float)
+        Two to six points on the centre line of the beam in the first image, from clamp to tip, px. They guide the
+        search, and are no edges. Later images are searched near the beam of the image before.
     force : bool
         Replace an existing dataset.
 
@@ -83,7 +87,7 @@ def import_pictures(
     from eimi_lab.process.outputs import check_distinct
     from eimi_lab.process.progress import progress
 
-    changes = _changes(clamp, axis, region, polarity, channel, beam_colour)
+    changes = _changes(clamp, axis, region, polarity, channel, beam_colour, along)
     check_distinct(files(source, states, specimen, calibration, dark, flat), [Path(output)])
     if isinstance(calibration, Calibration):
         used_calibration = changed_calibration(calibration, changes)
@@ -162,6 +166,7 @@ def segment(
     polarity: Literal["dark", "bright"] | None = None,
     channel: Literal["red", "green", "blue", "grey"] | None = None,
     beam_colour: tuple[float, float, float] | None = None,
+    along: Sequence[tuple[float, float]] | None = None,
     csv: AnyPath | None = None,
     overlay: AnyPath | None = None,
     explain: AnyPath | None = None,
@@ -179,7 +184,7 @@ def segment(
         A dataset of frames. An open dataset is closed while the edges are written, and then opened again.
     specimen, calibration : str, Path or object
         Specimen and calibration that replace the stored ones. The dataset keeps both versions.
-    clamp, axis, region, polarity, channel, beam_colour
+    clamp, axis, region, polarity, channel, beam_colour, along
         Values that replace those of the calibration, see `import_pictures`. The dataset stores them.
     csv : str or Path
         Folder for the edges as CSV.
@@ -206,7 +211,7 @@ def segment(
     InputError
         If the dataset has no frames, or if a file cannot be used.
     """
-    changes = _changes(clamp, axis, region, polarity, channel, beam_colour)
+    changes = _changes(clamp, axis, region, polarity, channel, beam_colour, along)
     with closed_meanwhile([dataset]) as (path,), TemporaryDirectory() as folder:
         find_edges(
             path,
@@ -244,9 +249,16 @@ def _changes(
     polarity: str | None,
     channel: str | None,
     beam_colour: tuple[float, float, float] | None,
+    along: Sequence[tuple[float, float]] | None,
 ) -> dict[str, Any]:
     """Return the values that replace those of a calibration, see `config.calibration.Changes`."""
-    picture = {"region_px": region, "polarity": polarity, "channel": channel, "beam_colour": beam_colour}
+    picture = {
+        "region_px": region,
+        "polarity": polarity,
+        "channel": channel,
+        "beam_colour": beam_colour,
+        "along_px": None if along is None else tuple(map(tuple, along)),
+    }
     changes: dict[str, Any] = {
         "clamp_midpoint_px": clamp,
         "axis_angle_deg": axis,

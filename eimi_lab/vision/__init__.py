@@ -15,6 +15,7 @@ flags                the table of all quality checks
 followed_checks      the rows of that table for followed beams
 frame_checks         check the frames of one state for losses, repetitions and motion
 settling_statistic   compare two frames with the noise of the camera
+clicked_points       check the points that a person clicked on the centre line
 ruled_picture        draw a grid of pixel coordinates over a frame
 
 docs/why/edges.md holds the measured errors. `benchmarks/edges.py` prints them, and `benchmarks/flag_pictures.py`

@@ -22,6 +22,13 @@ FOLLOWED = (
     ),
     Check(
         name="NOT_FOLLOWED",
+        finding="followed_click",
+        quantity="distance of the farthest clicked point from the followed path, beyond 10 px, in beam widths",
+        limit=0.5,
+        remedy="Correct --along: {clicks_off}.",
+    ),
+    Check(
+        name="NOT_FOLLOWED",
         finding="followed_length",
         quantity="length over which the beam was followed from its clamp, share of its stated length",
         limit=0.55,
@@ -116,10 +123,10 @@ FOLLOWED = (
     Check(
         name="OWN_SHADOW",
         finding="followed_shadow",
-        quantity="RMS distance by which edges were moved from the border of a shadow to the beam, px",
+        quantity="RMS distance between edges and the borders of what may be shadows, px",
         limit=0.0,
-        remedy="Check in the overlay that the edges are those of the beam and not of its shadow: only colours that a "
-        "shadow does not change were used; move the lamp, or move the background farther back.",
+        remedy="Check in the overlay that the edges are those of the beam, not of its shadow and not of a layer inside "
+        "it; move the lamp, or move the background farther back.",
         picture="a beam on its own shadow",
         severity=Severity.DOUBTFUL,
         widens=lambda px: 0.5 * px,  # half the distance between the shadow's border and the beam's edge

@@ -4,6 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
+from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import Severity
@@ -160,9 +162,9 @@ def stripes(*shown, aside_px=0.0):
     return np.clip(moved, 0, 255).astype(np.uint8)
 
 
-def followed_in(run, files, *states, aside_px=(0.0,) * 9, workers=1):
+def followed_in(run, files, *states, aside_px=(0.0,) * 9, workers=1, along=()):
     """Segment states and name the stripe that each one's edges belong to, and whether ROOT_AMBIGUOUS was raised."""
-    pictures, dataset_file = files / f"pictures_{len(states)}", files / f"{len(states)}.h5"
+    pictures, dataset_file = files / f"pictures_{len(states)}{along}", files / f"{len(states)}{along}.h5"
     pictures.mkdir()
     for index, shown in enumerate(states):
         cv2.imwrite(str(pictures / f"{index}.png"), stripes(*shown, aside_px=aside_px[index]))
@@ -172,7 +174,7 @@ def followed_in(run, files, *states, aside_px=(0.0,) * 9, workers=1):
     arguments += ["--calibration", files / "calibration.toml", "-o", dataset_file]
     status, said = run("import", pictures, *arguments)
     assert status == 0, said
-    status, said = run("segment", dataset_file, "--workers", workers)
+    status, said = run("segment", dataset_file, "--workers", workers, *(("--along", along) if along else ()))
     assert status == 0, said
     with open_dataset(dataset_file) as dataset:
         frame = BeamFrame(dataset.calibration)
@@ -195,6 +197,26 @@ def test_an_earlier_state_decides_only_between_equally_likely_bodies(run, files)
     # one stripe only. A worker reads a single state, and leaves the decision to the main process.
     followed = followed_in(run, files, (other,), both, both, (alone.split(",")[0],), workers=2)
     assert followed == [other, f"{other}, in doubt", f"{other}, in doubt", alone.split(",")[0]]
+
+
+@pytest.mark.parametrize(("stripe", "x"), [("red", 52), ("blue", 76)])
+def test_clicked_points_decide_which_body_is_followed_in_all_states(run, files, stripe, x):
+    both = ("red", "blue")
+    along = f"{x},30 {x},55 {x},80"
+    assert followed_in(run, files, both, both, both, along=along, workers=2)[0] == stripe
+    with open_dataset(files / f"3{along}.h5") as dataset:
+        assert dataset.calibration.picture.along_px == ((x, 30.0), (x, 55.0), (x, 80.0))
+        middles = [edges.middle_mm[:, 1].mean() for edges in dataset.edges()]
+    assert np.ptp(middles) < 0.1
+
+
+def test_clicked_points_off_the_beam_are_reported(files):
+    clicks = {"picture": {"along_px": ((106.0, 40.0), (112.0, 70.0))}}
+    calibration = load_calibration(files / "calibration.toml", clicks)
+    edges = find_edges(stripes("red"), calibration, load_specimen(files / "specimen.toml"))
+    assert len(edges.left.points_mm) == 0
+    assert edges.flags[0].severity is Severity.UNUSABLE
+    assert "Correct --along" in edges.flags[0].remedy
 
 
 def test_an_ambiguous_state_does_not_guide_later_states(run, files):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,8 @@ from eimi_lab.vision.check import Severity, leaves_out
 from eimi_lab.vision.edges.back_lit import BackLitSearch
 from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 from eimi_lab.vision.flags import judge
+from eimi_lab.vision.following.centre_line import CLICKED_PX, carried_line, clicked_line
+from eimi_lab.vision.following.clicks import off_path, with_clicks
 from eimi_lab.vision.following.edge_points import StripEdges
 from eimi_lab.vision.following.follow import FollowedBeam, follow
 from eimi_lab.vision.following.in_picture import in_255, stated_beam
@@ -39,6 +42,7 @@ def find_edges(
     calibration_age_days: float | None = None,
     projection: Projection | None = None,
     earlier: Callable[[], EdgeSet | None] | None = None,
+    expected_mm: Array | None = None,
 ) -> EdgeSet:
     """Find the edges of the beam in one image.
 
@@ -70,6 +74,9 @@ def find_edges(
     earlier : callable, optional
         Return the edges of an earlier state with the same calibration, or None. It is called only if several bodies are
         equally likely to be the beam. The body nearest to the earlier edges is then used, with the flag ROOT_AMBIGUOUS.
+    expected_mm : ndarray, shape (n, 2), optional
+        Middle of the beam in an earlier picture, from the clamp outward, for a picture in which nobody clicked. It
+        replaces the calibration's clicked points.
 
     Returns
     -------
@@ -98,25 +105,40 @@ def find_edges(
     outlined = search.find_outline(image)
     trusted = outlined is not None and not _is_in_doubt(image, search)
     edges = search.locate_edges(outlined, spacing_mm) if outlined is not None and trusted else None
+    clicks = _clicks(calibration) if expected_mm is None else None
+    if edges is not None and clicks is not None and _passes_beside(edges, search.frame, clicks):
+        edges, outlined = None, None
     if edges is not None and not _is_in_doubt(image, search):
         flags = judge(findings, limits, search.words())
     else:
         followed = follow_beam(
-            image, calibration, specimen_file, spacing_mm=spacing_mm, projection=projection, earlier=earlier
+            image,
+            calibration,
+            specimen_file,
+            spacing_mm=spacing_mm,
+            projection=projection,
+            earlier=earlier,
+            expected_mm=expected_mm,
         )
         followed_edges = _followed_edges(followed, search.frame, limits)
         if followed_edges is not None:
             clamp = {"followed_clamp": findings["clamp_seen"]}
             edges, flags = followed_edges, judge(followed.findings | clamp | age, limits, followed.words)
         else:
-            if outlined is not None and not trusted:  # the edges of a doubtful silhouette are better than none
-                edges = search.locate_edges(outlined, spacing_mm)
+            if outlined is not None and not trusted and clicks is None:
+                edges = search.locate_edges(
+                    outlined, spacing_mm
+                )  # better than none, although the silhouette is doubtful
             flags = judge(findings, limits, search.words())
             if edges is None:
-                raised = {flag.name for flag in flags}
                 flags_of_following = judge(followed.findings, limits, followed.words)
-                grave = {flag.name: flag for flag in flags_of_following if flag.severity is Severity.UNUSABLE}
-                flags += tuple(flag for name, flag in grave.items() if name not in raised)
+                grave = {flag.name: flag for flag in reversed(flags_of_following) if flag.severity is Severity.UNUSABLE}
+                grave = dict(reversed(grave.items()))  # the first flag of each name, in the order of the table
+                if np.ndim(image) == 3 and grave:  # advice for a back-light does not help a photograph
+                    flags = tuple(grave.values())
+                else:
+                    raised = {flag.name for flag in flags}
+                    flags += tuple(flag for name, flag in grave.items() if name not in raised)
     nothing = EdgePoints(np.zeros((0, 2)), np.zeros(0))
     left, right, corners_px = edges or (nothing, nothing, np.full((4, 2), np.nan))
     return EdgeSet(left, right, flags, corners_px, calibration.digest, calibration_age_days)
@@ -130,6 +152,7 @@ def follow_beam(
     spacing_mm: float = 0.3,
     projection: Projection | None = None,
     earlier: Callable[[], EdgeSet | None] | None = None,
+    expected_mm: Array | None = None,
 ) -> FollowedBeam:
     """Follow the beam from its clamp in one image, and keep the intermediate results.
 
@@ -138,7 +161,7 @@ def follow_beam(
 
     Parameters
     ----------
-    image, calibration, specimen_file, spacing_mm, projection, earlier
+    image, calibration, specimen_file, spacing_mm, projection, earlier, expected_mm
         See `find_edges`.
 
     Returns
@@ -154,13 +177,34 @@ def follow_beam(
     beam = specimen_file.specimen
     frame = BeamFrame(calibration)
     stated = stated_beam(frame, beam.length_mm, beam.width_mm)
+    clicks = _clicks(calibration)
+    if expected_mm is not None:
+        stated = replace(stated, line=carried_line(frame.to_px(np.vstack([[0.0, 0.0], expected_mm]))))
+        clicks = None
+    elif clicks is not None:
+        stated = replace(stated, line=clicked_line(stated.clamp_px, stated.ahead, clicks))
     polarity = help_given.polarity if help_given else None
 
     def earlier_px() -> Array | None:
         before = earlier() if earlier else None
         return None if before is None else frame.to_px(before.middle_mm)
 
-    return follow(in_255(pixels), stated, spacing_mm * calibration.pixels_per_mm, polarity, earlier_px)
+    followed = follow(in_255(pixels), stated, spacing_mm * calibration.pixels_per_mm, polarity, earlier_px)
+    return followed if clicks is None else with_clicks(followed, clicks, stated.width_px)
+
+
+def _clicks(calibration: Calibration) -> Array | None:
+    """Return the clicked points (n, 2), px, or None."""
+    clicks = calibration.picture.along_px if calibration.picture else None
+    return None if clicks is None else np.array(clicks)
+
+
+def _passes_beside(edges: _Edges, frame: BeamFrame, clicks: Array) -> bool:
+    """Return whether a clicked point lies outside both edges by more than a person's clicks err."""
+    left, right = (frame.to_px(edge.points_mm) for edge in edges[:2])
+    middle = 0.5 * (left + right[np.linalg.norm(left[:, None] - right, axis=2).argmin(axis=1)])
+    half = 0.5 * float(np.median(np.linalg.norm(left[:, None] - right, axis=2).min(axis=1)))
+    return bool(off_path(middle, clicks).max() > half + CLICKED_PX)
 
 
 def _is_in_doubt(image: ArrayLike, search: BackLitSearch) -> bool:

@@ -73,9 +73,16 @@ def region_of(calibration: Calibration, shape: tuple[int, ...]) -> Region | None
         problem = f"should lie in the pictures of {shape[1]} x {shape[0]} px"
     elif not (left <= x < left + width and top <= y < top + height):
         problem = f"should contain clamp_midpoint_px = {[x, y]}, where the beam begins"
+    points = calibration.picture.along_px or ()
+    clicks = np.array(points).reshape(-1, 2) - [left, top]
+    if not problem and ((clicks < 0).any() or (clicks >= [width, height]).any()):
+        problem = f"should contain all points of along_px = {[list(point) for point in points]}"
     if problem:
         raise InputError(f"region_px = {[left, top, width, height]} (left, top, width, height) {problem}")
     changed: dict[str, Any] = {"clamp_midpoint_px": (x - left, y - top)}
+    if len(clicks):
+        moved = tuple((float(x), float(y)) for x, y in clicks)
+        changed["picture"] = calibration.picture.model_copy(update={"along_px": moved})
     if calibration.camera_matrix is not None:
         (fx, skew, cx), (zero, fy, cy), last = calibration.camera_matrix
         changed["camera_matrix"] = ((fx, skew, cx - left), (zero, fy, cy - top), last)

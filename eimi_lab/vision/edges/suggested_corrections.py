@@ -11,15 +11,18 @@ from numpy.typing import NDArray
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.vision.beam_frame import BeamFrame
-from eimi_lab.vision.check import leaves_out
+from eimi_lab.vision.check import Severity
+from eimi_lab.vision.edges.edge_set import EdgeSet
 from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.following.follow import NARROWEST_PX
 from eimi_lab.vision.intensity import full_scale
 from eimi_lab.vision.projection import Projection
 
+WIDTHS = (0.8, 1.25)
 SCALES = (0.5, 0.7, 1.4, 2.0)
 TURNS_DEG = (40.0, -40.0, 90.0, -90.0, 180.0)
 ASIDE = (2.5, -2.5)  # beam widths by which the clamp is moved, across the beam and along it
+_FULL_LENGTH = 0.8  # of the stated length, at the last point: the corners at the tip are left out
 _LEAST_SPAN = 0.05  # of full scale, from the darkest to the brightest hundredth
 
 
@@ -28,8 +31,9 @@ def suggest_correction(
 ) -> str:
     """Say in words which value is likely wrong for an image in which no beam was found.
 
-    Other scales, axes and clamps are tried one at a time, each clearly different from the stated value. The first with
-    which a beam is found is suggested. This is no proof, and nothing is changed.
+    The search is tried without clicked points, and with other widths, scales, axes and clamps, one at a time, each
+    clearly different from the stated value. The first with which a beam of the full length is found, without a doubt,
+    is suggested. This is no proof, and nothing is changed.
 
     Parameters
     ----------
@@ -48,12 +52,14 @@ def suggest_correction(
         A part of a sentence, to follow "no beam was found;".
     """
     for changes, words in _corrections(calibration, specimen.specimen.width_mm):
-        changed = calibration.model_copy(update=changes)
+        size = {key: changes[key] for key in changes if key == "width_mm"}
+        beam = specimen.model_copy(update={"specimen": specimen.specimen.model_copy(update=size)})
+        changed = calibration.model_copy(update={key: changes[key] for key in changes if key not in size})
         x, y = changed.clamp_midpoint_px
         if not (0 <= x < image.shape[1] and 0 <= y < image.shape[0]):
             continue
-        edges = find_edges(image, changed, specimen, projection=projection)
-        if len(edges.left.sigma_mm) and len(edges.right.sigma_mm) and not leaves_out(edges.flags):
+        edges = find_edges(image, changed, beam, projection=projection)
+        if _is_convincing(edges, beam):
             return f"one is found with {words}"
     if reason := _shows_nothing(image) or _cut_by_border(image, calibration, specimen):
         return reason
@@ -62,8 +68,20 @@ def suggest_correction(
         return f"it is {wide_px:.2g} px wide and should be at least {NARROWEST_PX:g}: go nearer, or use a longer lens;"
     return (
         "no body of the stated width leaves the clamp there or nearby: check clamp_midpoint_px, axis_angle_deg and "
-        "pixels_per_mm, or help with --region, --polarity and --beam-colour;"
+        "pixels_per_mm, or help with --along, --region, --polarity and --beam-colour;"
     )
+
+
+def _is_convincing(edges: EdgeSet, specimen: SpecimenFile) -> bool:
+    """Return whether both edges have nearly the full length, and no flag that is more than a note."""
+    if any(flag.severity is not Severity.NOTE for flag in edges.flags):
+        return False
+    for edge in (edges.left, edges.right):
+        steps = np.diff(edge.points_mm, axis=0)
+        end_mm = np.abs(edge.points_mm[:1, 0]).sum() + np.hypot(*steps.T).sum()
+        if end_mm < _FULL_LENGTH * specimen.specimen.length_mm:
+            return False
+    return True
 
 
 def _shows_nothing(image: NDArray[Any]) -> str:
@@ -92,7 +110,16 @@ def _cut_by_border(image: NDArray[Any], calibration: Calibration, specimen: Spec
 
 
 def _corrections(calibration: Calibration, width_mm: float) -> Iterator[tuple[dict[str, Any], str]]:
-    """Yield changes of the calibration with their words: other scales, axes and clamps."""
+    """Yield changes of the calibration or the width with their words."""
+    picture = calibration.picture
+    if picture is not None and picture.along_px is not None:
+        yield (
+            {"picture": picture.model_copy(update={"along_px": None})},
+            "another centre line than --along: is it right?",
+        )
+    for factor in WIDTHS:
+        width = factor * width_mm
+        yield {"width_mm": width}, f"width_mm = {width:.3g}, {factor:g} times as much: is the width right?"
     for scale in SCALES:
         changed = scale * calibration.pixels_per_mm
         yield {"pixels_per_mm": changed}, f"pixels_per_mm = {changed:.3g}, {scale:g} times as much: is the scale right?"

@@ -1,6 +1,7 @@
 """Follow the beam from its clamp, in a photograph without a back-light.
 
 follow         the entry point: from one image to both edges and their quality
+centre_line    an expected centre line: clicked, or of an earlier picture
 stated         the stated clamp, axis, width and length of the beam, in pixels
 in_picture     the stated beam of a calibration and specimen, and the image scaled to 255
 working        cut the image to the reach of the beam, and scale the beam to a given width
@@ -15,6 +16,7 @@ shadows        move an edge from the border of a shadow to the edge of the beam
 support        where each edge is sure, and where the beam ends
 edge_points    fit blurred steps in the original image, and estimate the scatter of the points
 ends           remove the points at both ends where the width of the beam changes
+clicks         compare the followed path with clicked points
 doubts         measure shadows, reflections and clipping at the edges
 explaining     draw pictures of the intermediate results
 

@@ -5,6 +5,7 @@ its sides, from 0 to 2, less the support that is needed and less costs:
 
     gain = support - 0.8 - 0.42 misfit - 0.6 (shift / 0.35)² - cost of bend and width,
 
+plus the gain of an expected centre line (`centre_line`),
 with the misfit of the colours inside and the sideways shift in widths. The score of a strip is the sum of its gains.
 """
 
@@ -120,8 +121,9 @@ def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[
     step = max(width / 3.0, length / 90.0)
     strips = _seeds(picture, stiffness, polarity)
     trail = [_Generation(strips, np.arange(len(strips)), strips.score)]
-    for _ in range(round(_FARTHEST * length / step)):
-        strips, parent, gain = _extended(picture, strips, stiffness, step)
+    for count in range(1, round(_FARTHEST * length / step) + 1):
+        along = _SEED_AT * width + count * step
+        strips, parent, gain = _extended(picture, strips, stiffness, step, along)
         trail.append(_Generation(strips, parent, gain))
     return _best_strip(trail, step, width, earlier)
 
@@ -166,9 +168,9 @@ def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None)
 
 
 def _extended(
-    picture: WorkingPicture, strips: Hypotheses, stiffness: _Stiffness, step: float
+    picture: WorkingPicture, strips: Hypotheses, stiffness: _Stiffness, step: float, along: float
 ) -> tuple[Hypotheses, NDArray[np.int64], Array]:
-    """Extend every strip by one step in all its ways, and keep the best.
+    """Extend every strip by one step in all its ways to the distance `along` from the clamp, and keep the best.
 
     Returns the extended strips, the index of each one's parent, and what the step gained.
     """
@@ -191,6 +193,8 @@ def _extended(
     gain -= 0.42 * hypothesis.misfit(colours, strips.template[:, None], variance)
     gain -= 0.6 * (_MORE_ASIDE / 0.35) ** 2
     gain -= _implausible(_MORE_BEND, width / picture.beam.width_px, bend, picture.beam.width_px)
+    if picture.beam.line is not None:
+        gain += picture.beam.line.gain(x, y, along, picture.beam.width_px)
     high, wide = picture.pixels.shape[:2]
     gain[(x < -0.5) | (y < -0.5) | (x > wide - 0.5) | (y > high - 0.5)] = -_NEEDED - 0.42 * 2.0
     score = np.where(np.abs(bend) <= stiffness.most, strips.score[:, None] + gain, -np.inf)

@@ -30,7 +30,7 @@ class Seams:
     projected : tuple of ColourProjection
         The colour projection of each edge.
     shadow : ndarray, shape (2, n)
-        Distance by which an edge was moved off the border of a shadow, in stated widths; 0 where it was not moved.
+        Distance between an edge and the border of what may be its shadow, in stated widths; 0 where there is none.
     """
 
     edge: Array

@@ -56,7 +56,7 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
 
 
 def shadow_px(sides: Sides, width_px: float) -> float:
-    """Return the RMS distance (px) by which sure places of the edges were moved off the borders of shadows."""
+    """Return the RMS distance (px) between sure places of the edges and the borders of what may be shadows."""
     return width_px * float(np.sqrt((sides.shadow[sides.sound] ** 2).mean()))
 
 

@@ -54,7 +54,7 @@ class FollowedBeam:
     unrolled: UnrolledPicture | None = None
     sides: Sides | None = None
     edges: tuple[StripEdges, StripEdges] | None = None
-    words: dict[str, str] = field(default_factory=lambda: {"narrow_px": ""})
+    words: dict[str, str] = field(default_factory=lambda: {"narrow_px": "", "clicks_off": ""})
 
     def moved(self, by_px: Array) -> FollowedBeam:
         """Return the same result for the picture from which this one was cut at a place (2,), px."""
@@ -142,7 +142,7 @@ def _in_working(picture: WorkingPicture, places_px: Array | None) -> Array | Non
 
 def _words(beam: StatedBeam) -> dict[str, str]:
     """Return the words of the remedy for a beam that is too narrow."""
-    return {"narrow_px": f"{beam.width_px:.2g}"}
+    return {"narrow_px": f"{beam.width_px:.2g}", "clicks_off": ""}
 
 
 def _findings(

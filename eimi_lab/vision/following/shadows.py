@@ -5,6 +5,9 @@ White light dims all colours of a surface in shadow by the same factor (R. Gersh
 orthogonal to the colour of the surroundings every multiple of that colour is 0. The border of a shadow on the
 surroundings then has no step. The edge of the beam keeps a step unless its colour is a multiple of that of the
 surroundings.
+
+The thin rim of a translucent body dims the surroundings too, but it looks like the rest of the body: nearly the whole
+step of the colours is at its outer border. Such a border is kept, and the distance of the other one is still recorded.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_opening, median_filter, uniform_filter1d
 
 from eimi_lab.vision.following.colour_seams import OUTWARD, Seams, find_colour_seams
-from eimi_lab.vision.following.discriminant import OUTSIDE_BAND, ColourProjection
+from eimi_lab.vision.following.discriminant import INSIDE_BAND, OUTSIDE_BAND, ColourProjection
 from eimi_lab.vision.following.unrolled import UnrolledPicture
 
 Array = NDArray[np.float64]
@@ -26,6 +29,7 @@ _WINDOW = 1.0  # widths along the beam over which both edges are compared; a sho
 _LEAST_SHIFT, _LEAST_SHIFT_PX = 0.03, 1.5  # widths, and pixels of the image: a smaller shift is ignored
 _LEAST_SEPARATION = 3.0  # standard deviations between inside and outside
 _AS_SURE = 0.15  # least share of the separation that all colours have
+_LEAST_BODY_STEP = 0.2  # of the step at the border: behind the border of a shadow the body differs by more
 _HALF = 0.5  # of the fall of a full step
 _ALONG_IT = 0.2  # of the edge: along a shadow at least this long, every sure place is moved
 
@@ -45,6 +49,7 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     Returns
     -------
     Seams
+        `Seams.shadow` is also set where the border is that of a translucent rim, and is not moved.
     """
     if unrolled.colours.shape[2] == 1:
         return colour_seams
@@ -64,13 +69,35 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     if not moved.any():
         return colour_seams
     moved |= sure & (moved.mean(axis=1, keepdims=True) > _ALONG_IT)
+    shadow = np.where(moved, shift, 0.0)
+    for edge, border, places in zip(body.edge, colour_seams.edge, moved, strict=True):
+        if places.any() and _is_rim(unrolled, edge, border, places, window):
+            places[:] = False
     left, right = (_merged(*sides) for sides in zip(moved, body.projected, colour_seams.projected, strict=True))
     return Seams(
         edge=np.where(moved, body.edge, colour_seams.edge),
         support=np.where(moved, body.support, colour_seams.support),
         projected=(left, right),
-        shadow=np.where(moved, shift, 0.0),
+        shadow=shadow,
     )
+
+
+def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArray[np.bool_], window: int) -> bool:
+    """Return whether the stretch between an edge and a border outside it has nearly the colour of the body.
+
+    Colours are read in the middle of that stretch, inside of the edge, and outside of the border, clear of their blur.
+    """
+    outward = np.sign(border - edge)[:, None]
+    inward, beyond = (outward * (unrolled.across - place[:, None]) for place in (edge, border))
+    gap = np.abs(border - edge)[:, None]
+    bands = (
+        (inward <= -INSIDE_BAND[0]) & (inward >= -INSIDE_BAND[1]),
+        (inward >= 0.25 * gap) & (inward <= 0.75 * gap),
+        (beyond >= OUTSIDE_BAND[0]) & (beyond <= OUTSIDE_BAND[1]),
+    )
+    body, between, outside = (_colours_of(unrolled, band, window)[moved] for band in bands)
+    at_edge, at_border = (np.median(np.linalg.norm(step, axis=1)) for step in (body - between, between - outside))
+    return bool(at_edge < _LEAST_BODY_STEP * at_border)
 
 
 def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
@@ -79,12 +106,17 @@ def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: in
     beyond = outward * (unrolled.across - border[:, None])
     between = np.abs(unrolled.across - 0.5 * (edge + border)[:, None])
     half = np.maximum(0.5 * np.abs(border - edge), 0.5 * (unrolled.across[1] - unrolled.across[0]))[:, None]
-    light = []
-    for mask in (between <= half, (beyond >= OUTSIDE_BAND[0]) & (beyond <= OUTSIDE_BAND[1])):
-        in_image = (mask & unrolled.inside)[..., None]
-        total = uniform_filter1d((in_image * unrolled.colours).sum(axis=1, dtype=np.float64), window, axis=0)
-        light.append(total / np.maximum(uniform_filter1d(in_image.sum(axis=1, dtype=np.float64), window, axis=0), 1e-3))
-    return np.asarray((light[0] * light[1]).sum(axis=1) < (light[1] ** 2).sum(axis=1))
+    outside = (beyond >= OUTSIDE_BAND[0]) & (beyond <= OUTSIDE_BAND[1])
+    dim, light = (_colours_of(unrolled, mask, window) for mask in (between <= half, outside))
+    return np.asarray((dim * light).sum(axis=1) < (light**2).sum(axis=1))
+
+
+def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int) -> Array:
+    """Return the mean colours (n, channels) of the masked places (n, m) in a window along the beam."""
+    in_image = (mask & unrolled.inside)[..., None]
+    total = uniform_filter1d((in_image * unrolled.colours).sum(axis=1, dtype=np.float64), window, axis=0)
+    count = uniform_filter1d(in_image.sum(axis=1, dtype=np.float64), window, axis=0)
+    return np.asarray(total / np.maximum(count, 1e-3))
 
 
 def _merged(moved: NDArray[np.bool_], where_moved: ColourProjection, elsewhere: ColourProjection) -> ColourProjection:

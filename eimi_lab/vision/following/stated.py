@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_lab.vision.following.centre_line import CentreLine
+
 Array = NDArray[np.float64]
 
 
@@ -23,12 +25,15 @@ class StatedBeam:
         Direction of the beam at its clamp, clockwise from the image's +x.
     width_px, length_px : float
         Width and length.
+    line : CentreLine, optional
+        The expected centre line.
     """
 
     clamp_px: Array
     axis_rad: float
     width_px: float
     length_px: float
+    line: CentreLine | None = None
 
     @property
     def ahead(self) -> Array:
@@ -41,4 +46,5 @@ class StatedBeam:
         Pixel centres have integer coordinates in both pictures.
         """
         clamp = (self.clamp_px - origin_px + 0.5) * factor - 0.5
-        return StatedBeam(clamp, self.axis_rad, self.width_px * factor, self.length_px * factor)
+        line = self.line and self.line.scaled(factor, origin_px)
+        return StatedBeam(clamp, self.axis_rad, self.width_px * factor, self.length_px * factor, line)

@@ -49,7 +49,7 @@ class Sides:
     projected : tuple of ColourProjection
         The colour projection of each edge.
     shadow : ndarray, shape (2, n)
-        Distance by which an edge was moved off the border of a shadow, in stated widths.
+        Distance between an edge and the border of what may be its shadow, in stated widths.
     """
 
     edge: Array

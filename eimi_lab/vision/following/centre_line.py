@@ -1,0 +1,125 @@
+"""A centre line that is expected before the search: clicked by a person, or taken from an earlier picture.
+
+It is a prior for the search and never an edge: the search prefers strips near the line, and the picture decides where
+the edges are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+Array = NDArray[np.float64]
+
+CLICKED_PX = 10.0  # distance from the centre line within which a person clicks
+_CLICKED_EVIDENCE = 0.25  # gain of a step on a clicked line: the person has seen the body there
+_CLICKED_COST = 2.0  # largest cost of a step beside a clicked line, more than a step gains
+_CARRIED_COST = 0.15  # and beside the line of an earlier picture: a clear body elsewhere is better
+_CARRIED_SPREAD = 0.25  # of the distance from the clamp: by so much the beam may move between two pictures
+_AHEAD = 0.15  # of the line's length: difference of the arc lengths at which a strip and the line are compared
+_SAMPLES = 120  # of the line
+
+
+@dataclass(frozen=True)
+class CentreLine:
+    """An expected centre line.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n, 2)
+        Places from the clamp outward, equally spaced, px.
+    length_px : float
+        Length of the line.
+    free_px : float
+        Distance from the line within which a strip has no cost.
+    spread : float
+        Increase of that distance with the distance from the clamp.
+    evidence : float
+        Gain of a step within the free distance.
+    largest_cost : float
+        Largest cost of a step outside it.
+    """
+
+    points: Array
+    length_px: float
+    free_px: float
+    spread: float
+    evidence: float
+    largest_cost: float
+
+    def scaled(self, factor: float, origin_px: Array) -> CentreLine:
+        """Return the same line in a picture that is cut at `origin_px` and enlarged by `factor`."""
+        points = (self.points - origin_px + 0.5) * factor - 0.5
+        return replace(self, points=points, length_px=factor * self.length_px, free_px=factor * self.free_px)
+
+    def gain(self, x: Array, y: Array, along_px: float, width_px: float) -> Array:
+        """Return what places at one distance along the strip gain, or lose, by their distance from the line.
+
+        With the distance e beyond the free distance, in half widths, the cost is e²/2 up to the largest cost. Places
+        farther along than the line's end gain nothing.
+
+        Parameters
+        ----------
+        x, y : ndarray, shape (...)
+            Places, px.
+        along_px : float
+            Their distance from the clamp along the strip.
+        width_px : float
+            Width of the beam.
+
+        Returns
+        -------
+        ndarray, shape (...)
+        """
+        if along_px > self.length_px:
+            return np.zeros(x.shape)
+        arc = np.linspace(0.0, self.length_px, len(self.points))
+        near = self.points[np.abs(arc - along_px) <= _AHEAD * self.length_px + width_px]
+        distance = np.hypot(x[..., None] - near[:, 0], y[..., None] - near[:, 1]).min(axis=-1)
+        excess = np.maximum(0.0, distance - self.free_px - self.spread * along_px) / (0.5 * width_px)
+        cost = np.minimum(0.5 * excess**2, self.largest_cost)
+        return np.asarray(np.where(excess > 0.0, -cost, self.evidence))
+
+
+def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
+    """Return the line from the clamp through the clicks of a person.
+
+    Parameters
+    ----------
+    clamp_px : ndarray, shape (2,)
+        Middle of the clamp line.
+    ahead : ndarray, shape (2,)
+        Unit vector of the beam at its clamp.
+    clicks_px : ndarray, shape (n, 2)
+        The clicks, from the clamp outward.
+
+    Returns
+    -------
+    CentreLine
+    """
+    corners = off_clamp(clamp_px, clicks_px)
+    chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+    spline = CubicSpline(chord, corners, bc_type=((1, ahead), (2, np.zeros(2))))
+    return _line(spline(np.linspace(0.0, chord[-1], 4 * _SAMPLES)), CLICKED_PX, 0.0, _CLICKED_EVIDENCE, _CLICKED_COST)
+
+
+def carried_line(middle_px: Array) -> CentreLine:
+    """Return the line of an earlier picture, whose beam may have moved since; `middle_px` is (n, 2)."""
+    return _line(middle_px, CLICKED_PX, _CARRIED_SPREAD, 0.0, _CARRIED_COST)
+
+
+def off_clamp(clamp_px: Array, clicks_px: Array) -> Array:
+    """Return the clamp followed by the clicks; clicks as near to the clamp as a person can click are left out."""
+    far = np.linalg.norm(clicks_px - clamp_px, axis=1) > 2.0 * CLICKED_PX
+    first = int(far.argmax()) if far.any() else len(clicks_px) - 1
+    return np.vstack([clamp_px, clicks_px[first:]])
+
+
+def _line(places: Array, free_px: float, spread: float, evidence: float, largest_cost: float) -> CentreLine:
+    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
+    even = np.linspace(0.0, arc[-1], _SAMPLES)
+    points = np.column_stack([np.interp(even, arc, places[:, axis]) for axis in (0, 1)])
+    return CentreLine(points, float(arc[-1]), free_px, spread, evidence, largest_cost)

@@ -1,0 +1,53 @@
+"""Compare the followed path with the points that a person clicked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.vision.following.centre_line import CLICKED_PX
+from eimi_lab.vision.following.follow import FollowedBeam
+
+Array = NDArray[np.float64]
+
+_FARTHEST = 99.0  # widths: reported if nothing was followed
+
+
+def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> FollowedBeam:
+    """Return the result with the distance of the farthest click from the followed path as a finding.
+
+    Parameters
+    ----------
+    followed : FollowedBeam
+        The result of following the beam.
+    clicks : ndarray, shape (n, 2)
+        The clicked points, px.
+    width_px : float
+        Stated width of the beam.
+
+    Returns
+    -------
+    FollowedBeam
+    """
+    path = followed.path_px
+    if "followed_px" in followed.findings:
+        return followed
+    distance = off_path(path, clicks) if len(path) > 1 else np.full(len(clicks), np.inf)
+    worst = int(distance.argmax())
+    x, y = clicks[worst].tolist()
+    off = "no body of the stated width could be followed through the points"
+    if np.isfinite(distance[worst]):
+        off = f"the point [{x:g}, {y:g}] lies {distance[worst]:.0f} px from the body that could be followed"
+    beyond = max(0.0, float(distance[worst]) - CLICKED_PX) / width_px
+    findings = followed.findings | {"followed_click": min(beyond, _FARTHEST)}
+    return replace(followed, findings=findings, words=followed.words | {"clicks_off": off})
+
+
+def off_path(path: Array, clicks: Array) -> Array:
+    """Return the distance (n,) of each click from a path (m, 2), px."""
+    begin, step = path[:-1], np.diff(path, axis=0)
+    offset = clicks[:, None] - begin
+    share = np.clip((offset * step).sum(axis=2) / np.maximum((step**2).sum(axis=1), 1e-12), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(offset - share[..., None] * step, axis=2).min(axis=1))
