@@ -16,6 +16,7 @@ from eimi_drivers.interfaces import (
     Off,
     PowerSupply,
     Reading,
+    ReplyNotUnderstood,
 )
 from eimi_drivers.supplies.off import off_limit_A, switch_off
 from eimi_lab.acquisition.interlocks import BeyondInterlock, Interlocks, readings_of
@@ -83,10 +84,10 @@ class Coil:
     leads_swapped : bool
         Whether the leads are swapped at the supply: all currents of the coil are then minus those of the supply.
     out_of_control : bool
-        Whether `watch` measured a current that differs from its set-point, an interlock opened, or the run stood
+        Whether a measured current differs from its set-point, an interlock opened, or the run stood
         still. `ramp_down` then does nothing.
     unreachable : str
-        Why the supply does not answer, in words; empty if it does. `ramp_down` then does nothing either.
+        Why the supply gives no usable answer, in words; empty if it does. `ramp_down` then does nothing either.
 
     Notes
     -----
@@ -176,10 +177,10 @@ class Coil:
 
     @contextmanager
     def _reaching(self) -> Iterator[None]:
-        """Note that the supply does not answer: no time is lost with a ramp then."""
+        """Note that the supply does not answer, or not as it should: no time is lost with a ramp then."""
         try:
             yield
-        except (InstrumentTimeout, InstrumentDisconnected) as error:
+        except (InstrumentTimeout, InstrumentDisconnected, ReplyNotUnderstood) as error:
             self.unreachable = str(error)
             raise
 
@@ -266,6 +267,7 @@ class Coil:
             stop_if_asked()
             self.check()
             if self._clock.now() - began > REACHED_WITHIN_S:
+                self.out_of_control = True
                 raise self._off_target(measured)
             self._clock.sleep(POLL_S)
 
@@ -273,6 +275,7 @@ class Coil:
         """Return the measured current, A. Raises InstrumentError if it differs from the set-point."""
         measured = self._measure_A()
         if abs(measured - self.asked_A) > self._rule.tolerance_A:
+            self.out_of_control = True
             raise self._off_target(measured)
         return measured
 

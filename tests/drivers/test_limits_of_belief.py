@@ -12,7 +12,7 @@ import pytest
 from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.emulators import CoilSupply
 from eimi_drivers.emulators.korad import KoradDialect
-from eimi_drivers.interfaces import InstrumentTimeout, Limits, SetPointNotTaken
+from eimi_drivers.interfaces import InstrumentTimeout, Limits, ReplyNotUnderstood, SetPointNotTaken
 from eimi_drivers.supplies import transport
 from eimi_drivers.supplies.korad import KoradSupply
 from eimi_drivers.supplies.transport import WRITE_TIMEOUT_S, InProcessTransport, SerialTransport, VisaTransport
@@ -87,3 +87,12 @@ def test_a_visa_write_has_its_own_time_limit() -> None:
     line.read(10, 60.0, b"\n")
     line.write(b"OUTP 0\n")
     assert timeouts_ms == [round(1000 * WRITE_TIMEOUT_S)] * 2
+
+
+def test_a_line_that_returns_what_is_sent_to_it_is_no_identity() -> None:
+    clock = SimulatedClock()
+    dialect = KoradDialect(CoilSupply(clock))
+    dialect.identification = b"*IDN?"
+    supply = KoradSupply(InProcessTransport(dialect, clock), Limits(1.0, 10.0), clock)
+    with pytest.raises(ReplyNotUnderstood, match="must be a line of text, but it is"):
+        supply.identify()

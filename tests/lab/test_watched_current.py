@@ -6,7 +6,11 @@ from typing import Any
 
 import pytest
 
-from eimi_drivers.interfaces import InstrumentError, SwitchOffFailed
+from eimi_drivers.clock import SimulatedClock
+from eimi_drivers.emulators.serve import open_in_process
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import InstrumentError, Limits, SwitchOffFailed
+from eimi_lab.acquisition.coil import Coil
 from eimi_lab.acquisition.event_words import in_words
 from eimi_lab.acquisition.events import Event, OffConfirmed, OffNotConfirmed
 from eimi_lab.config.protocol import Protocol
@@ -103,3 +107,20 @@ def test_a_single_wrong_measurement_does_not_end_a_run(setup: Any) -> None:
     setup.run(remark=lambda words: None)
     assert wrong
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
+
+
+def test_after_a_wrong_current_in_a_state_no_ramp_precedes_the_switching_off(setup: Any) -> None:
+    clock = SimulatedClock()
+    supply = CoilSupply(clock)
+    coil = Coil(open_in_process("scpi", supply, Limits(1.0, 10.0)), clock, setup.protocol.ramp)
+    coil.supply.set_voltage(10.0)
+    coil.supply.set_output(True)
+    coil.step_to(0.5)
+    coil.wait_until_reached()
+    supply.fallen = True
+    with pytest.raises(InstrumentError, match=r"0\.000 A measured at a set-point of 0\.5 A"):
+        coil.measured_A()
+    coil.ramp_down()
+    assert supply.state.set_current_A == 0.5
+    coil.switch_off()
+    assert not supply.state.output

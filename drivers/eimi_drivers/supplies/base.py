@@ -423,7 +423,8 @@ class SupplyBase(ABC):
         return self._bind(text, serial_number_in(text))
 
     def _line(self, question: str, reply: bytes) -> str:
-        if (text := line_in(reply)) is None:
+        text = line_in(reply)
+        if text is None or text == question:  # a line that returns what is sent to it
             raise self._not_understood(question, reply, "a line of text")
         return text
 
