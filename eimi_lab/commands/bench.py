@@ -31,14 +31,18 @@ def _list_faults(wanted: bool) -> None:
     if not wanted:
         return
     from eimi_drivers.emulators.faults import Fault
+    from eimi_drivers.emulators.sensors import SensorFault
 
-    for fault in Fault:
+    for fault in (*Fault, *SensorFault):
         print(f"{fault.word}: {fault.effect}. A correct program {fault.correct}.")
     raise typer.Exit
 
 
 def emulate(
-    supply: Annotated[str, typer.Argument(help="supply to emulate, by the name of its driver: korad, scpi, ...")],
+    supply: Annotated[
+        str,
+        typer.Argument(help="supply or sensor to emulate, by the name of its driver: korad, scpi, lakeshore-425, ..."),
+    ],
     tcp: Annotated[
         int | None,
         typer.Option(
@@ -66,18 +70,33 @@ def emulate(
             help="describe every fault and what a correct program does",
         ),
     ] = False,
+    coil: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="of a gaussmeter: the emulated coil in whose field its probe is"),
+    ] = None,
+    mT_per_A: Annotated[float, typer.Option("--mT-per-A", help="of a gaussmeter: true field per current")] = 4.7,
+    offset_mT: Annotated[float, typer.Option("--offset-mT", help="of a gaussmeter: true field without current")] = 0.0,
 ) -> None:
-    """Serve an emulated supply with a coil, until Ctrl-C.
+    """Serve an emulated supply or sensor until Ctrl-C.
 
     Programs reach it at the printed address with the same commands as the real supply. With a fault, the true current
     in the coil is printed when it changes.
     """
     from eimi_drivers.emulators.faults import Fault
+    from eimi_drivers.emulators.sensor_session import SENSOR_FAULTS, EmulatedSensorSession
+    from eimi_drivers.emulators.sensors import SENSOR_DIALECTS
     from eimi_drivers.emulators.serve import DIALECTS
     from eimi_drivers.emulators.session import EmulatedSession
 
+    if supply in SENSOR_DIALECTS:
+        if fault is not None and fault not in SENSOR_FAULTS:
+            raise InputError(f"--fault = {fault!r} of a sensor should be one of {', '.join(SENSOR_FAULTS)}")
+        begins = SENSOR_FAULTS[fault] if fault is not None else None
+        EmulatedSensorSession(
+            supply, tcp, coil, mT_per_A, offset_mT, begins, after, lambda text: print(text, flush=True)
+        ).serve()
     if supply not in DIALECTS:
-        raise InputError(f"SUPPLY = {supply!r} should be one of {', '.join(DIALECTS)}")
+        raise InputError(f"SUPPLY = {supply!r} should be one of {', '.join([*DIALECTS, *SENSOR_DIALECTS])}")
     by_word = {each.word: each for each in Fault}
     if fault is not None and fault not in by_word:
         raise InputError(f"--fault = {fault!r} should be one of {', '.join(by_word)}")

@@ -12,6 +12,7 @@ EXAMPLES = {
         "eimi emulate korad",
         "eimi emulate scpi --tcp 5025",
         "eimi emulate korad --fault shorted --after 20",
+        "eimi emulate lakeshore-425 --coil TCPIP::127.0.0.1::42683::SOCKET --fault silence",
         "eimi emulate --faults",
     ),
     "acquire": (

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import queue
+import threading
 import time
 
 import pytest
 
 from eimi_drivers.clock import SimulatedClock
+from eimi_drivers.emulators.coil_line import serve_coil
 from eimi_drivers.emulators.faults import Fault, FaultyInstrument
+from eimi_drivers.emulators.sensor_session import SENSOR_FAULTS, EmulatedSensorSession
 from eimi_drivers.emulators.sensors import (
     SENSOR_DIALECTS,
     EmulatedQuantity,
@@ -17,6 +21,7 @@ from eimi_drivers.emulators.sensors import (
 )
 from eimi_drivers.emulators.serial_port import serve_port
 from eimi_drivers.emulators.serve import serve_pty, serve_tcp
+from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import AnotherSensor, InstrumentError, ReplyNotUnderstood, UnusableDriver
 from eimi_drivers.sensors import SENSORS, open_sensor
 from eimi_drivers.supplies.transport import InProcessTransport
@@ -125,3 +130,28 @@ def test_faults_of_a_sensor_change_its_readings():
 def test_an_unknown_sensor_driver_is_refused_with_the_names():
     with pytest.raises(UnusableDriver, match=r"no sensor driver 'lakeshore'; .*did you mean 'lakeshore-4"):
         open_sensor("lakeshore", "/dev/null")
+
+
+@pytest.mark.parametrize(("fault", "readings"), [(None, 2), (SENSOR_FAULTS["disconnect"], 0)])
+def test_a_served_gaussmeter_follows_an_emulated_coil_until_its_fault(fault, readings):
+    coil = CoilSupply(SimulatedClock())
+    coil.set_voltage(12.0)
+    coil.set_current(0.5)
+    coil.switch(True)
+    coil.clock.sleep(1.0)
+    lines: queue.Queue[str] = queue.Queue()
+    with serve_coil(coil) as place:
+        session = EmulatedSensorSession("lakeshore-425", 0, place, 4.0, 0.1, fault, 0.0, lines.put)
+        threading.Thread(target=session.serve, daemon=True).start()
+        address = lines.get(timeout=PATIENCE_S).split('"')[-2]
+        if fault is not None:
+            assert "the fault disconnect begins" in lines.get(timeout=PATIENCE_S)
+        sensor = open_sensor("lakeshore-425", address)
+        values = []
+        for _ in range(2):
+            try:
+                values.append(sensor.read().value)
+            except InstrumentError:
+                continue
+        sensor.close()
+    assert values == pytest.approx([2.1] * readings, abs=0.05)

@@ -13,6 +13,7 @@ faults             the faults of an emulated instrument, and those of its line
 spoiling           begin and end a fault of a supply, its coil or its line
 serial_port        a serial port that can be unplugged and plugged in again
 session            serve a supply whose fault begins after its output was switched on
+sensor_session     serve a sensor in the field of an emulated coil
 coil_line          a line on which an emulated coil reports its true current to a virtual beam
 serve              serve an emulator in the same process, on a pseudo-terminal or on a TCP port
 """
