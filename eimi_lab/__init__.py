@@ -113,7 +113,7 @@ __all__ = sorted([*_HOMES, "__version__"])
 if not TYPE_CHECKING:  # a type checker shall know the names above alone
 
     def __getattr__(name: str) -> Any:
-        """Return a public name, and load the module that holds it when the name is first asked for (PEP 562)."""
+        """Return a public name; its module is loaded when the name is first used (PEP 562)."""
         value: Any
         if name == "__version__":
             from importlib.metadata import version

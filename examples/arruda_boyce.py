@@ -103,7 +103,7 @@ class ArrudaBoyce(InvariantLaw):
             case "sofa":
                 raise NotInSolver("sofa's arruda-boyce law has one fixed length of chains: lambda_m has no place in it")
             case _:
-                raise NotInSolver(f"{solver} has no arruda-boyce law here")
+                raise NotInSolver(f"the arruda-boyce law cannot be exported to {solver}")
 
 
 def _stiffening(locking: Array) -> Array:

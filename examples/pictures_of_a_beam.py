@@ -1,4 +1,4 @@
-"""Write pictures of a silicone beam like those of a user, and print the load of each. The tutorials use them.
+"""Write pictures of a silicone beam as a user would take them, and print the load of each. The tutorials use them.
 
     python examples/pictures_of_a_beam.py FOLDER            # hanging in a coil, with a magnet at its tip
     python examples/pictures_of_a_beam.py FOLDER --weights  # level, with weights at its tip, without a coil

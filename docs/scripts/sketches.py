@@ -170,7 +170,7 @@ def edges(axes: Axes) -> None:
 
 
 def planning(axes: Axes) -> None:
-    """Draw three choices of six fields with the resulting intervals; the figures are those of the table on the page."""
+    """Draw three choices of six fields with the resulting intervals, which are also in the table on the page."""
     rows = (
         ("hanging, equal steps: ± 1.27 %", np.linspace(0, 7.05, 6), GREY),
         ("hanging, planned: ± 0.78 %", np.array([2.58, 2.82, 3.06, 3.29, 3.52, 3.76]), BLUE),

@@ -132,7 +132,7 @@ def list_serial_ports() -> tuple[Found, ...]:
 
 
 def _described(description: str | None, serial_number: str | None) -> str:
-    """Return what the operating system states about a port; the serial number tells two equal adapters apart."""
+    """Describe a port as the operating system does; the serial number distinguishes two adapters of one type."""
     text = description if description not in (None, "n/a") else "serial port"
     return f"{text}, serial number {serial_number}" if serial_number else f"{text}"
 

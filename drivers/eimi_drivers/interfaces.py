@@ -1,10 +1,10 @@
 """Define the interfaces of power supplies, cameras and sensors, and the errors that they raise.
 
-The suite uses nothing else of an instrument. A supply is any object with the members of `PowerSupply`. A camera is any
-object with the members of `Camera`, a sensor any object with those of `Sensor`. Inheritance is not needed. A driver is
-the class of such an object, or a function that returns one; `SupplyDriver`, `CameraDriver` and `SensorDriver` define
-how it is called. The members listed in a protocol are required. The protocol's docstring lists the optional members,
-and the value that the suite assumes if one is absent.
+The suite uses an instrument only through these interfaces. A supply is any object with the members of `PowerSupply`. A
+camera is any object with the members of `Camera`, and a sensor is any object with the members of `Sensor`. Inheritance
+is not needed. A driver is the class of such an object, or a function that returns one; `SupplyDriver`, `CameraDriver`
+and `SensorDriver` define how it is called. The members listed in a protocol are required. The protocol's docstring
+lists the optional members, and the value that the suite assumes if one is absent.
 
 `open_supply`, `open_camera` and `open_sensor` check that the driver and the instrument have these members, and report
 missing ones in one line. `check_supply`, `check_camera` and `check_sensor` of `eimi_drivers.testing` check the

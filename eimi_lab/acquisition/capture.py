@@ -14,7 +14,7 @@ from eimi_lab.vision.settling_statistic import Noise
 
 @dataclass(frozen=True)
 class Capture:
-    """Frames; the measured current (A), the clock's time (s) and the sensors' readings of each; the flags of all."""
+    """Frames, each with its measured current (A), time (s) and sensor readings, and the flags of all frames."""
 
     frames: tuple[Frame, ...]
     measured_A: tuple[float, ...]

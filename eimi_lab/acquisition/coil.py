@@ -167,7 +167,7 @@ class Coil:
             self._interlocks.check(readings, self._clock.now())
 
     def _readings(self, measured: Reading) -> dict[str, float]:
-        """Return the readings that an interlock can bound, by name: those of the supply and of the sensors."""
+        """Return the readings of supply and sensors that an interlock can bound, by name."""
         return {**readings_of(measured), **(self._sense() if self._interlocks else {})}
 
     def check(self) -> None:
@@ -186,7 +186,7 @@ class Coil:
 
     @contextmanager
     def _without_ramp(self) -> Iterator[None]:
-        """Leave the ramp down out if an interlock opens: its reading may not bear the time."""
+        """Leave out the ramp down if an interlock opens, because a ramp takes too long beyond some bounds."""
         try:
             yield
         except BeyondInterlock:
@@ -194,7 +194,7 @@ class Coil:
             raise
 
     def _swapped(self, current_A: float) -> float:
-        """Return the current of the coil for one of the supply, or the reverse."""
+        """Convert the current of the supply into that of the coil, or the reverse; swapped leads change its sign."""
         return -current_A if self.leads_swapped and current_A else current_A
 
     def _is_right(self, of_supply_A: float) -> bool:
@@ -226,7 +226,7 @@ class Coil:
             self._pause(pause - (self._clock.now() - began), stop_if_asked)
 
     def ramp_down(self, stop_if_asked: Callable[[], None] = never) -> None:
-        """Ramp to zero within `ramp.down_within_s`, in larger steps than the rule's if the supply is slow.
+        """Ramp to zero within `ramp.down_within_s`; if the supply is slow, the steps are larger than in the protocol.
 
         There is no ramp if `out_of_control` or `unreachable` is set. Raises the errors of `PowerSupply.set_current`.
         """

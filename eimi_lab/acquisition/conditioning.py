@@ -53,7 +53,7 @@ def _at_rest(run: Stepping, stop_if_asked: Callable[[], None]) -> Moment:
 def _changes(run: Stepping, shapes: list[Shape], stop_if_asked: Callable[[], None]) -> Iterator[ShapeChange]:
     """Yield the change of shape between the first and the last frame at each current.
 
-    The tips are compared; if no tip is visible, the whole images.
+    The tips are compared. If no tip is visible, the whole images are compared.
     """
     for current_A in sorted({moment.set_A for _, moment in shapes}, key=abs, reverse=True):
         of_current = [(cycle, moment.frame) for cycle, moment in shapes if moment.set_A == current_A]

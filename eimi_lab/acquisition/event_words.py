@@ -49,7 +49,7 @@ _REMARKS = (ConditioningDone, PauseRequested, Paused, Resumed, SuspendRefused, P
 
 
 def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = tell) -> OnEvent:
-    """Return a listener that passes the words of each state to `report`, and those of other events to `remark`.
+    """Return a listener that passes the sentence about each stored state to `report`, and other sentences to `remark`.
 
     It does not print an error that ends the run, or a coil that may be on at its end: the caller that catches the
     exception does. It prints a coil that may be on while the run still tries to switch it off, and the end of that.

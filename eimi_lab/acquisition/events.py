@@ -93,7 +93,7 @@ class ConditioningDone(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Settled(Event):
-    """The wait for the beam of a state is over. at_rest: false if the beam was still moving then."""
+    """The wait until the beam is at rest is over. at_rest: false if the beam was still moving at the end of it."""
 
     event: ClassVar[str] = "settled"
     state: int

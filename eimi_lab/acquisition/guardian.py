@@ -1,7 +1,7 @@
 """Start the guardian process, and exchange messages with it during a run.
 
 The guardian process switches the coil off if the run dies or stands still; its code is in `guardian_process`. The run
-holds the only writing end of a pipe to the guardian. The system closes this end when the run ends, in whatever way.
+holds the only writing end of a pipe to the guardian. The system closes this end when the run ends, for any reason.
 While the guardian is armed, every step of the run writes a beat to the pipe, so that the guardian also notices a run
 that stands still. On a second pipe the guardian reports that it is alive. Without these reports the run ends, because a
 run without a guardian is not allowed.

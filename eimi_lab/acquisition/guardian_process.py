@@ -107,7 +107,7 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
 
 
 def _wait_until_needed(ward: Ward) -> tuple[Takeover | None, Ward]:
-    """Return the reason for switching off (None if the run ended with the coil off), and the supply as the run saw it.
+    """Return the reason for switching off (None if the run ended with the coil off), and the supply that the run used.
 
     The run may have sent the identity of its supply.
     """
@@ -236,9 +236,10 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
                 f"that it may not be the supply of the coil ({unidentified})"
             )
         if not was_on and not _is_one_of_a_kind(ward):
+            observed = "already off" if found_off else "not observed to be on"
             raise SwitchOffFailed(
-                f"{ward.address}: the output of the supply was {'already off' if found_off else 'not seen on'}"
-                f"{measured}, but the supply has no serial number, so that it may not be the supply of the coil"
+                f"{ward.address}: the output of the supply was {observed}{measured}, but the supply has no "
+                "serial number, so that it may not be the supply of the coil"
             )
         return (replace(off, found_off=found_off) if off else off), remark
     finally:
@@ -268,7 +269,7 @@ def _compare(ward: Ward, supply: PowerSupply) -> str:
 
 
 def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
-    """Return whether the output is off, and was so in every earlier attempt. If it is on, add True to `was_on`."""
+    """Return whether the output is off now and was off in every earlier attempt. If it is on, add True to `was_on`."""
     with suppress(InstrumentError):
         if supply.output_on():
             was_on.add(True)

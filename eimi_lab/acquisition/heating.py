@@ -5,9 +5,9 @@ resistance is assumed constant. Its temperature rise is then proportional to h, 
 
     τ dh/dt = I² − h,
 
-where I is the current and τ the thermal time constant. With its continuous current I₀, which the coil bears for any
-time, h approaches I₀². A protocol is refused if h would exceed I₀² = continuous_current_A². Every state is assumed to
-take its longest possible time.
+where I is the current and τ the thermal time constant. At the continuous current I₀, which the coil withstands without
+a time limit, h approaches I₀². A protocol is refused if h would exceed I₀² = continuous_current_A². Every state is
+assumed to take its longest possible time.
 """
 
 from __future__ import annotations

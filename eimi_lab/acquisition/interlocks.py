@@ -52,14 +52,17 @@ class Interlocks:
                     self._open(rule, value, None)
 
     def check_silence(self, now_s: float) -> None:
-        """Raise BeyondInterlock if a reading has not come for too long. The first one may take any time."""
+        """Raise BeyondInterlock if a reading has not come for too long. The first reading may take any time."""
         for rule in self._rules:
             silent_s = now_s - self._came_s.get(rule.reading, now_s)
             if silent_s > rule.longest_silence_s:
                 self._open(rule, None, silent_s)
 
     def restart(self) -> None:
-        """Count every silence from the next reading: what follows may take long with the output off."""
+        """Forget when the readings came; the silence of each reading is counted from its next value.
+
+        With the output off, that value may come late.
+        """
         self._came_s.clear()
 
     def refuse_to_begin(self, readings: Mapping[str, float]) -> None:

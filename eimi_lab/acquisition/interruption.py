@@ -26,14 +26,14 @@ class Heeded(Protocol):
 
 
 class Interruption:
-    """Passes the calls of the bench's instruments and files to the run that uses them, if there is one."""
+    """Connects the instruments and files of a bench with the run that uses them; without a run, calls do nothing."""
 
     def __init__(self) -> None:
         self._run: Heeded | None = None
 
     @contextmanager
     def heeding(self, run: Heeded) -> Iterator[None]:
-        """Pass calls to this run within the context."""
+        """Pass the calls of instruments and files to this run until the context ends."""
         self._run = run
         try:
             yield

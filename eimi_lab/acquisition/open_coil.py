@@ -81,7 +81,7 @@ def open_coil(
 
 
 def close_or_tell(instrument: Camera | Sensor, on_event: OnEvent) -> None:
-    """Close a camera or a sensor; an error becomes a warning: the coil is off and the states are stored by then."""
+    """Close a camera or a sensor; an error is only a warning, because the coil is off and the states are stored."""
     try:
         instrument.close()
     except InstrumentError as error:

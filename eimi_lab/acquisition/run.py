@@ -297,7 +297,7 @@ def _step_through(
 ) -> None:
     """Switch the output on, carry out conditioning, the states from `first` on and the release, and switch off.
 
-    A resumed run leaves out the conditioning, which its first session did.
+    A resumed run leaves out the conditioning, because its first session carried it out.
     """
     protocol, states = run.protocol, len(run.protocol.currents_A)
     released: list[Moment] = []

@@ -27,7 +27,7 @@ class OpenSensor:
 
 
 class Sensing:
-    """Read all sensors of a bench; one that fails is left out and warned about once, until it answers again.
+    """Read all sensors of a bench. A sensor that fails is left out, with one warning, until it answers again.
 
     Parameters
     ----------

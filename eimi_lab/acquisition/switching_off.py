@@ -38,7 +38,7 @@ _log = logging.getLogger(__name__)
 
 
 class _InHaste(Exception):
-    """A second signal came: leave out the ramp down."""
+    """A second signal came; the ramp down is left out."""
 
 
 class _SignalsHeeded:
@@ -80,7 +80,10 @@ class _SignalsHeeded:
         self._coil.watch()
 
     def _refuse_a_gap(self) -> None:
-        """End the run without a ramp if it stood still: nobody knows what happened to the bench meanwhile."""
+        """Raise StoodStill, and leave out the ramp down, if the computer slept or the process was stopped.
+
+        The bench may have changed during the gap.
+        """
         if self._guardian:
             try:
                 self._guardian.refuse_a_gap()
@@ -137,9 +140,9 @@ def switching_off(
 ) -> Iterator[Callable[[], None]]:
     """Yield `stop_if_asked`; at the end of the context, ramp the coil down and switch it off.
 
-    The run calls `stop_if_asked` in every step. It sends a beat to the guardian and watches the supply. It raises
-    Stopped if a signal has come, and InstrumentError if the guardian is gone, the supply reports a fault or the current
-    is wrong.
+    The run calls `stop_if_asked` in every step. The function sends a beat to the guardian and watches the supply. It
+    raises Stopped if a signal has come, and InstrumentError if the guardian is gone, the supply reports a fault or the
+    current is wrong.
 
     The guardian is armed within the context. It is disarmed only after the supply was confirmed off.
 

@@ -1,4 +1,4 @@
-"""The commands of `eimi`: what each takes and what it prints. The work is done by other packages.
+"""The commands of `eimi`: their options and their output. Other packages do the work.
 
 beginning         init
 bench             instruments, emulate, acquire, recover

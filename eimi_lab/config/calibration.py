@@ -87,7 +87,7 @@ class Calibration(Document):
     background_field_mT: Pair | None = None
     """Field at the magnet without a current, such as that of the earth: to the right and down in the image."""
     field: CoilShapeTable | None = None
-    """How the coil's field changes from place to place; by default it is uniform."""
+    """The coil's field as a function of the place; by default it is uniform."""
     camera_matrix: Matrix | None = None
     """OpenCV's camera matrix; give it together with distortion."""
     distortion: Numbers | None = None

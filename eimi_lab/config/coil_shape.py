@@ -1,4 +1,4 @@
-"""The table [field] of a calibration: how the field of the coil changes from place to place."""
+"""The table [field] of a calibration: the field of the coil as a function of the place."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ Row = Annotated[tuple[float, float, float, float], Field(strict=False)]
 class CoilShapeTable(Table):
     """The shape of the coil's field, in the plane of the beam and in the beam frame.
 
-    Its strength is that of coil_constant_mT_per_A, which holds at the middle of the magnet at rest. If there is no
-    magnet it holds at the middle of the beam. State two loops, a measured map, or only a gradient.
+    Its strength follows from coil_constant_mT_per_A, which holds at the middle of the magnet at rest, or at the middle
+    of the beam if there is no magnet. State two loops, a measured map, or only a gradient.
     """
 
     radius_mm: float | None = Field(default=None, gt=0)

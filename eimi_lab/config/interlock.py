@@ -46,7 +46,7 @@ class Interlock(Table):
 
     @property
     def in_words(self) -> str:
-        """Say the bounds to a person.
+        """Return the bounds in words.
 
         Examples
         --------

@@ -1,4 +1,4 @@
-"""materials.toml of a virtual rig: the true materials of its specimens, and what its bench does unstated."""
+"""materials.toml of a virtual rig: the true materials of its specimens, and the unstated properties of its bench."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class TrueMaterial(Table):
 
 
 class TrueBench(Table):
-    """What a virtual bench does that its specimen and its calibration do not state."""
+    """The properties in which a virtual bench differs from its specimen file and its calibration."""
 
     magnetisation_angle_deg: float = Field(default=0.0, ge=-180.0, le=180.0)
     """Angle by which the magnetisation is turned from its stated direction."""
@@ -56,7 +56,7 @@ class TrueBench(Table):
     background_field_mT: Pair | None = None
     """Field without a current, instead of the stated one: to the right and down in the image."""
     field: CoilShapeTable | None = None
-    """How the coil's field changes from place to place, instead of what is stated."""
+    """The coil's field as a function of the place, instead of the stated one."""
 
 
 class TrueMaterials(Document):
@@ -65,7 +65,7 @@ class TrueMaterials(Document):
     silicone: dict[str, TrueMaterial]
     """One table for each material, under the name that specimen.material has."""
     bench: TrueBench | None = None
-    """What the bench does that its files do not state."""
+    """The properties in which the virtual bench differs from its files."""
 
 
 def load_materials(path: Path) -> TrueMaterials:

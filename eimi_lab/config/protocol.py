@@ -104,7 +104,7 @@ class SupplyLimits(Table):
     """The largest voltage that the supply is ever set to."""
 
     def stricter(self, other: SupplyLimits) -> SupplyLimits:
-        """Return the smaller current limit and the smaller voltage limit of the two."""
+        """Return limits with the smaller current and the smaller voltage of these and the other limits."""
         return SupplyLimits(
             current_A=min(self.current_A, other.current_A), voltage_V=min(self.voltage_V, other.voltage_V)
         )
@@ -202,7 +202,7 @@ class Protocol(Document):
 
     @property
     def extremes_A(self) -> tuple[tuple[str, float], ...]:
-        """The lowest and the highest current of the run and that of the conditioning, each with its key in the file."""
+        """The extreme currents of the run and the current of the conditioning, each with its key in the file."""
         ends = [(f"current.{self.current.key_of(end)}", end) for end in (min(self.currents_A), max(self.currents_A))]
         conditioning = [("conditioning.current_A", self.conditioning.current_A)] if self.conditioning else []
         return (*ends, *conditioning)

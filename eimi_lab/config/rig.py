@@ -88,7 +88,7 @@ NO_PLAYBACK = Playback()
 
 
 class Camera(Table):
-    """The side camera. Settings that are absent keep the value that the camera has."""
+    """The side camera. If a setting is absent, the camera keeps its present value."""
 
     driver: str
     """opencv, basler, virtual, or the name of a driver from another package."""

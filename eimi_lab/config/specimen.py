@@ -228,7 +228,7 @@ class SpecimenFile(Document):
         )
 
     def _rest_shape(self) -> RestShape | None:
-        """Return the stated shape without load; None for a straight beam of one width and depth."""
+        """Return the stated shape of the unloaded beam; None for a straight beam of one width and depth."""
         beam = self.specimen
         turns = () if isinstance(beam.rest_shape, str) else centre_line(np.array(beam.rest_shape), beam.length_mm)
         widths, depths = (

@@ -139,7 +139,7 @@ def parse_table(text: str, origin: str | Path) -> dict[str, Any]:
 
 
 def _longest_key(line: str) -> int:
-    """Return the largest number of dots in what may be a dotted key of a line."""
+    """Return the largest number of dots in any part of a line that may be a dotted key."""
     *keys, _ = line.split("=")
     if line.lstrip().startswith("["):
         keys.append(line)

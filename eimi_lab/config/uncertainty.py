@@ -1,7 +1,7 @@
 """The table [uncertainty] of specimens, calibrations and rigs: standard uncertainties under the keys of the values.
 
-An uncertainty of 0 means that the value is exact; an absent key means that the uncertainty is unknown. The keys are
-those of `eimi_fitting.inference.evidence.sources.SOURCES`.
+An uncertainty of 0 means that the value is exact; an absent key means that the uncertainty is unknown.
+`eimi_fitting.inference.evidence.sources.SOURCES` defines the keys.
 """
 
 from __future__ import annotations

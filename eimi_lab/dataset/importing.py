@@ -1,4 +1,4 @@
-"""Datasets from the images or the video that a laboratory already has, and a table of states."""
+"""Make a dataset from images or a video that exist already, and a table of states."""
 
 from __future__ import annotations
 

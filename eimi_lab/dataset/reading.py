@@ -76,7 +76,7 @@ class Dataset:
     """
 
     def __init__(self, path: Path, file: h5py.File, finished: bool, if_damaged: str = _IF_DAMAGED) -> None:
-        """Read everything but frames; ``if_damaged`` is the advice in the message about a damaged file."""
+        """Read everything except frames; ``if_damaged`` is the advice in the message about a damaged file."""
         self.path = path
         self._if_damaged = if_damaged
         self.finished = finished
@@ -232,11 +232,11 @@ class Dataset:
         return self._recording(TRANSIENTS, state_index)
 
     def release(self) -> Recording | None:
-        """Return the frames after the current went to zero at the end; None without them. Raises InputError."""
+        """Return the frames after the final step to zero current; None if none were stored. Raises InputError."""
         return self._recording(RELEASE)
 
     def conditioning(self) -> Recording | None:
-        """Return the frames of the first and the last conditioning cycle; None without them. Raises InputError."""
+        """Return frames of the first and the last conditioning cycle; None if none were stored. Raises InputError."""
         return self._recording(CONDITIONING)
 
     def _recording(self, name: str, only: int | None = None) -> Recording | None:

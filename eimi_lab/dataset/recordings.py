@@ -197,7 +197,7 @@ def complete_rows(entry: h5py.Group, name: str, states: int) -> NDArray[np.int64
 
 
 def keep_rows(entry: h5py.Group, name: str, rows: NDArray[np.int64]) -> None:
-    """Remove all rows of a recording but these, which are in increasing order."""
+    """Keep these rows of a recording, given in increasing order, and remove all others."""
     store = entry[name]
     for place, row in enumerate(rows):
         if place != row:

@@ -41,9 +41,9 @@ HDF5_RAISES = (OSError, RuntimeError, KeyError, ValueError, TypeError)
 def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Callable[[str], None] = tell) -> int:
     """Copy everything readable of a crashed or damaged file to a new file.
 
-    Single flipped bits are corrected by means of HDF5's checksums. Every frame of the copy is read before the copy
-    gets its name. Damaged frames are left out, and their states are flagged DROPPED. A state that loses every frame
-    keeps a black one, so that the states after it keep their numbers.
+    Single flipped bits are corrected by means of HDF5's checksums. Every frame of the copy is read before the copy gets
+    its name. Damaged frames are left out, and their states are flagged DROPPED. A state that loses every frame gets a
+    black frame, so that the states after it keep their numbers.
 
     Parameters
     ----------
@@ -225,8 +225,8 @@ def _copy_attributes(source: h5py.Group, copy: h5py.Group, lost: list[str]) -> N
 def _rebuild_states(entry: h5py.Group) -> list[str]:
     """Rebuild damaged columns of the table of states from the columns of the frames; return a line for each.
 
-    Tip forces and flags are stored nowhere else; they become 0 and none. If the columns of the frames are damaged too,
-    HDF5's error is raised.
+    Tip forces and flags are stored nowhere else: forces become 0, and flags are lost. If the columns of the frames are
+    damaged too, HDF5's error is raised.
     """
     if "frames" not in entry["data"] or "states" not in entry:
         return []

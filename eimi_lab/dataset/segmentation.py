@@ -228,7 +228,7 @@ def _edges_in(
 
 
 def _is_reliable(edge_set: EdgeSet) -> bool:
-    """Return whether edges may show a later state where the beam was; a guess may not, or it would be repeated."""
+    """Return whether edges are reliable enough to select the body that is the beam in a later state."""
     guessed = any(flag.name == "ROOT_AMBIGUOUS" for flag in edge_set.flags)
     return bool(len(edge_set.middle_mm)) and not guessed and not leaves_out(edge_set.flags)
 

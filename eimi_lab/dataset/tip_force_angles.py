@@ -1,4 +1,4 @@
-"""Directions of tip forces in a dataset file, stored beside the table of states unless all are those of gravity."""
+"""Directions of tip forces in a dataset file, stored beside the table of states unless all forces are along gravity."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ COPY_BYTES = 1 << 20
 
 
 def _ignore() -> None:
-    """Do nothing: the default for a writer whose progress nobody watches."""
+    """Do nothing; the default of `beat`, for a writer whose progress is not monitored."""
 
 
 class StorageFailed(OSError):
@@ -348,7 +348,7 @@ class DatasetWriter:
             )
 
     def _keep_the_name(self) -> None:
-        """Continue in a copy beside the file if the name no longer leads to it. Raises StorageFailed."""
+        """Continue in a copy of the file if its name no longer leads to it. Raises StorageFailed."""
         if not (fate := _taken_away(self.path, self._descriptor)):
             return
         source = os.dup(self._descriptor)  # a deleted file can be read as long as it is open
@@ -434,7 +434,7 @@ def _access() -> h5p.PropFAID:
 
 
 def _empty_file(header: Header, image: NDArray[Any]) -> bytes:
-    """Create a dataset without frames in memory, where no disk can be full, and return its bytes."""
+    """Create a dataset without frames in memory, because a full disk can crash HDF5, and return its bytes."""
     memory = io.BytesIO()
     with h5py.File(memory, "w", libver="latest") as file:
         entry = write_header(file, header)

@@ -131,7 +131,7 @@ class Plan:
 
 @dataclass(frozen=True, repr=False)
 class Discovered:
-    """The terms of a law, as far as the data determine them.
+    """The result of a search for the terms of a law.
 
     discovery: sets of terms and their held-out errors; content: the content of discovery.json.
     """

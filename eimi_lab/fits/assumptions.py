@@ -49,7 +49,7 @@ class Assumptions:
         return experiment.under(self.deviations)
 
     def as_measured(self, places_mm: Array) -> Array:
-        """Map simulated places (..., 2) of the first candidate to those that the camera sees."""
+        """Map simulated places (..., 2) of the first candidate to the places at which the camera sees them."""
         return places_mm if self.setup is None else self.setup.imaged(places_mm)
 
     def compared(self, model: str, parameters: Array, experiment: Experiment, keep: bool = False) -> Comparison:
@@ -77,7 +77,7 @@ def section_remark(evidence: Evidence) -> str | None:
 
 
 def rest_shape_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on the measured shape at rest; None if the beam has the stated one."""
+    """Return a sentence on the measured shape at rest; None if the beam has the stated shape."""
     shape = evidence.rest_shape
     if shape is None:
         return None
@@ -88,7 +88,7 @@ def rest_shape_remark(evidence: Evidence) -> str | None:
 
 
 def compressibility_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on what a stated Poisson's ratio is worth; None from 0.495, where it changes little."""
+    """Return a sentence on the effect of a stated Poisson's ratio on the modulus; None from a ratio of 0.495."""
     ratio = evidence.poisson_ratio
     if ratio >= INCOMPRESSIBLE_FROM:
         return None

@@ -87,7 +87,7 @@ def in_words(cause: NamedCause, path: Path, experiment: Experiment) -> str:
 
 
 def _with(change: str, file: str, path: Path) -> str:
-    """Return the remedy: change a file, and pass it to the dataset with a command."""
+    """Return a remedy in words: change an input file, and store it in the dataset by `eimi segment`."""
     return f"{change} in {file}.toml, and give it: eimi segment {path} --{file} {file}.toml"
 
 

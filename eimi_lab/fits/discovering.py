@@ -20,7 +20,7 @@ _SHOWN = 12  # alternatives that are printed
 
 
 def discovered(evidence: Sequence[Evidence], curves: Sequence[FileCurve], **options: Any) -> Discovery:
-    """Discover a law; the options are those of `eimi_fitting.discovery.terms_of_a_law.discover`.
+    """Discover a law, with the options of `eimi_fitting.discovery.terms_of_a_law.discover`.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def content(
         "at_strain": discovery.strain,
         "library": [{"term": term.name, "energy": term.formula} for term in discovery.library],
         "terms_left_out": [term.name for term in discovery.left_out],
-        "sets_in_play": [[term.name for term in terms] for terms in discovery.in_play],
+        "sets_in_play": [[term.name for term in terms] for terms in discovery.compatible_sets],
         "sets_fitted": discovery.sets,
         "datasets": [
             {"path": str(one.path), "sha256": one.sha256, "noise_mm": noise, "taken_as_exact": one.taken_as_exact}

@@ -25,7 +25,7 @@ def remarks(fit: FitRecord) -> list[str]:
 
 
 def what_is_fixed(fit: FitRecord) -> list[str]:
-    """Return the lines on what the data determine."""
+    """Return the lines that state which quantities the data determine."""
     lines = [fit.identifiability.statement]
     if fit.bulk_modulus:
         low, high = fit.bulk_modulus.interval_95

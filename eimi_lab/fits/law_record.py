@@ -30,7 +30,7 @@ class Record(BaseModel):
 
 
 class Stability(Record):
-    """The stability of a law: the criterion, and the stretch up to which it is met (null: at all that were checked)."""
+    """The stability of a law: the criterion, and the stretch up to which it is met (null: at all checked stretches)."""
 
     criterion: str
     stable_up_to_stretch: float | None

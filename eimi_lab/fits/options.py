@@ -1,4 +1,4 @@
-"""The options of a fit: everything beside data, law and seed on which its numbers depend.
+"""The options of a fit: everything on which its numbers depend, except data, law and seed.
 
 Each field is an option of the command line and an entry of a checkpoint. Modules that are slow to import are imported
 when an option is used, because the command line needs only the fields.

@@ -80,7 +80,7 @@ class Mounting:
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """The chosen states in one mounting, compared with the same number of equally spaced states.
+    """The chosen states in one mounting, compared with as many equally spaced states.
 
     Attributes
     ----------
@@ -277,7 +277,7 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
 
 
 def _in_pairs(criterion: Candidates | Rivals, currents: int) -> Candidates | Rivals:
-    """Return the pairs of states I and -I as one state each; of the loads, the second half reverses the first.
+    """Return the pairs of states I and -I as one state each; the second half of the loads reverses the first half.
 
     Raises ValueError if the beam has an equilibrium in fewer than two pairs.
     """
@@ -295,7 +295,7 @@ def _in_pairs(criterion: Candidates | Rivals, currents: int) -> Candidates | Riv
         loads=criterion.loads.take(first),
         states=criterion.states[first],
         normal=criterion.normal[first] + criterion.normal[second],
-        moved=criterion.moved[first] + criterion.moved[second],
+        source_score=criterion.source_score[first] + criterion.source_score[second],
         points=2 * criterion.points,
     )
 

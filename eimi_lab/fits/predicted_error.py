@@ -1,9 +1,9 @@
 """Compute the interval of the error that a fit has on a dataset, from the uncertainties of both.
 
-The parameters of the law are those of the draws of the fit. The uncertain inputs of the dataset are drawn in addition.
-A source that the data of the fit share with this dataset (the same coil, calibration or calliper) takes its value from
-the same draw. For example, a coil that is weaker than stated makes the identified modulus too high, but the beam of
-this dataset still bends as simulated if the same coil acts on it. All other sources are drawn independently.
+The parameters of the law are taken from the draws of the fit. The uncertain inputs of the dataset are drawn in
+addition. A source that the data of the fit share with this dataset (the same coil, calibration or calliper) takes its
+value from the same draw. For example, a coil that is weaker than stated makes the identified modulus too high, but the
+beam of this dataset still bends as simulated if the same coil acts on it. All other sources are drawn independently.
 """
 
 from __future__ import annotations

@@ -261,7 +261,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return self
 
     def prior_squares(self) -> float:
-        """Return the sum over the priors of the squared distance of the parameter from the mean, in deviations."""
+        """Return the sum of the squared distances of the parameters from their priors, in standard deviations."""
         values, law = np.array([self.values()]), LAWS[self.model]
         return sum(float(prior.standardised(law, values)[0]) ** 2 for prior in self.priors)
 
@@ -297,7 +297,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return "bending and tensile" if self.tensile else "bending"
 
     def summary(self) -> str:
-        """Return one line: law, initial shear modulus with its interval, mean error, and what was taken as exact."""
+        """Return one line: law, initial shear modulus with its interval, mean error, and the inputs taken as exact."""
         whole = [word for word in self.taken_as_exact if word in WHOLE_FILES]
         exact = f"; {' and '.join(whole)} taken as exact" if whole else ""
         return (
@@ -306,7 +306,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         )
 
     def _not_stated(self) -> str:
-        """Return what the usual uncertainty of each decisive input without a stated one would do, for `summary`."""
+        """Return the effect of each decisive input whose uncertainty is not stated, at its usual uncertainty."""
         return "".join(
             f"; {entry.words} taken as exact, "
             f"{entry.standard_uncertainty:g} {'degrees' if entry.unit == 'deg' else entry.unit} would change the "
@@ -336,7 +336,7 @@ _IF_ANY = ("priors", "if_uncertain")  # keys of later releases, which a file has
 
 
 def _with_dataset_index(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:
-    """Return a doubt with the index of its state in the dataset instead of that among the used states."""
+    """Return a doubt with the index of its state in the dataset, instead of the index among the used states."""
     if doubt.dataset is None or doubt.state is None:
         return doubt
     return replace(doubt, state=evidence[doubt.dataset].states[doubt.state].index)

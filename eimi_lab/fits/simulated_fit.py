@@ -91,8 +91,8 @@ def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Predictio
     """Simulate several fits together, which takes less time than one by one.
 
     Fits that bend the beam similarly have similar corrections for the depth, so that each correction starts from the
-    previous ones. If a correction is too large to be interpolated, a solid has to be followed through all states; this
-    is left to `simulate_alone`.
+    previous ones. If a correction is too large to be interpolated, a solid has to be followed through all states;
+    `simulate_alone` does this.
 
     Parameters
     ----------

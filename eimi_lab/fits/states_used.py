@@ -1,4 +1,4 @@
-"""State which states of a dataset a fit used, and for which flags it left out others, wherever a result is shown."""
+"""State which states of a dataset a fit used, and for which flags it left out others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fit a law to a window of a tensile test, which is the conventional route to a law, as `eimi tensile` does."""
+"""Fit a law to a window of a tensile test, the conventional identification, as `eimi tensile` does."""
 
 from __future__ import annotations
 

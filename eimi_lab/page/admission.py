@@ -4,7 +4,7 @@ Two kinds of people must get nothing: the author of a page of another site that 
 user of the same computer, who can connect to every port of 127.0.0.1. A request is therefore answered only if
 
 - its Host is a name of this page (under DNS rebinding, a foreign name resolves to this machine),
-- it carries the token in the header `X-Eimi-Token`, which a browser never adds by itself to a request of another page,
+- it carries the token in the header `X-Eimi-Token`, which a browser never adds to a request of another page,
 - its Origin is this page if it is a POST or a WebSocket, and the browser does not report another site as its origin.
 
 A WebSocket cannot carry a header that a script has set. Its first message must be `{"token": ...}`; until that message
@@ -132,7 +132,7 @@ def _refused_length(headers: Headers) -> Response | None:
 
 
 def _after(first: Message, receive: Receive) -> Receive:
-    """Return a function that receives this message first, and then what `receive` receives."""
+    """Return a function that receives this message first, and then the messages of `receive`."""
     waiting = [first]
 
     async def received() -> Message:

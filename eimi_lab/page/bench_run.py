@@ -3,7 +3,7 @@
 The run is `eimi acquire` in a separate process, which ends with its coil off when the page ends. STOP uses signals,
 which do not wait for frames or messages. It sends two signals, because the second one skips the ramp. If no event
 confirms within `CONFIRMED_WITHIN_S` that the coil is off, the run is killed and its guardian switches the coil off. The
-state of the run is derived only from its events and from those of its guardian. Its last line on standard error is
+state of the run is derived only from its events and the events of its guardian. Its last line on standard error is
 shown to the person and not interpreted.
 """
 
@@ -357,7 +357,7 @@ class BenchRun:
                 self.progress.last_words = line.removeprefix("eimi: ")
 
     async def _see_all(self, open_while_seen: int) -> None:
-        """Pass on frames and edges until both processes have ended, that of the frames first."""
+        """Pass on frames and edges until both processes have ended; the process of the frames ends first."""
         frames, edges = self._eyes
         finding = asyncio.create_task(self._see(edges))
         await self._see(frames)

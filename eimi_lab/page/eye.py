@@ -1,6 +1,7 @@
 """Two processes that look at the frames of a run: one encodes the newest frame as JPEG, one finds the edges in it.
 
-Their priority (nice) is lower than that of the run. That of the edges is the lowest, because they take the longest.
+Their priority (nice) is lower than that of the run. The process of the edges has the lowest priority, because the edges
+take the longest.
 """
 
 from __future__ import annotations

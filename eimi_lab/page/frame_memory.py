@@ -22,7 +22,7 @@ ABOUT_BYTES = 1 << 12
 _NEWEST = struct.Struct("<Q")
 _PLACE = struct.Struct(
     "<QQIIIIII"
-)  # begun, ended, height, width, channels, bytes of a pixel, kept share, bytes about it
+)  # counter before, counter after, height, width, channels, bytes per value, kept, bytes of the description
 _FIRST = 4096
 _TRIES = 5
 
@@ -67,11 +67,11 @@ class FrameMemory:
         self._memory = mmap.mmap(descriptor, _FIRST + 2 * PLACE_BYTES)
 
     def newest(self) -> int:
-        """Return the number of the newest frame; 0 before the first."""
+        """Return the number of the newest frame; 0 before the first frame."""
         return int(_NEWEST.unpack_from(self._memory, 0)[0])
 
     def write(self, image: NDArray[Any], about: dict[str, Any]) -> None:
-        """Write a frame, (H, W) or (H, W, 3), over the older of the two; never wait."""
+        """Write a frame, (H, W) or (H, W, 3), into the slot with the older frame, without waiting for readers."""
         kept = 1
         while image.nbytes > PLACE_BYTES - ABOUT_BYTES - _PLACE.size:
             image, kept = image[::2, ::2], 2 * kept

@@ -32,7 +32,7 @@ Act = Callable[[dict[str, Any]], Awaitable[Any]]
 
 
 async def body_of(request: Request) -> dict[str, Any]:
-    """Return the JSON object in the body of a request; raise InputError if it is something else."""
+    """Return the JSON object in the body of a request; raise InputError if the body is not a JSON object."""
     try:
         asked = await request.json()
     except (ValueError, RecursionError) as error:

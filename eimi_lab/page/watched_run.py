@@ -67,7 +67,7 @@ class Watched:
 
 @contextmanager
 def watched(page: Descriptors | None, bench: Bench, rig: Rig, on_event: OnEvent) -> Iterator[Watched]:
-    """Yield the arguments for a run that the page watches; if `page` is None, those for a run at a terminal."""
+    """Yield the arguments for a run that the page watches or, if `page` is None, for a run at a terminal."""
     if page is None:
         yield Watched(bench)
         return

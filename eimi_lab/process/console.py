@@ -54,8 +54,8 @@ def typed_line() -> str | None:
 def when_closed(act: Callable[[], None]) -> None:
     """Call a function when Windows closes the console, logs the user off or shuts the computer down.
 
-    It is called in a thread of its own. Windows ends the process some seconds later, or when its main thread has ended.
-    On other systems nothing is called, because they send a signal (SIGHUP, SIGTERM).
+    The function is called in a separate thread. Windows ends the process some seconds later, or when its main thread
+    has ended. On other systems the function is not called, because they send a signal (SIGHUP, SIGTERM).
     """
     if sys.platform == "win32":
 

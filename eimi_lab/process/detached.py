@@ -37,8 +37,8 @@ def detached() -> dict[str, Any]:
     POSIX: it has a session of its own (setsid(2)), so that neither Ctrl-C nor the hang-up of the terminal reaches it.
     Windows: it has an invisible console and a process group of its own, which Ctrl-C, Ctrl-Break and the closing of the
     console do not reach, and it leaves the job object of this process if that permits it. In a virtual environment,
-    the `python.exe` there only starts the real one, in a job object that would end it; it is left out, as
-    `multiprocessing` does.
+    `python.exe` only starts the real interpreter, in a job object that would end it. The real interpreter is therefore
+    started directly, as `multiprocessing` does.
     """
     if sys.platform == "win32":
         flags = subprocess.CREATE_NO_WINDOW | subprocess.CREATE_NEW_PROCESS_GROUP
@@ -69,19 +69,19 @@ class Starter:
     """The process that started this one."""
 
     def __init__(self) -> None:
-        """Note which process it is; call this early, because it may end and its number be used again."""
+        """Store the process that started this one; call this early, because its number may be used again."""
         self._process = os.getppid()
         if sys.platform == "win32":
             self._handle = ctypes.c_void_p(_kernel.OpenProcess(_SYNCHRONIZE | _PROCESS_TERMINATE, False, self._process))
 
     def runs(self) -> bool:
-        """Return whether it has not ended."""
+        """Return whether the process is still running."""
         if sys.platform == "win32":
             return bool(self._handle) and _kernel.WaitForSingleObject(self._handle, 0) == _WAIT_TIMEOUT
         return os.getppid() == self._process
 
     def kill(self) -> None:
-        """End it at once, if it has not ended; it can do nothing about that."""
+        """Kill the process if it is still running."""
         if sys.platform == "win32":
             _kernel.TerminateProcess(self._handle, 1)
         elif self.runs():

@@ -1,4 +1,4 @@
-"""Limits of memory and processor time, for files whose few bytes may claim any amount of either.
+"""Limits of memory and processor time, because a small file may require any amount of either.
 
 The limits of a process are soft limits (setrlimit(2)): the hard limits that the user or a batch system has set are
 kept. On Windows, processes have no such limits, and only the wall clock ends a child that never returns.
@@ -112,7 +112,7 @@ def run_limited(path: Path, command: Sequence[str], within_s: float) -> subproce
 def child_arguments(count: int) -> list[str]:
     """Return the arguments that `run_limited` gave to this process, the limit of the processor time last.
 
-    If their number is another one, the program was replaced by another release after the command had started. The
+    If their number is not ``count``, the program was replaced by another release after the command had started. The
     process then ends with a line about it and the status 2.
     """
     arguments = sys.argv[1:]
@@ -123,12 +123,12 @@ def child_arguments(count: int) -> list[str]:
 
 
 def obey_processor_limit(within_s: str) -> None:
-    """Let the system end this process after so many seconds of processor time, if it supports it."""
+    """Let the system end this process after ``within_s`` seconds of processor time, if it supports such a limit."""
     _lower("RLIMIT_CPU", int(within_s))
 
 
 def _lower(name: str, most: int) -> None:
-    """Lower a limit of this process, which setrlimit(2) names; Windows has none."""
+    """Lower a limit of this process, named as in setrlimit(2); Windows has no such limits."""
     if sys.platform != "win32":
         import resource
 

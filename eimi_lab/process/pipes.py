@@ -54,7 +54,7 @@ def readable(descriptor: int, within_s: float) -> bool:
 
 
 def never_wait_to_write(descriptor: int) -> None:
-    """Let a write to a pipe that is full fail with an OSError, where it would wait for the reader.
+    """Let a write to a full pipe fail with an OSError instead of waiting for the reader.
 
     Raises
     ------

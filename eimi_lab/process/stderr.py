@@ -84,7 +84,7 @@ class NeverBlocking(io.TextIOBase):
         self._close()
 
     def _left(self) -> bool:
-        """Return whether text was accepted that is not written yet."""
+        """Return whether accepted text still has to be written."""
         return bool(self._waiting)
 
     def _close(self) -> None:
@@ -103,8 +103,8 @@ class NeverBlocking(io.TextIOBase):
 class WrittenByThread(NeverBlocking):
     """A text stream whose text a thread writes, so that the program waits for no reader.
 
-    It is for Windows, where every write to a console or a file waits, and select(2) takes sockets alone. A console gets
-    Unicode, whatever its code page.
+    It is for Windows, where every write to a console or a file waits, and select(2) accepts only sockets. A console
+    gets Unicode, independent of its code page.
     """
 
     def _open(self, descriptor: int) -> None:
@@ -139,7 +139,7 @@ class WrittenByThread(NeverBlocking):
 def write_every_character() -> None:
     """Let standard output and standard error take every character.
 
-    On Windows, what is not a console gets UTF-8, as every text file of this program does, whatever the code page.
+    On Windows, a stream that is not a console gets UTF-8 for any code page, as every text file of this program does.
     Elsewhere, a character that the terminal's encoding lacks is written with a backslash.
     """
     for stream in (sys.stdout, sys.stderr):
@@ -187,7 +187,7 @@ _captured = threading.Lock()
 def library_words() -> Iterator[list[str]]:
     """Yield a list that holds, after the context, the lines that C libraries printed on standard error within it.
 
-    None of these lines reaches the terminal. What Python prints within `never_blocking` is not affected.
+    None of these lines reaches the terminal. Text that Python prints within `never_blocking` is not affected.
     """
     lines: list[str] = []
     with _captured, tempfile.TemporaryFile() as printed:

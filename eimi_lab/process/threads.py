@@ -10,5 +10,5 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB
 
 
 def one_thread_each() -> None:
-    """Use one thread in this process and in those that it starts; call this before numpy is loaded."""
+    """Use one thread in this process and in its child processes; call this before numpy is loaded."""
     os.environ.update(dict.fromkeys(THREADS, "1"))

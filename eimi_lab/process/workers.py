@@ -157,7 +157,7 @@ class _Processes(ProcessPoolExecutor):
 
 @contextmanager
 def _blocked(name: str) -> Iterator[None]:
-    """Block a signal, so that processes started in the context inherit this; here the signal arrives afterwards."""
+    """Block a signal within the context, and in processes started there; this process receives it afterwards."""
     if sys.platform == "win32":
         yield
     else:
@@ -288,7 +288,7 @@ def cluster(address: str) -> Iterator[Executor]:
 
 
 async def _greet(address: str) -> None:
-    """Connect to a scheduler; unlike a client's, this attempt can be cancelled if another service is listening."""
+    """Connect to a scheduler; unlike a dask client, this attempt can be cancelled if another service is listening."""
     from distributed.comm import connect
 
     await (await connect(address)).close()

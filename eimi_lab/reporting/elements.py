@@ -31,7 +31,7 @@ class Picture:
     name : str
         Name of its files, without number and ending.
     figure : matplotlib Figure
-    says : str
+    alternative : str
         Alternative text for readers who cannot see the figure.
     caption : str or Markup
     photograph : bool
@@ -40,7 +40,7 @@ class Picture:
 
     name: str
     figure: Figure
-    says: str
+    alternative: str
     caption: str | Markup
     photograph: bool = False
 
@@ -107,9 +107,9 @@ class Elements:
         self.pictures.append(picture)
         number = len(self.pictures)
         return Markup(
-            '<figure id="figure-{number}"><img src="{source}" alt="{says}">'
+            '<figure id="figure-{number}"><img src="{source}" alt="{alternative}">'
             "<figcaption><b>Figure {number}.</b> {caption}</figcaption></figure>"
-        ).format(number=number, source=picture.embedded, says=picture.says, caption=picture.caption)
+        ).format(number=number, source=picture.embedded, alternative=picture.alternative, caption=picture.caption)
 
     def table(self, table: Table) -> Markup:
         """Add the next table of the page, and return its HTML."""

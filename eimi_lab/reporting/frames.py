@@ -42,7 +42,7 @@ class Crop:
         return np.asarray(np.clip(scaled[..., ::-1] if cut.ndim == 3 else scaled, 0, 1))
 
     def places(self, points_px: Array) -> Array:
-        """Convert pixel coordinates (n, 2) of the frame to those of the crop."""
+        """Convert pixel coordinates (n, 2) of the frame to coordinates of the crop."""
         return np.asarray(points_px - [self.left, self.top])
 
 
@@ -84,14 +84,14 @@ def edges_px(contents: DatasetContents, state: State) -> list[Array]:
 
 
 def some_states(contents: DatasetContents, most: int) -> list[int]:
-    """Choose at most `most` states of the evidence, evenly spread over the loads, and return their places."""
+    """Choose at most `most` states of the evidence, evenly spread over the loads, and return their indices."""
     order = np.argsort(loads(contents), kind="stable")
     rows = np.unique(np.linspace(0, len(order) - 1, min(most, len(order))).round().astype(int))
     return [int(order[row]) for row in rows]
 
 
 def loads(contents: DatasetContents) -> Array:
-    """Return the size (K,) of the load of each state: field and force, each divided by its largest value, and added."""
+    """Return the size (K,) of the load of each state: the sum of field and force, each divided by its largest value."""
     field_and_force = np.abs([(s.field_mT, s.tip_force_N) for s in contents.evidence.states])
     return np.asarray((field_and_force / np.maximum(field_and_force.max(axis=0), 1e-12)).sum(axis=1))
 

@@ -91,7 +91,8 @@ def chosen(group: Sequence[ShownFit]) -> ShownFit:
 def leading(fits: Sequence[ShownFit], sha256: str) -> ShownFit | None:
     """Choose the fit that represents a dataset.
 
-    It is the best of the fits to the dataset with this hash; or else of all bending fits; or else of all fits.
+    It is the best fit to the dataset whose file has the hash ``sha256``. If there is none, it is the best of all
+    bending fits, and if there are no bending fits, the best of all fits.
     """
     bending = [shown for shown in fits if isinstance(shown.fit, FitRecord)]
     to_dataset = [s for s in bending if isinstance(s.fit, FitRecord) and sha256 in {d.sha256 for d in s.fit.datasets}]

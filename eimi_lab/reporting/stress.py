@@ -109,7 +109,7 @@ def bending_strain(fits: Sequence[ShownFit]) -> float | None:
 
 
 def largest_strain(fits: Sequence[ShownFit]) -> float:
-    """Return the strain at which the figure ends: that of the tensile fits, or a multiple of that of bending."""
+    """Return the strain at which the figure ends: the largest tensile strain, or a multiple of the bending strain."""
     tensile = [s.fit.max_stretch - 1 for s in fits if isinstance(s.fit, TensileRecord)]
     return min(max(tensile), _LARGEST_STRAIN) if tensile else _BENDING_ALONE * (bending_strain(fits) or 0.0)
 

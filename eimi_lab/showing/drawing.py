@@ -81,7 +81,7 @@ def label(axes: Axes, x: str, y: str) -> None:
 
 
 def by_field(field_mT: Sequence[float], numbers: Sequence[int]) -> tuple[NDArray[np.float64], str]:
-    """Return what states are drawn against, and its name: their field or, where that does not change, their number."""
+    """Return the abscissa of the states and its name: their field or, if the field is constant, their number."""
     fields = np.array(field_mT, dtype=np.float64)
     return (
         (fields, "field, mT") if len(fields) and np.ptp(fields) > 0 else (np.array(numbers, dtype=np.float64), "state")

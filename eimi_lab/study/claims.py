@@ -1,6 +1,6 @@
 """Compare four claims of the paper with the results of the study.
 
-The claims are those of its abstract and its results, in the words of this project. The numbers of the paper are not
+The claims are taken from its abstract and its results, in the words of this project. The numbers of the paper are not
 compared, because geometry and materials differ.
 """
 

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 def errors_of(routes: Sequence[Route], experiment: Experiment) -> list[dict[str, Any]]:
     """Compute the errors of each route on one specimen.
 
-    The correction for the depth of the first route is the starting point for that of the other routes.
+    The depth correction of the first route is the starting point for the corrections of the other routes.
 
     Parameters
     ----------

@@ -4,9 +4,9 @@ The edges are the outline of the solid, on a finer mesh than that of a fit, with
 of the edge finder. Frames are not rendered: on a clean picture the edge finder has an error of a hundredth of a pixel,
 and rendering would take most of the time.
 
-Type 4 is turned about its own axis, as the paper reports for its specimen; here in proportion to the field and to the
-distance from the clamp. The camera then sees a part of its depth in addition to its width. The models of the fits do
-not include this twist.
+Type 4 is turned about its own axis, as the paper reports for its specimen. Here the angle is proportional to the field
+and to the distance from the clamp. The camera then sees a part of its depth in addition to its width. The models of the
+fits do not include this twist.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def measured_edges_mm(key: str, kind: str, extent: Extent) -> Array:
 
 
 def noise_mm(shape: tuple[int, ...], of: str, sigma_mm: float = NOISE_MM) -> Array:
-    """Return normal noise in mm, the same for the same name `of` (of a specimen)."""
+    """Return normal noise in mm; the name ``of``, such as that of a specimen, seeds the generator."""
     return np.random.default_rng(zlib.crc32(of.encode())).normal(0.0, sigma_mm, shape)
 
 

@@ -2,8 +2,8 @@
 
 All search the unit cube of the coordinates of a law, in which the modulus covers three decades. They minimise the mean
 error on the edges of type 1 of a hidden material, on the mesh of the search. The result is the number of evaluations
-after which the modulus of the best candidate stays within one per cent of that of the optimum. Gauss-Newton and the
-mean of CMA-ES start in the middle of the cube, the others at points that depend on their seed.
+after which the modulus of the best candidate stays within one per cent of the modulus of the optimum. Gauss-Newton and
+the mean of CMA-ES start in the middle of the cube, the others at points that depend on their seed.
 """
 
 from __future__ import annotations

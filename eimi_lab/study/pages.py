@@ -31,7 +31,7 @@ def claims_table(judged: Sequence[Verdict]) -> Table:
 
 
 def write_pages(output: Path, findings: Findings) -> list[str]:
-    """Write all files of a study into a folder, over those of an earlier run, and return the lines to print."""
+    """Write all files of a study into a folder, replacing the files of an earlier run; return the lines to print."""
     claims, tables = claims_table(verdicts(findings)), all_tables(findings)
     figures = all_figures(findings)
     for table in (claims, *tables):

@@ -1,4 +1,4 @@
-"""Make the tables of a study: those of the paper, and one for each open question."""
+"""Make the tables of a study: the tables of the paper, and one table for each open question."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def all_tables(findings: Findings) -> list[Table]:
-    """Return all tables of a study, except that of the claims."""
+    """Return all tables of a study, except the table of the claims."""
     tables = [searches(findings), *(parameters(findings, key) for key in findings.inputs.extent.materials)]
     tables.append(advantage_table(findings))
     if findings.answers:
@@ -146,7 +146,7 @@ class Advantage:
 
     @property
     def ratios(self) -> tuple[float, float]:
-        """Return the error of the best tensile fit divided by those of the worst and of the best law by bending."""
+        """Return the error of the best tensile fit, divided by the worst and by the best error of the bending fits."""
         return self.tension_um / self.bending_um[1], self.tension_um / self.bending_um[0]
 
 

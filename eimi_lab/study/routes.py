@@ -82,7 +82,7 @@ def by_bending(law: str, experiment: Experiment, seed: int) -> dict[str, Any]:
 
 
 def by_tension(strain: Array, stress_Pa: Array, source: str, extent: Extent) -> list[dict[str, Any]]:
-    """Fit each law to each window of a tensile curve by least squares, except where a window has too few rows.
+    """Fit each law to each window of a tensile curve by least squares; windows with too few rows are left out.
 
     Parameters
     ----------

@@ -61,7 +61,7 @@ class VirtualLoads:
 class VirtualBeam:
     """A specimen of a known material that takes its equilibrium shape at once, without friction and creep.
 
-    The beam is always the three-dimensional solid, whatever section the specimen states for a fit.
+    The beam is always a three-dimensional solid, for any section that the specimen states for a fit.
 
     Parameters
     ----------

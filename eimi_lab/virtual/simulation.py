@@ -67,7 +67,7 @@ class Simulation:
 
     @property
     def tip_angle_deg(self) -> Array:
-        """(K,): by how much the tip is turned, degrees."""
+        """(K,): the rotation of the tip, degrees."""
         return _tip(self.model, self.shapes)[0, :, 2]
 
     @property
@@ -174,8 +174,8 @@ def simulate(
     """
     if bulk_modulus_kPa is not None and specimen.specimen.section == "plane-stress":
         raise InputError(
-            f"--bulk-modulus-kPa {bulk_modulus_kPa:g}: plane stress is incompressible here; "
-            f"specimen {specimen.specimen.name} would have to be solid or plane-strain"
+            f"--bulk-modulus-kPa {bulk_modulus_kPa:g}: plane stress is computed for incompressible materials only; "
+            f"specimen {specimen.specimen.name} should be solid or plane-strain"
         )
     if bulk_modulus_kPa is not None and not 0 < bulk_modulus_kPa < np.inf:
         raise InputError(

@@ -95,7 +95,7 @@ class VirtualCamera:
         self._leads_swapped = not self._leads_swapped
 
     def field_mT(self) -> float:
-        """Return the true field at the magnet along the coil's axis now: that of the current and the background."""
+        """Return the present true field at the magnet along the coil's axis, including the background field."""
         current_A = self._coil.coil_current_A()
         return self._background_mT + self._mT_per_A * (-current_A if self._leads_swapped else current_A)
 
@@ -227,7 +227,7 @@ def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
 def _as_it_is(
     specimen: SpecimenFile, calibration: Calibration, bench: TrueBench
 ) -> tuple[mechanics.Specimen, Calibration]:
-    """Return the specimen and the calibration with what the bench does that they do not state."""
+    """Return the specimen and the calibration, changed by the unstated properties of the bench."""
     beam = specimen.mechanics()
     if beam.magnet:
         turned_deg = beam.magnet.magnetisation_angle_deg + bench.magnetisation_angle_deg

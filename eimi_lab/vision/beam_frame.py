@@ -50,7 +50,7 @@ class BeamFrame:
         x = (p - p0) · a / s,    y = (p - p0) · b / s.
 
     If the calibration has a camera matrix, the points p are undistorted first. `clamp_midpoint_px` is a place in the
-    camera's own image; the angles of the calibration are those of the undistorted image.
+    camera's own image; the angles of the calibration are measured in the undistorted image.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class BeamFrame:
         return np.asarray(image_points, dtype=np.float64).reshape(-1, 2)
 
     def view(self, depth_mm: float, size: tuple[int, int]) -> View | None:
-        """Return how the lens sees the depth of a specimen.
+        """Return the perspective in which the lens sees the depth of a specimen.
 
         The optical axis passes through the principal point of the camera matrix, or through the centre of the image if
         there is no camera matrix.
@@ -151,5 +151,5 @@ class BeamFrame:
         return undistorted(points, self._matrix, self._distortion)
 
     def _in_beam_frame(self, from_axis_deg: float) -> float:
-        """Turn an angle clockwise from the beam's axis in the image into one from +x toward +y, from -180 to 180."""
+        """Convert an angle clockwise from the beam's axis in the image to one from +x toward +y, from -180 to 180."""
         return (self.hand * from_axis_deg + 180.0) % 360.0 - 180.0

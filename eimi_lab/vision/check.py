@@ -11,7 +11,7 @@ from enum import StrEnum
 
 
 class Severity(StrEnum):
-    """What a flag means for the state.
+    """The consequence of a flag for the state.
 
     UNUSABLE: a fit leaves the state out. DOUBTFUL: a fit uses the state, and gives its points a larger standard
     deviation. NOTE: the fit is not affected; a person should read the remedy.

@@ -1,7 +1,7 @@
 """The table of all quality checks: the quantity, its limit, the severity, the remedy and an example picture.
 
-A state with an unusable flag is left out of a fit. A state with a doubtful flag is used, and the standard deviation of
-its points grows by what the check measured. A note is for a person to read.
+A state with an unusable flag is left out of a fit. A state with a doubtful flag is used, and the check determines how
+much the standard deviation of its points grows. A note is for a person to read.
 
 To add a flag, add an entry here, measure its value, and add its picture to `benchmarks/flag_pictures.py`.
 """

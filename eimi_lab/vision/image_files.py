@@ -1,4 +1,4 @@
-"""List and read the image files that a laboratory already has. A damaged or incomplete file is refused."""
+"""List and read image files from any source. A damaged or incomplete file is refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Read from the header of an image file how large the image is, before it is decoded.
+"""Read the size of an image from the header of its file, before it is decoded.
 
 A file of a few bytes may claim a size that needs any amount of memory.
 """

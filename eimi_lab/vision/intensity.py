@@ -112,7 +112,7 @@ def full_scale(image: NDArray[Any]) -> float:
 def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
     """Return the mean of the frames of a state, in grey levels of the frames.
 
-    The mean of n frames has a noise that is smaller by √n, and is searched once in place of n times.
+    The noise of the mean of n frames is smaller by √n, and the mean is searched once instead of n times.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ class FieldCorrection:
         (image - dark) · m / (flat - dark).
 
     This removes what EMVA standard 1288 calls the dark signal and the photo response non-uniformity. A pixel at full
-    scale stays at full scale, so that clipping remains visible. Each colour is corrected by itself.
+    scale stays at full scale, so that clipping remains visible. Each colour is corrected separately.
     """
 
     def __init__(self, dark: ArrayLike | None, flat: ArrayLike | None) -> None:

@@ -180,7 +180,7 @@ def test_its_killed_run_is_resumed(release: Path, eimi: Callable[[str], None]) -
 
 @pytest.mark.parametrize("line", COMMANDS)
 def test_its_command_lines_are_accepted(line: str) -> None:
-    """The lines are the examples of its help, those of its documentation, and each command with all of its options."""
+    """The lines are the examples in the release's help and documentation, and each command with all of its options."""
     _, name, *arguments = shlex.split(line)
     command: Any = typer.main.get_command(cli.app).commands[name]  # type: ignore[attr-defined]
     command.make_context(name, arguments)

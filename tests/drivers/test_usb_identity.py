@@ -1,4 +1,4 @@
-"""The serial number of a USB port identifies a supply, by whatever name the rig file gives for the port."""
+"""The serial number of a USB port identifies a supply, under any name of the port in the rig file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Unknowns other than those of the law: a new one needs a single entry."""
+"""Unknowns beside the parameters of the law: a new unknown needs a single entry."""
 
 from __future__ import annotations
 

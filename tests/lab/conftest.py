@@ -126,7 +126,7 @@ def pictures(files: Path) -> Path:
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]]:
-    """Runs the command line in this process; exit status and what it said on stderr."""
+    """Return a function that runs a command line in this process and returns its exit status and standard error."""
 
     def run(*arguments: object) -> tuple[int, str]:
         monkeypatch.setattr(sys, "argv", ["eimi", *map(str, arguments)])

@@ -1,4 +1,4 @@
-"""Camera settings from rig.toml to the camera, and what it read back into the dataset."""
+"""Camera settings pass from rig.toml to the camera; the values that the camera reads back are in the dataset."""
 
 from __future__ import annotations
 

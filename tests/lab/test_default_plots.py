@@ -1,4 +1,4 @@
-"""What a viewer of NeXus files draws of a dataset by itself: where `default` leads to, by the rule of the manual."""
+"""The plot that a viewer of NeXus files shows first, which it finds by the `default` attributes of a dataset."""
 
 from __future__ import annotations
 

@@ -235,7 +235,7 @@ def test_wrong_nuisances_and_curves_are_refused_in_one_line(
 
 
 def garbled_state(places):
-    """Replace the points of the last state by those of the first."""
+    """Replace the points of the last state by the points of the first state."""
     return np.concatenate([places[:2], places[:1]])
 
 

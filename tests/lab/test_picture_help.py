@@ -138,7 +138,7 @@ def test_one_projection_for_all_states_and_both_sides(files: Path) -> None:
 
 @pytest.mark.parametrize("odd_one", [0, 5])
 def test_the_projection_is_that_of_all_states_and_no_states_own(run: Run, files: Path, odd_one: int) -> None:
-    """Blue tells the beam in five states; the sixth has little of that, and more red, of which nothing is seen."""
+    """Blue distinguishes the beam in five states; in the odd state red differs more, but the projection ignores red."""
     pictures = files / "pictures"
     pictures.mkdir()
     for index in range(6):

@@ -1,4 +1,4 @@
-"""`eimi simulate`: what it writes agrees with itself and with the measured metric's edges."""
+"""The files of `eimi simulate` agree with each other and with the edges that the error of a fit compares."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def test_a_magnetised_beam_from_files_bends_as_the_hard_magnetic_elastica(tmp_pa
     assert mirrored["angle_deg"] == pytest.approx(-tip["angle_deg"], abs=1e-5)
     refused = eimi_simulate(tmp_path, "--bulk-modulus-kPa", "100")
     assert refused.returncode == 2
-    assert "--bulk-modulus-kPa 100: plane stress is incompressible here" in refused.stderr
+    assert "--bulk-modulus-kPa 100: plane stress is computed for incompressible materials only" in refused.stderr
 
 
 def test_a_finite_bulk_modulus_bends_further() -> None:

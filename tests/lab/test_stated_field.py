@@ -118,7 +118,7 @@ def test_a_map_that_ends_before_the_tip_is_refused():
 
 
 def outline_mm(bench: str = "", calibration: str = CALIBRATION) -> np.ndarray:
-    """Return the outline of the virtual beam at 1 A, with a table of what its bench does."""
+    """Return the outline of the virtual beam at 1 A; ``bench`` states how the bench differs from its files."""
     rig = load_rig("virtual")
     silicone = '[silicone."Dragon Skin 10"]\nmodel = "neo-hookean"\nparameters = { mu_Pa = 46390.0 }\n'
     assert rig.virtual is not None

@@ -1,4 +1,4 @@
-"""Standard error that nobody reads: the program does not wait, and a late reader gets everything."""
+"""If standard error is not read, the program does not wait for its reader, and a late reader gets all messages."""
 
 from __future__ import annotations
 

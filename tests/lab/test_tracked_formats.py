@@ -80,7 +80,7 @@ def test_dice_files_of_frames_are_imported(run: Run, files: Path) -> None:
 
 
 def test_dice_files_of_subsets_are_imported(run: Run, files: Path) -> None:
-    """Each subset has a file, as in DICe's tests/examples/mechanism; the frames are those of a high-speed camera."""
+    """Each subset has a file, as in DICe's tests/examples/mechanism; a high-speed camera numbered the frames."""
     places = in_pixels(files)
     (files / "results").mkdir()
     for k in range(3):

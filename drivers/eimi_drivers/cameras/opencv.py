@@ -125,9 +125,9 @@ class OpenCVCamera:
 
     A separate thread is needed because OpenCV's `read` has no timeout.
 
-    Of a device only the newest frame is kept, so that `grab` never returns an old one. `Frame.number` also counts the
+    For a device, only the newest frame is kept, so that `grab` never returns an old one. `Frame.number` also counts the
     frames that were discarded. `flush` discards a frame if its time stamp is earlier than the call or if it was being
-    read during the call. Of a recording every frame is returned in order, and `flush` has no effect.
+    read during the call. For a recording, every frame is returned in order, and `flush` has no effect.
 
     The time stamp of a device's frame is from the host's monotonic clock (on V4L2, the kernel's time stamp). The time
     stamp of a video frame is from the file. The time stamp of an image is its index in the series.

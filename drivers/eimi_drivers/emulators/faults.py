@@ -1,4 +1,4 @@
-"""Define the faults that an emulated instrument can have, and let it have the faults of its line."""
+"""Define the faults that an emulated instrument can have, and emulate the faults of its line."""
 
 from __future__ import annotations
 
@@ -170,11 +170,11 @@ class FaultyInstrument:
         self._silent_until_s = self._clock.now() + seconds
 
     def swap(self, other: Responder, concerns: Callable[[bytes], bool] = bool) -> None:
-        """Cut the line at the next message that this concerns, see `inject`; another instrument answers afterwards."""
+        """Cut the line at the next message to which ``concerns`` applies; another instrument answers afterwards."""
         self._fault, self._concerns, self._next = Fault.DROP, concerns, other
 
     def reconnect(self) -> None:
-        """Restore a line that was cut for good."""
+        """Restore a line that was cut permanently."""
         self.lost, self._fault = False, None
 
     def receive(self, data: bytes) -> bytes:

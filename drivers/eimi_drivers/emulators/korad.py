@@ -34,7 +34,7 @@ class KoradDialect:
         self._state_before = supply.state
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes and return the answers. Bytes that are no message are ignored, as by the real supply."""
+        """Receive bytes and return the answers. Bytes that are not a message are ignored, as the real supply does."""
         now_s = self.supply.clock.now()
         too_soon, self._last_s = now_s - self._last_s < self._fuse_within_s, now_s
         if too_soon:

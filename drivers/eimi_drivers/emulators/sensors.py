@@ -13,7 +13,7 @@ from eimi_drivers.supplies.transport import Responder
 
 
 class SensorFault(Enum):
-    """Name a fault of a sensor, beside those of its line, with its effect and the behaviour of a correct program."""
+    """A fault of the sensor rather than of its line, with its effect and the behaviour of a correct program."""
 
     STUCK = ("the value does not change any more", "stores the values; an interlock cannot notice it")
     JUMP = ("the value is a hundred times too large", "ends the run if an interlock bounds the sensor")

@@ -22,8 +22,8 @@ def serve_port(line: FaultyInstrument, name: str = "ttyEMULATED0") -> Iterator[s
     """Serve on a serial port while the context lasts; its value is the path of the port.
 
     The path is a link to a pseudo-terminal. A cut line removes the link and closes the terminal. Unless the line is
-    lost for good, the link exists again after `PLUGGED_IN_AFTER_S` and leads to a new terminal. A driver can therefore
-    reopen the port, as it reopens the port of a USB adapter.
+    lost permanently, the link exists again after `PLUGGED_IN_AFTER_S` and leads to a new terminal. A driver can
+    therefore reopen the port, as it reopens the port of a USB adapter.
 
     Parameters
     ----------

@@ -75,7 +75,7 @@ class EmulatedSession:
         return serve_pty(self._line) if self._fault is None else serve_port(self._line, f"ttyEMULATED{ports}")
 
     def _watch(self) -> None:
-        """Begin the fault in time and report changes; return when the supply leaves for another address."""
+        """Begin the fault at its time and report changes of the current; return when the port of the supply is lost."""
         leaves = self._fault is Fault.REENUMERATE
         while not (leaves and self._line.lost):
             self._let_watchdog_act(self._line.instrument)

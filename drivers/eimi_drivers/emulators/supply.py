@@ -62,7 +62,7 @@ class CoilSupply:
     both set-points are zero at first. Over-current protection, if armed, trips when the current reaches its set-point.
 
     The coil warms up by `thermal_resistance_K_per_W` times R I², with a first-order time constant. R is the cold
-    resistance in this product. The resistance grows with the temperature as that of copper.
+    resistance in this product. The resistance grows with the temperature like the resistance of copper.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class CoilSupply:
     hunting_A : float
         The amplitude of an oscillation of the current that never ends.
     shorted_A : float
-        The current through a shorted regulator, whatever is set and even if the output is off. Set-points and output
+        The current through a shorted regulator, at any set-point and even if the output is off. Set-points and output
         read back as they were set.
     offset_A : float
         The error that the meter adds to every current.

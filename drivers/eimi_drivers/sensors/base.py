@@ -1,4 +1,4 @@
-"""What the drivers of sensors share: one query with one line as its answer, and the time limit of the answer."""
+"""Implement what all sensor drivers share: queries that are answered by one line of text within a time limit."""
 
 from __future__ import annotations
 
@@ -70,12 +70,14 @@ class SensorBase(ABC):
         return VisaTransport(address)
 
     def identify(self) -> Identity:
-        """Ask ``*IDN?``. Raises AnotherSensor if the answer differs from the one before."""
+        """Ask ``*IDN?``. Raises AnotherSensor if the answer differs from the previous answer."""
         text = self._ask(IDENTITY).strip()
         if not text.isprintable() or not text:
             raise self._not_understood(IDENTITY, text, "a line of text")
         if self._bound is not None and text != self._bound:
-            raise AnotherSensor(f"{self._link.address}: {text!r} answers there, and {self._bound!r} before")
+            raise AnotherSensor(
+                f"{self._link.address}: the sensor identifies itself as {text!r}; it was {self._bound!r} before"
+            )
         self._bound, self._unconfirmed = text, False
         return Identity(self.name, text, self._link.address, serial_number_in(text))
 

@@ -15,9 +15,9 @@ _MILLITESLA = {"G": 0.1, "T": 1000.0}
 class FWBell5080(SensorBase):
     """Read the field of an F.W. Bell 5080 over its serial port (2400 baud, 8 data bits, no parity).
 
-    ``:MEASure:FLUX?`` answers with the field and its unit, such as ``12.34G``; a semicolon may follow. Query and form
-    of the answer are those of PyMeasure 0.16 (class FWBell5080), because the manual was not available. The unit is that
-    of the front panel, gauss or tesla; ampere per metre is refused. The meter states no uncertainty.
+    ``:MEASure:FLUX?`` answers with the field and its unit, such as ``12.34G``; a semicolon may follow. The query and
+    the form of its answer are taken from PyMeasure 0.16 (class FWBell5080), because the manual was not available. The
+    unit is set at the front panel to gauss or tesla; ampere per metre is refused. The meter states no uncertainty.
     """
 
     name: str = "fwbell-5080"

@@ -1,7 +1,7 @@
 """Lake Shore 425 and 475 gaussmeters.
 
-Every query is in the manuals. Nothing is set: range, filter, unit and the zero of the probe stay as a person left them
-at the front panel.
+Every query is in the manuals. The drivers change no setting: range, filter, unit and the zero of the probe keep the
+values of the front panel.
 """
 
 from __future__ import annotations

@@ -269,7 +269,7 @@ class SupplyBase(ABC):
         """Identify the supply and return whether its output is off already; False if it does not answer.
 
         A name such as /dev/ttyUSB0 or a network address may meanwhile belong to another supply. Raises SwitchOffFailed
-        if it does, or may do.
+        if another supply answers, or may have answered.
         """
         assert self._bound is not None
         try:

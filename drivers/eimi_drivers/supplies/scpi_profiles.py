@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True)
 class Watchdog:
-    """State the messages of a timer in the supply that switches the output off without messages.
+    """State the messages of a timer in the supply, which switches the output off if no message arrives.
 
     Parameters
     ----------

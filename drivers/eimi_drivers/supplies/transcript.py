@@ -21,7 +21,7 @@ from eimi_drivers.supplies.transport import Transport
 
 
 class TranscriptMismatch(AssertionError):
-    """Report that a driver did something else than the transcript contains."""
+    """Report that the messages of a driver differ from the transcript."""
 
 
 class RecordingTransport:

@@ -100,7 +100,7 @@ def refuses_a_setting_that_cannot_be(bench: CameraBench) -> None:
 
 
 def works_in_a_thread_of_its_own(bench: CameraBench) -> None:
-    """Check that the camera works in a thread other than the main one, because the suite uses it so."""
+    """Check that the camera works outside the main thread, because the suite calls it from another thread."""
     bench.camera.close()
     camera = TimedCamera("the camera", bench.open)
     try:

@@ -68,7 +68,7 @@ class MendedFile(io.RawIOBase):
         super().close()
 
     def find(self, pattern: re.Pattern[bytes]) -> Iterator[int]:
-        """Yield the positions of a pattern in the file without replacements."""
+        """Yield the positions of a pattern in the original bytes of the file."""
         return (match.start() for match in pattern.finditer(self._map))
 
     def patch(self, at: int, content: bytes) -> None:

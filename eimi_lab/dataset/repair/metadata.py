@@ -20,7 +20,7 @@ _OTHERS = re.compile(b"EAHD|EAIB|EADB|FRHP|FHDB|BTHD|BTLF")
 
 
 def mend_metadata(file: MendedFile) -> int:
-    """Correct one flipped bit in each block of metadata that has one; return the number of corrected blocks."""
+    """Correct one flipped bit in each damaged block of metadata; return the number of corrected blocks."""
     mended = 0
     for any_bit in (False, True):  # usually the signature itself is sound, and the first search is short
         for at in file.find(_with_one_wrong(OBJECT_HEADER) if any_bit else OBJECT_HEADER):

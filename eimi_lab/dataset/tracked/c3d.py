@@ -70,7 +70,7 @@ def _main(path: Path, within_s: str) -> None:
 
 
 def bound_memory(file_bytes: int) -> None:
-    """Let this process take no more than a quarter of the free memory, or `UNPACKED_PER_BYTE` times a file's size.
+    """Limit the memory of this process to a quarter of the free memory, or to `UNPACKED_PER_BYTE` times a file's size.
 
     The address space of the libraries comes on top of that.
     """
@@ -78,7 +78,7 @@ def bound_memory(file_bytes: int) -> None:
 
 
 def read_in_this_process(path: Path) -> Tracks:
-    """Read as `read_c3d` does, in a process that damage in the file can end. Raises InputError, MemoryError."""
+    """Read the markers in this process; a damaged file may crash it. Raises InputError, MemoryError."""
     import ezc3d
 
     try:

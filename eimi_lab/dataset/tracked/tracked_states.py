@@ -1,4 +1,4 @@
-"""A dataset from the points that another program tracked, and a table with the frame and the loads of each state."""
+"""Make a dataset from points that another program tracked, and a table with the frame and the loads of each state."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def _thumbnail(
 
 
 def flags_of(contents: DatasetContents) -> dict[int, list[Flag]]:
-    """Return the flags of each state by its index: those of the run, then those of its edges."""
+    """Return the flags of each state by its index: first the flags of the run, then the flags of the edges."""
     edges = contents.dataset.edges()
     return {s.index: [*s.flags, *(edges[s.index].flags if edges else ())] for s in contents.dataset.states}
 

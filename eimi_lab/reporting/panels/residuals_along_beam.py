@@ -55,7 +55,7 @@ def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: 
 
 
 def drawn_along_beam(contents: DatasetContents, simulated: Prediction[ShownFit]) -> Drawing:
-    """Draw measured minus simulated along both edges, a line for each state in the colour of its field."""
+    """Draw the residuals along both edges, a line for each state in the colour of its field."""
     observed = simulated.evidence.experiment.observed
     if not isinstance(observed, EdgeObservation):
         raise ValueError("tracked points have no edges")

@@ -172,7 +172,7 @@ def _lens_of(views: dict[Path, View], size: tuple[int, int], mid_plane: View) ->
 def _with_board_and_lens(
     setup: BenchSetup, pose: BoardPose, lens: Lens | None, stand_off_mm: float | None, on: date
 ) -> Calibration:
-    """Return the calibration that the pose of the board and the lens give."""
+    """Return the calibration that follows from the lens and the pose of the board."""
     # The angle from the stated axis to the nearest direction of the board's rows or columns.
     turned = (pose.angle_deg - setup.axis_angle_deg + 45.0) % 90.0 - 45.0
     of_board = {
@@ -416,7 +416,7 @@ def _listed(numbers: Sequence[float]) -> str:
 
 
 def _scale_quality(calibration: Calibration, source: str) -> str:
-    """Say in one line where the scale comes from and how well it is known."""
+    """Return one line that states the source of the scale and its uncertainty."""
     share = (calibration.uncertainty or {}).get("pixels_per_mm", math.nan) / calibration.pixels_per_mm
     return f"scale from {source}: uncertain by {100.0 * share:.2g} %; a board in the beam's plane gives about 0.1 %"
 

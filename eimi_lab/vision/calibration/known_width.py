@@ -122,7 +122,7 @@ def measure_clamp(image: NDArray[Any], specimen: SpecimenFile, calibration: Cali
 
 
 def _edges_of(pixels: NDArray[Any], specimen: SpecimenFile, calibration: Calibration) -> EdgeSet:
-    """Return edges that are good enough to measure with; raise ValueError if there are none."""
+    """Return the edges of the beam; raise ValueError if they are not accurate enough to measure with."""
     edges = find_edges(pixels, calibration, specimen)
     fatal_flags = [flag for flag in edges.flags if flag.name in _FATAL]
     if fatal_flags or not len(edges.left.points_mm):
@@ -173,7 +173,7 @@ def _rough_width_px(pixels: NDArray[Any], guess: Calibration) -> float:
 
 
 def _dark_steps(bright: NDArray[Any], begin: Array, direction: Array) -> int | None:
-    """Count the pixels from a place to the first bright one.
+    """Count the pixels from a place to the first bright pixel.
 
     Return None if the place itself is bright, or if the image ends first.
     """

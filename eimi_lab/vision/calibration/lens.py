@@ -120,7 +120,7 @@ def calibrate_lens(views: Sequence[View], size: tuple[int, int]) -> Lens:
 
 @dataclass(frozen=True)
 class BoardPose:
-    """How a board in the beam's middle plane lies in the undistorted image.
+    """The position and scale of a board in the beam's middle plane, in the undistorted image.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Measure how wide the beam looks near its clamp, from grey values alone."""
+"""Measure the apparent width of the beam near its clamp, from grey values alone."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ class BackLitSearch:
         self.width_px = self.shape.narrowest_mm * self.pixels_per_mm
 
     def find_outline(self, image: ArrayLike) -> OutlinedBeam | None:
-        """Return the beam to about a pixel.
+        """Find the clamp line, the silhouette and the corners of the beam, accurate to about a pixel.
 
         Parameters
         ----------
@@ -117,7 +117,7 @@ class BackLitSearch:
         Parameters
         ----------
         beam : OutlinedBeam
-            The beam to about a pixel.
+            The beam from `find_outline`.
         spacing_mm : float
             Wanted distance of the points along the edges.
 
@@ -158,7 +158,7 @@ class BackLitSearch:
         return _DarkBeamImage((largest - pixels).astype(pixels.dtype) if lit_beam else pixels, largest, lit_beam)
 
     def _outline(self, picture: _DarkBeamImage) -> tuple[ClampLine, Silhouette] | None:
-        """Return the clamp line and the silhouette to about a pixel; None without a silhouette that has corners."""
+        """Return the clamp line and the silhouette, accurate to about a pixel; None if no silhouette has corners."""
         pixels = picture.pixels
         light = measure_back_light(pixels, self.frame, self.shape.at_clamp_mm)
         clamp = find_clamp_line(pixels, self.frame, self.shape.at_clamp_mm, light.bright)
@@ -224,7 +224,7 @@ class BackLitSearch:
         return True
 
     def _without_steps(self, second: PassResult, corners_px: Array) -> PassResult:
-        """Return the pass without the points near a step of the width, where a profile is no clean step."""
+        """Return the pass without the points near a step of the beam's width, where the fit of a profile is biased."""
         near = [self.shape.near_step(side.points_px, corners_px[:2], i) for i, side in enumerate(second.sides)]
         sides = tuple(
             replace(side, sound=side.sound & ~left_out) for side, left_out in zip(second.sides, near, strict=True)
@@ -232,7 +232,7 @@ class BackLitSearch:
         return replace(second, sides=sides, residual=np.where(np.concatenate(near), 0.0, second.residual))
 
     def _edge_points(self, side: Side, scatter: float) -> EdgePoints:
-        """Return every point that was asked for on one edge, in mm, with its standard deviation."""
+        """Return the sound points of one edge at the wanted spacing, in mm, with their standard deviations."""
         kept = np.flatnonzero(side.sound)[:: side.stride]
         sigma_px = np.maximum(scatter * np.hypot(side.sigma_px, side.common_px)[kept], _LEAST_SIGMA_PX)
         return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)

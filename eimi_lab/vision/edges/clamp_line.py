@@ -38,7 +38,7 @@ class ClampLine:
     visible_share: float
 
     def distance_px(self, points_px: Array) -> Array:
-        """Return how far points (..., 2) lie ahead of the line, px."""
+        """Return the distance of points (..., 2) ahead of the line, px."""
         return (points_px - self.point_px) @ self.ahead
 
 

@@ -112,7 +112,7 @@ def _draw_stated(picture: NDArray[np.uint8], frame: BeamFrame, specimen_file: Sp
 
 
 def _draw_followed(picture: NDArray[np.uint8], followed: FollowedBeam) -> None:
-    """Draw the middle of the followed strip, its edges as far as they are sure, and a cross at its end."""
+    """Draw the middle of the followed strip, the sure places of its edges, and a cross at its end."""
     path = followed.path_px
     _draw_line(picture, path, FOLLOWED_COLOUR)
     for edge in followed.sure_px:
@@ -187,5 +187,5 @@ def _normals(points: NDArray[Any]) -> NDArray[Any]:
 
 
 def _fixed_point(points: NDArray[Any]) -> NDArray[np.int32]:
-    """Convert places to the fixed-point integers of OpenCV's sub-pixel drawing, clipped to what it accepts."""
+    """Convert places to the fixed-point integers of OpenCV's sub-pixel drawing, clipped to their valid range."""
     return np.rint(np.clip(points, -1e5, 1e5) * 2**_SUB_PIXEL_BITS).astype(np.int32)

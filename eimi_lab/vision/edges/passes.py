@@ -121,7 +121,7 @@ class PassResult:
         return np.concatenate(half) & self.sound
 
     def plateau(self, outward: float) -> Array:
-        """Return grey values of the sound profiles on one side of the edge, clear of the step.
+        """Return grey values of the sound profiles on one side of the edge, outside the blur of the step.
 
         Parameters
         ----------
@@ -154,7 +154,7 @@ def first_pass(
     image : ndarray, shape (H, W)
         Grey values with a dark beam.
     silhouette : Silhouette
-        Outline and corners to about a pixel.
+        Outline and corners, accurate to about a pixel.
     hand : float
         `BeamFrame.hand`.
     spacing_px : float
@@ -201,7 +201,7 @@ def second_pass(
 ) -> PassResult | None:
     """Locate the left and right edges on normals to the curves of the first pass, from corner to corner.
 
-    A stretch at each end is left out, as long as the blur of the corner reaches. Where the silicone beside the magnet
+    At each end, the stretch that the blur of the corner affects is left out. Where the silicone beside the magnet
     is thin, both steps are fitted, with one width of the silicone on each side as an unknown.
 
     Parameters
@@ -336,7 +336,7 @@ def _clear_of_ends(points: Array, margin: float) -> NDArray[np.bool_]:
 
 
 def _arc_lengths(begin: float, end: float, spacing: float, widest: float) -> tuple[Array, int]:
-    """Return evenly spaced arc lengths, and the stride at which the requested ones stand among them.
+    """Return evenly spaced arc lengths, and the stride at which the requested arc lengths occur among them.
 
     At most `MOST_POINTS` are requested. More points are added between these until neighbours are at most `widest`
     apart, unless their profiles would then overlap.

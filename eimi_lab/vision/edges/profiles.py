@@ -323,9 +323,9 @@ def _derivatives(
     return columns, shared_columns
 
 
-def _blurred_step(places: Array, blur: float) -> tuple[Array, Array, Array]:
-    """Return a blurred step from 0 to 1 at 0, its slope, and the places in units of the blur."""
-    z = places / blur
+def _blurred_step(distances: Array, blur: float) -> tuple[Array, Array, Array]:
+    """Return the values and slopes of a blurred unit step at distances from it, and the distances over the blur."""
+    z = distances / blur
     return 0.5 * (1.0 + erf(z / np.sqrt(2.0))), np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * blur), z
 
 

@@ -1,4 +1,4 @@
-"""Find the silhouette of the beam to about a pixel: the dark body, its outline and the corners of its tip."""
+"""Find the silhouette of the beam: the dark body, its outline and the corners of its tip, accurate to about a pixel."""
 
 from __future__ import annotations
 
@@ -73,7 +73,8 @@ class Silhouette:
 def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -> BackLight:
     """Fit a quadratic surface to the back-light, and read the grey value of the beam's root.
 
-    Dark bodies are excluded in three rounds, as the pixels that lie clearly below the surface of the round before.
+    Dark bodies are excluded in three rounds: each round excludes the pixels clearly below the surface of the previous
+    round.
 
     Parameters
     ----------

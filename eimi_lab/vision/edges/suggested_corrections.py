@@ -29,11 +29,11 @@ _LEAST_SPAN = 0.05  # of full scale, from the darkest to the brightest hundredth
 def suggest_correction(
     image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, projection: Projection | None
 ) -> str:
-    """Say in words which value is likely wrong for an image in which no beam was found.
+    """Return a sentence on the value that is probably wrong for an image in which no beam was found.
 
     The search is tried without clicked points, and with other widths, scales, axes and clamps, one at a time, each
-    clearly different from the stated value. The first with which a beam of the full length is found, without a doubt,
-    is suggested. This is no proof, and nothing is changed.
+    clearly different from the stated value. The first change with which a beam of the full length is found, without a
+    doubt, is suggested. This is not a proof, and no file is changed.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def _is_convincing(edges: EdgeSet, specimen: SpecimenFile) -> bool:
 
 
 def _shows_nothing(image: NDArray[Any]) -> str:
-    """Say in words that the whole picture is about equally bright; return an empty string if it is not."""
+    """Return a sentence if the whole picture is about equally bright, and an empty string if it is not."""
     darkest, brightest = np.percentile(image[::2, ::2], (1, 99))
     full = full_scale(image)
     if brightest - darkest > _LEAST_SPAN * full:
@@ -98,7 +98,7 @@ def _shows_nothing(image: NDArray[Any]) -> str:
 
 
 def _cut_by_border(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile) -> str:
-    """Say in words that an edge begins outside the picture; return an empty string if both begin in it."""
+    """Return a sentence if an edge begins outside the picture, and an empty string if both begin in it."""
     half = 0.5 * specimen.specimen.width_mm
     begins = BeamFrame(calibration).to_px([[half, -half], [half, half]])
     if ((begins >= -0.5) & (begins <= np.array(image.shape[1::-1]) - 0.5)).all():

@@ -170,9 +170,11 @@ def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None)
 def _extended(
     picture: WorkingPicture, strips: Hypotheses, stiffness: _Stiffness, step: float, along: float
 ) -> tuple[Hypotheses, NDArray[np.int64], Array]:
-    """Extend every strip by one step in all its ways to the distance `along` from the clamp, and keep the best.
+    """Extend every strip by one step to the distance `along` from the clamp, in several ways, and keep the best strips.
 
-    Returns the extended strips, the index of each one's parent, and what the step gained.
+    The ways are different bends, widths and sideways shifts.
+
+    Returns the extended strips, the index of the parent of each strip, and the gain of the step.
     """
     # All arrays are (n, ways): only the best ways become strips of their own.
     bend = strips.bend[:, None] + stiffness.bend * _MORE_BEND

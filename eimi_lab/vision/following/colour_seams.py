@@ -42,7 +42,7 @@ class Seams:
 def find_colour_seams(
     unrolled: UnrolledPicture, edge: Array, noise: float, tolerances: Iterable[float], shadowless: bool = False
 ) -> Seams:
-    """Find both seams in several passes; each pass takes the inside and the outside from the seams of the pass before.
+    """Find both seams in several passes; each pass takes inside and outside from the seams of the previous pass.
 
     Parameters
     ----------

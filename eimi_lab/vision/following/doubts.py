@@ -1,4 +1,4 @@
-"""Measure what may disturb the edges of a followed beam: borders of shadows, reflections and clipping."""
+"""Measure the disturbances of the edges of a followed beam: borders of shadows, reflections and clipping."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ _AMID = 0.2  # widths on both sides of the middle of the beam, for the colour of
 
 
 def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: float) -> float:
-    """Return how far the softer edge may be off if it is the border of the beam's own shadow.
+    """Return the possible error of the softer edge if it is the border of the beam's own shadow, px.
 
-    Both edges of one body are about equally far from the lens and equally blurred. The border of a shadow is blurred by
-    the size of the lamp too, it is darker inside in every colour, and it lies outside the body, which looks wider by as
-    much.
+    Both edges of one body are about equally far from the lens and equally blurred. The border of a shadow is also
+    blurred by the size of the lamp. It is darker inside in every colour. It lies outside the body, which therefore
+    looks wider.
 
     Parameters
     ----------

@@ -120,7 +120,7 @@ def _nearest(points: Array, seam: Array) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class _Edge:
-    """What the profiles across one edge are read from.
+    """The image and the colour projection from which the profiles across one edge are read.
 
     `outward` is +1 if the outside lies clockwise of the curve's tangent, else -1.
     """
@@ -135,7 +135,7 @@ class _Edge:
     ) -> tuple[Array, Steps, Mask]:
         """Fit steps at arc lengths of a curve; return the edge points (n, 2), the steps, and which of them were found.
 
-        With `level` the slope of the light beside the edge is removed first. This needs to know where the edge is.
+        With `level` the slope of the light beside the edge is removed first. This requires the position of the edge.
         """
         u = stations(half, half)
         profiles, inside = self._profiles(curve, place, station, u)
@@ -159,10 +159,10 @@ class _Edge:
         return 1.0 + self.projected.level[station][:, None] - share, inside
 
     def _slopes(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array, blur: float) -> Array:
-        """Return what shading of the beam, and light or shadow beside it, add to the profiles: (n, m), 0 at the edge.
+        """Return the contribution (n, m) of shading, light and shadow on both sides to the profiles, 0 at the edge.
 
-        The slope on each side is read clear of the edge, as the median of neighbouring profiles, and is blurred like
-        the edge.
+        The slope on each side is read outside the blur of the edge, as the median of neighbouring profiles, and is
+        blurred like the edge.
         """
         clear = _CLEAR_IN_BLURS * blur
         added = np.zeros((len(place), len(u)))

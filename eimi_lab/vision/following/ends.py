@@ -56,7 +56,7 @@ def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
 
 
 def _as_wide_toward_last(along: Array, widths: Array) -> NDArray[np.bool_]:
-    """Return which places (n,) lie before the one from which the width differs from that of the stretch before.
+    """Return which places (n,) lie before the first place whose width differs from that of the preceding stretch.
 
     `along` and `widths` are in stated widths; the last place is the end that is examined.
     """

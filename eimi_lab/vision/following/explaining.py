@@ -1,4 +1,4 @@
-"""Draw the intermediate results: the searched picture, the followed strip, and where its edges are sure."""
+"""Draw the intermediate results: the searched picture, the followed strip, and the sure places of its edges."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def _unrolled(unrolled: UnrolledPicture, sides: Sides) -> Picture:
 
 
 def _enlarged(pixels: NDArray[np.floating]) -> Picture:
-    """Return pixels (h, w, 1 or 3) of 255 as an enlarged colour picture."""
+    """Return an enlarged colour picture of pixels (h, w, 1 or 3) with values from 0 to 255."""
     shown = np.clip(np.rint(pixels), 0, 255).astype(np.uint8)
     shown = np.repeat(shown, 3, axis=2) if shown.shape[2] == 1 else shown
     large = cv2.resize(shown, None, fx=_ENLARGED, fy=_ENLARGED, interpolation=cv2.INTER_NEAREST)

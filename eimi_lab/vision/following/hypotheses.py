@@ -108,7 +108,7 @@ def least_variance(picture: WorkingPicture) -> float:
 
 
 def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
-    """Return how surely the inside and the outside differ at both edges together, (...) from 0 to 2.
+    """Return how clearly the inside and the outside differ at both edges together, (...) from 0 to 2.
 
     With the squared step d² between the mean colours inside and outside of an edge, the evidence is e = d² / variance
     and the support of the edge is e / (e + 9).
@@ -134,7 +134,7 @@ def _steps_of_channels(channels: int) -> NDArray[np.float32]:
 
 
 def brightness_step(colours: NDArray[np.float32]) -> Array:
-    """Return by how much the inside is brighter than the surroundings, (n,)."""
+    """Return the brightness of the inside minus the brightness of the surroundings, (n,)."""
     return np.asarray((_STEPS @ colours).mean(axis=(1, 2)), dtype=np.float64)
 
 

@@ -3,7 +3,7 @@
 White light dims all colours of a surface in shadow by the same factor (R. Gershon, A. D. Jepson and J. K. Tsotsos,
 "Ambient illumination and the determination of material changes", J. Opt. Soc. Am. A 3 (1986) 1700). In a projection
 orthogonal to the colour of the surroundings every multiple of that colour is 0. The border of a shadow on the
-surroundings then has no step. The edge of the beam keeps a step unless its colour is a multiple of that of the
+surroundings then has no step. The edge of the beam keeps a step unless its colour is a multiple of the colour of the
 surroundings.
 
 The thin rim of a translucent body dims the surroundings too, but it looks like the rest of the body: nearly the whole

@@ -1,4 +1,4 @@
-"""What is known of the beam before its picture is searched, read by eye and measured with a ruler."""
+"""The place and size of the beam that are stated before its picture is searched."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The public forward model: a specimen, a law and loads in, the bent beam out, whatever the specimen's section is."""
+"""The public forward model: compute the bent beam from a specimen with any section, a law and loads."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class BentBeam:
 
 
 class Beam:
-    """A specimen that can be bent, with its section: a plane, or the solid that it is.
+    """The forward model of a specimen: a planar or a solid model, as the specimen's section requires.
 
     Parameters
     ----------

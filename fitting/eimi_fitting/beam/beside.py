@@ -40,17 +40,18 @@ class SolidOptions:
     Attributes
     ----------
     method : {"either", "interpolate", "follow"}
-        Interpolate the depth effect, or follow the solid through all states one after another. "either" follows if
-        the interpolation fails; "interpolate" then gives up, and all states are marked as diverged.
+        "interpolate" interpolates the depth effect; if this fails, all states are marked as diverged. "follow" solves
+        the solid in all states, one after another. "either" interpolates, and follows if the interpolation fails.
     accuracy_mm : float
         Stop adding states once the interpolated shape is within this distance of the solved one.
     similar : tuple of DepthEffect
-        Depth effects of similar candidates, about which this one is interpolated. One of a candidate whose planar
-        shape is the same within ``accuracy_mm`` is taken as it is.
+        Depth effects of similar candidates; the difference from one of them is interpolated. If the planar shape of a
+        similar candidate is the same within ``accuracy_mm``, its depth effect is used without solving the solid.
     effect : DepthEffect or None
-        The depth effect itself: only the planar model is solved.
+        The depth effect, if it is known already. Only the planar model is then solved.
     planar_shapes : Shapes or None
-        Shapes of the planar model for the same candidate and loads: the planar model is not solved.
+        Shapes of the planar model for the same candidate and loads, if they are known already. The planar model is then
+        not solved.
     """
 
     method: Method = "either"
@@ -73,7 +74,7 @@ class SolidBeside:
     Parameters
     ----------
     specimen : Specimen
-        Its section is taken as solid, whatever it says.
+        The specimen; its own entry for the section is ignored.
     along, across, more : int
         Numbers of elements, see `SolidModel`.
     """
@@ -139,7 +140,7 @@ class SolidBeside:
         if np.isin(flat.status, (Status.CONVERGED, Status.UNSTABLE)).all():
             lift = self._lift(flat)
             candidate = _bent_candidate(chosen, flat)
-            effect = options.effect or _effect_of_one_alike(candidate, options)
+            effect = options.effect or _effect_of_equal_candidate(candidate, options)
             if effect is None and options.method != "follow":
                 interpolated = self._effect(chosen, lift, flat, loads, tolerance_mm, options)
                 effect = replace(interpolated, candidate=candidate) if interpolated else None
@@ -197,10 +198,10 @@ class SolidBeside:
         """Interpolate the depth effect through as few solved states as the accuracy needs.
 
         The next state is the one whose product of distances to the solved states is largest (Leja's order), until a
-        solved state is within ``accuracy_mm`` of what was interpolated for it.
+        solved state is within ``accuracy_mm`` of its interpolation.
 
-        Returns None if the loads lie on no ray, or if Newton's method does not contract at once: the solid is then
-        not near its planar model.
+        Returns None if the loads do not lie on a straight line, or if Newton's method does not contract at once,
+        because the solid is not near its planar model.
         """
         along = _along_ray(loads)
         if along is None:
@@ -286,7 +287,7 @@ def _bent_candidate(chosen: Candidates, flat: Shapes) -> BentCandidate:
     return BentCandidate(batch.law, float(batch.bulk[0] / modulus[0]), flat.displacement)
 
 
-def _effect_of_one_alike(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
+def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
     """Return the depth effect of a candidate with the same law and planar shape; None if there is none."""
     for effect in options.similar:
         if effect.candidate and effect.candidate.is_alike(candidate, options.accuracy_mm):

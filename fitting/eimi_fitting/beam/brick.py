@@ -82,7 +82,7 @@ def operators(mesh: Bricks) -> Operators:
 
 
 def mixed(batch: Batch) -> bool:
-    """Return whether the pressure is an unknown, which it always is."""
+    """Return True: the pressure of a solid element is always an unknown."""
     return True
 
 
@@ -96,8 +96,8 @@ def gradients(ops: Operators, nodal: Array) -> Array:
 def stretch(ops: Operators, nodal: Array) -> Array:
     """Return the largest principal stretch (E, B, q) at every Gauss point.
 
-    The largest eigenvalue of C is computed in closed form (Smith 1961, Communications of the ACM 4:168). Where two
-    eigenvalues are equal the strain is accurate to 1e-8 of itself. LAPACK takes eight times as long for such matrices.
+    The largest eigenvalue of C is computed in closed form (Smith 1961, Communications of the ACM 4:168). If two
+    eigenvalues are equal, the relative error of the strain is 1e-8. LAPACK takes eight times as long for such matrices.
     """
     F = gradients(ops, nodal)
     F[range(3), range(3)] += 1

@@ -2,9 +2,9 @@
 
 The field in the plane of the beam is B(x) = q(x) F with the field F at the magnet's place at rest. As complex numbers,
 B_x + i B_y, the factor q is one scalar for all currents and directions of F, with q = 1 at that place. A rigid dipole m
-at the place x has the energy -m . B(x). Its torque is m x B, and its force, with components m_j dB_j/dx_i, is that of
-the gradient. The energy of a magnet that is small beside the coil is that of a dipole in its middle: the second
-derivatives of the components of B that enter next add up to zero over a cube.
+at the place x has the energy -m . B(x). The torque on it is m x B, and the components of the force on it are
+m_j dB_j/dx_i. A magnet that is small beside the coil has the energy of a dipole in its middle. The next terms of the
+expansion contain the second derivatives of B, and they add up to zero over a cube.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ class FieldTable:
         return first, second
 
     def derivatives(self, points_mm: Array) -> Complex:
-        """Return the complex field at points (B, 2) and its derivatives, (6, B); beyond the table those of its edge."""
+        """Return the complex field and its derivatives (6, B) at points (B, 2), or at the nearest edge of the table."""
         real, imaginary = self._splines
         x, y = points_mm.T
         return np.array([real.ev(x, y, i, j) + 1j * imaginary.ev(x, y, i, j) for i, j in _DERIVATIVES])
@@ -132,7 +132,7 @@ class FieldTable:
 
 @dataclass(frozen=True, eq=False)
 class CoilShape:
-    """How a coil's field changes from place to place, relative to its value at the magnet's place at rest.
+    """The field of a coil as a function of the place, relative to the field at the magnet's place at rest.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ class CoilShape:
     gradient_per_m : tuple of float
         Change of the strength per metre along x and along y, as a share of the strength. It adds to that of the table.
     table : FieldTable or None
-        The field; None: uniform but for the gradient.
+        The field. If it is None, the field is uniform except for the gradient.
     """
 
     axis: tuple[float, float]
@@ -173,7 +173,7 @@ class CoilShape:
 
     @property
     def _slope(self) -> Complex:
-        """The derivatives (2,) of q by a gradient of the strength that has no curl and no source around the axis.
+        """The derivatives (2,) of q that a gradient of the strength causes, for a field without curl and divergence.
 
         With s along the axis and t across it: dB_s/ds = h, dB_s/dt = dB_t/ds = g, and dB_t/dt = -h/2.
         """
@@ -244,8 +244,8 @@ class DipoleInField:
 class SiliconeInField:
     """Magnetised silicone in the field of a coil: one dipole in the middle of each element.
 
-    The dipole of an element is the integral of F M, a sum over its nodes with the weights of `dipoles`. Its place is
-    their mean with the weights of `shares`.
+    The dipole of an element is the integral of F M: the sum of the nodes' places with the weights `dipoles`. It lies at
+    the mean of the nodes' places with the weights `shares`.
 
     Parameters
     ----------
@@ -278,7 +278,7 @@ class SiliconeInField:
         Returns
         -------
         force : ndarray, shape (E, B, d, n)
-            In N: minus the derivatives of the energy, the sum of -m . B over the elements.
+            Minus the derivatives of the energy in N. The energy is the sum of -m . B over the elements.
         stiffness : ndarray, shape (E, B, d, n, d, n)
             Second derivatives of the energy.
         """

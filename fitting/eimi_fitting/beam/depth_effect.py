@@ -1,4 +1,4 @@
-"""The depth effect: the difference between a solid and its planar model, as a polynomial in how far the beam is bent.
+"""The depth effect: the difference between a solid and its planar model, as a polynomial in the bending of the beam.
 
 Let u_s be the configuration of the solid and u_p that of its planar model under the same loads. The depth effect
 d = u_s - u_p is smooth in a scalar s, the rotation of the planar tip, or the distance along a ray of loads where the
@@ -145,5 +145,5 @@ class DepthEffect:
         return bool(min(solved) - beyond <= places.min() and places.max() <= max(solved) + beyond)
 
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
-        """Return this effect with one more solved state."""
+        """Return this effect with the difference of one more solved state."""
         return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)

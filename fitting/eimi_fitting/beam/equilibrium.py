@@ -133,7 +133,7 @@ def joined(parts: Sequence[Configuration]) -> Configuration:
 
 
 def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
-    """Return the loads of batches one after another as those of one batch."""
+    """Join the loads of several batches into the loads of one batch."""
     arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _LOADS}
     joined_loads = SolidLoads(**arrays)
     for name in _IN_COIL:

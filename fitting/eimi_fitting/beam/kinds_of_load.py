@@ -1,4 +1,4 @@
-"""The actuations that every specimen knows: a field, gravity, a force at the tip, a pressure on a face."""
+"""The built-in kinds of load: a field, gravity, a force at the tip, a pressure on a face."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Gravity:
         return Gravity(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the weight of the silicone to the nodes, that of the magnet to the rigid body."""
+        """Add the weight of the silicone to the nodes, and the weight of the magnet to the rigid body."""
         total.nodal[..., :2] += mesh.nodal_mass[:, None] * numbers
         weight = mesh.magnet_mass * numbers
         total.force[:] += weight
@@ -96,7 +96,7 @@ class TipForce:
         return TipForce(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the force to the nodes or to the magnet, whichever is at its point."""
+        """Add the force to the nodes about its point, or to the magnet if its point is on the magnet."""
         specimen = mesh.specimen
         point = mesh.tip_mm if specimen.tip_load_mm is None else np.array(specimen.tip_load_mm)
         mesh.apply_force(numbers * mesh.share, point, total)

@@ -154,7 +154,7 @@ class Loads:
         )
 
     def state(self, k: int) -> Array:
-        """Return the numbers (m,) of state k: field, gravity, tip force, pressure, then those of the other kinds."""
+        """Return the numbers (m,) of state k: field, gravity, tip force, pressure, then other kinds of load."""
         return np.concatenate([actuation.numbers[k] for actuation in self.actuations])
 
     def at_rest(self) -> Array:

@@ -37,8 +37,9 @@ def edge_curves(model: BeamModel, shapes: Shapes) -> Array:
 def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
     """Return the left and the right outline of the beam as a camera sees them.
 
-    At each station along the beam the outline is the point of the face, at any depth, that lies farthest out along the
-    normal of the outline: the envelope of the lines on the face. The faces of a planar model are flat.
+    The outline is the envelope of the lines on the face. At each station along the beam it passes through the point of
+    the face, at any depth, that lies farthest out along the normal of the outline. The faces of a planar model are
+    flat.
 
     Parameters
     ----------
@@ -84,7 +85,7 @@ def _bowed_faces(mesh: Bricks, shapes: Shapes) -> Array:
 
 
 def _flat_faces(model: BeamModel, shapes: Shapes) -> Array:
-    """Return the same for a planar model, at three depths."""
+    """Return points (P, K, 2, stations, 3, 3) of the left and right face of a planar model, at three depths."""
     place = model.mesh.nodes + shapes.displacement
     sides = np.stack([place[:, :, model.mesh.row(0)], place[:, :, model.mesh.row(-1)]], axis=2)
     along = model.grid.straight_mm[model.mesh.row(0), 0]
@@ -94,12 +95,12 @@ def _flat_faces(model: BeamModel, shapes: Shapes) -> Array:
 
 
 def _segments(sides: Array) -> Array:
-    """Return S quadratic segments (..., S, 3, 2) of points (..., 2 S + 1, 2)."""
+    """Divide points (..., 2 S + 1, 2) into S quadratic segments (..., S, 3, 2)."""
     return np.stack([sides[..., 0:-1:2, :], sides[..., 1::2, :], sides[..., 2::2, :]], axis=-2)
 
 
 def _outward(curves: Array) -> Array:
-    """Return the normals (..., 2, n, 2) of left and right curves that point out of the beam between them."""
+    """Return the outward normals (..., 2, n, 2) of the left and the right edge of the beam."""
     step = np.diff(curves, axis=-2)
     length = np.linalg.norm(step, axis=-1, keepdims=True)
     direction = step / length

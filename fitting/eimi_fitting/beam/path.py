@@ -1,7 +1,7 @@
 """The states of a path of loads, solved one after another or all at once.
 
-Each state starts from an extrapolation of the states before it. A step that fails, or that may have left the path that
-the loads lead along, is repeated in 4, 16 and 64 smaller steps.
+Each state starts from an extrapolation of the states before it. A step that fails, or that may have ended on another
+equilibrium path, is repeated in 4, 16 and 64 smaller steps.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def candidates(
     bulk = BULK_RATIO * np.where(sound, mu, 1.0)
     if bulk_modulus_Pa is not None:
         if section == "plane-stress":
-            raise ValueError("plane stress is incompressible here: it takes no bulk modulus")
+            raise ValueError("plane stress is computed for incompressible materials only: it takes no bulk modulus")
         bulk_MPa = np.broadcast_to(np.asarray(bulk_modulus_Pa, float) * MPA_PER_PA, bulk.shape)
         sound = sound & np.isfinite(bulk_MPa) & (bulk_MPa > 0)
         bulk = np.where(sound, np.minimum(bulk_MPa, _MOST_BULK_RATIO * mu), bulk)
@@ -273,10 +273,10 @@ def _advance(
     tolerance_mm: float,
     near: Configuration | None,
 ) -> tuple[NDArray[np.int8], NDArray[np.intp]]:
-    """Bring ``rows`` of ``now`` to the new load in one step; repeat in 4, 16 and 64 steps those that fail or may stray.
+    """Bring ``rows`` of ``now`` to the new load in one step; repeat candidates that fail in 4, 16 and 64 steps.
 
-    A path that loses its stability before the load does so in steps of any size. A candidate that surely buckles in
-    steps of two sizes, one after the other, is therefore not repeated in smaller ones.
+    A candidate is also repeated if it may have left its path. If it buckles for certain in steps of two sizes, its path
+    loses stability before the load is reached. It is then not repeated in smaller steps.
 
     near: a configuration under a load close to this one, which is tried as the first start.
     """
@@ -318,11 +318,11 @@ def _divided(
 ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp], NDArray[np.bool_]]:
     """Take ``rows`` from the end of the path to the load in equal steps.
 
-    Newton's method that does not contract at once may end at another equilibrium than the one that the loads lead to
-    (Deuflhard 2011, Newton Methods for Nonlinear Problems, section 5.1). A candidate that took few iterations in each
-    step is sure to be on its path.
+    If Newton's method does not contract at once, it may end at an equilibrium on another path (Deuflhard 2011, Newton
+    Methods for Nonlinear Problems, section 5.1). A candidate counts as certain to be on its path if it took few
+    iterations in each step.
 
-    Returns the configuration, the Status, the numbers of iterations, and which candidates are sure. only_try: see
+    Returns the configuration, the Status, the numbers of iterations, and which candidates are certain. only_try: see
     `Solid.equilibrium`.
     """
     few = _FEW - (tolerance_mm > _LOOSE_MM)
@@ -371,7 +371,7 @@ def _divided(
 
 
 def _as_predicted(solid: Solid, predicted: Configuration, solved: Configuration) -> NDArray[np.bool_]:
-    """Return (B,): whether the largest strain is about as large as predicted; a folded corner's is far larger."""
+    """Return (B,) whether the largest strain is about as large as predicted; in a folded corner it is far larger."""
     before, after = (solid.stretch(c.displacement).max(axis=(0, 2)) - 1 for c in (predicted, solved))
     return np.asarray(after < _OF_STRAIN * before + _SMALL_STRAIN)
 

@@ -5,7 +5,7 @@ A mode of bending has the curvature
     kappa_i(s) = c_i P_i(2 s / l - 1),    i = 0, 1, 2,
 
 with Legendre's polynomials P_i and the flexible length l; c_i makes the largest offset of the centre line 1 mm. A mode
-of the width is the polynomial P_1 or P_2 itself, so that the mean over the flexible part stays.
+of the width is the polynomial P_1 or P_2 itself, so that the mean width of the flexible part is unchanged.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
 
 
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
-    """Return the angle times l of the mode i of bending, for an offset of 1, at x = s / l; or its integral."""
+    """Return l times the angle of bending mode i at x = s / l, at a largest offset of 1; or return the offset."""
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)
     return np.asarray((offset if integrals else turn)(x) / np.abs(offset(np.linspace(0, 1, 101))).max())

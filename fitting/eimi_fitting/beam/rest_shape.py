@@ -116,7 +116,7 @@ def centre_line(points_mm: Array, length_mm: float) -> Rows:
     speed = np.linalg.norm(slope, axis=1)
     arc = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(fine))])
     if abs(arc[-1] / length_mm - 1) > 0.02:
-        raise ValueError(f"the centre line is {arc[-1]:.4g} mm long, and length_mm = {length_mm:g}")
+        raise ValueError(f"the centre line is {arc[-1]:.4g} mm long; its length should be length_mm = {length_mm:g}")
     angle = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
     shares = np.linspace(0, 1, max(_FEWEST_TURNS, 2 * len(points)))
     at = np.interp(shares, arc / arc[-1], angle)

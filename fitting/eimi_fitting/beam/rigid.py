@@ -44,7 +44,7 @@ class RigidBody:
         self._sine = np.concatenate([-x, -y, *rest], axis=1)[:, None]
 
     def carry(self, displacement: Array, rigid: Array) -> None:
-        """Set the displacements (B, N, d) of the tied nodes to those that the body's unknowns (B, 3) give."""
+        """Compute the displacements (B, N, d) of the tied nodes from the body's unknowns (B, 3), in place."""
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         x, y = self.arms.T
         displacement[:, self.nodes, 0] = rigid[:, 0:1] + (c - 1) * x - s * y

@@ -80,8 +80,8 @@ class SolidGrid:
         mesh = brick_mesh(self.flat.x_mm, self.flat.y_mm, self.z_mm)
         self.straight_mm = mesh.nodes
         if not strip.is_straight:
-            flat, deep_mm = strip.at_rest(mesh.nodes[:, :2]), strip.deep_mm(mesh.nodes[:, 0], mesh.nodes[:, 2])
-            mesh = replace(mesh, nodes=np.column_stack([flat, deep_mm]))
+            flat, z_mm = strip.at_rest(mesh.nodes[:, :2]), strip.z_at_rest_mm(mesh.nodes[:, 0], mesh.nodes[:, 2])
+            mesh = replace(mesh, nodes=np.column_stack([flat, z_mm]))
         self.face_mm, self.turn_rad = self.flat.face_mm, self.flat.turn_rad
         self._all = mesh.elements
         block = np.unique(mesh.elements[inside.ravel()]).astype(np.intp)
@@ -94,7 +94,7 @@ class SolidGrid:
         flat = self.flat.straightened(points[:, :2])
         if points.shape[1] == 2:
             return flat
-        return np.column_stack([flat, self.strip.straight_depth_mm(flat[:, 0], points[:, 2])])
+        return np.column_stack([flat, self.strip.straight_z_mm(flat[:, 0], points[:, 2])])
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
         """Return for points (n, 2) at mid-depth or (n, 3) of the straight strip whether they move with the magnet."""
@@ -107,7 +107,7 @@ class SolidGrid:
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
         """Return nodes (n, 27) and weights (n, 27) that interpolate at points (n, 3) of the straight strip.
 
-        For a point behind mid-depth they are those of its mirror image.
+        A point behind mid-depth is replaced by its mirror image.
 
         Raises
         ------
@@ -129,7 +129,7 @@ class SolidGrid:
         return self._all[(cells[0] * n + cells[1]) * k + cells[2]], shape_functions(*local)[0]
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (n, 27) and weights (n, 27) that spread a force evenly along the line in depth through (2,)."""
+        """Return nodes (n, 27) and weights (n, 27) that spread a force evenly in depth at a point (2,)."""
         ends, half = self.z_mm, np.diff(self.z_mm) / 2
         gauss, weight = np.polynomial.legendre.leggauss(2)
         z = (ends[:-1, None] + half[:, None] * (1 + gauss)).ravel()

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class SolidModel:
-    """The solid model of a specimen, whatever its section says.
+    """The solid model of a specimen; the specimen's entry for the section is ignored.
 
     The magnet is rigid; the silicone beside, before and behind it is soft.
 

@@ -75,7 +75,7 @@ class PressureFace:
 
 @dataclass(frozen=True)
 class Specimen:
-    """A beam that is clamped at x = 0, straight and of one width and depth unless ``rest_shape`` says otherwise.
+    """A beam that is clamped at x = 0, straight and of one width and depth unless ``rest_shape`` is given.
 
     The beam frame has x from the clamp along the beam, y across, and its origin in the middle of the clamp line. The
     width is along y, the depth out of the plane.
@@ -124,7 +124,7 @@ class Specimen:
 
     @property
     def planar_section(self) -> law.Section:
-        """The section of a planar model; plane stress for a solid, because it comes nearest to one."""
+        """The section of a planar model; plane stress for a solid, because its error is the smallest."""
         return "plane-stress" if self.section == "solid" else self.section
 
     @property

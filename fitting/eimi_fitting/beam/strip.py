@@ -77,7 +77,7 @@ class Strip:
 
     @property
     def kinks_mm(self) -> Array:
-        """The arc lengths at which the slope of width or depth jumps, in the flexible part."""
+        """The arc lengths in the flexible part at which the slope of width or depth jumps."""
         at = self._length * replace(self._shape, widths=self._widths, depths=self._depths).kinks
         return np.asarray(at[(at > 0) & (at < self._near)])
 
@@ -158,12 +158,12 @@ class Strip:
         inner = core * ends / (0.5 * size_mm(np.clip(s, self._near, self._far)))
         return np.array([[core], [half]]), np.stack([inner, ends])
 
-    def deep_mm(self, s: Array, z: Array) -> Array:
-        """Return the distance (n,) from mid-depth of points at the arc lengths s and at z of the straight strip."""
+    def z_at_rest_mm(self, s: Array, z: Array) -> Array:
+        """Map distances z (n,) from mid-depth in the straight strip, at arc lengths s, to those in the specimen."""
         return _moved(z, *self._lines_in_depth(s)) if self._depths else z
 
-    def straight_depth_mm(self, s: Array, z: Array) -> Array:
-        """Return the distance (n,) from mid-depth in the straight strip; the inverse of `deep_mm`."""
+    def straight_z_mm(self, s: Array, z: Array) -> Array:
+        """Map distances z (n,) from mid-depth in the specimen to the straight strip; the inverse of `z_at_rest_mm`."""
         return _moved(z, *self._lines_in_depth(s)[::-1]) if self._depths else z
 
     def _lines_in_depth(self, s: Array) -> tuple[Array, Array]:
@@ -177,7 +177,7 @@ class Strip:
 
 
 def _moved(value: Array, before: Array, after: Array) -> Array:
-    """Return values (n,) moved by the odd function that takes the two lines ``before`` (2, n) to ``after``."""
+    """Map distances (n,) from the centre, linearly in parts, so that the lines ``before`` (2, n) move to ``after``."""
     size = np.abs(value)
     (inner, outer), (new_inner, new_outer) = before, after
     beyond = new_inner + (size - inner) * (new_outer - new_inner) / (outer - inner)

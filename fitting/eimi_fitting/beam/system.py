@@ -29,8 +29,8 @@ _LOWER = np.tril_indices(3)
 class Solution(NamedTuple):
     """The solution for a batch, zero for candidates whose system could not be solved.
 
-    nodes: (B, n) and body: (B, 3) the steps; sound: (B,) which systems could be solved; indefinite: (B,) which whole
-    matrices, those of the body included, are not positive definite. It is False for a matrix that is not symmetric.
+    nodes: (B, n) and body: (B, 3) the steps; sound: (B,) which systems could be solved; indefinite: (B,) which matrices
+    of nodes and body are not positive definite; False for a matrix that is not symmetric.
     """
 
     nodes: Array

@@ -9,10 +9,10 @@
 
    where delta is the difference of the two vectors of predictions. If one of the two sets is right and the noise has
    unit variance, the sums differ by |delta|^2 on average, with a standard error of 2 |delta|. The rule follows the
-   one-standard-error rule of the same section, for paired errors. Where a set contains the right one, the larger set
-   wins only if |delta| exceeds 3, that is three standard deviations of the noise.
-4. The answer is the compatible sets that contain no smaller compatible set. Where that is a single set, every
-   compatible set contains it, and `upper_coefficients` tests how large each further term could be.
+   one-standard-error rule of the same section, for paired errors. A set that contains the right one is preferred to it
+   only if |delta| exceeds 3, that is three standard deviations of the noise.
+4. The answer is the compatible sets that contain no smaller compatible set. If there is only one such set, every
+compatible set contains it, and `upper_coefficients` tests how large each further term could be.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ class Support:
         return float(np.sqrt(np.mean(self.prediction_errors**2)))
 
     @property
-    def in_play(self) -> bool:
-        """Return whether the noise can explain that this set predicts worse than the best one."""
+    def is_compatible(self) -> bool:
+        """Whether the noise can explain that this set of terms predicts worse than the best set."""
         return self.excess <= _STANDARD_ERRORS * self.excess_error
 
 
@@ -96,7 +96,7 @@ def supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tup
 
 def minimal(candidates: tuple[Support, ...]) -> tuple[Support, ...]:
     """Return the compatible sets that contain no smaller compatible set; fewest terms first, then smallest error."""
-    compatible = [support for support in candidates if support.in_play]
+    compatible = [support for support in candidates if support.is_compatible]
     smallest = [
         support for support in compatible if not any(set(other.terms) < set(support.terms) for other in compatible)
     ]

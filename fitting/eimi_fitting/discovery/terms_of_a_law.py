@@ -86,7 +86,7 @@ class Discovery:
         Noise of each experiment, mm.
     noise_Pa : tuple of float
         Noise of each curve, Pa.
-    in_play : tuple of tuples of Term
+    compatible_sets : tuple of tuples of Term
         All sets, of any size, that noise cannot distinguish from the best one.
     sets : int
         Number of sets that were fitted with positive coefficients.
@@ -99,7 +99,7 @@ class Discovery:
     left_out: tuple[Term, ...]
     noise_mm: tuple[float, ...]
     noise_Pa: tuple[float, ...]
-    in_play: tuple[tuple[Term, ...], ...]
+    compatible_sets: tuple[tuple[Term, ...], ...]
     sets: int
 
     @property
@@ -220,7 +220,7 @@ def discover(
         left_out=left_out,
         noise_mm=tuple(noise_mm),
         noise_Pa=tuple(noise for _, noise in pulled),
-        in_play=tuple(tuple(terms[i] for i in support.terms) for support in fitted if support.in_play),
+        compatible_sets=tuple(tuple(terms[i] for i in support.terms) for support in fitted if support.is_compatible),
         sets=len(fitted),
     )
 

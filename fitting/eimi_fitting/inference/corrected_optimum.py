@@ -1,7 +1,7 @@
 """Compute the optimum of a fit from the best candidate of its search: polish, corrections by better models, intervals.
 
-The evidence that is not that of the edges has a weight that depends on the noise, so that a polish is repeated when the
-noise is known better. The corrections are those of `inference.evidence.corrections`.
+The weight of tensile curves and priors depends on the noise of the edges. A polish is therefore repeated once the noise
+is known better. `inference.evidence.corrections` computes the corrections.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _LOOSE = 1e-2  # share of the objective at which a polish stops before the corre
 
 @dataclass(frozen=True)
 class SearchEnd:
-    """The end of all steps that follow a search.
+    """The results of the steps that follow a search.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def _polished(
 ) -> Optimum[Evaluation]:
     """Minimise over all unknowns by Gauss-Newton.
 
-    The weight of evidence besides the edges depends on the number N of independent points. N is estimated from the
+    The weight of tensile curves and priors depends on the number N of independent points. N is estimated from the
     residuals, and the polish is repeated if N has changed.
     """
     if not problem.has_more_than_edges:
@@ -153,7 +153,7 @@ def _with_finer_meshes(
     -------
     tuple
         The corrected problem, its optimum, the move of the optimum by the finer meshes, and the largest stretch (1,) on
-        the problem's meshes. If one of the meshes finds no equilibrium, the results of the step before it.
+        the problem's meshes. If there is no equilibrium on a mesh, the results of the previous step are returned.
     """
     plain = _alone(problem, optimum.unit, problem.experiments, keep=True)
     if plain.unconverged[0]:
@@ -171,7 +171,7 @@ def _with_finer_meshes(
 def _with_residuals_of(
     better: Comparison, now: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """Return the problem with the residuals of a better model at its optimum, and the new optimum."""
+    """Correct the residuals of a problem to those of a better model, and return the problem with its new optimum."""
     experiments = with_residuals_of(better, now.experiments, optimum.evaluation.comparison)
     return _with_change(replace(now, experiments=experiments), now, optimum)
 
@@ -193,7 +193,7 @@ def _with_solids(
 
 
 def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], list[Effect]]:
-    """Correct the problem by the solid, and repeat the correction at each new optimum until the modulus stays.
+    """Correct the problem by the solid, and repeat the correction at each new optimum until the modulus is constant.
 
     A further pass is accepted only if it does not raise the error. The move of a pass that is not accepted remains
     uncertain.
@@ -221,7 +221,7 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
 
 
 def _with_change(changed: Problem, now: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation]]:
-    """Return ``changed``, which differs from ``now`` in its changes only, and its optimum."""
+    """Return ``changed`` and its optimum; it is the problem ``now`` with other corrections of the residuals."""
     start = changed.with_own_changes(optimum.evaluation, now), optimum.distance
     return changed, _polished(changed, optimum.unit, start)
 
@@ -241,5 +241,5 @@ def _change(
 def _alone(
     problem: Problem, unit: Array, experiments: Sequence[Experiment], near: Sequence[Shapes] = (), keep: bool = False
 ) -> Comparison:
-    """Compare one candidate alone: rounding depends on the batch, and changes by a better model are small."""
+    """Compare one candidate in a batch of its own, because rounding depends on the batch and corrections are small."""
     return problem.evaluate(unit[None], 1.0, experiments, near, keep).comparison

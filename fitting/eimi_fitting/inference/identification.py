@@ -1,4 +1,4 @@
-"""Identify the parameters of a law: find those whose simulated edges lie on the measured ones.
+"""Identify the parameters of a law, for which the simulated edges lie closest to the measured ones.
 
 The method follows Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
 

@@ -167,4 +167,4 @@ class InvariantLaw(InvariantEnergy):
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
         """Raise NotInSolver: no program is known to offer the law."""
-        raise NotInSolver(f"{solver} has no {self.name} law here")
+        raise NotInSolver(f"the {self.name} law cannot be exported to {solver}")

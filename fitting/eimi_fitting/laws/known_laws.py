@@ -1,4 +1,4 @@
-"""The laws by their names; a name that does not exist is an error that says which name comes near it."""
+"""The laws by their names; the error for an unknown name suggests the closest one."""
 
 from __future__ import annotations
 

@@ -94,4 +94,4 @@ class MooneyRivlin(InvariantLaw):
             case "sofa":
                 return CardConstants("MooneyRivlin", {"c1": c10, "c2": c01, "k0": bulk})
             case _:
-                raise NotInSolver(f"{solver} has no mooney-rivlin law here")
+                raise NotInSolver(f"the mooney-rivlin law cannot be exported to {solver}")

@@ -71,4 +71,4 @@ class NeoHookean(InvariantLaw):
                     notes=["SOFA uses the full invariant I1 here, not the isochoric one; both are equal at J = 1"],
                 )
             case _:
-                raise NotInSolver(f"{solver} has no neo-hookean law here")
+                raise NotInSolver(f"the neo-hookean law cannot be exported to {solver}")

@@ -213,7 +213,7 @@ class Ogden:
                     notes=["card: W = mu1/alpha1^2 (...), mu1 = mu_p alpha_p"],
                 )
             case _:
-                raise NotInSolver(f"{solver} has no ogden law here")
+                raise NotInSolver(f"the ogden law cannot be exported to {solver}")
 
 
 def _stress_of_terms(law: Law, exponents: Array, strain: Array) -> Array:

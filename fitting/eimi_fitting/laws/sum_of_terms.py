@@ -280,4 +280,4 @@ class SumOfTerms:
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
         """Raise NotInSolver: no program offers such a sum."""
-        raise NotInSolver(f"{solver} has no {self.name} law here")
+        raise NotInSolver(f"the {self.name} law cannot be exported to {solver}")

@@ -119,4 +119,4 @@ class Yeoh(InvariantLaw):
             case "sofa":
                 raise NotInSolver("sofa has no yeoh law; it has neo-hookean, mooney-rivlin and one-term ogden")
             case _:
-                raise NotInSolver(f"{solver} has no yeoh law here")
+                raise NotInSolver(f"the yeoh law cannot be exported to {solver}")

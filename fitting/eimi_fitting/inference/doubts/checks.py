@@ -73,7 +73,7 @@ class NotExplained(Exception):
         )
 
     def __reduce__(self) -> tuple[type[NotExplained], tuple[int, int, float, float, bool]]:
-        """Return how another process makes this exception again: the default keeps the message alone."""
+        """Return how to rebuild the exception in another process; pickle would pass the message alone."""
         return NotExplained, self._arguments
 
 
@@ -160,7 +160,7 @@ DoubtKind = Literal[
 
 @dataclass(frozen=True)
 class Doubt:
-    """Something a reader of the result should know: about a dataset, one state of it, or a tensile curve.
+    """A reason to distrust a result; it concerns a dataset, one of its states, or a tensile curve.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) ->
 
 
 def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[Doubt, ...]:
-    """Return a doubt for each prior from which the data alone lie more than three standard deviations."""
+    """Return a doubt for each prior that is more than three standard deviations from the estimate by the data alone."""
     return tuple(
         Doubt(
             f"the data alone lie {abs(distance):.1f} standard deviations from the prior on {prior.parameter}, "
@@ -231,7 +231,7 @@ def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[D
 
 
 def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
-    """Return a doubt for each slip in the loads whose correction would reduce the error much."""
+    """Return a doubt for each mistake in the stated loads whose correction would reduce the error much."""
     return tuple(
         Doubt(
             f"is there {slip.words}? without it the mean error would be about {slip.error_without_mm:.2g} mm instead "
@@ -317,7 +317,7 @@ def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequen
 
 
 def _stated_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return (K,) the root mean square of the stated uncertainty of each state's points; infinite without points."""
+    """Return the root mean square of the stated uncertainty of each state's points, (K,); infinite without points."""
     sigma = experiment.observed.sigma_mm
     if not isinstance(experiment.observed, EdgeObservation):
         sigma = np.repeat(sigma[:, None], 2, axis=1)

@@ -6,7 +6,7 @@ least-squares problem
     minimise |r + J u + C c|^2 + s^2 u' P u
 
 is solved for u and c together. J and C are the slopes of the residuals, P the precisions of the priors, and s^2 the
-variance of the residuals. No prior holds c.
+variance of the residuals. c has no prior.
 """
 
 from __future__ import annotations

@@ -156,7 +156,7 @@ class Problem:
         return replace(evaluation, comparison=replace(comparison, misfits=misfits))
 
     def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
-        """Return a function for `polish` that evaluates candidates near those of an earlier evaluation."""
+        """Return a function for `polish` that evaluates candidates, starting at the shapes of an earlier evaluation."""
         return lambda units, near: self.evaluate(
             units, independent_points, near=near.comparison.shapes if near else (), keep=True
         )

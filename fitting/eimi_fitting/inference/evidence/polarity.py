@@ -1,8 +1,9 @@
 """The field in both polarities, which separates the stiffness from a tilted moment and from a background field.
 
-A reversed current reverses the deflection by the coil's field (its odd part). What does not depend on the current, or
-depends on its square, stays (the even part). The modulus follows from the odd part. The direction of magnetisation and
-a background field follow from the even part, so that a fit frees them where both polarities were measured.
+A reversed current reverses the deflection by the coil's field (its odd part). The part that does not depend on the
+current, or depends on its square, is unchanged (the even part). The modulus follows from the odd part. The direction of
+magnetisation and a background field follow from the even part, so that a fit frees them where both polarities were
+measured.
 """
 
 from __future__ import annotations

@@ -177,7 +177,10 @@ class SharedUnknowns:
     standard_uncertainty: float | None
 
     def part_name(self, part: int, datasets: int) -> str:
-        """Return the name of one part in a result with this number of datasets."""
+        """Return the name of one number of the source in a fit to ``datasets`` datasets.
+
+        The name states the datasets that share the number, unless all of them do.
+        """
         name = SOURCES[self.source].parts[part]
         if len(self.datasets) == datasets:
             return name
@@ -281,7 +284,7 @@ class Unknowns:
 
     @property
     def ratios(self) -> tuple[str, ...]:
-        """The nuisances that scale the magnetic load, so that the data determine their ratio to the modulus."""
+        """The nuisances that scale the magnetic load; the data determine only the ratio of this load to the modulus."""
         return tuple(nuisance.name for nuisance in self.freed if SOURCES[nuisance.source].field)
 
     @property

@@ -1,4 +1,4 @@
-"""How uncertain the best parameters are.
+"""Estimate how uncertain the best parameters are.
 
 covariance           the linearised evidence and the covariance of the optimum
 noise                level and correlation of the noise that the stated sources do not explain

@@ -100,7 +100,7 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Whether a source of the magnet can change the shapes of an experiment."""
+    """Return whether the source can change the shapes of an experiment; a source of the magnet needs a magnet."""
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
     return changed != before and bool(experiment.loads.field_T.any())

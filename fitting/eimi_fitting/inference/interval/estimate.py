@@ -205,7 +205,7 @@ def estimate(
 
 
 def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> tuple[BudgetEntry, ...]:
-    """Return what the usual uncertainty of the decisive sources that no file states would do to the modulus."""
+    """Return the effect on the modulus of the decisive sources that no file states, at their usual uncertainty."""
     sources = considered(problem, about.unit, unstated_of(problem))
     sizes = steps_of(about, sources, covariance).sizes
     return budget_entries(sources, about.unit, sizes, lambda units: _modulus(problem.law, problem.unknowns, units))
@@ -215,8 +215,8 @@ def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Seque
     """Return the 95 % bounds of the remaining model errors: of the unknowns (C, n) and of the modulus alone (C,).
 
     The error of a model moves the optimum along one direction, by at most the first bound. Part of the error may move
-    the higher coefficients instead of the modulus. The second bound adds what the modulus would move by if the other
-    unknowns were held.
+    the higher coefficients instead of the modulus. The second bound adds the move of the modulus that would follow if
+    the other unknowns were fixed.
     """
     model_errors, modulus_errors = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
     log_range = _log_range(unknowns)

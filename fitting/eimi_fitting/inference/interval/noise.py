@@ -188,7 +188,7 @@ def _independent(problem: Problem, states: Sequence[LinearStates]) -> float:
 def _explained(
     problem: Problem, about: Linearisation, sources: Sequence[ConsideredSources], model_mm: Sequence[Array]
 ) -> Explained:
-    """Fit unknowns and sources together by Gauss-Newton; return the evidence at the best of the points reached."""
+    """Fit unknowns and sources together by Gauss-Newton; return the evidence at the iterate with the best objective."""
     unknowns = Unknowns(problem.unknowns.space, (*problem.unknowns.freed, *(source.freed for source in sources)))
     freed = replace(problem, unknowns=unknowns)
     unit, n = np.concatenate([about.unit, np.full(len(sources), 0.5)]), len(about.unit)
@@ -269,7 +269,7 @@ def _least(
     prior: Array,
     model_mm: Sequence[Array],
 ) -> tuple[Array, list[LinearStates]]:
-    """Minimise the linearised residuals and the priors, with weights that are renewed from the noise.
+    """Minimise the linearised residuals and the priors, with weights that are computed again from the noise.
 
     Parameters
     ----------
@@ -321,7 +321,7 @@ def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Se
 
 
 def _with_model(states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[Array]:
-    """Return the error of each state with the model error added in squares, (K,) in mm for each experiment."""
+    """Return the error of each state, the model error added in quadrature, (K,) in mm for each experiment."""
     return [np.hypot(linear.error_mm, model) for linear, model in zip(states, model_mm, strict=True)]
 
 

@@ -1,4 +1,4 @@
-"""Which measurements and which law to choose next.
+"""Choose the next measurements and the law.
 
 design_of_experiment   the states that narrow an interval most
 choice_of_law          compare laws by AICc and BIC

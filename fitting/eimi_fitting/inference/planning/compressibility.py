@@ -1,9 +1,9 @@
 """Estimate the error of a modulus that is identified as incompressible although Poisson's ratio is below one half.
 
 A fit takes K = 10^4 mu, which is a Poisson's ratio of 0.49995, unless the bulk modulus is searched. A material with the
-ratio nu has K = 2 mu (1 + nu) / (3 (1 - 2 nu)). The outline of the solid with this K is fitted without it, as in
-`inference.planning.section_bias`. In plane stress a slender beam bends by Young's modulus E = 2 mu (1 + nu) alone, so
-that the error is 2 (1 + nu) / 3 - 1.
+ratio nu has K = 2 mu (1 + nu) / (3 (1 - 2 nu)). The outline of a solid with this K is fitted by an incompressible
+model, as in `inference.planning.section_bias`. In plane stress a slender beam bends by Young's modulus E = 2 mu (1 +
+nu) alone, so that the error is 2 (1 + nu) / 3 - 1.
 """
 
 from __future__ import annotations

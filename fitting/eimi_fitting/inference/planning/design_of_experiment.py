@@ -129,8 +129,8 @@ class Candidates:
     states : ndarray of int, shape (S,)
         Index of each state among all loads that were considered.
     normal : ndarray, shape (S, n, n)
-        w sum J'J over the points of a state.
-    moved : ndarray, shape (S, n, C)
+        w sum J'J over the points of a state, with w, J and C as in the module's docstring.
+    source_score : ndarray, shape (S, n, C)
         w sum J'C over the points of a state.
     sources : tuple of str
         Names of the C sources.
@@ -140,32 +140,32 @@ class Candidates:
         Derivative of the goal in the unknowns, divided by the value of the goal.
     points : float
         Number of independent points in a state.
-    left : float
-        Standard deviation of the goal, as a share of its value, that no state lowers.
+    irreducible : float
+        Standard deviation of the goal that no choice of states reduces, as a share of the goal's value.
     """
 
     loads: Loads
     states: Choice
     normal: Array
-    moved: Array
+    source_score: Array
     sources: tuple[str, ...]
     prior: Array
     goal: Array
     points: float
-    left: float
+    irreducible: float
 
     def __len__(self) -> int:
         return len(self.normal)
 
     def variance(self, choices: Choice) -> Array:
         """Return the relative variance (D,) of the goal for D choices (D, K) of states."""
-        information, moved = self.normal[choices].sum(axis=1), self.moved[choices].sum(axis=1)
+        information, source_score = self.normal[choices].sum(axis=1), self.source_score[choices].sum(axis=1)
         goal = np.tile(self.goal, (len(choices), 1))[..., None]
         direction = np.linalg.solve(information + self.prior, goal)[..., 0]
         noise = np.einsum("di,dij,dj->d", direction, information, direction)
         prior = np.einsum("di,ij,dj->d", direction, self.prior, direction)
-        sources = (np.einsum("di,dic->dc", direction, moved) ** 2).sum(axis=1)
-        return np.asarray(self._widened(choices.shape[1]) ** 2 * noise + prior + sources + self.left**2)
+        sources = (np.einsum("di,dic->dc", direction, source_score) ** 2).sum(axis=1)
+        return np.asarray(self._widened(choices.shape[1]) ** 2 * noise + prior + sources + self.irreducible**2)
 
     def half_width_percent(self, choice: Choice) -> float:
         """Return the half-width of the expected 95 % interval, in per cent of the value."""
@@ -173,8 +173,8 @@ class Candidates:
 
     def effects_percent(self, choice: Choice) -> dict[str, float]:
         """Return the standard deviation of the goal due to each source, in per cent, largest first."""
-        information, moved = self.normal[choice].sum(axis=0), self.moved[choice].sum(axis=0)
-        effect = 100 * np.abs(np.linalg.solve(information + self.prior, self.goal) @ moved)
+        information, source_score = self.normal[choice].sum(axis=0), self.source_score[choice].sum(axis=0)
+        effect = 100 * np.abs(np.linalg.solve(information + self.prior, self.goal) @ source_score)
         return {self.sources[i]: float(effect[i]) for i in np.argsort(-effect)}
 
     def _widened(self, states: int) -> float:
@@ -185,9 +185,10 @@ class Candidates:
     def least_percent(self, states: int) -> float:
         """Return a lower bound of the half-width, in per cent, over all choices of this number of states.
 
-        Noise: no state gives more information than the best one. Sources: the error of the estimate is a weighted mean
-        of the errors that the single states would have, with weights that sum to one. Non-negative least squares
-        minimises the sum of squares over all such weights. The bound applies to one unknown.
+        For the noise, the bound assumes that every state gives as much information as the best one. For the sources,
+        the error of the estimate is a weighted mean of the errors that the single states would have, with weights that
+        sum to one. Non-negative least squares minimises the sum of squares over all such weights. The bound applies to
+        one unknown.
 
         Raises
         ------
@@ -195,18 +196,18 @@ class Candidates:
             If there is more than one unknown.
         """
         if len(self.goal) > 1:
-            raise ValueError(f"the bound holds for one unknown; here are {len(self.goal)}")
+            raise ValueError(f"the law has {len(self.goal)} unknowns; the bound holds for one unknown only")
         information, prior = self.normal[:, 0, 0], float(self.prior[0, 0])
         most = states * float(information.max())
         noise = (self.goal[0] / (most + prior)) ** 2 * (self._widened(states) ** 2 * most + prior)
         informative = information > 1e-9 * information.max()
-        alone = self.goal[0] * self.moved[informative, 0] / information[informative, None]  # (S', C)
+        alone = self.goal[0] * self.source_score[informative, 0] / information[informative, None]  # (S', C)
         heavy = 1e3 * max(float(np.abs(alone).max(initial=0.0)), 1e-6)  # enforces that the weights sum to one
         rows = np.vstack([alone.T, np.full((1, int(informative.sum())), heavy)])
         weights, _ = optimize.nnls(rows, np.append(np.zeros(alone.shape[1]), heavy))
         share = most / (most + prior)  # the prior reduces the error of the estimate by this factor
         sources = (share * (weights / weights.sum()) @ alone) ** 2
-        return 100 * _NORMAL * float(np.sqrt(noise + sources.sum() + self.left**2))
+        return 100 * _NORMAL * float(np.sqrt(noise + sources.sum() + self.irreducible**2))
 
 
 @dataclass(frozen=True)
@@ -317,12 +318,12 @@ def candidates(
         loads=experiment.loads,
         states=states,
         normal=scale * np.einsum("ikgn,jkgn->kij", slopes, slopes),
-        moved=scale * np.einsum("ikgn,ckgn->kic", slopes, moves),
+        source_score=scale * np.einsum("ikgn,ckgn->kic", slopes, moves),
         sources=tuple(moved),
         prior=np.diag(unknowns.prior),
         goal=_goal(known, unknowns, unit, goal),
         points=noise.points / noise.alike,
-        left=noise.left_percent / 100 / _NORMAL,
+        irreducible=noise.left_percent / 100 / _NORMAL,
     )
 
 
@@ -386,7 +387,7 @@ def equally_spaced(states: int, count: int) -> Choice:
 
 
 def exchange(criterion: Criterion, count: int) -> Choice:
-    """Choose different candidates that no exchange of a single one improves.
+    """Choose distinct candidates such that exchanging any single one does not improve the criterion.
 
     Parameters
     ----------

@@ -120,5 +120,5 @@ def modulus_so_far(
 
 
 def section_bias_of(specimen: Specimen) -> float:
-    """Return the expected bias of the planar section used here; 0 if the specimen itself has a planar section."""
+    """Return the expected bias of the planar section during a run; 0 if the specimen itself has a planar section."""
     return expected_bias(specimen) if specimen.section == "solid" else 0.0

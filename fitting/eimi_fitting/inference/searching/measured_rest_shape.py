@@ -4,10 +4,10 @@ The edges of such a state show the rest shape, bent by the beam's own weight. Le
 amplitudes q of a few smooth modes (`beam.rest_modes`) and the nuisances a, a turn and a shift of the picture, which are
 no part of the shape. Gauss-Newton steps minimise |r|² with the weight in the model, so that q is the stress-free shape
 (an inverse problem in a few smooth unknowns: noise of single edge points has no influence). The modulus that the weight
-needs is the one at which a planar Neo-Hookean model of this shape explains the bent states; shape and modulus alternate
-until both stay.
+needs is the one at which a planar Neo-Hookean model of this shape explains the bent states; shape and modulus are
+computed in turn until both are constant.
 
-A mode is accepted if it exceeds both three standard deviations and the size below which it changes no modulus by 0.1 %.
+A mode is accepted if its amplitude exceeds three standard deviations, and is large enough to change a modulus by 0.1 %.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
 
 
 def _significant(amplitudes: Array, sigma: Array) -> NDArray[np.intp]:
-    """Return the modes that exceed their uncertainty and the smallest size that matters."""
+    """Return which modes exceed three standard deviations and are large enough to change a modulus."""
     return np.flatnonzero(np.abs(amplitudes) > np.maximum(_LEAST_MM, _SURE * sigma))
 
 
@@ -233,14 +233,14 @@ def _picture(turn_deg_shift_mm: Array) -> Setup:
 
 
 def _scanned_modulus(bent: Experiment) -> float:
-    """Return the modulus at which the planar model explains the bent states best, of all moduli."""
+    """Return the modulus at which the planar model explains the bent states best, from a scan over all moduli."""
     problem = Problem(_LAW, Unknowns(search_space(_LAW)), (bent,))
     points = _POINTS_A_STATE * len(bent.loads)
     return _nearby_modulus(bent, narrowed(problem, scanned(problem, points), points).best_Pa)
 
 
 def _nearby_modulus(bent: Experiment, near_Pa: float) -> float:
-    """Return the best modulus near another one, which is returned if a candidate has no equilibrium."""
+    """Return the best modulus near ``near_Pa``, or ``near_Pa`` itself if a candidate has no equilibrium."""
     trial = near_Pa * np.exp(np.linspace(-0.2, 0.2, 5))
     errors = _errors_mm(bent, trial)
     if errors.max() >= DISCARDED_MM:

@@ -1,11 +1,11 @@
 """Determine from the data the range of moduli to search, for any material from gel to steel.
 
 The displacement u of a stiff beam is proportional to the loads over the modulus mu, so that c = mu max|u| / length is
-constant. One stiff candidate gives c. At mu = c / 3 a linear beam would bend by three times its length, and at
-mu = c / 1e-7 by nothing that can be measured. The objective is evaluated at moduli between these two, with the other
-coordinates of the law in the middle of their ranges. The search covers three decades about the best modulus, or all
-moduli that are equally good. Tensile curves are not used here: a curve in a wrong unit would lead the search away from
-the beam.
+constant. One stiff candidate gives c. At mu = c / 3 a linear beam would bend by three times its length. At
+mu = c / 1e-7 it would bend too little to be measured. The objective is evaluated at moduli between these two, with the
+other coordinates of the law in the middle of their ranges. The search covers three decades about the best modulus, or
+all moduli that are equally good. Tensile curves are not used here, because a curve in a wrong unit would give a range
+without the modulus of the beam.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class NothingConverged(Exception):
 
 
 class NothingActs(Exception):
-    """No load bends the specimen in any state, whatever its material."""
+    """No load bends the specimen in any state, for any material."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Scan:
         return float(self.objective_mm[-1])
 
     def searched(self) -> tuple[float, float]:
-        """Return the bounds of the search in Pa."""
+        """Return the smallest and the largest modulus of the search in Pa."""
         if self.best_mm >= DISCARDED_MM:  # no candidate is valid; the search reports it
             return float(self.moduli_Pa[0]), float(self.moduli_Pa[-1])
         good = np.log10(self.moduli_Pa[self.objective_mm <= (1 + _AS_GOOD) * self.best_mm])

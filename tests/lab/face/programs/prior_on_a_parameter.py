@@ -1,4 +1,4 @@
-"""Bending hardly tells C10 from C01; what is known of C10 then determines both."""
+"""Bending hardly distinguishes C10 from C01; with a prior on C10, the data determine both."""
 
 import eimi_lab as eimi
 
