@@ -15,9 +15,9 @@ from eimi_drivers.supplies.supply_names import is_bipolar
 from eimi_lab.acquisition.coil import Coil
 from eimi_lab.acquisition.events import OnEvent, Warned
 from eimi_lab.acquisition.interlocks import Interlocks, readings_of
-from eimi_lab.acquisition.open_coil import CoilBench, open_coil
+from eimi_lab.acquisition.open_coil import CoilBench, open_coil, open_virtual_sensors
 from eimi_lab.acquisition.output_off import begin_with_output_off
-from eimi_lab.acquisition.sensing import OpenSensor, Sensing
+from eimi_lab.acquisition.sensing import Sensing
 from eimi_lab.acquisition.switching_off import switching_off
 from eimi_lab.config.calibration import Calibration, changed_calibration
 from eimi_lab.config.protocol import Ramp
@@ -122,6 +122,7 @@ def calibrate_coil(rig: Rig, currents_A: list[float], on_event: OnEvent) -> Coil
         with switching_off(coil, bench.guardian, bench.interruption, on_event) as stop_if_asked:
             stop_if_asked()
             bench.supply.set_output(True)
+            sensing.measure_at_rest(coil, stop_if_asked)
             for current_A in currents_A:
                 coil.ramp_to(current_A, stop_if_asked)
                 coil.wait_until_reached(stop_if_asked)
@@ -164,12 +165,10 @@ def _opened(rig: Rig, on_event: OnEvent) -> Iterator[CoilBench]:
             yield bench
         return
     from eimi_lab.virtual.virtual_rig import open_virtual_coil
-    from eimi_lab.virtual.virtual_sensors import open_virtual_sensor
 
     supply, field_mT, clock = open_virtual_coil(rig)
-    sensors = tuple(OpenSensor(rule, open_virtual_sensor(rule, field_mT, clock)) for rule in rig.sensors)
     with closing(supply):
-        yield CoilBench(supply, clock, sensors=sensors)
+        yield CoilBench(supply, clock, sensors=open_virtual_sensors(rig, supply, field_mT, clock))
 
 
 def with_measured_coil(calibration: Calibration, measured: CoilCalibration, today: date) -> Calibration:

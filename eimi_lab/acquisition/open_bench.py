@@ -15,7 +15,7 @@ from eimi_lab.acquisition.event_words import on_terminal
 from eimi_lab.acquisition.events import OnEvent
 from eimi_lab.acquisition.guardian import Guardian
 from eimi_lab.acquisition.interruption import Interruption
-from eimi_lab.acquisition.open_coil import attached, close_or_tell, open_coil
+from eimi_lab.acquisition.open_coil import attached, close_or_tell, open_coil, open_virtual_sensors
 from eimi_lab.acquisition.playback import Cue
 from eimi_lab.acquisition.sensing import OpenSensor
 from eimi_lab.config.protocol import SupplyLimits
@@ -86,13 +86,10 @@ def open_bench(
     )
     if rig.simulated:
         from eimi_lab.virtual.virtual_rig import open_virtual_rig
-        from eimi_lab.virtual.virtual_sensors import open_virtual_sensor
 
         supply, camera, clock, truth = open_virtual_rig(limited, specimen)
         with closing(supply), closing(camera):
-            emulated = tuple(
-                OpenSensor(rule, open_virtual_sensor(rule, camera.field_mT, clock)) for rule in rig.sensors
-            )
+            emulated = open_virtual_sensors(rig, supply, camera.field_mT, clock)
             yield Bench(supply, camera, clock, truth, relay=camera.swap_leads, sensors=emulated)
         return
     from eimi_drivers.cameras.timed import TimedCamera

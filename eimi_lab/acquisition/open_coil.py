@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +12,7 @@ from eimi_lab.acquisition.event_words import on_terminal
 from eimi_lab.acquisition.events import OnEvent, Warned
 from eimi_lab.acquisition.guardian import Guardian, Ward, guarding
 from eimi_lab.acquisition.interruption import Interruption
-from eimi_lab.acquisition.sensing import OpenSensor
+from eimi_lab.acquisition.sensing import OpenSensor, coil_thermometer
 from eimi_lab.acquisition.supply_lock import only_run_on
 from eimi_lab.config.rig import Rig
 from eimi_lab.process.awake import kept_awake
@@ -73,11 +73,31 @@ def open_coil(
             )
             sensors = []
             for rule in rig.sensors:
-                sensors.append(OpenSensor(rule, open_sensor(rule.driver, rule.address, wall)))
+                sensor: Sensor = (
+                    coil_thermometer(rule, supply, wall)
+                    if rule.is_coil
+                    else open_sensor(rule.driver, rule.address, wall)
+                )
+                sensors.append(OpenSensor(rule, sensor))
                 opened.callback(close_or_tell, sensors[-1].sensor, on_event or on_terminal(silent))
         except InstrumentDisconnected as error:
             raise InstrumentDisconnected(f"{error}; {attached()}") from error
         yield CoilBench(supply, wall, guardian, interruption, tuple(sensors))
+
+
+def open_virtual_sensors(
+    rig: Rig, supply: PowerSupply, field_mT: Callable[[], float], clock: Clock
+) -> tuple[OpenSensor, ...]:
+    """Open the sensors of a virtual rig: emulated ones in its true field, and its coil as a thermometer."""
+    from eimi_lab.virtual.virtual_sensors import open_virtual_sensor
+
+    return tuple(
+        OpenSensor(
+            rule,
+            coil_thermometer(rule, supply, clock) if rule.is_coil else open_virtual_sensor(rule, field_mT, clock),
+        )
+        for rule in rig.sensors
+    )
 
 
 def close_or_tell(instrument: Camera | Sensor, on_event: OnEvent) -> None:

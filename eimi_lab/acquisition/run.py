@@ -84,6 +84,12 @@ def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
                 f"{rig.supply.driver!r} of rig {rig.name} cannot reverse its current; use currents from 0 up, "
                 "both_polarities = true in [current], or a bipolar supply such as kepco-bop"
             )
+    for sensor in rig.sensors:
+        if sensor.at_rest_A is not None and sensor.at_rest_A > rig.supply.limits.stricter(protocol.limits).current_A:
+            raise InputError(
+                f"rig {rig.name}: at_rest_A = {sensor.at_rest_A:g} of the sensor {sensor.name} is beyond "
+                "limits.current_A of the rig or of the protocol"
+            )
     if protocol.tip_force_N and rig.virtual:
         raise InputError(
             f"protocol {protocol.name}: tip_force_N = {protocol.tip_force_N:g}, but a virtual beam has no weight at "
@@ -306,6 +312,7 @@ def _step_through(
             stop_if_asked()
             run.coil.supply.set_output(True)
             run.on_event(OutputSwitched(on=True))
+            run.sensing.measure_at_rest(run.coil, stop_if_asked)
             if protocol.conditioning and not first:
                 condition(run, protocol.conditioning, stop_if_asked)
             if not polarity.prepare(run, first, stop_if_asked):

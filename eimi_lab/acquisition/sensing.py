@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from eimi_drivers.interfaces import Clock, Identity, InstrumentError, Sensor, SensorReading
-from eimi_lab.acquisition.coil import never
+from eimi_drivers.interfaces import Clock, Identity, InstrumentError, PowerSupply, Sensor, SensorReading
+from eimi_drivers.sensors.coil_thermometer import CoilThermometer
+from eimi_lab.acquisition.coil import Coil, never
 from eimi_lab.config.sensor import UNITS, RigSensor
 from eimi_lab.dataset.logged_sensor import LoggedSensor
 
@@ -24,6 +25,13 @@ class OpenSensor:
 
     rule: RigSensor
     sensor: Sensor
+
+
+def coil_thermometer(rule: RigSensor, supply: PowerSupply, clock: Clock) -> CoilThermometer:
+    """Return the coil as a thermometer, read through its supply."""
+    assert rule.at_rest_degC is not None  # the model of the rig file requires both
+    assert rule.at_rest_A is not None
+    return CoilThermometer(supply.measure, clock, rule.at_rest_degC, rule.at_rest_A)
 
 
 class Sensing:
@@ -86,6 +94,18 @@ class Sensing:
                 )
             )
         return tuple(identities), tuple(logged)
+
+    def measure_at_rest(self, coil: Coil, stop_if_asked: Callable[[], None]) -> None:
+        """Measure the resistance of the coil at rest if it is a thermometer; its output is on, with no current.
+
+        Raises InstrumentError, Stopped.
+        """
+        for each in self._sensors:
+            if isinstance(each.sensor, CoilThermometer):
+                coil.ramp_to(each.sensor.at_rest_A, stop_if_asked)
+                coil.wait_until_reached(stop_if_asked)
+                each.sensor.measure_at_rest()
+                coil.ramp_to(0.0, stop_if_asked)
 
     def values(self) -> dict[str, float]:
         """Return a new value of every sensor that answers, by name."""

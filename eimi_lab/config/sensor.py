@@ -9,6 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from eimi_drivers.emulators.sensors import SENSOR_DIALECTS
 from eimi_drivers.installed import did_you_mean
+from eimi_drivers.sensors.coil_thermometer import CoilThermometer
 from eimi_drivers.sensors.sensor_names import SENSORS
 from eimi_drivers.supplies.transport import check_address
 from eimi_lab.config.interlock import READINGS
@@ -16,6 +17,9 @@ from eimi_lab.config.toml import Table
 
 EMULATED = "virtual"
 """The address of a sensor of the virtual rig."""
+
+SUPPLY = "supply"
+"""The address of the coil as a thermometer."""
 
 Quantity = Literal["field", "specimen_temperature", "coil_temperature", "other"]
 
@@ -29,9 +33,11 @@ class RigSensor(Table):
     name: str = Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")
     """Name of the sensor in the dataset and in [[interlocks]]: small letters, digits and underscores."""
     driver: str
-    """lakeshore-425, lakeshore-475, fwbell-5080, text-line, or the name of a driver from another package."""
+    """lakeshore-425, lakeshore-475, fwbell-5080, text-line, or the name of a driver from another package.
+    coil-resistance: the coil itself, by the voltage and the current of the supply."""
     address: str = Field(min_length=1)
-    """A serial port or a VISA resource; "virtual" for an emulated sensor of the virtual rig."""
+    """A serial port or a VISA resource; "virtual" for an emulated sensor of the virtual rig, "supply" for
+    coil-resistance."""
     measures: Quantity = "other"
     """field: along the coil's axis, positive for a positive current; a fit uses it in place of coil_constant_mT_per_A.
     specimen_temperature or coil_temperature. other: the values are stored and can have an interlock."""
@@ -42,11 +48,16 @@ class RigSensor(Table):
     uncertainty_share: float | None = Field(default=None, ge=0, le=0.5)
     """Standard uncertainty that all readings share, as a fraction: that of the probe's calibration and of at_magnet."""
 
+    at_rest_degC: float | None = Field(default=None, gt=-50, lt=100)
+    """Of coil-resistance: temperature of the coil before the run, which is that of the room."""
+    at_rest_A: float | None = Field(default=None, gt=0)
+    """Of coil-resistance: current with which the resistance at rest is measured, before the first state."""
+
     @field_validator("driver")
     @classmethod
     def _exists(cls, driver: str) -> str:
-        if driver not in SENSORS:
-            names = list(SENSORS)
+        names = [*SENSORS, CoilThermometer.name]
+        if driver not in names:
             raise ValueError(f"is not a driver; there are {', '.join(names)}{did_you_mean(driver, names)}")
         return driver
 
@@ -65,7 +76,20 @@ class RigSensor(Table):
                 f"at_magnet = {self.at_magnet:g} should be the ratio of two fields, not 0, and belongs to "
                 'measures = "field"'
             )
+        keys = (self.at_rest_degC, self.at_rest_A)
+        if self.is_coil and (None in keys or self.address != SUPPLY or self.measures != "coil_temperature"):
+            raise ValueError(
+                f'driver = "{self.driver}" needs address = "{SUPPLY}", measures = "coil_temperature", at_rest_degC and '
+                "at_rest_A"
+            )
+        if not self.is_coil and keys != (None, None):
+            raise ValueError(f'at_rest_degC and at_rest_A belong to driver = "{CoilThermometer.name}"')
         return self
+
+    @property
+    def is_coil(self) -> bool:
+        """Whether the coil itself is the sensor."""
+        return self.driver == CoilThermometer.name
 
 
 def check_sensors(sensors: Sequence[RigSensor], simulated: bool) -> None:
@@ -85,6 +109,8 @@ def check_sensors(sensors: Sequence[RigSensor], simulated: bool) -> None:
                 raise ValueError(f"{place}.name = {sensor.name!r}: another sensor has this name")
             if other.measures == sensor.measures != "other":
                 raise ValueError(f'{place}.measures = "{sensor.measures}": {other.name} does that already')
+        if sensor.is_coil:
+            continue
         if simulated != (sensor.address == EMULATED):
             should = f'"{EMULATED}", because this rig is simulated' if simulated else "that of an instrument"
             raise ValueError(f"{place}.address = {sensor.address!r} should be {should}")

@@ -4,6 +4,7 @@ sensor_names      the drivers by name
 base              what every driver on a line shares: one query, one answer, its time limit
 lake_shore        Lake Shore 425 and 475 gaussmeters
 fw_bell           F.W. Bell 5080 gaussmeters
+coil_thermometer  the coil itself, whose resistance grows with its temperature
 text_line         a microcontroller with a sensor that answers in lines of text
 """
 
