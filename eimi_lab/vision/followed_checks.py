@@ -39,6 +39,16 @@ FOLLOWED = (
     ),
     Check(
         name="NOT_FOLLOWED",
+        finding="followed_stretch",
+        quantity="the same length, if both edges are clear and without a gap up to there",
+        limit=0.55,
+        below=True,
+        remedy="Only this part of the beam is used: look in the overlay what covers the rest, and check length_mm.",
+        severity=Severity.DOUBTFUL,
+        unusable_beyond=0.4,
+    ),
+    Check(
+        name="NOT_FOLLOWED",
         finding="followed_sides",
         quantity="share of the followed path on which the worse edge is sure, if long stretches are not",
         limit=0.7,
@@ -73,6 +83,19 @@ FOLLOWED = (
         limit=0.2,
         below=True,
         remedy="Put something even and of another colour behind the beam: the evidence for the followed body is weak.",
+    ),
+    Check(
+        name="NOT_FOLLOWED",
+        finding="followed_faint",
+        quantity="the same evidence, if both edges are sure without a gap from the clamp to the tip",
+        limit=0.2,
+        below=True,
+        remedy="Check in the overlay that the edges are those of the beam: the evidence is weak; put something even "
+        "and of another colour behind the beam.",
+        severity=Severity.DOUBTFUL,
+        unusable_beyond=0.0,
+        widens=lambda gain: 0.1 * (0.2 - gain),
+        widens_in="width",
     ),
     Check(
         name="NOT_FOLLOWED",

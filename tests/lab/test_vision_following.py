@@ -227,15 +227,8 @@ def test_an_ambiguous_state_does_not_guide_later_states(run, files):
     assert sure == ("blue" if guessed.startswith("red") else "red")
 
 
-NOT_FOLLOWED = (
-    "silicone_curl",
-    "silicone_up",
-    "silicone_clip_up",
-    "cable_blue_tiles",
-    "cable_yellow_wall",
-    "wrapped_1",
-)
-"""Pictures that the search does not follow: translucent silicone, and cables with nearly the colour of the wall."""
+NOT_FOLLOWED = ("cable_yellow_wall", "wrapped_1")
+"""A cable whose shadow joins it, and a rod with an uneven wrapping whose reference is good to 4 px."""
 
 
 def _expected(picture):

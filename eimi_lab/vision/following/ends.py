@@ -66,8 +66,10 @@ def _as_wide_toward_last(along: Array, widths: Array) -> NDArray[np.bool_]:
     base = ~end & (to_end < _END + _BASE)
     if base.sum() < _FEWEST:
         return kept
-    slope, level = np.polyfit(along[base], widths[base], 1)
-    deviation = np.abs(widths - level - slope * along)
+    line, parabola = (np.polyval(np.polyfit(along[base], widths[base], degree), along) for degree in (1, 2))
+    # A body whose width changes smoothly, such as an inflated one, lies between the two continuations.
+    excess = np.maximum(widths - np.maximum(line, parabola), np.minimum(line, parabola) - widths)
+    deviation = np.where(end, np.maximum(excess, 0.0), np.abs(widths - line))
     scatter = _NORMAL_MEDIAN * float(np.median(deviation[base]))
     differs = end & (deviation > max(_NEAR, _CERTAIN * scatter))
     if differs.any():
