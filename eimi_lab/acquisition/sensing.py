@@ -104,7 +104,7 @@ class Sensing:
             if isinstance(each.sensor, CoilThermometer):
                 coil.ramp_to(each.sensor.at_rest_A, stop_if_asked)
                 coil.wait_until_reached(stop_if_asked)
-                each.sensor.measure_at_rest()
+                each.sensor.measure_at_rest(stop_if_asked)
                 coil.ramp_to(0.0, stop_if_asked)
 
     def values(self) -> dict[str, float]:

@@ -33,7 +33,9 @@ def test_the_temperature_of_a_warming_coil_is_that_of_its_copper():
     supply.set_current(0.5)
     supply.switch(True)
     clock.sleep(1.0)
-    thermometer.measure_at_rest()
+    watched: list[float] = []
+    thermometer.measure_at_rest(lambda: watched.append(clock.now()))
+    assert len(watched) == 10
     supply.set_current(2.0)
     clock.sleep(600.0)
     reading = thermometer.read()

@@ -52,8 +52,13 @@ class CoilThermometer:
         """Return what the thermometer is; it has no line of its own."""
         return Identity(self.name, f"copper coil, {self.at_rest_degC:g} °C at rest", "supply")
 
-    def measure_at_rest(self) -> None:
+    def measure_at_rest(self, between_readings: Callable[[], None]) -> None:
         """Measure the resistance at rest; the current `at_rest_A` flows.
+
+        Parameters
+        ----------
+        between_readings : callable
+            Called before each reading, so that the caller can watch the supply; it may raise.
 
         Raises
         ------
@@ -62,6 +67,7 @@ class CoilThermometer:
         """
         readings = []
         for _ in range(READINGS_AT_REST):
+            between_readings()
             self._clock.sleep(BETWEEN_READINGS_S)
             readings.append(_resistance_ohm(self._measure()))
         mean = sum(readings) / len(readings)
