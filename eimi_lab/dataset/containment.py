@@ -49,6 +49,7 @@ def refuse_links_and_absurd_sizes(path: Path, file: h5py.File) -> None:
     sensors = file.get(f"entry/{SENSORS}")
     for name in sensors if isinstance(sensors, h5py.Group) else ():
         _refuse_members(path, file, f"entry/{SENSORS}/{name}")
+        _refuse_members(path, file, f"entry/{SENSORS}/{name}/stated")
         _refuse_members(path, file, f"entry/{SENSORS}/{name}/value_log")
 
 

@@ -71,10 +71,11 @@ def make_sensor_logs(entry: h5py.Group, sensors: Sequence[LoggedSensor]) -> None
         put_text(place, "short_name", sensor.measures)
         if sensor.measures in MEASUREMENTS:
             put_text(place, "measurement", MEASUREMENTS[sensor.measures])
-        put_text(place, "unit", sensor.unit)
-        place["at_magnet"] = sensor.at_magnet
-        place["uncertainty"] = math.nan if sensor.uncertainty is None else sensor.uncertainty
-        place["uncertainty_share"] = math.nan if sensor.uncertainty_share is None else sensor.uncertainty_share
+        stated = group(place, "stated", "NXcollection")
+        put_text(stated, "unit", sensor.unit)
+        stated["at_magnet"] = sensor.at_magnet
+        stated["uncertainty"] = math.nan if sensor.uncertainty is None else sensor.uncertainty
+        stated["uncertainty_share"] = math.nan if sensor.uncertainty_share is None else sensor.uncertainty_share
         log = group(place, "value_log", "NXlog")
         columns(log, {"time": ("f8", "s"), "value": ("f8", sensor.unit), "value_errors": ("f8", sensor.unit)})
 
@@ -94,10 +95,10 @@ def read_sensor_logs(entry: h5py.Group, states: int) -> tuple[SensorLog, ...]:
                     name,
                     get_text(place, "model"),
                     get_text(place, "short_name"),
-                    get_text(place, "unit"),
-                    float(place["at_magnet"][()]),
-                    _none_if_nan(place["uncertainty"][()]),
-                    _none_if_nan(place["uncertainty_share"][()]),
+                    get_text(place["stated"], "unit"),
+                    float(place["stated/at_magnet"][()]),
+                    _none_if_nan(place["stated/uncertainty"][()]),
+                    _none_if_nan(place["stated/uncertainty_share"][()]),
                 ),
                 of_state[stored],
                 *(stored_columns[column][:rows][stored] for column in LOG_COLUMNS),

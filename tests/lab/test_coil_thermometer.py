@@ -42,7 +42,9 @@ def test_the_temperature_of_a_warming_coil_is_that_of_its_copper():
     # The coil model takes its cold resistance as the one at 20 degC, and warmed a little while that was measured.
     assert reading.value == pytest.approx(20.0 + supply.heating_K(), abs=0.5)
     assert reading.value > 80.0
-    assert reading.standard_uncertainty is not None
+    # 10 mV of 2 V at rest and of 9.9 V now, each as a uniform distribution, over 0.393 % per kelvin.
+    digits_K = np.hypot(0.01 / 2.0, 0.01 / 9.9) / np.sqrt(12.0) / 0.00393
+    assert reading.standard_uncertainty == pytest.approx(1.25 * digits_K, rel=0.2)
     supply.set_current(0.0)
     clock.sleep(10.0)
     assert thermometer.read() == reading

@@ -25,6 +25,7 @@ from eimi_lab.dataset.stored_edges import write_edges
 from eimi_lab.dataset.tracked.points_csv import import_points
 from eimi_lab.vision.check import Flag
 from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
+from tests.lab.test_sensing import HALL, ROOM, Emulated
 
 validate = pytest.importorskip("nexusformat.nexus.validate", reason="needs `pip install nexusformat`")
 
@@ -83,3 +84,9 @@ def test_a_dataset_of_tracked_points_has_no_fault(files: Path) -> None:
     specimen = load_specimen(files / "specimen.toml")
     import_points(files / "points.csv", files / "states.csv", specimen, 0.0, files / "points.h5")
     assert faults(files / "points.h5") == NO_FAULT
+
+
+def test_a_dataset_with_sensors_has_no_fault(setup: Any) -> None:
+    Emulated(setup, HALL, ROOM)
+    setup.run()
+    assert faults(setup.path) == NO_FAULT

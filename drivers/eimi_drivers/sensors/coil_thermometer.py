@@ -12,6 +12,9 @@ COPPER_PER_K = 0.00393
 
 COEFFICIENT_AT_DEGC = 20.0
 
+STEP_V, STEP_A = 0.01, 0.001
+"""Last digits of voltage and current, which are assumed: a Korad has these, and most other supplies have finer ones."""
+
 READINGS_AT_REST = 10
 BETWEEN_READINGS_S = 0.2
 
@@ -45,7 +48,7 @@ class CoilThermometer:
         self._measure, self._clock = measure, clock
         self.at_rest_degC, self.at_rest_A = at_rest_degC, at_rest_A
         self._at_rest_ohm: float | None = None
-        self._share = 0.0
+        self._share_at_rest = self._scatter = 0.0
         self._last = SensorReading(at_rest_degC, "degC", clock.now())
 
     def identify(self) -> Identity:
@@ -69,10 +72,12 @@ class CoilThermometer:
         for _ in range(READINGS_AT_REST):
             between_readings()
             self._clock.sleep(BETWEEN_READINGS_S)
-            readings.append(_resistance_ohm(self._measure()))
-        mean = sum(readings) / len(readings)
-        variance = sum((reading - mean) ** 2 for reading in readings) / (len(readings) - 1)
-        self._at_rest_ohm, self._share = mean, math.sqrt(variance) / mean
+            readings.append(self._measure())
+        resistances = [_resistance_ohm(reading) for reading in readings]
+        mean = sum(resistances) / len(resistances)
+        variance = sum((resistance - mean) ** 2 for resistance in resistances) / (len(resistances) - 1)
+        self._at_rest_ohm, self._scatter = mean, math.sqrt(variance) / mean
+        self._share_at_rest = math.hypot(self._scatter / math.sqrt(READINGS_AT_REST), _digits_share(readings[-1]))
 
     def read(self) -> SensorReading:
         """Return the temperature, or the last one while hardly any current flows."""
@@ -81,15 +86,18 @@ class CoilThermometer:
             return self._last
         ratio = _resistance_ohm(reading) / self._at_rest_ohm
         scale = (1 + COPPER_PER_K * (self.at_rest_degC - COEFFICIENT_AT_DEGC)) / COPPER_PER_K
-        # One reading scatters as those at rest did, and more at a smaller current, because the digits are fixed.
-        spread = self._share * max(1.0, abs(self.at_rest_A / reading.current_A))
-        sigma = ratio * scale * math.hypot(spread, self._share / math.sqrt(READINGS_AT_REST))
+        sigma = ratio * scale * math.hypot(self._scatter, _digits_share(reading), self._share_at_rest)
         degC = COEFFICIENT_AT_DEGC + ratio * scale - 1 / COPPER_PER_K
         self._last = SensorReading(degC, "degC", self._clock.now(), sigma)
         return self._last
 
     def close(self) -> None:
         """Do nothing: the supply is closed by its own user."""
+
+
+def _digits_share(reading: Reading) -> float:
+    """Return the standard uncertainty of a resistance from the last digits, as a fraction (JCGM 100:2008, F.2.2.1)."""
+    return math.hypot(STEP_V / reading.voltage_V, STEP_A / reading.current_A) / math.sqrt(12.0)
 
 
 def _resistance_ohm(reading: Reading) -> float:
