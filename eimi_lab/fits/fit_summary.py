@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from eimi_fitting.inference.doubts.causes import NONE
 from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.interval.budget import BudgetEntry
 from eimi_fitting.inference.planning.choice_of_law import Choice
@@ -20,8 +21,20 @@ _LARGEST = 5  # sources with a line each; the smaller ones share a line
 
 
 def remarks(fit: FitRecord) -> list[str]:
-    """Return the lines on one fit: what the data determine, the uncertainty budget, nuisances, curves, doubts."""
-    return [*what_is_fixed(fit), *budget_lines(fit), *what_was_fitted_beside(fit), *_doubts(fit)]
+    """Return the lines on one fit: what the data determine, the budget, nuisances, curves, causes and doubts."""
+    return [*what_is_fixed(fit), *budget_lines(fit), *what_was_fitted_beside(fit), *cause_lines(fit), *_doubts(fit)]
+
+
+def cause_lines(fit: FitRecord) -> list[str]:
+    """Return a line with the two most probable causes of the residuals."""
+    words = [
+        "no listed cause"
+        if cause.name == NONE
+        else f"{cause.name} {signed(cause.value, cause.unit)} ({cause.shift_percent:+.2g} % of the modulus)"
+        for cause in fit.causes[:2]
+    ]
+    shown = [f"{w}, probability {c.probability:.2g}" for w, c in zip(words, fit.causes, strict=False)]
+    return [f"causes of the residuals: {'; '.join(shown)}"] if shown else []
 
 
 def what_is_fixed(fit: FitRecord) -> list[str]:
@@ -157,6 +170,11 @@ def too_few_in_words(choices: Sequence[Choice]) -> list[str]:
 
 def _kPa(pascal: float) -> str:
     return f"{1e-3 * pascal:.4g}"
+
+
+def signed(value: float, unit: str) -> str:
+    """Return a deviation with its sign and unit; a share in per cent."""
+    return f"{100 * value:+.2g} %" if unit == "1" else f"{value:+.2g} {unit}"
 
 
 def _scaled(value: float, unit: str) -> str:

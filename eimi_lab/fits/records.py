@@ -330,9 +330,9 @@ _ORDER = (
     *("kind", "mean_error_mm", "mean_deviation_mm", "by_state", "evaluations", "generations", "discarded", "polish"),
     *("stop", "wall_s", "identifiability", "bulk_modulus", "freed", "priors", "tensile", "mesh", "section_change"),
     *("held_out_error_mm", "taken_as_exact", "budget", "measure_next", "if_uncertain", "datasets", "seed", "runs"),
-    *("history", "bootstrap"),
+    *("history", "bootstrap", "causes"),
 )
-_IF_ANY = ("priors", "if_uncertain")  # keys of later releases, which a file has only if they hold something
+_IF_ANY = ("priors", "if_uncertain", "causes")  # keys of later releases, which a file has only if they hold something
 
 
 def _with_dataset_index(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:

@@ -5,6 +5,7 @@ Panels of the report:
 first_screen            the result in words, with a picture of the beam
 laws                    parameters, misfit and range of each fit, and the comparison of the laws
 uncertainty_budget      the share of each source of uncertainty in the interval
+causes                  possible causes of the residuals, with their probabilities
 parameter_correlation   correlation of the errors of the unknowns of a fit
 stress_strain           stress against strain of each law
 error_boxes             errors of the states, by law and specimen

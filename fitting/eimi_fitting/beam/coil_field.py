@@ -142,11 +142,15 @@ class CoilShape:
         Change of the strength per metre along x and along y, as a share of the strength. It adds to that of the table.
     table : FieldTable or None
         The field. If it is None, the field is uniform except for the gradient.
+    curvature_per_m2 : float
+        Half of the second derivative of the strength along the axis, as a share of the strength. It is negative about
+        the middle of a coil, whose strength decreases along the axis and increases across it by half of that.
     """
 
     axis: tuple[float, float]
     gradient_per_m: tuple[float, float] = (0.0, 0.0)
     table: FieldTable | None = None
+    curvature_per_m2: float = 0.0
 
     def ratio(self, points_mm: Array, rest_mm: Array) -> tuple[Complex, Complex, Complex]:
         """Return the factor q at points (B, 2) and its derivatives.
@@ -169,7 +173,24 @@ class CoilShape:
         slope = self._slope
         values[0] += (points_mm - rest_mm) @ slope
         values[1:3] += slope[:, None]
+        if self.curvature_per_m2:
+            values += self._curved(points_mm - rest_mm)
         return values[0], values[1:3].T, np.moveaxis(values[_SYMMETRIC], -1, 0)
+
+    def _curved(self, from_rest_mm: Array) -> Complex:
+        """Return the part (6, B) of q and its derivatives by the curvature c: B_s = c (s^2 - t^2 / 2), B_t = -c s t."""
+        (a, b), c = self.axis, 1e-6 * self.curvature_per_m2
+        s, t = from_rest_mm @ np.array([a, b]), from_rest_mm @ np.array([-b, a])
+        by_s, by_t = 2 * s - 1j * t, -t - 1j * s
+        first = by_s * a - by_t * b, by_s * b + by_t * a
+        second = (
+            2 * a * a + 2j * a * b - b * b,
+            3 * a * b - 1j * (a * a - b * b),
+            2 * b * b - 2j * a * b - a * a,
+        )
+        return np.asarray(
+            c * np.array([s**2 - 0.5 * t**2 - 1j * s * t, *first, *(np.full(len(s), value) for value in second)])
+        )
 
     @property
     def _slope(self) -> Complex:

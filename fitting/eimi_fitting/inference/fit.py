@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.inference.doubts.causes import Cause
 from eimi_fitting.inference.doubts.checks import Doubt
 from eimi_fitting.inference.evidence.parameter_priors import Prior
 from eimi_fitting.inference.evidence.tensile_curves import TensileEvidence
@@ -32,6 +33,8 @@ class IdentifiedLaw(Estimate):
         Priors on the law's parameters.
     doubts : tuple of Doubt
         Doubts about the result.
+    causes : tuple of Cause
+        Possible causes of the residuals, the most probable first; empty in result files of earlier releases.
     evaluations, discarded, stop, runs, history
         History of the search, see `SearchResult`.
     generations : int
@@ -49,6 +52,7 @@ class IdentifiedLaw(Estimate):
     max_stretch: float
     priors: tuple[Prior, ...] = ()
     doubts: tuple[Doubt, ...]
+    causes: tuple[Cause, ...] = ()
     evaluations: int
     generations: int
     discarded: Discards

@@ -19,16 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.inference.corrected_optimum import refine
+from eimi_fitting.inference.doubts.causes import weighed_causes
 from eimi_fitting.inference.doubts.checks import (
+    cause_doubts,
     check_determined,
     check_explained,
-    common_doubts,
     curve_doubts,
     doubts,
     prior_doubts,
     slip_doubts,
 )
-from eimi_fitting.inference.doubts.common_error import common_errors
 from eimi_fitting.inference.evidence._coarse import coarsened
 from eimi_fitting.inference.evidence.corrections import (
     polished,
@@ -169,10 +169,9 @@ def identify(
     refined = refine(problem, result.unit, seed)
     problem, optimum = refined.problem, refined.optimum
     final = optimum.evaluation.comparison
-    # Where a freed source changes the specimen the candidates have no mesh in common, but the optimum has one.
-    alone = final if final.shapes else problem.evaluate(optimum.unit[None], guessed_points).comparison
-    common = common_errors(alone.shapes, final.misfits, optimum.distance, problem.experiments, problem.unknowns)
-    check_explained(final, experiments, common, bool(problem.curves), bool(optimum.evaluation.beyond[0]))
+    weighed = weighed_causes(problem, optimum, refined.effects)
+    without_clamp = weighed.error_mm.get("clamp_offset")
+    check_explained(final, experiments, without_clamp, bool(problem.curves), bool(optimum.evaluation.beyond[0]))
     due = refinements(experiments)
     check_determined(refined.estimate, experiments)
     in_problem = {effect.correction.refinement for effect in refined.effects}
@@ -200,10 +199,11 @@ def identify(
                 experiments,
                 [*(r.doubt for r in due if r not in in_problem), *refined.not_considered],
             ),
-            *common_doubts(final, common),
+            *cause_doubts(weighed, refined.estimate, final, experiments),
             *curve_doubts(problem.curves, curve_rmse_Pa),
             *prior_doubts(problem.priors, refined.prior_distances),
         ),
+        causes=weighed.causes,
         stable_to=stable_up_to(problem.law, parameters[0]),
         stability_checked_to=LARGEST_STRETCH_CHECKED,
         generations=len(result.history),

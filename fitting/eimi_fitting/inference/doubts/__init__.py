@@ -1,5 +1,7 @@
-"""Check whether the residuals contradict the model.
+"""Whether the residuals contradict the model, and what may be the cause.
 
-checks         compare the residuals with the noise and with the deflection
-common_error   an error that all states share: clamp, roll or scale
+checks            compare the residuals with the noise and with the deflection
+causes            weigh the possible causes of the residuals by their evidence
+signatures        the change of the residuals by each possible cause
+possible_causes   what may be wrong on a bench, and what decides on it
 """

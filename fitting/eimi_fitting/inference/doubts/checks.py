@@ -3,12 +3,12 @@
 A state is not explained if its root mean square residual exceeds a twentieth of the largest deflection or half the
 width of the beam. The edges of another beam, a wrong scale or a wrong sign of the field cause such residuals; the fit
 is then refused. Residuals that are many times the stated uncertainty of the edges leave a result with a doubt. So does
-an error that all states of a dataset share (`common_error`).
+a probable cause of the residuals that concerns the modulus (`causes`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from eimi_fitting.beam.equilibrium import Status
 from eimi_fitting.beam.model import BeamModel, Shapes
-from eimi_fitting.inference.doubts.common_error import CommonError
+from eimi_fitting.inference.doubts.causes import NONE, Cause, Weighed
+from eimi_fitting.inference.doubts.possible_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit
 from eimi_fitting.inference.evidence.parameter_priors import Prior
@@ -40,7 +41,11 @@ _OF_WIDTH = 0.5  # with a larger residual an edge lies nearer to the opposite si
 _OF_NOISE = 10.0
 _OF_MEDIAN = 5.0
 _WITHIN_NOISE = 3.0  # times the stated uncertainty: a smaller residual does not contradict the law
-_OF_ERROR = 0.5  # if the residuals are noise, a common error explains almost none of them
+_OF_ERROR = 0.5  # if the residuals are noise, a cause explains almost none of them
+_NONE_IMPROBABLE = 0.2
+_RIVAL = 0.1  # share of the probability of the first cause
+_BOTH = 1.2  # sum of two probabilities from which both causes are present together
+_MOST_RIVALS = 2
 _CONTRADICTS = 3.0  # standard deviations
 
 
@@ -98,7 +103,7 @@ def deflection_mm(experiment: Experiment) -> float:
 def check_explained(
     final: Comparison,
     experiments: Sequence[Experiment],
-    common: Sequence[CommonError],
+    without_clamp: Sequence[Array] | None = None,
     curves: bool = False,
     beyond: bool = False,
 ) -> None:
@@ -110,9 +115,9 @@ def check_explained(
         The residuals of the optimum, its first candidate.
     experiments : sequence of Experiment
         The experiments, in the order of the misfits in `final`.
-    common : sequence of CommonError
-        The common error of each experiment. The part of the residuals that a displaced clamp explains is not counted
-        here: a displaced clamp is a doubt.
+    without_clamp : sequence of ndarray, shape (K,), optional
+        The error of each experiment's states in mm without the part that a displaced clamp explains. That part is not
+        counted here: a displaced clamp is a doubt.
     curves : bool
         Whether the fit contains tensile curves.
     beyond : bool
@@ -125,8 +130,8 @@ def check_explained(
     """
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         error = misfit.error_mm[0]
-        if common[index].kind == "clamp":
-            error = np.minimum(error, common[index].error_mm)
+        if without_clamp is not None:
+            error = np.minimum(error, without_clamp[index])
         moved = deflection_mm(experiment)
         limit = _OF_DEFLECTION * moved
         if isinstance(experiment.observed, EdgeObservation):
@@ -144,9 +149,7 @@ DoubtKind = Literal[
     "correction_missing",
     "beyond_noise",
     "state_stands_out",
-    "clamp",
-    "roll",
-    "scale",
+    "cause",
     "curve_contradicts",
     "prior_contradicts",
     "perspective",
@@ -243,42 +246,72 @@ def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
     )
 
 
-def common_doubts(final: Comparison, common: Sequence[CommonError]) -> tuple[Doubt, ...]:
-    """Return a doubt for each dataset in which a common error explains more than half of the mean error."""
+def cause_doubts(
+    weighed: Weighed, estimate: Estimate, final: Comparison, experiments: Sequence[Experiment]
+) -> tuple[Doubt, ...]:
+    """Return a doubt that names the most probable cause of the residuals and its rivals, if it concerns the modulus.
+
+    A cause concerns the modulus if it would move it out of its 95 % interval, or if it explains more than half of the
+    mean error. A cause that the fit has taken into account is no doubt. If no cause explains residuals that are far
+    above the stated noise, the doubt says so.
+    """
+    if not weighed.causes:
+        return ()
+    dataset = 0 if len(experiments) == 1 else None
+    none = next(cause for cause in weighed.causes if cause.name == NONE)
+    if none.probability >= _NONE_IMPROBABLE:
+        if none is weighed.causes[0] and any(_noise_ratio(e, m) > _OF_NOISE for e, m in _pairs(experiments, final)):
+            words = "none of the listed causes, alone or two together, explains the residuals"
+            return (Doubt(words, dataset, kind="cause"),)
+        return ()
+    left = [c for c in weighed.causes if c.name != NONE and c.name not in weighed.in_the_fit]
+    if not left or not _concerns(left[0], weighed, estimate, final):
+        return ()
+    return (Doubt(_causes_in_words(left), dataset, kind="cause"),)
+
+
+def _concerns(cause: Cause, weighed: Weighed, estimate: Estimate, final: Comparison) -> bool:
+    modulus = estimate.initial_shear_modulus
+    low, high = modulus.interval_95
+    moved = modulus.value * (1 + 1e-2 * cause.shift_percent)
+    remaining = np.concatenate(weighed.error_mm[cause.name])
+    return not low <= moved <= high or float(remaining.mean()) < _OF_ERROR * float(final.error_mm[0].mean())
+
+
+def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
+    """Return the causes that cannot be told apart from the first one: with it, they add up to a probability of one.
+
+    At most two are returned, each with at least a tenth of the probability of the first. A second cause that is
+    probable beside the first is no rival.
+    """
+    first, *others = causes
     return tuple(
-        Doubt(_describe_common_error(error), index, kind=error.kind or None)
-        for index, (misfit, error) in enumerate(zip(final.misfits, common, strict=True))
-        if error.error_mm.mean() < _OF_ERROR * misfit.error_mm[0].mean()
-    )
+        cause
+        for cause in others
+        if cause.probability > _RIVAL * first.probability and first.probability + cause.probability < _BOTH
+    )[:_MOST_RIVALS]
 
 
-def _describe_common_error(common: CommonError) -> str:
-    """Return the words of a doubt about an error that all states share."""
-    if common.kind == "clamp":
-        x, y = common.sizes
-        observation = f"lie ({x:+.2g}, {y:+.2g}) mm beside the simulated ones"
-        remedy = (
-            "the clamp is not where it is stated; correct its place (clamp_midpoint_px; eimi segment --calibration), "
-            f"or free it (--free clamp={np.hypot(x, y):.1g})"
+def _causes_in_words(causes: Sequence[Cause]) -> str:
+    """Return the words of a doubt: the first cause with its rivals, or with a second one that is present, too."""
+    possible = {one.name: one for one in POSSIBLE_CAUSES}
+    first = causes[0]
+
+    def described(one: Cause) -> str:
+        value = f"{100 * one.value:+.2g} %" if one.unit == "1" else f"{one.value:+.2g} {one.unit}"
+        return (
+            f"{possible[one.name].words} ({value}, probability {one.probability:.2f}, would change the modulus by "
+            f"{one.shift_percent:+.2g} %)"
         )
-    elif common.kind == "roll":
-        degrees = float(np.degrees(common.sizes[0]))
-        observation = f"are turned by {degrees:+.2g} degrees about the clamp"
-        remedy = (
-            "correct axis_angle_deg (eimi segment --calibration), "
-            f"or free the camera's roll (--free roll={abs(degrees):.1g})"
-        )
+
+    if others := rivals(causes):
+        words = f"these causes of the residuals cannot be told apart: {' or '.join(map(described, (first, *others)))}"
     else:
-        observation = f"are {100 * common.sizes[0]:+.2g} % off in scale"
-        size = abs(common.sizes[0])
-        remedy = (
-            "check pixels_per_mm, length_mm and width_mm (eimi segment takes the corrected file), "
-            f"or free the scale (--free scale={size:.1g})"
-        )
-    return (
-        f"the measured places {observation} in all states: {remedy}; otherwise a part of this error goes into the "
-        "parameters"
-    )
+        present = [c for c in causes[:2] if first.probability + c.probability >= _BOTH]
+        words = f"the residuals show: {' and '.join(map(described, present or [first]))}"
+    words += f"; decide by {first.decide_by}"
+    source = possible[first.name].source
+    return words + (f", or free it (--free {source}={abs(first.value):.1g})" if source else "")
 
 
 def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequence[str] = ()) -> tuple[Doubt, ...]:
@@ -303,7 +336,7 @@ def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequen
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         result += [Doubt(words, index, kind="correction_missing") for words in missing]
         error, stated = misfit.error_mm[0], _stated_mm(experiment, misfit)
-        ratio = float(np.median(error / np.maximum(stated, 1e-9)))
+        ratio = _noise_ratio(experiment, misfit)
         if ratio > _OF_NOISE:
             words = (
                 f"the residuals are {ratio:.0f} times the uncertainty that the measured places state: law, "
@@ -314,6 +347,15 @@ def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequen
             words = f"its error is {error[k] / np.median(error):.0f} times that of the median state"
             result.append(Doubt(words, index, int(k), kind="state_stands_out"))
     return tuple(result)
+
+
+def _pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tuple[Experiment, Misfit]]:
+    return zip(experiments, final.misfits, strict=True)
+
+
+def _noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
+    """Return the median over the states of the residuals over their stated uncertainty."""
+    return float(np.median(misfit.error_mm[0] / np.maximum(_stated_mm(experiment, misfit), 1e-9)))
 
 
 def _stated_mm(experiment: Experiment, misfit: Misfit) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -49,6 +49,8 @@ class Experiment:
         Options of the solver of the solid.
     stated : tuple of StatedSource
         The stated standard uncertainties of the inputs.
+    measured : mapping of str to tuple of float
+        Deviations from the stated specimen that the model contains because they were measured, by source and part.
 
     Examples
     --------
@@ -71,6 +73,7 @@ class Experiment:
     solid: SolidBeside | None = None
     solid_options: SolidOptions | None = None
     stated: tuple[StatedSource, ...] = ()
+    measured: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @property
     def solved(self) -> BeamModel | SolidBeside:

@@ -89,6 +89,7 @@ class MeasuredRestShape:
             model=experiment.model.of(self.specimen),
             solid=None if experiment.solid is None else experiment.solid.of(self.specimen),
             stated=(*others, *(StatedSource(source, sigma, of) for source, sigma in sigmas.items() if sigma)),
+            measured={"rest-shape": self.bends_mm, "taper": (2 * self.widths_mm[0],)},
         )
 
     @property

@@ -1,0 +1,47 @@
+"""Show the possible causes of the residuals with their probabilities."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from eimi_fitting.inference.doubts.causes import NONE
+from eimi_lab.fits.fit_summary import signed
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.reporting.contents import ReportContents
+from eimi_lab.reporting.elements import Table
+from eimi_lab.reporting.panel import ReportPanel
+
+_HEAD = ("law", "cause", "probability", "value", "change of the modulus", "decide by")
+_CAPTION = (
+    "Possible causes of the residuals, weighed against each other by their evidence. The change of the modulus is what "
+    "the cause would make if it were taken into account."
+)
+_NOTE = "Two causes may be present together, so that the probabilities may add up to more than 1."
+_LEAST = 0.01  # a cause of smaller probability has no row, except the first two
+
+
+def _values(report: ReportContents) -> dict[str, Any] | None:
+    rows = [
+        (
+            shown.label,
+            "no listed cause" if cause.name == NONE else cause.name.replace("_", " "),
+            f"{cause.probability:.2f}",
+            "" if cause.name == NONE else signed(cause.value, cause.unit),
+            "" if cause.name == NONE else f"{cause.shift_percent:+.2g} %",
+            cause.decide_by,
+        )
+        for shown in report.bending
+        if isinstance(shown.fit, FitRecord)
+        for i, cause in enumerate(shown.fit.causes)
+        if i < 2 or cause.probability >= _LEAST
+    ]
+    return {"table": Table("causes", _CAPTION, _HEAD, rows, [_NOTE])} if rows else None
+
+
+PANEL = ReportPanel(
+    place=16,
+    title="Causes of the residuals",
+    template="{{ table | table }}",
+    values=_values,
+    of_fits=True,
+)

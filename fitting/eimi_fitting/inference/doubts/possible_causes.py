@@ -1,0 +1,352 @@
+"""What may be wrong on a bench: each possible cause with its usual size, its effect, and what decides on it.
+
+A cause changes what a candidate assumes of an experiment: the specimen, the loads, the picture or the law. The
+difference of the residuals that it makes at the optimum is its signature (`inference.doubts.causes`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.coil_field import CoilShape
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
+from eimi_fitting.inference.evidence.sources import SOURCES
+from eimi_fitting.inference.evidence.unknowns import Setup
+from eimi_fitting.laws.law import Law
+from eimi_fitting.laws.sum_of_terms import SumOfTerms
+
+Array = NDArray[np.float64]
+
+_STAND_OFF_MM = 300.0  # distance of a camera whose stand-off is not stated
+_GRADIENT_AT_M = 0.01  # distance at which a curved field has the gradient that is given as its size
+
+
+@dataclass(frozen=True)
+class Assumed:
+    """What one candidate assumes of one experiment.
+
+    Parameters
+    ----------
+    law : Law
+    parameters : ndarray, shape (1, n)
+    bulk_modulus_Pa : ndarray, shape (1,), or None
+    experiment : Experiment
+        On the planar model of the coarse mesh.
+    deviations : tuple of (str, int, float)
+        Source, part and deviation of numbers that differ from the stated ones.
+    """
+
+    law: Law
+    parameters: Array
+    bulk_modulus_Pa: Array | None
+    experiment: Experiment
+    deviations: tuple[tuple[str, int, float], ...] = ()
+
+    @property
+    def bent(self) -> Experiment:
+        """The experiment with the deviations of specimen, loads and lens."""
+        parts: dict[str, Array] = {}
+        for source, part, value in self.deviations:
+            if SOURCES[source].bends:
+                parts.setdefault(source, np.zeros(len(SOURCES[source].parts)))[part] += value
+        return self.experiment.under(parts)
+
+    @property
+    def setup(self) -> Setup:
+        """Field factor and picture under the deviations."""
+        return Setup.of(self.deviations, 1)
+
+
+Change = Callable[[Assumed, Array], Assumed]
+
+
+@dataclass(frozen=True)
+class PossibleCause:
+    """One thing that may be wrong.
+
+    Attributes
+    ----------
+    name : str
+        Its name in `fits.json`.
+    words : str
+        Its name for people.
+    unit : str
+        Unit of its amplitudes; ``"1"`` for a share.
+    sizes : tuple of float
+        Standard deviation of the prior of each amplitude: the size of such a mistake in a laboratory.
+    change : callable or None
+        Takes what a candidate assumes and the amplitudes, and returns what it assumes with this cause; None for the
+        section, whose signature is the difference between two models.
+    decide_by : str
+        The measurement that decides whether it is the cause.
+    source : str
+        The key of `SOURCES` that frees or budgets it; empty if there is none.
+    is_common : bool
+        Whether all datasets share one amplitude.
+    """
+
+    name: str
+    words: str
+    unit: str
+    sizes: tuple[float, ...]
+    change: Change | None
+    decide_by: str
+    source: str = ""
+    is_common: bool = False
+
+
+def _by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
+    """Return the change by deviations of sources; each part gives the deviations for an amplitude of 1."""
+
+    def change(assumed: Assumed, amplitudes: Array) -> Assumed:
+        more = tuple(
+            (source, index, float(amplitude * per_unit))
+            for part, amplitude in zip(parts, amplitudes, strict=True)
+            if amplitude
+            for (source, index), per_unit in part.items()
+        )
+        return replace(assumed, deviations=assumed.deviations + more)
+
+    return change
+
+
+def _of_source(
+    name: str, source: str, sizes: tuple[float, ...], decide_by: str, is_common: bool = False
+) -> PossibleCause:
+    entry = SOURCES[source]
+    parts: list[Mapping[tuple[str, int], float]] = [{(source, i): 1.0} for i in range(len(entry.parts))]
+    return PossibleCause(name, entry.words, entry.unit, sizes, _by_sources(*parts), decide_by, source, is_common)
+
+
+def _by_picture(displacement: Callable[[Experiment, Array, Array], Array]) -> Change:
+    """Return the change by a displacement (..., 2) of measured places (..., 2) relative to the clamp in the picture."""
+
+    def change(assumed: Assumed, amplitudes: Array) -> Assumed:
+        experiment, places = assumed.experiment, _measured(assumed.experiment)
+        by = displacement(experiment, places, amplitudes) - displacement(experiment, np.zeros(2), amplitudes)
+        # What was measured is displaced, so that the true places lie on the other side.
+        key = "points_mm" if isinstance(experiment.observed, EdgeObservation) else "moved_mm"
+        moved: dict[str, Any] = {key: places - by}
+        return replace(assumed, experiment=replace(experiment, observed=replace(experiment.observed, **moved)))
+
+    return change
+
+
+def _measured(experiment: Experiment) -> Array:
+    observed = experiment.observed
+    return observed.points_mm if isinstance(observed, EdgeObservation) else observed.moved_mm
+
+
+def _centre(experiment: Experiment) -> Array:
+    """Return where the axis of the lens meets the beam's plane, or the middle of all used places, in mm."""
+    observed = experiment.observed
+    if isinstance(observed, EdgeObservation) and observed.view is not None:
+        return observed.view.centre_mm
+    used = _measured(experiment)[np.isfinite(observed.sigma_mm)]
+    return np.asarray(0.5 * (used.min(axis=0) + used.max(axis=0)))
+
+
+def _stand_off_mm(experiment: Experiment) -> float:
+    observed = experiment.observed
+    view = observed.view if isinstance(observed, EdgeObservation) else None
+    return _STAND_OFF_MM if view is None else view.stand_off_mm
+
+
+def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
+    """Return the displacement by a radial distortion; its amplitude is the share at the farthest used place."""
+    centre = _centre(experiment)
+    used = _measured(experiment)[np.isfinite(experiment.observed.sigma_mm)] - centre
+    farthest = max(float((used**2).sum(axis=-1).max()), 1e-9)
+    from_centre = places - centre
+    return np.asarray(amplitudes[0] * (from_centre**2).sum(axis=-1, keepdims=True) / farthest * from_centre)
+
+
+def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
+    """Return the displacement by the perspective of a camera that is pitched by angles in degrees about two axes."""
+    from_centre = places - _centre(experiment)
+    nearer = from_centre @ np.radians(amplitudes) / _stand_off_mm(experiment)
+    return np.asarray(nearer[..., None] * from_centre)
+
+
+def _farther(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
+    """Return the displacement of a beam that is farther from the camera than the plane of calibration, by mm."""
+    return np.asarray(-amplitudes[0] / _stand_off_mm(experiment) * (places - _centre(experiment)))
+
+
+def _by_loads(loads_of: Callable[[Loads, Array], Loads]) -> Change:
+    def change(assumed: Assumed, amplitudes: Array) -> Assumed:
+        loads = loads_of(assumed.experiment.loads, amplitudes)
+        return replace(assumed, experiment=replace(assumed.experiment, loads=loads))
+
+    return change
+
+
+def _softened(loads: Loads, stiffness: Array) -> Loads:
+    """Return the loads that bend a beam as the stated ones bend one whose stiffness has the factors (K,)."""
+    over = 1 / stiffness[:, None]
+    return replace(
+        loads, field_T=over * loads.field_T, gravity=over * loads.gravity, tip_force_N=over * loads.tip_force_N
+    )
+
+
+def _crept(loads: Loads, amplitudes: Array) -> Loads:
+    """Soften the beam in proportion to time, which the order of the states stands for."""
+    return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
+
+
+def strengths(loads: Loads) -> Array:
+    """Return the strength (K,) of the loads of each state: field and tip force, as shares of the largest."""
+    sizes = [np.linalg.norm(load, axis=1) for load in (loads.field_T, loads.tip_force_N)]
+    return np.asarray(sum(size / size.max() for size in sizes if size.max() > 0) + np.zeros(len(loads)))
+
+
+def directions_of_change(loads: Loads) -> Array:
+    """Return 1 for a state after an increase of the load, and -1 for one after a decrease, (K,)."""
+    steps = np.sign(np.round(np.diff(strengths(loads), prepend=-1e-3), 6))
+    for k in range(1, len(steps)):
+        steps[k] = steps[k] or steps[k - 1]
+    return np.asarray(steps)
+
+
+def _lagging(loads: Loads, amplitudes: Array) -> Loads:
+    """Soften the beam where the load decreases."""
+    return _softened(loads, 1 - amplitudes[0] * (directions_of_change(loads) < 0))
+
+
+def _graded(loads: Loads, amplitudes: Array) -> Loads:
+    """Change the strength of the field from place to place: by two gradients and, along the coil's axis, by a curve."""
+    strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
+    size = float(np.linalg.norm(strongest))
+    if not size:
+        return loads
+    shape = loads.coil or CoilShape((float(strongest[0] / size), float(strongest[1] / size)))
+    along, across = shape.gradient_per_m
+    graded = replace(
+        shape,
+        gradient_per_m=(along + float(amplitudes[0]), across + float(amplitudes[1])),
+        curvature_per_m2=shape.curvature_per_m2 + float(amplitudes[2]) / (2 * _GRADIENT_AT_M),
+    )
+    return replace(loads, coil=graded)
+
+
+_AS_TERMS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
+    "neo-hookean": (("i1",), (1.0,)),
+    "mooney-rivlin": (("i1", "i2"), (2.0, 2.0)),
+    "yeoh": (("i1", "i1^2", "i1^3"), (2.0, 1.0, 1.0)),
+}
+"""The terms of a law, and their coefficients over its parameters."""
+
+
+def _with_terms(assumed: Assumed, amplitudes: Array) -> Assumed:
+    """Add the terms (I1 - 3)^2 and I2 - 3 to the law, as shares of its initial shear modulus, which stays the same."""
+    if assumed.law.name not in _AS_TERMS or not amplitudes.any():
+        return assumed
+    terms, factors = _AS_TERMS[assumed.law.name]
+    coefficients = dict(zip(terms, assumed.parameters[0] * factors, strict=True))
+    modulus = float(assumed.law.initial_shear_modulus(assumed.parameters)[0])
+    quadratic, second = modulus * amplitudes
+    coefficients["i1^2"] = coefficients.get("i1^2", 0.0) + quadratic
+    coefficients["i2"] = coefficients.get("i2", 0.0) + second
+    coefficients["i1"] -= second
+    return replace(assumed, law=SumOfTerms.of(*coefficients), parameters=np.array([list(coefficients.values())]))
+
+
+_REST_PICTURE = "a picture without field, turned by 180 degrees about the beam's axis for a second one"
+_BOTH_POLARITIES = "the same currents with both polarities (both_polarities = true)"
+
+POSSIBLE_CAUSES: tuple[PossibleCause, ...] = (
+    _of_source("roll", "roll", (1.0,), "a plumb line in the picture"),
+    _of_source("clamp_angle", "axis", (0.5,), "a picture of the clamp's edge beside a plumb line (axis_angle_deg)"),
+    _of_source("clamp_offset", "clamp", (0.3, 0.3), "a picture of the clamp's edge (clamp_midpoint_px)"),
+    PossibleCause(
+        "clamp_softness",
+        "softness of the clamp",
+        "mm",
+        (0.3,),
+        _by_sources({("length", 0): 1.0, ("clamp", 0): -1.0}),
+        "the angle of the beam at the clamp under load, in an enlarged picture; a stiffer clamp",
+    ),
+    _of_source("scale", "scale", (0.01,), "a scale in the plane of the beam (pixels_per_mm)"),
+    PossibleCause(
+        "distance",
+        "distance of the beam from the plane of calibration",
+        "mm",
+        (5.0,),
+        _by_picture(_farther),
+        "a scale in the plane of the beam; the distance of beam and calibration target from the lens",
+    ),
+    PossibleCause(
+        "distortion",
+        "radial distortion of the lens",
+        "1",
+        (0.01,),
+        _by_picture(_distorted),
+        "a calibration with a board over the whole picture",
+    ),
+    PossibleCause(
+        "camera_pitch",
+        "pitch of the camera",
+        "deg",
+        (1.0, 1.0),
+        _by_picture(_pitched),
+        "a calibration board in the plane of the beam",
+    ),
+    _of_source("rest_shape", "rest-shape", (0.5, 0.3, 0.3), _REST_PICTURE),
+    _of_source("taper", "taper", (0.06,), "the width at both ends of the beam"),
+    _of_source("width", "width", (0.05,), "the width at several places"),
+    _of_source("magnetisation_angle", "magnetisation-angle", (3.0,), _BOTH_POLARITIES),
+    _of_source("moment", "moment", (0.05,), "the field of the magnet at a stated distance; weights instead of a field"),
+    PossibleCause(
+        "field_gradient",
+        "uneven field of the coil",
+        "1/m",
+        (2.0, 2.0, 2.0),
+        _by_loads(_graded),
+        "the field at several places with a gaussmeter",
+        "field-gradient",
+    ),
+    _of_source(
+        "background_field", "background-field", (0.05, 0.05), f"{_BOTH_POLARITIES}; a gaussmeter at zero current"
+    ),
+    PossibleCause(
+        "creep",
+        "softening during the run",
+        "1",
+        (0.1,),
+        _by_loads(_crept),
+        "one current repeated at the beginning and at the end of the run",
+    ),
+    PossibleCause(
+        "hysteresis",
+        "softer way back",
+        "1",
+        (0.05,),
+        _by_loads(_lagging),
+        "the same currents upward and downward",
+    ),
+    PossibleCause(
+        "section",
+        "planar section of a solid beam",
+        "1",
+        (1.0,),
+        None,
+        'a fit with section = "solid"',
+        is_common=True,
+    ),
+    PossibleCause(
+        "law",
+        "another law",
+        "1",
+        (0.1, 0.3),
+        _with_terms,
+        "a fit of the other laws; larger fields or a tensile curve",
+        is_common=True,
+    ),
+)

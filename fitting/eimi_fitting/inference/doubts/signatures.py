@@ -1,0 +1,284 @@
+"""The signature of each possible cause: the change of the residuals at an optimum for an amplitude of one.
+
+Signatures are differences of the planar model on the coarse mesh, as those of the stated sources are
+(`inference.interval.considered`). A cause that changes the picture alone costs no solution of the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.equilibrium import Configuration, Status
+from eimi_fitting.beam.model import BeamModel, Shapes
+from eimi_fitting.inference.doubts.possible_causes import Assumed, PossibleCause
+from eimi_fitting.inference.evidence.experiment import TOLERANCE_MM, Experiment
+from eimi_fitting.inference.evidence.objective import Evaluation, Problem
+from eimi_fitting.inference.evidence.sources import SOURCES
+from eimi_fitting.inference.evidence.unknowns import shared
+from eimi_fitting.inference.interval.considered import coarse_model
+from eimi_fitting.inference.interval.covariance import linearise
+from eimi_fitting.inference.searching.polish import Optimum
+
+Array = NDArray[np.float64]
+
+_STEP = 0.3  # of the finite differences, in prior sizes
+_ACCURACY_MM = 1e-3  # the last Newton step is shorter
+_SEEN_MM = 1e-4  # a signature that is smaller for one prior size is none
+_ALONG, _ACROSS = 13, 1  # elements of the solid beside a planar section
+
+
+@dataclass(frozen=True)
+class Column:
+    """One amplitude of a cause.
+
+    Parameters
+    ----------
+    part : int
+        Index among the amplitudes of the cause.
+    datasets : tuple of int
+        The datasets that share it.
+    size : float
+        Standard deviation of its prior.
+    start : float
+        Its value in the fit, above zero only for inputs that were freed or measured.
+    changes : tuple of ndarray or None
+        Change of the residuals (K, G, m) of each experiment for an amplitude of one, in mm.
+    """
+
+    part: int
+    datasets: tuple[int, ...]
+    size: float
+    start: float
+    changes: tuple[Array | None, ...]
+
+
+@dataclass(frozen=True)
+class Solved:
+    """One experiment as a candidate assumes it, with its shapes and residuals on the coarse mesh."""
+
+    assumed: Assumed
+    bent: Experiment
+    shapes: Shapes
+    residuals: Array
+
+    @staticmethod
+    def of(assumed: Assumed, before: Solved | None = None) -> Solved | None:
+        """Solve; start from the shapes ``before``, or keep them if only the picture differs. None: no equilibrium."""
+        bent, setup = assumed.bent, assumed.setup
+        if before is not None and _bends_alike(assumed, bent, before):
+            shapes = before.shapes
+        else:
+            near: Configuration | None = before.shapes.every if before else None
+            shapes = bent.model.solve(
+                assumed.law,
+                assumed.parameters,
+                bent.loads,
+                tolerance_mm=_ACCURACY_MM,
+                bulk_modulus_Pa=assumed.bulk_modulus_Pa,
+                field_factor=setup.field_factor,
+                keep=True,
+                near=near,
+            )
+        if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
+            return None
+        return Solved(assumed, bent, shapes, bent.observed.misfit(bent.model, shapes, setup).residuals[0])
+
+
+def _bends_alike(assumed: Assumed, bent: Experiment, before: Solved) -> bool:
+    earlier = before.assumed
+    return (
+        bent.model is before.bent.model
+        and bent.loads is before.bent.loads
+        and assumed.law is earlier.law
+        and np.array_equal(assumed.parameters, earlier.parameters)
+        and bool((assumed.setup.field_factor == earlier.setup.field_factor).all())
+    )
+
+
+@dataclass(frozen=True)
+class About:
+    """An optimum about which causes are weighed.
+
+    Parameters
+    ----------
+    problem : Problem
+    unit : ndarray, shape (n,)
+        The optimum in unit coordinates.
+    kept : ndarray of int, shape (l,)
+        Coordinates that every hypothesis varies: those of the law, and freed inputs that are no possible cause.
+    law_spread : ndarray, shape (l,)
+        Prior standard deviations of these coordinates.
+    slopes : tuple of ndarray, shape (l, K, G, m)
+        Slopes of the residuals in these coordinates, in mm.
+    residuals, used : tuple of ndarray, shape (K, G, m)
+        Residuals of each experiment at the optimum in mm, and a positive number for every point that counts.
+    solved : tuple of Solved
+        The optimum on the coarse mesh; empty if an experiment has no equilibrium there.
+    """
+
+    problem: Problem
+    unit: Array
+    kept: NDArray[np.intp]
+    law_spread: Array
+    slopes: tuple[Array, ...]
+    residuals: tuple[Array, ...]
+    used: tuple[Array, ...]
+    solved: tuple[Solved, ...]
+
+    @staticmethod
+    def of(problem: Problem, optimum: Optimum[Evaluation], causes: Sequence[PossibleCause]) -> About:
+        """Return what the signatures of causes need of an optimum."""
+        about, sources = linearise(problem, optimum), {cause.source for cause in causes}
+        freed = problem.unknowns.freed
+        is_kept = np.array([*[True] * problem.unknowns.searched, *(n.source not in sources for n in freed)])
+        kept = np.flatnonzero(is_kept)
+        solved = [
+            Solved.of(_assumed(problem, optimum.unit, i, coarse_model(experiment.model.specimen)))
+            for i, experiment in enumerate(problem.experiments)
+        ]
+        complete = tuple(one for one in solved if one is not None)
+        return About(
+            problem,
+            optimum.unit,
+            kept,
+            1 / np.sqrt(np.diag(about.hessian - about.information + about.curve_slopes @ about.curve_slopes.T)[kept]),
+            tuple(states.slopes[kept] for states in about.states),
+            tuple(states.residuals for states in about.states),
+            tuple(states.used for states in about.states),
+            complete if len(complete) == len(solved) else (),
+        )
+
+    @cached_property
+    def on_mesh_of_fit(self) -> list[Solved | None]:
+        """The optimum on the planar meshes of the experiments."""
+        return [
+            Solved.of(_assumed(self.problem, self.unit, i, experiment.model))
+            for i, experiment in enumerate(self.problem.experiments)
+        ]
+
+    def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
+        """Return the amplitude of a cause in the fit: what was freed or measured."""
+        measured = self.problem.experiments[dataset].measured.get(cause.source, ())
+        start = float(measured[part]) if part < len(measured) else 0.0
+        for column, nuisance in enumerate(self.problem.unknowns.freed, self.problem.unknowns.searched):
+            if (nuisance.source, nuisance.part) == (cause.source, part) and dataset in nuisance.datasets:
+                start += float(nuisance.value(self.unit[column]))
+        return start
+
+    def simulated(
+        self, moved: Array, amplitudes: Mapping[PossibleCause, Sequence[tuple[Column, float]]]
+    ) -> list[Array] | None:
+        """Return the residuals (K, G, m) of each experiment for a move of the optimum and amplitudes of causes.
+
+        Parameters
+        ----------
+        moved : ndarray, shape (l,)
+            Move of the kept coordinates.
+        amplitudes : mapping of PossibleCause to sequence of (Column, float)
+            Amplitudes from the stated values.
+
+        Returns
+        -------
+        list of ndarray or None
+            None if the model finds no equilibrium.
+        """
+        unit = self.unit.copy()
+        unit[self.kept] = np.clip(unit[self.kept] + moved, 0.0, 1.0)
+        residuals = []
+        for i, (here, residual) in enumerate(zip(self.on_mesh_of_fit, self.residuals, strict=True)):
+            if here is None:
+                return None
+            trial = _assumed(self.problem, unit, i, here.bent.model)
+            more = np.zeros_like(residual)
+            for cause, columns in amplitudes.items():
+                steps = np.zeros(len(cause.sizes))
+                for column, amplitude in columns:
+                    if i in column.datasets:
+                        steps[column.part] = amplitude - column.start
+                        if cause.change is None and (change := column.changes[i]) is not None:
+                            more += amplitude * change
+                trial = cause.change(trial, steps) if cause.change else trial
+            there = Solved.of(trial, here)
+            if there is None:
+                return None
+            residuals.append(residual + more + there.residuals - here.residuals)
+        return residuals
+
+
+def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> Assumed:
+    """Return what a candidate of the fit assumes of one dataset, on a planar model."""
+    experiment, unknowns = problem.experiments[dataset], problem.unknowns
+    plain = replace(experiment, model=model, solid=None, solid_options=None, change=None)
+    freed = tuple(
+        (n.source, n.part, float(n.value(unit[column])))
+        for column, n in enumerate(unknowns.freed, unknowns.searched)
+        if dataset in n.datasets
+    )
+    return Assumed(problem.law, unknowns.parameters(unit[None]), unknowns.bulk_modulus_Pa(unit[None]), plain, freed)
+
+
+def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
+    """Return the amplitudes of a cause with their signatures; none if it does not change the residuals."""
+    columns = []
+    for datasets, uncertainty in _groups(about.problem, cause):
+        for part, usual in enumerate(cause.sizes):
+            size = max(usual, uncertainty)
+            changes = tuple(
+                _signature(about.solved[i], cause, part, size) if i in datasets else None
+                for i in range(len(about.solved))
+            )
+            if any(change is not None and np.abs(size * change).max() > _SEEN_MM for change in changes):
+                columns.append(Column(part, datasets, size, about.start(cause, part, datasets[0]), changes))
+    return tuple(columns)
+
+
+def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...], float]]:
+    """Return the datasets that share an amplitude of a cause, with the stated uncertainty of its source, if any."""
+    every = tuple(range(len(problem.experiments)))
+    if cause.is_common:
+        return [(every, 0.0)]
+    if cause.source not in SOURCES:
+        return [((dataset,), 0.0) for dataset in every]
+    groups = shared(cause.source, [experiment.stated for experiment in problem.experiments])
+    return [(group.datasets, group.standard_uncertainty or 0.0) for group in groups]
+
+
+def _signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Array | None:
+    """Return the change of the residuals (K, G, m) for an amplitude of one; None without equilibrium."""
+    if cause.change is None:
+        return _as_solid(here)
+    for step in (_STEP, -_STEP):
+        amplitudes = np.zeros(len(cause.sizes))
+        amplitudes[part] = step * size
+        there = Solved.of(cause.change(here.assumed, amplitudes), here)
+        if there is not None:
+            return np.asarray(there.residuals - here.residuals) / (step * size)
+    return None
+
+
+def _as_solid(here: Solved) -> Array | None:
+    """Return the change of the residuals by the solid in place of a planar section; None for a solid."""
+    specimen = here.bent.model.specimen
+    if specimen.section == "solid":
+        return None
+    setup = here.assumed.setup
+    try:
+        beside = SolidBeside(replace(specimen, section="solid"), _ALONG, _ACROSS)
+        shapes = beside.solve(
+            here.assumed.law,
+            here.assumed.parameters,
+            here.bent.loads,
+            tolerance_mm=TOLERANCE_MM,
+            field_factor=setup.field_factor,
+        )
+    except ValueError:  # the solid does not support this specimen
+        return None
+    if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
+        return None
+    return np.asarray(here.bent.observed.misfit(beside, shapes, setup).residuals[0] - here.residuals)

@@ -1,0 +1,120 @@
+"""The causes of residuals are weighed against each other: a virtual bench with one thing wrong, and linear models."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eimi_fitting.beam.coil_field import CoilShape
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.outline import edge_curves, points_on
+from eimi_fitting.beam.rest_modes import with_modes
+from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.doubts.causes import NONE, Cause, weigh
+from eimi_fitting.inference.doubts.checks import rivals
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
+from eimi_fitting.inference.evidence.sources import StatedSource
+from eimi_fitting.inference.evidence.unknowns import Setup
+from eimi_fitting.inference.fit import Fit
+from eimi_fitting.inference.identification import identify
+from eimi_fitting.laws import LAWS
+
+TRUTH_PA = 46e3
+NOISE_MM = 2e-3
+MAGNET = Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)
+BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", MAGNET)
+FIELDS_MT = np.array([0.0, 2.3, 4.7, 7.0, 4.7, 2.3, 0.0, -2.3, -4.7, -7.0])
+LOADS = Loads.along(FIELDS_MT)
+CREEP = 1 - 0.1 * np.linspace(0, 1, len(FIELDS_MT))
+NOTHING = Setup.of((), 1)
+
+
+def fit_of(
+    specimen: Specimen = BEAM,
+    loads: Loads = LOADS,
+    setup: Setup = NOTHING,
+    stiffness: np.ndarray | float = 1.0,
+    stated: tuple[StatedSource, ...] = (),
+) -> Fit:
+    """Return the fit of the stated beam to the edges of a true one, whose stiffness has a factor in each state."""
+    model = BeamModel(specimen, 40, 4)
+    moduli = np.unique(TRUTH_PA * np.broadcast_to(stiffness, len(loads)))
+    shapes = model.solve(LAWS["neo-hookean"], moduli[:, None], loads)
+    row = np.searchsorted(moduli, TRUTH_PA * np.broadcast_to(stiffness, len(loads)))
+    sides = points_on(edge_curves(model, shapes)[row, np.arange(len(loads))], 2)[:, :, 4:-2]
+    noisy = setup.imaged(sides) + np.random.default_rng(1).normal(0, NOISE_MM, sides.shape)
+    observed = EdgeObservation(noisy, np.full(noisy.shape[:3], NOISE_MM))
+    return identify("neo-hookean", [Experiment(BeamModel(BEAM).refined(), LOADS, observed, stated=stated)])
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "wrong"),
+    [
+        (NONE, 0.0, {}),
+        ("roll", 1.0, {"setup": Setup.of([("roll", 0, 1.0)], 1)}),
+        ("width", -0.05, {"specimen": replace(BEAM, width_mm=2.95)}),
+        ("rest_shape", 1.0, {"specimen": with_modes(BEAM, (1.0,))}),
+        ("field_gradient", -1.8, {"loads": replace(LOADS, coil=CoilShape((0.0, 1.0), curvature_per_m2=-90.0))}),
+        ("creep", 0.1, {"stiffness": CREEP}),
+    ],
+)
+def test_the_one_thing_that_is_wrong_is_the_most_probable_cause(name, value, wrong):
+    fit = fit_of(**wrong)
+    first = fit.causes[0]
+    assert first.name == name
+    assert first.probability > 0.8
+    assert first.value == pytest.approx(value, rel=0.1)
+    if name != NONE:
+        corrected = fit.initial_shear_modulus.value * (1 + 0.01 * first.shift_percent)
+        assert corrected == pytest.approx(TRUTH_PA, rel=0.02)
+
+
+def test_a_freed_direction_of_magnetisation_is_the_cause_and_no_doubt():
+    tilted = replace(BEAM, magnet=replace(MAGNET, magnetisation_angle_deg=3.0))
+    fit = fit_of(tilted, stated=(StatedSource("magnetisation-angle", 3.0, "specimen"),))
+    assert fit.causes[0].name == "magnetisation_angle"
+    assert fit.causes[0].value == pytest.approx(3.0, abs=0.2)
+    assert [doubt for doubt in fit.doubts if doubt.kind == "cause"] == []
+
+
+def test_a_beam_that_is_nearer_cannot_be_told_from_a_wrong_scale():
+    fit = fit_of(setup=Setup.of([("scale", 0, 0.01)], 1))
+    assert {cause.name for cause in fit.causes[:2]} == {"scale", "distance"}
+    (doubt,) = (doubt for doubt in fit.doubts if doubt.kind == "cause")
+    assert "cannot be told apart" in doubt.words
+
+
+@given(seed=st.integers(0, 10_000), true=st.integers(0, 4), size=st.floats(0.5, 3.0))
+def test_residuals_of_one_cause_and_noise_have_the_largest_evidence_for_that_cause(seed, true, size):
+    rng = np.random.default_rng(seed)
+    columns = np.concatenate([rng.normal(size=(6, 60)), np.zeros((1, 60))])  # the law, five causes, a place-holder
+    y = 2.0 * columns[0] + size * columns[1 + true] + 0.1 * rng.normal(size=60)
+    members = np.array([[0, 6], *([0, 1 + cause] for cause in range(5))])
+    posterior = weigh(columns, members, np.tile(y, (6, 1)), np.full(60, 0.01), np.ones(60))
+    assert np.argmax(posterior.log_evidence) == 1 + true
+    assert posterior.means[1 + true, 1 + true] == pytest.approx(size, abs=0.1)
+
+
+def test_the_evidence_is_the_normal_density_of_the_residuals():
+    rng = np.random.default_rng(0)
+    columns = np.concatenate([rng.normal(size=(2, 8)), np.zeros((1, 8))])
+    y, noise = rng.normal(size=(1, 8)), rng.uniform(0.5, 2.0, 8)
+    posterior = weigh(columns, np.array([[0, 1]]), y, noise, np.zeros(8))  # no unnamed error, whatever eta
+    covariance = np.diag(noise) + columns.T @ columns
+    expected = -0.5 * (y[0] @ np.linalg.solve(covariance, y[0]) + np.linalg.slogdet(covariance)[1])
+    assert posterior.log_evidence[0] == pytest.approx(expected)
+
+
+def test_rivals_share_one_probability_and_causes_together_do_not():
+    def cause(name: str, probability: float) -> Cause:
+        return Cause(name, probability, 1.0, "mm", 1.0, "")
+
+    alone, other, small = cause("scale", 0.6), cause("distance", 0.4), cause("roll", 0.01)
+    assert rivals([alone, other, small]) == (other,)
+    assert rivals([cause("scale", 1.0), cause("roll", 0.99)]) == ()
