@@ -1,23 +1,26 @@
 """What an imperfect bench does to the modulus: virtual solids with one thing wrong that no file states, fitted.
 
-python -m benchmarks.imperfect_rigs [--seeds N] [--short] [CAUSE...]
+python -m benchmarks.imperfect_rigs [--seeds N] [--short] [--both] [--measured] [CAUSE...]
 
 Each row is one imperfection, named as the cause is in `fits.json`. The beam is that of the bench example, a hidden
 Neo-Hookean solid on a mesh finer than that of a fit, in eight fields up to 7.05 mT. The edges have white noise. The
 columns are the error of the modulus with the straight shape that the file states and with the measured rest shape,
 each with its 95 % interval from noise and mesh, and whether the interval from all stated uncertainties holds the truth.
+The second line has the place of the true cause among the weighed ones. With --both the fields have both polarities and
+go up and down.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.coil_field import CoilShape, FieldTable
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
@@ -36,6 +39,7 @@ Array = NDArray[np.float64]
 MODULUS_PA = 46390.0
 MESH = (26, 3, 1)  # of the hidden solid
 FIELD_MT = np.linspace(0.0, 7.05, 8)
+BOTH_MT = 7.05 / 3 * np.array([0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0, -1.0, -2.0, -3.0, -2.0, -1.0, 0.0])
 NOISE_MM = 0.002
 STATED = load_specimen("bench_example")
 
@@ -52,35 +56,122 @@ class Imperfection:
         The size of the imperfection.
     specimen : callable
         Returns the true specimen for the stated one.
+    loads : callable
+        Returns the true loads for the stated ones.
+    picture : callable
+        Returns where the camera shows places (..., 2) in mm.
     """
 
     cause: str
     words: str
     specimen: Callable[[Specimen], Specimen] = lambda stated: stated
+    loads: Callable[[Loads], Loads] = lambda stated: stated
+    picture: Callable[[Array], Array] = lambda places: places
 
 
+def _tilted(stated: Specimen) -> Specimen:
+    magnet = stated.magnet
+    return stated if magnet is None else replace(stated, magnet=replace(magnet, magnetisation_angle_deg=3.0))
+
+
+def _loop(loads: Loads) -> Loads:
+    """Return the loads in the field of one loop, which is 2 % lower at 15 mm from its middle, at the magnet's place."""
+    table = FieldTable.of_loops(129.0, 0.0, (STATED.mechanics().field_place_mm, 0.0), (0.0, 1.0), 50.0)
+    return replace(loads, coil=CoilShape((0.0, 1.0), table=table))
+
+
+def _softer(loads: Loads, stiffness: Array) -> Loads:
+    """Return the loads that bend a beam as the given ones bend one with this stiffness (K,), which scales them all."""
+    field_T, gravity = (load / stiffness[:, None] for load in (loads.field_T, loads.gravity))
+    return replace(loads, field_T=field_T, gravity=gravity)
+
+
+def _back(loads: Loads) -> NDArray[np.bool_]:
+    return np.diff(np.linalg.norm(loads.field_T, axis=1), prepend=-1.0) < 0
+
+
+def _turned(degrees: float) -> Callable[[Array], Array]:
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return lambda places: places @ np.array([[c, s], [-s, c]])
+
+
+def _distorted(places: Array) -> Array:
+    from_centre = places - _CENTRE_MM
+    square = (from_centre**2).sum(axis=-1, keepdims=True)
+    return _CENTRE_MM + from_centre * (1 + 0.01 * square / 20.0**2)
+
+
+def _pitched(places: Array) -> Array:
+    from_centre = places - _CENTRE_MM
+    depth = from_centre[..., :1] * np.sin(np.radians(1.0))
+    return _CENTRE_MM + from_centre * _STAND_OFF_MM / (_STAND_OFF_MM + depth)
+
+
+_CENTRE_MM, _STAND_OFF_MM = np.array([15.0, 5.0]), 400.0
 IMPERFECTIONS = (
     Imperfection("none", "perfect rig"),
     Imperfection("rest_shape", "cast with 1 mm of sag at the magnet", lambda stated: with_modes(stated, (1.0,))),
     Imperfection("taper", "2 % wider at the clamp than at the magnet", lambda stated: with_modes(stated, (), (-0.03,))),
+    Imperfection("width", "0.05 mm narrower", lambda stated: replace(stated, width_mm=stated.width_mm - 0.05)),
+    Imperfection("magnetisation_angle", "moment tilted by 3 deg", _tilted),
+    Imperfection("moment", "moment 3 % weaker", loads=lambda loads: replace(loads, field_T=0.97 * loads.field_T)),
+    Imperfection("field_gradient", "field 2 % lower at 15 mm from the middle of the coil", loads=_loop),
+    Imperfection(
+        "background_field",
+        "0.05 mT across the beam",
+        loads=lambda loads: replace(loads, field_T=loads.field_T + np.array([0.0, 5e-5])),
+    ),
+    Imperfection(
+        "creep", "10 % softer at the end", loads=lambda loads: _softer(loads, 1 - 0.1 * np.linspace(0, 1, len(loads)))
+    ),
+    Imperfection(
+        "hysteresis", "5 % softer on the way back", loads=lambda loads: _softer(loads, 1 - 0.05 * _back(loads))
+    ),
+    Imperfection("roll", "camera rolled by 1 deg", picture=_turned(1.0)),
+    Imperfection(
+        "clamp_angle",
+        "clamp turned by 0.5 deg",
+        loads=lambda loads: replace(loads, field_T=_turned(-0.5)(loads.field_T), gravity=_turned(-0.5)(loads.gravity)),
+        picture=_turned(0.5),
+    ),
+    Imperfection("clamp_offset", "clamp beside its place by 0.1 mm", picture=lambda places: places + 0.1),
+    Imperfection(
+        "clamp_softness",
+        "0.3 mm of further length in the clamp",
+        lambda stated: replace(stated, length_mm=stated.length_mm + 0.3),
+        picture=lambda places: places - np.array([0.3, 0.0]),
+    ),
+    Imperfection("scale", "scale 1 % too large", picture=lambda places: 1.01 * places),
+    Imperfection("distance", "5 mm nearer", picture=lambda places: places * _STAND_OFF_MM / (_STAND_OFF_MM - 5.0)),
+    Imperfection("distortion", "1 % of radial distortion at 20 mm", picture=_distorted),
+    Imperfection("camera_pitch", "camera pitched by 1 deg", picture=_pitched),
 )
 
 
-def outlines(specimen: Specimen) -> Array:
-    """Return the outlines (K, 2, m, 2) of the true solid in mm."""
-    model = SolidBeside(specimen, *MESH)
-    shapes = model.solve(LAWS["neo-hookean"], np.array([[MODULUS_PA]]), Loads.along(FIELD_MT), tolerance_mm=1e-3)
-    return points_on(outline(model, shapes)[0], 4)[:, :, 8:-2]
+def outlines(imperfection: Imperfection, field_mT: Array) -> Array:
+    """Return the outlines (K, 2, m, 2) of the true solid in mm, as the camera sees them."""
+    model = SolidBeside(imperfection.specimen(STATED.mechanics()), *MESH)
+    loads = imperfection.loads(Loads.along(field_mT))
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[MODULUS_PA]]), loads, tolerance_mm=1e-3)
+    return imperfection.picture(points_on(outline(model, shapes)[0], 4)[:, :, 8:-2])
 
 
-def measured(edges: Array, seed: int) -> Experiment:
+def measured(edges: Array, field_mT: Array, seed: int) -> Experiment:
     """Return what the bench measures: noisy edges, the stated specimen and its stated uncertainties."""
     noisy = edges + NOISE_MM * np.random.default_rng(seed).normal(size=edges.shape)
     sigma = np.full(edges.shape[2], NOISE_MM)
     observed = EdgeObservation.from_edges([(left, sigma, right, sigma) for left, right in noisy])
     specimen = STATED.mechanics()
     flat = BeamModel(specimen, plane=specimen.planar_section).refined()
-    return Experiment(flat, Loads.along(FIELD_MT), observed, stated=STATED.stated_sources())
+    return Experiment(flat, Loads.along(field_mT), observed, stated=STATED.stated_sources())
+
+
+def ranked(fit: Fit, cause: str) -> str:
+    """Return the place of the true cause among the causes, and the first three of them."""
+    names = [entry.name for entry in fit.causes]
+    place = str(names.index(cause) + 1) if cause in names else "-"
+    first = ", ".join(f"{entry.name} {entry.probability:.2f} ({entry.value:+.3g})" for entry in fit.causes[:3])
+    return f"place {place}: {first}"
 
 
 def in_words(fit: Fit) -> str:
@@ -101,18 +192,24 @@ def main() -> None:
     parser.add_argument("causes", nargs="*", metavar="CAUSE", help="rows to compute; default: all")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--short", action="store_true", help="one seed")
+    parser.add_argument("--both", action="store_true", help="both polarities, upward and downward")
+    parser.add_argument("--measured", action="store_true", help="with the measured rest shape only")
     asked = parser.parse_args()
+    field_mT = BOTH_MT if asked.both else FIELD_MT
     for imperfection in IMPERFECTIONS:
         if asked.causes and imperfection.cause not in asked.causes:
             continue
-        edges = outlines(imperfection.specimen(STATED.mechanics()))
+        edges = outlines(imperfection, field_mT)
         for seed in range(1, 1 + (1 if asked.short else asked.seeds)):
-            straight = measured(edges, seed)
+            straight = measured(edges, field_mT, seed)
             shape = measured_rest_shape(straight)
-            shaped = shape.applied(straight) if shape else straight
-            for words, experiment in (("straight", straight), ("measured", shaped)):
+            cases = {"straight": straight, "measured": shape.applied(straight) if shape else straight}
+            for words, experiment in cases.items():
+                if words == "straight" and asked.measured:
+                    continue
                 fit = identify("neo-hookean", [experiment])
-                print(f"{imperfection.cause:12s} seed {seed}  {words}: {in_words(fit)}", flush=True)
+                print(f"{imperfection.cause:19s} seed {seed}  {words}: {in_words(fit)}", flush=True)
+                print(f"{'':19s} {ranked(fit, imperfection.cause)}", flush=True)
 
 
 if __name__ == "__main__":

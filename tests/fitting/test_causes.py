@@ -15,8 +15,9 @@ from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import edge_curves, points_on
 from eimi_fitting.beam.rest_modes import with_modes
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.doubts.causes import NONE, Cause, weigh
+from eimi_fitting.inference.doubts.causes import NONE, Cause
 from eimi_fitting.inference.doubts.checks import rivals
+from eimi_fitting.inference.doubts.marginal_likelihood import weigh
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_fitting.inference.evidence.sources import StatedSource
@@ -57,9 +58,9 @@ def fit_of(
     ("name", "value", "wrong"),
     [
         (NONE, 0.0, {}),
-        ("roll", 1.0, {"setup": Setup.of([("roll", 0, 1.0)], 1)}),
-        ("width", -0.05, {"specimen": replace(BEAM, width_mm=2.95)}),
-        ("rest_shape", 1.0, {"specimen": with_modes(BEAM, (1.0,))}),
+        pytest.param("roll", 1.0, {"setup": Setup.of([("roll", 0, 1.0)], 1)}, marks=pytest.mark.slow),
+        pytest.param("width", -0.05, {"specimen": replace(BEAM, width_mm=2.95)}, marks=pytest.mark.slow),
+        pytest.param("rest_shape", 1.0, {"specimen": with_modes(BEAM, (1.0,))}, marks=pytest.mark.slow),
         ("field_gradient", -1.8, {"loads": replace(LOADS, coil=CoilShape((0.0, 1.0), curvature_per_m2=-90.0))}),
         ("creep", 0.1, {"stiffness": CREEP}),
     ],

@@ -39,25 +39,18 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.correlation import correlation_length
-from eimi_fitting.inference.doubts.possible_causes import POSSIBLE_CAUSES, PossibleCause, strengths
+from eimi_fitting.inference.doubts.edge_coefficients import projection
+from eimi_fitting.inference.doubts.marginal_likelihood import Posterior, weigh
+from eimi_fitting.inference.doubts.possible_causes import POSSIBLE_CAUSES, PossibleCause
 from eimi_fitting.inference.doubts.signatures import About, Column, columns_of
-from eimi_fitting.inference.evidence.experiment import Experiment
-from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_fitting.inference.evidence.objective import Evaluation, Problem
 from eimi_fitting.inference.interval.noise import Effect
 from eimi_fitting.inference.searching.polish import Optimum
 
 Array = NDArray[np.float64]
 
-_DEGREES = 8  # number of polynomials along an edge
-_ERRORS_MM = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 17)])  # eta
-_LOAD_RANGE = 0.5  # correlation length of d over the loads, as a share of the largest load
-_SIDES = np.array([[1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2)  # a shift of the beam, and a change of its width
-_APART = 0.2  # variance of an error of the width, where that of both edges together is 2
-_OF_ONE_STATE = 0.1  # share of the variance of d that is not common to neighbouring loads
-_SIMULATED, _SIMULATED_PAIRS = 6, 4  # hypotheses of one and of two causes that are simulated in each pass
-_PASSES = 8  # largest number of passes
+_SIMULATED, _SIMULATED_PAIRS = 8, 4  # hypotheses of one and of two causes that are simulated in each pass
+_PASSES, _PASSES_FAR = 8, 3  # largest number of passes, and those in which improbable causes are simulated
 _FAR = (
     200.0,
     30.0,
@@ -67,7 +60,11 @@ _LINEAR, _LINEAR_LAW = 0.005, 2e-4
 # Error of a move, as a share of it. The corrections by finer meshes and by the solid are those at the optimum; 20 per
 # cent of the modulus beside it they are wrong by this much.
 _OF_MOVE = 0.002
-_FEWEST = 10  # points of the remainder from which the noise is estimated
+# Length that the remaining error of the meshes at the clamp adds; 0.007 mm on a virtual solid of 26 x 3 elements.
+_CORNERS_MM = 0.01
+_POOR = 4.0  # misfit over the noise from which a single cause is fitted with renewed slopes
+_GAUSS_NEWTON = 5  # largest number of these steps
+_STEP, _LAW_STEP = 0.05, 3e-3  # of their finite differences, in prior standard deviations
 _LEAST = 1e-3  # probability below which a cause is left out of the result
 _MOST_SIZES = 5.0  # largest amplitude, in prior sizes
 NONE = "none"
@@ -119,158 +116,6 @@ class Weighed:
     causes: tuple[Cause, ...]
     in_the_fit: frozenset[str]
     error_mm: dict[str, tuple[Array, ...]]
-
-
-@dataclass(frozen=True)
-class Projection:
-    """The coefficients of residuals along the edges, and their variances.
-
-    Parameters
-    ----------
-    bases : tuple of ndarray, shape (K, G, m, D)
-        Orthonormal polynomials of each experiment; zero where a point is not used.
-    over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
-        Rotation of the states, and of the two edges, of each experiment to independent combinations.
-    noise, error : ndarray, shape (N,)
-        Variance of each coefficient by noise, and by an error d with eta of 1 mm.
-    """
-
-    bases: tuple[Array, ...]
-    over_states: tuple[Array, ...]
-    over_groups: tuple[Array, ...]
-    noise: Array
-    error: Array
-
-    def of(self, residuals: Sequence[Array | None]) -> Array:
-        """Return the coefficients (..., N) of residuals (..., K, G, m) of each experiment; None stands for zero."""
-        lead = next(r.shape[:-3] for r in residuals if r is not None)
-        parts = []
-        for basis, turn, mix, residual in zip(self.bases, self.over_states, self.over_groups, residuals, strict=True):
-            if residual is None:
-                parts.append(np.zeros((*lead, basis.shape[0] * basis.shape[1] * basis.shape[3])))
-                continue
-            along = np.einsum("...kgm,kgmd->...kgd", residual, basis)
-            parts.append(np.einsum("kl,gh,...kgd->...lhd", turn, mix, along).reshape(*lead, -1))
-        return np.concatenate(parts, axis=-1)
-
-
-def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], used: Sequence[Array]) -> Projection:
-    """Return the coefficients that describe residuals, with the variances of noise and of an unnamed error.
-
-    Parameters
-    ----------
-    experiments : sequence of Experiment
-    residuals, used : sequence of ndarray, shape (K, G, m)
-        Residuals at the optimum in mm, and a positive number for every point that counts.
-    """
-    bases, turns, mixes, noises, errors = [], [], [], [], []
-    for experiment, residual, weights in zip(experiments, residuals, used, strict=True):
-        is_used = weights > 0
-        basis = _polynomials(is_used)
-        remainder = residual - np.einsum("kgd,kgmd->kgm", np.einsum("kgm,kgmd->kgd", residual, basis), basis)
-        counts = is_used.sum(axis=-1)
-        noise = _noise(experiment, remainder * is_used, is_used, counts)
-        values, turn = np.linalg.eigh(_over_loads(experiment))
-        by_degree = 1.0 / (1 + np.arange(basis.shape[-1])) ** 4
-        is_edges = isinstance(experiment.observed, EdgeObservation)
-        mix, of_groups = (_SIDES, np.array([2 - _APART, _APART])) if is_edges else (np.eye(2), np.ones(2))
-        errors.append((counts.mean() * values[:, None, None] * of_groups[:, None] * by_degree).ravel())
-        mixes.append(mix)
-        noises.append(np.broadcast_to(noise, (len(values), *noise.shape)).ravel())
-        bases.append(basis)
-        turns.append(turn)
-    return Projection(tuple(bases), tuple(turns), tuple(mixes), np.concatenate(noises), np.concatenate(errors))
-
-
-def _polynomials(is_used: NDArray[np.bool_]) -> Array:
-    """Return polynomials (K, G, m, D) in the place along each edge that are orthonormal over its used points."""
-    degrees = min(_DEGREES, is_used.shape[-1])
-    place = np.cumsum(is_used, axis=-1) / np.maximum(is_used.sum(axis=-1, keepdims=True), 1)
-    powers = np.polynomial.legendre.legvander(2 * place - 1, degrees - 1) * is_used[..., None]
-    basis, triangle = np.linalg.qr(powers)
-    independent = np.abs(np.diagonal(triangle, axis1=-2, axis2=-1)) > 1e-9
-    return np.asarray(basis * independent[..., None, :])
-
-
-def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_], counts: NDArray[np.intp]) -> Array:
-    """Return the variance (G, D) of the coefficients by noise: from the remainder, or as stated if that is too short.
-
-    The stated uncertainty of tracked points is common to all points of a state.
-    """
-    degrees = min(_DEGREES, is_used.shape[-1])
-    free = int(np.maximum(counts - degrees, 0).sum())
-    sigma = experiment.observed.sigma_mm
-    stated = np.sqrt(np.mean(sigma[np.isfinite(sigma)] ** 2)) if np.isfinite(sigma).any() else 1.0
-    variance = np.full((is_used.shape[1], degrees), stated**2)
-    if not isinstance(experiment.observed, EdgeObservation):
-        variance[:, 0] *= max(float(counts.mean()), 1.0)
-    elif free >= _FEWEST:
-        variance[:] = (remainder**2).sum() / free * correlation_length(remainder, is_used.astype(float))
-    return np.maximum(variance, 1e-18)
-
-
-def _over_loads(experiment: Experiment) -> Array:
-    """Return the covariance (K, K) of the unnamed error over the states: states of similar loads err alike."""
-    loads = experiment.loads
-    strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
-    signed = strengths(loads) * np.where(loads.field_T @ strongest < 0, -1.0, 1.0)
-    apart = (signed[:, None] - signed) / _LOAD_RANGE
-    return np.asarray((1 - _OF_ONE_STATE) * np.exp(-0.5 * apart**2) + _OF_ONE_STATE * np.eye(len(signed)))
-
-
-@dataclass(frozen=True)
-class Posterior:
-    """The hypotheses after the residuals, with normal priors of all coefficients.
-
-    Parameters
-    ----------
-    log_evidence : ndarray, shape (H,)
-        Logarithm of the evidence of each hypothesis, averaged over eta.
-    means : ndarray, shape (H, C)
-        Mean of each coefficient, in its prior standard deviations; zero for columns that are not in the hypothesis.
-    squares : ndarray, shape (H, C)
-        Mean square of each coefficient, likewise.
-    """
-
-    log_evidence: Array
-    means: Array
-    squares: Array
-
-
-def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, error: Array) -> Posterior:
-    """Return the evidence of hypotheses and the means of their coefficients, see the module.
-
-    Parameters
-    ----------
-    columns : ndarray, shape (C, N)
-        The columns A', each times the prior standard deviation of its coefficient; the last one is zero.
-    members : ndarray, shape (H, q)
-        Columns of each hypothesis; the last column fills the place of missing ones.
-    y : ndarray, shape (H, N)
-        Minus the residuals, for each hypothesis.
-    noise, error : ndarray, shape (N,)
-        Variance of the noise, and of the unnamed error for eta of 1 mm.
-    """
-    h, q = members.shape
-    logs, means, squares = np.zeros((len(_ERRORS_MM), h)), *np.zeros((2, len(_ERRORS_MM), h, q))
-    for i, eta in enumerate(_ERRORS_MM):
-        precision = 1 / (noise + eta**2 * error)
-        gram = (columns * precision) @ columns.T
-        projected = np.take_along_axis((y * precision) @ columns.T, members, axis=1)
-        system = np.eye(q) + gram[members[:, :, None], members[:, None, :]]
-        covariance = np.linalg.inv(system)
-        means[i] = (covariance @ projected[..., None])[..., 0]
-        squares[i] = means[i] ** 2 + np.diagonal(covariance, axis1=1, axis2=2)
-        logs[i] = 0.5 * (np.log(precision).sum() - (y**2 * precision).sum(axis=1))
-        logs[i] += 0.5 * ((projected * means[i]).sum(axis=1) - np.linalg.slogdet(system)[1])
-    largest = logs.max(axis=0)
-    weights = np.exp(logs - largest)
-    total = weights.sum(axis=0)
-    averages = np.zeros((2, h, len(columns)))
-    for average, values in zip(averages, (means, squares), strict=True):
-        np.put_along_axis(average, members, np.einsum("eh,ehq->hq", weights / total, values), axis=1)
-        average[:, -1] = 0.0
-    return Posterior(largest + np.log(total / len(_ERRORS_MM)), *averages)
 
 
 def weighed_causes(
@@ -336,8 +181,10 @@ class _Weighing:
     ) -> None:
         self._about, self._causes = about, tuple(columns_by_cause)
         self._columns = [column for columns in columns_by_cause.values() for column in columns]
-        # The columns of every hypothesis: the law, then the remaining errors of the corrections.
-        law = self._common = len(about.law_spread) + len(effects)
+        # The columns of every hypothesis: the law, then the remaining errors of the corrections. That of the meshes is
+        # largest in the corners at the clamp, where it acts as a softer or stiffer clamp.
+        corners = [c for cause, cs in columns_by_cause.items() if cause.name == "clamp_softness" for c in cs]
+        law = self._common = len(about.law_spread) + len(effects) + len(corners)
         blocks: list[list[int]] = []
         for columns in columns_by_cause.values():
             first = blocks[-1][-1] + 1 if blocks else law
@@ -345,8 +192,14 @@ class _Weighing:
         self.blocks = blocks
         self._project = projection(about.problem.experiments, about.residuals, about.used)
         shares = (effect.remaining_share for effect in effects)
-        self._scale = np.array([*about.law_spread, *shares, *(column.size for column in self._columns), 1.0])
-        changes = [*(effect.correction.changes for effect in effects), *(column.changes for column in self._columns)]
+        of_corners = [_CORNERS_MM] * len(corners)
+        self._scale = np.array(
+            [*about.law_spread, *shares, *of_corners, *(column.size for column in self._columns), 1.0]
+        )
+        changes = [
+            *(effect.correction.changes for effect in effects),
+            *(column.changes for column in (*corners, *self._columns)),
+        ]
         slopes = [self._project.of(about.slopes), *(self._project.of(change)[None] for change in changes)]
         rows = np.concatenate([*slopes, np.zeros((1, slopes[0].shape[-1]))])
         self._rows = self._scale[:, None] * rows
@@ -372,16 +225,22 @@ class _Weighing:
         y = np.tile(-self._project.of(self._stated), (len(self.hypotheses), 1))
         result = self._weigh(y, np.zeros(y.shape[1]))
         simulated_at = np.zeros_like(result.means)  # where the linear model is exact
+        settled: set[int] = set()
         for index in range(_PASSES):
             moved = np.abs(result.means - simulated_at) / self._scale
             moved[:, : len(self._about.law_spread)] *= _LINEAR / _LINEAR_LAW
             moved[:, len(self._about.law_spread) : self._common] = 0.0
-            rows = [row for row in self._probable(result, _FAR[min(index, 1)]) if moved[row].max() > _LINEAR]
+            rows = [
+                row for row in self._probable(result, _FAR[int(index >= _PASSES_FAR)]) if moved[row].max() > _LINEAR
+            ]
             for row in rows:
                 simulated_at[row] = result.means[row]
-                simulated = self._simulated(self.hypotheses[row], result.means[row])
+                if index == 1 and len(self.hypotheses[row]) == 1 and self._misfit(y[row], result.means[row]) > _POOR:
+                    simulated_at[row] = self._minimised(row, result.means[row])
+                    settled.add(row)
+                simulated = self._simulated(self.hypotheses[row], simulated_at[row])
                 if simulated is not None:
-                    moves = result.means[row] / self._scale
+                    moves = simulated_at[row] / self._scale
                     moves[len(self._about.law_spread) : self._common] = 0.0  # these are not simulated
                     y[row] = moves @ self._rows - self._project.of(simulated)
             if not rows:
@@ -389,6 +248,39 @@ class _Weighing:
             best = result.means[np.argmax(result.log_evidence + self.log_prior)] / self._scale
             result = self._weigh(y, ((_OF_MOVE * best[:, None] * self._rows) ** 2).sum(axis=0))
         return result
+
+    def _misfit(self, y: Array, amplitudes: Array) -> float:
+        """Return the mean square of what amplitudes leave, over the variance of the noise."""
+        return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
+
+    def _minimised(self, row: int, amplitudes: Array) -> Array:
+        """Return the amplitudes of one hypothesis after Gauss-Newton steps with slopes where they are."""
+        best, least = amplitudes.copy(), np.inf
+        best[len(self._about.law_spread) : self._common] = 0.0
+        active = [i for i in set(self._members[row].tolist()) if i < len(self._scale) - 1 and best[i]]
+        steps = np.where(np.arange(len(self._scale)) < self._common, _LAW_STEP, _STEP) * self._scale
+        trial = best.copy()
+        for _ in range(_GAUSS_NEWTON):
+            here = self._simulated(self.hypotheses[row], trial)
+            if here is None:
+                break
+            residual, slopes = self._project.of(here), []
+            value = float((residual**2 / self._project.noise).sum() + ((trial / self._scale) ** 2).sum())
+            if value >= least:
+                break
+            best, least = trial.copy(), value
+            for i in active:
+                ahead = trial.copy()
+                ahead[i] += steps[i]
+                there = self._simulated(self.hypotheses[row], ahead)
+                if there is None:
+                    return best
+                slopes.append((self._project.of(there) - residual) / steps[i])
+            weighted = np.array(slopes) / self._project.noise
+            normal = weighted @ np.array(slopes).T + np.diag(self._scale[active] ** -2)
+            score = weighted @ residual + trial[active] * self._scale[active] ** -2
+            trial[active] -= np.linalg.solve(normal, score)
+        return best
 
     def _weigh(self, y: Array, of_move: Array) -> Posterior:
         noise = self._project.noise + of_move
@@ -405,10 +297,12 @@ class _Weighing:
         """Return the rows of the best hypotheses of one and of two causes, and of that without freed inputs."""
         score = result.log_evidence + self.log_prior
         order = np.argsort(-score)
-        order = order[score[order] > score.max() - far]
+        near = score[order] > score.max() - far
         sizes = np.array([len(self.hypotheses[row]) for row in order])
         starts = [0] if any(column.start for column in self._columns) else []
-        return [*starts, *order[sizes == 1][:_SIMULATED].tolist(), *order[sizes == 2][:_SIMULATED_PAIRS].tolist()]
+        # A single cause of large amplitude may look improbable before it is simulated.
+        singles = order[(sizes == 1) & (near | (far == _FAR[0]))][:_SIMULATED]
+        return [*starts, *singles.tolist(), *order[(sizes == 2) & near][:_SIMULATED_PAIRS].tolist()]
 
     def _simulated(self, hypothesis: tuple[int, ...], amplitudes: Array) -> list[Array] | None:
         law = self._common

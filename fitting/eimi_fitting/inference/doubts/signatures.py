@@ -74,7 +74,8 @@ class Solved:
         if before is not None and _bends_alike(assumed, bent, before):
             shapes = before.shapes
         else:
-            near: Configuration | None = before.shapes.every if before else None
+            has_same_mesh = before is not None and bent.model.mesh.nodes.shape == before.bent.model.mesh.nodes.shape
+            near: Configuration | None = before.shapes.every if before and has_same_mesh else None
             shapes = bent.model.solve(
                 assumed.law,
                 assumed.parameters,
@@ -194,7 +195,7 @@ class About:
         for i, (here, residual) in enumerate(zip(self.on_mesh_of_fit, self.residuals, strict=True)):
             if here is None:
                 return None
-            trial = _assumed(self.problem, unit, i, here.bent.model)
+            trial = _assumed(self.problem, unit, i, here.assumed.experiment.model)
             more = np.zeros_like(residual)
             for cause, columns in amplitudes.items():
                 steps = np.zeros(len(cause.sizes))

@@ -1,0 +1,125 @@
+"""Describe residuals by coefficients in orthonormal polynomials along each edge, with the variance of each.
+
+A few coefficients contain all that smooth signatures of causes have (`inference.doubts.causes`). Level and correlation
+of the noise come from the remainder. States and edges are combined so that an error of the model, which is alike in
+states of similar loads and on both edges, has independent coefficients.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.correlation import correlation_length
+from eimi_fitting.inference.doubts.possible_causes import strengths
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
+
+Array = NDArray[np.float64]
+
+_DEGREES = 8  # number of polynomials along an edge
+_LOAD_RANGE = 0.5  # correlation length of d over the loads, as a share of the largest load
+_SIDES = np.array([[1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2)  # a shift of the beam, and a change of its width
+_APART = 0.2  # variance of an error of the width, where that of both edges together is 2
+_OF_ONE_STATE = 0.1  # share of the variance of d that is not common to neighbouring loads
+_FEWEST = 10  # points of the remainder from which the noise is estimated
+
+
+@dataclass(frozen=True)
+class Projection:
+    """The coefficients of residuals along the edges, and their variances.
+
+    Parameters
+    ----------
+    bases : tuple of ndarray, shape (K, G, m, D)
+        Orthonormal polynomials of each experiment; zero where a point is not used.
+    over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
+        Rotation of the states, and of the two edges, of each experiment to independent combinations.
+    noise, error : ndarray, shape (N,)
+        Variance of each coefficient by noise, and by an error d with eta of 1 mm.
+    """
+
+    bases: tuple[Array, ...]
+    over_states: tuple[Array, ...]
+    over_groups: tuple[Array, ...]
+    noise: Array
+    error: Array
+
+    def of(self, residuals: Sequence[Array | None]) -> Array:
+        """Return the coefficients (..., N) of residuals (..., K, G, m) of each experiment; None stands for zero."""
+        lead = next(r.shape[:-3] for r in residuals if r is not None)
+        parts = []
+        for basis, turn, mix, residual in zip(self.bases, self.over_states, self.over_groups, residuals, strict=True):
+            if residual is None:
+                parts.append(np.zeros((*lead, basis.shape[0] * basis.shape[1] * basis.shape[3])))
+                continue
+            along = np.einsum("...kgm,kgmd->...kgd", residual, basis)
+            parts.append(np.einsum("kl,gh,...kgd->...lhd", turn, mix, along).reshape(*lead, -1))
+        return np.concatenate(parts, axis=-1)
+
+
+def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], used: Sequence[Array]) -> Projection:
+    """Return the coefficients that describe residuals, with the variances of noise and of an unnamed error.
+
+    Parameters
+    ----------
+    experiments : sequence of Experiment
+    residuals, used : sequence of ndarray, shape (K, G, m)
+        Residuals at the optimum in mm, and a positive number for every point that counts.
+    """
+    bases, turns, mixes, noises, errors = [], [], [], [], []
+    for experiment, residual, weights in zip(experiments, residuals, used, strict=True):
+        is_used = weights > 0
+        basis = _polynomials(is_used)
+        remainder = residual - np.einsum("kgd,kgmd->kgm", np.einsum("kgm,kgmd->kgd", residual, basis), basis)
+        counts = is_used.sum(axis=-1)
+        noise = _noise(experiment, remainder * is_used, is_used, counts)
+        values, turn = np.linalg.eigh(_over_loads(experiment))
+        by_degree = 1.0 / (1 + np.arange(basis.shape[-1])) ** 4
+        is_edges = isinstance(experiment.observed, EdgeObservation)
+        mix, of_groups = (_SIDES, np.array([2 - _APART, _APART])) if is_edges else (np.eye(2), np.ones(2))
+        errors.append((counts.mean() * values[:, None, None] * of_groups[:, None] * by_degree).ravel())
+        mixes.append(mix)
+        noises.append(np.broadcast_to(noise, (len(values), *noise.shape)).ravel())
+        bases.append(basis)
+        turns.append(turn)
+    return Projection(tuple(bases), tuple(turns), tuple(mixes), np.concatenate(noises), np.concatenate(errors))
+
+
+def _polynomials(is_used: NDArray[np.bool_]) -> Array:
+    """Return polynomials (K, G, m, D) in the place along each edge that are orthonormal over its used points."""
+    degrees = min(_DEGREES, is_used.shape[-1])
+    place = np.cumsum(is_used, axis=-1) / np.maximum(is_used.sum(axis=-1, keepdims=True), 1)
+    powers = np.polynomial.legendre.legvander(2 * place - 1, degrees - 1) * is_used[..., None]
+    basis, triangle = np.linalg.qr(powers)
+    independent = np.abs(np.diagonal(triangle, axis1=-2, axis2=-1)) > 1e-9
+    return np.asarray(basis * independent[..., None, :])
+
+
+def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_], counts: NDArray[np.intp]) -> Array:
+    """Return the variance (G, D) of the coefficients by noise: from the remainder, or as stated if that is too short.
+
+    The stated uncertainty of tracked points is common to all points of a state.
+    """
+    degrees = min(_DEGREES, is_used.shape[-1])
+    free = int(np.maximum(counts - degrees, 0).sum())
+    sigma = experiment.observed.sigma_mm
+    stated = np.sqrt(np.mean(sigma[np.isfinite(sigma)] ** 2)) if np.isfinite(sigma).any() else 1.0
+    variance = np.full((is_used.shape[1], degrees), stated**2)
+    if not isinstance(experiment.observed, EdgeObservation):
+        variance[:, 0] *= max(float(counts.mean()), 1.0)
+    elif free >= _FEWEST:
+        variance[:] = (remainder**2).sum() / free * correlation_length(remainder, is_used.astype(float))
+    return np.maximum(variance, 1e-18)
+
+
+def _over_loads(experiment: Experiment) -> Array:
+    """Return the covariance (K, K) of the unnamed error over the states: states of similar loads err alike."""
+    loads = experiment.loads
+    strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
+    signed = strengths(loads) * np.where(loads.field_T @ strongest < 0, -1.0, 1.0)
+    apart = (signed[:, None] - signed) / _LOAD_RANGE
+    return np.asarray((1 - _OF_ONE_STATE) * np.exp(-0.5 * apart**2) + _OF_ONE_STATE * np.eye(len(signed)))
