@@ -104,7 +104,7 @@ class Drivers(MutableMapping[str, Driver], Generic[Driver]):
         if name in self._added:
             del self._added[name]
         elif name in self:
-            raise ValueError(f"the {self._kind} driver {name!r} was not added here and cannot be removed")
+            raise ValueError(f"the {self._kind} driver {name!r} was not added by this program and cannot be removed")
         else:
             raise self._unknown(name)
 

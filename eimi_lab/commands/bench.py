@@ -72,10 +72,10 @@ def emulate(
     ] = False,
     coil: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="of a gaussmeter: the emulated coil in whose field its probe is"),
+        typer.Option(metavar="ADDRESS", help="for a gaussmeter: address of the emulated coil whose field it measures"),
     ] = None,
-    mT_per_A: Annotated[float, typer.Option("--mT-per-A", help="of a gaussmeter: true field per current")] = 4.7,
-    offset_mT: Annotated[float, typer.Option("--offset-mT", help="of a gaussmeter: true field without current")] = 0.0,
+    mT_per_A: Annotated[float, typer.Option("--mT-per-A", help="for a gaussmeter: true field per current")] = 4.7,
+    offset_mT: Annotated[float, typer.Option("--offset-mT", help="for a gaussmeter: true field without current")] = 0.0,
 ) -> None:
     """Serve an emulated supply or sensor until Ctrl-C.
 

@@ -211,7 +211,7 @@ def simulate(
     field_angle: Annotated[
         float,
         typer.Option(
-            metavar="DEG", help="direction of the field in the beam frame, from +x toward +y; 90 is across it"
+            metavar="DEG", help="direction of the field in the beam frame, from +x toward +y; 90 is across the beam"
         ),
     ] = 90.0,
     bulk_modulus_kPa: Annotated[

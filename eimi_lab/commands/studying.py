@@ -93,11 +93,11 @@ def study(
     from eimi_lab.study.extent import QUICK, WHOLE
     from eimi_lab.study.pages import write_pages
     from eimi_lab.study.stored_parts import StoredParts
-    from eimi_lab.study.whole_study import StudyInputs, find, steps
+    from eimi_lab.study.whole_study import StudyInputs, compute_all, steps
 
     inputs = StudyInputs.of(QUICK if quick else WHOLE, seed, tensile_data)
     parts = StoredParts.of(output, inputs.head(), force)
     with progress("study", steps(inputs.extent)) as report:
-        findings = find(inputs, parts, report)
+        findings = compute_all(inputs, parts, report)
     lines = write_pages(output, findings)
     return Result(lines, {"page": output / "study.md", "claims": [asdict(v) for v in verdicts(findings)]})

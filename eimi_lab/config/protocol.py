@@ -54,7 +54,7 @@ class Currents(Table):
                 raise ValueError(f"step_A = {step} does not divide the range from {start} to {stop} A")
         if self.both_polarities and (lowest := min(self._forward_A())) < 0:
             raise ValueError(
-                f"both_polarities = true repeats every state with the current reversed, but there is one of {lowest:g} "
+                f"both_polarities = true repeats every state with the current reversed, but one current is {lowest:g} "
                 "A; use currents from 0 up"
             )
         return self

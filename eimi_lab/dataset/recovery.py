@@ -78,7 +78,7 @@ def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Cal
             message = done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
             if done.returncode == 2:
                 raise InputError(message)
-            raise OwnFault(f"{crashed}: the recovery of it failed", message)
+            raise OwnFault(f"{crashed}: its recovery failed", message)
         outcome = json.loads(done.stdout)
         for line in outcome["said"]:
             say(f"{crashed}: {line}")
@@ -162,7 +162,7 @@ def _copy(source: h5py.File, crashed: Path, path: Path) -> tuple[int, list[str]]
         copy.attrs["default"] = "entry"
         _copy_group(source["entry"], copy.create_group("entry"), lost, {})
         lost += _rebuild_states(copy["entry"])
-        dataset = Dataset(crashed, copy, True, "the readable part of it is not a dataset")
+        dataset = Dataset(crashed, copy, True, "its readable part is not a dataset")
         states = len(dataset.states)
         if dataset.kind == "points":  # also if the frames were lost; reading the points then raises InputError
             dataset.points()

@@ -334,7 +334,7 @@ class DatasetWriter:
         if images.shape[1:] != self._frames.shape[1:] or images.dtype != self._frames.dtype:
             raise ValueError(
                 f"frames are {images.shape[1:]} {images.dtype}, "
-                f"those before {self._frames.shape[1:]} {self._frames.dtype}"
+                f"the frames before are {self._frames.shape[1:]} {self._frames.dtype}"
             )
         return images
 

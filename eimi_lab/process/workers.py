@@ -281,7 +281,7 @@ def cluster(address: str) -> Iterator[Executor]:
             yield pool
         except (KilledWorker, CancelledError) as error:
             raise ChildProcessError(
-                f"{address}: the cluster gave up a task after it lost its workers ({error})"
+                f"{address}: the cluster did not finish a task, because it lost its workers ({error})"
             ) from error
         finally:
             pool.shutdown(wait=False)
@@ -301,8 +301,8 @@ def _check_versions(client: object, address: str) -> None:
         for worker, its_version in client.run(version, package).items():  # type: ignore[attr-defined]
             if its_version != version(package):
                 raise InputError(
-                    f"--scheduler {address}: worker {worker} has {package} {its_version}, here is {version(package)}; "
-                    "they should be the same"
+                    f"--scheduler {address}: worker {worker} has {package} {its_version}, this computer has "
+                    f"{version(package)}; they should be the same"
                 )
     for worker, threads in client.run(os.environ.get, THREADS[0]).items():  # type: ignore[attr-defined]
         if threads != "1":
@@ -313,5 +313,6 @@ def _check_versions(client: object, address: str) -> None:
     for worker, its_python in client.run(platform.python_version).items():  # type: ignore[attr-defined]
         if its_python.split(".")[:2] != [str(part) for part in sys.version_info[:2]]:
             raise InputError(
-                f"--scheduler {address}: worker {worker} has Python {its_python}, here is {platform.python_version()}"
+                f"--scheduler {address}: worker {worker} has Python {its_python}, this computer has "
+                f"{platform.python_version()}"
             )

@@ -32,7 +32,7 @@ def followed(path: Path) -> Path:
     try:
         return path.resolve()
     except (OSError, RuntimeError) as error:  # before Python 3.13, a loop of links raises RuntimeError
-        raise InputError(f"{path}: is a symbolic link that leads nowhere ({error})") from error
+        raise InputError(f"{path}: is a symbolic link that cannot be followed ({error})") from error
 
 
 @dataclass

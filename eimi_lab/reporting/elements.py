@@ -85,7 +85,7 @@ class Table:
         return [[_text(cell) for cell in row] for row in self.rows]
 
     def to_csv(self) -> str:
-        """Return the table as CSV; the first line is the head."""
+        """Return the table as CSV; the first line holds the column names."""
         return csv_text([self.head, *self.texts()])
 
     def to_latex(self) -> str:

@@ -85,7 +85,7 @@ def steps(extent: Extent) -> int:
     return specimens + fits + specimens * sections + (len(QUESTIONS) if extent.open_questions else 0)
 
 
-def find(inputs: StudyInputs, parts: StoredParts, report: Callable[[str], None] = silent) -> Findings:
+def compute_all(inputs: StudyInputs, parts: StoredParts, report: Callable[[str], None] = silent) -> Findings:
     """Compute the parts that are not stored, and return all results. `report` is called after each part."""
 
     def part(name: str, compute: Callable[[], Any]) -> Any:

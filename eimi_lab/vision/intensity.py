@@ -135,7 +135,7 @@ def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
         if total is None:
             total = pixels.astype(np.float32)
         elif pixels.shape != total.shape:
-            raise ValueError(f"frame {count} has the shape {pixels.shape}, the frames before it {total.shape}")
+            raise ValueError(f"frame {count} has the shape {pixels.shape}; earlier frames have {total.shape}")
         else:
             total += pixels
         count += 1

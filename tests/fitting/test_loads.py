@@ -192,7 +192,7 @@ def test_newtons_method_with_a_pressure_converges_quadratically():
 def test_pressure_at_the_sides_of_a_full_width_magnet_is_refused():
     magnet = Magnet(4.0, 3.0, 3.0, 1.0, 7500.0)
     specimen = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", magnet, pressure_face=PressureFace("right"))
-    with pytest.raises(ValueError, match="is no face of the silicone"):
+    with pytest.raises(ValueError, match="is not a face of the silicone"):
         BeamModel(specimen)
 
 

@@ -177,8 +177,8 @@ def test_a_picture_without_a_straight_thread_is_refused():
     curved = thread(90.0)
     bent = np.stack([np.roll(row, int(12 * np.sin(y / 100))) for y, row in enumerate(curved)])
     for image, message in (
-        (photograph(NOMINAL, bend(SPECIMEN, 0.0)), "no thin dark line"),
-        (np.full((600, 800), 200, np.uint8), "no thin dark line"),
+        (photograph(NOMINAL, bend(SPECIMEN, 0.0)), "no dark thread"),
+        (np.full((600, 800), 200, np.uint8), "no dark thread"),
         (np.zeros((10, 10), np.uint8), "too small"),
         (bent, "straight line"),
     ):

@@ -82,8 +82,8 @@ def test_correct_loads_are_accepted(tmp_path: Path, run) -> None:
 @pytest.mark.parametrize(
     ("stated", "cause", "remedy"),
     [
-        ({"fields": (0.0, -3.0, -6.0)}, "a field that is the wrong way round", "change the sign of field_mT"),
-        ({"gravity": "-150"}, "a gravity that is upside down", "turn --gravity-angle by 180 degrees"),
+        ({"fields": (0.0, -3.0, -6.0)}, "a field in the opposite direction", "change the sign of field_mT"),
+        ({"gravity": "-150"}, "gravity in the opposite direction", "turn --gravity-angle by 180 degrees"),
         ({"fields": (0.0, 3e3, 6e3)}, "a field a thousand times too large", "state field_mT in states.csv in mT and"),
         (
             {"fields": (0.0, 3e-3, 6e-3)},
@@ -108,7 +108,7 @@ def test_a_mistake_with_a_small_effect_is_a_doubt(tmp_path: Path, run) -> None:
     if status == 0:
         (record,) = read_fits_file(tmp_path / "fits.json").fits
         line = " ".join(record.doubts_in_words())
-    assert "a gravity that is upside down" in line
+    assert "gravity in the opposite direction" in line
 
 
 def test_a_field_on_a_specimen_without_a_magnet_is_named(tmp_path: Path, run) -> None:

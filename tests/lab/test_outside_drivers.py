@@ -308,7 +308,7 @@ def test_drivers_are_added_and_removed_as_laws_are(drivers: Any, own: str) -> No
     for taken in (own, "virtual"):
         with pytest.raises(ValueError, match=f"'{taken}' belongs to eimi; give your driver another name"):
             drivers[taken] = first
-    with pytest.raises(ValueError, match=f"'{own}' was not added here and cannot be removed"):
+    with pytest.raises(ValueError, match=f"'{own}' was not added by this program and cannot be removed"):
         del drivers[own]
     with pytest.raises(TypeError, match="'mine' should be a class or a function, not 3"):
         drivers["mine"] = 3

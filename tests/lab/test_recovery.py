@@ -156,7 +156,7 @@ reading.Dataset._naming_damage = lambda self: __import__("contextlib").nullconte
     monkeypatch.setenv("PYTHONPATH", str(folder))
     status, said = run("recover", two["crashed"], "-o", folder / "out.h5")
     assert (status, said.count("\n")) == (1, 1)
-    assert "crashed.h5: the recovery of it failed: ValueError: nobody thought of this: a fault of this program" in said
+    assert "crashed.h5: its recovery failed: ValueError: nobody thought of this: a fault of this program" in said
     assert "damaged" not in said
     assert not (folder / "out.h5").exists()
 
@@ -175,7 +175,7 @@ def test_the_first_bytes_of_a_dataset_are_refused_in_one_line(two: dict[str, Pat
 def test_a_message_of_recover_does_not_advise_to_use_recover(two: dict[str, Path]) -> None:
     with h5py.File(two["finished"], "r+") as file:
         del file["entry/data/frames"]
-    with pytest.raises(InputError, match="the readable part of it is not a dataset") as told:
+    with pytest.raises(InputError, match="its readable part is not a dataset") as told:
         recover(two["finished"], two["crashed"].with_name("out.h5"))
     assert "eimi recover" not in str(told.value)
 

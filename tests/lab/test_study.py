@@ -20,7 +20,7 @@ from eimi_lab.study.optimisers import evaluations_to_one_percent
 from eimi_lab.study.pages import write_pages
 from eimi_lab.study.routes import published_curves
 from eimi_lab.study.stored_parts import StoredParts
-from eimi_lab.study.whole_study import StudyInputs, find, steps
+from eimi_lab.study.whole_study import StudyInputs, compute_all, steps
 from tests.patience import PATIENCE_S
 
 SHORT = Extent(
@@ -40,7 +40,7 @@ def short(tmp_path_factory):
     folder = tmp_path_factory.mktemp("short")
     inputs = StudyInputs(SHORT)
     reports = []
-    findings = find(inputs, StoredParts.of(folder, inputs.head(), force=False), reports.append)
+    findings = compute_all(inputs, StoredParts.of(folder, inputs.head(), force=False), reports.append)
     assert len(reports) == steps(SHORT)
     return folder, inputs, findings
 
@@ -65,7 +65,7 @@ def test_a_study_continues_with_its_stored_parts(short):
     parts = folder / "parts"
     before = {file.name: file.stat().st_mtime_ns for file in parts.glob("*.json")}
     (parts / "tension_ecoflex_00_50.json").unlink()
-    again = find(inputs, StoredParts.of(folder, inputs.head(), force=False))
+    again = compute_all(inputs, StoredParts.of(folder, inputs.head(), force=False))
     after = {file.name: file.stat().st_mtime_ns for file in parts.glob("*.json")}
     assert after.keys() == before.keys()
     assert [name for name in after if after[name] != before[name]] == ["tension_ecoflex_00_50.json"]

@@ -36,7 +36,7 @@ def check_frame(camera: str, frame: Any, first: Frame | None) -> Frame:
         )
     if first is not None and (image.shape, image.dtype) != (first.image.shape, first.image.dtype):
         raise ReplyNotUnderstood(
-            f"{camera}: frame {frame.number} is {_named(image)}, those before it are {_named(first.image)}; size, "
+            f"{camera}: frame {frame.number} is {_named(image)}, the frames before it are {_named(first.image)}; size, "
             "depth and colour must stay the same for a whole run"
         )
     return frame

@@ -53,7 +53,7 @@ class RemoteCoil:
     def __init__(self, address: str) -> None:
         match = ADDRESS.fullmatch(address)
         if match is None:
-            raise InstrumentError(f"{address}: should be TCPIP::HOST::PORT::SOCKET, as `eimi emulate` tells it")
+            raise InstrumentError(f"{address}: should be TCPIP::HOST::PORT::SOCKET, as `eimi emulate` prints it")
         self._address = address
         try:
             self._line = socket.create_connection((match["host"], int(match["port"])), ANSWER_WITHIN_S)

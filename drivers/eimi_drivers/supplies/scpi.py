@@ -152,7 +152,7 @@ class ScpiSupply(SupplyBase):
             answer = self._number(question, self._ask(question))
             if answer != (WATCHDOG_S if expected is None else expected):
                 raise SetPointNotTaken(
-                    f"{self._link.address}: its watchdog of {WATCHDOG_S} s did not take: {question} is answered "
+                    f"{self._link.address}: its watchdog of {WATCHDOG_S} s was not set: {question} is answered "
                     f"{answer:g}"
                 )
 

@@ -106,7 +106,9 @@ def _thread(image: NDArray[Any]) -> Array:
     slender[0] = False  # the background
     body = int(np.argmax(np.where(slender, extent, 0.0)))
     if level < _LEAST_DARKNESS or not slender[body] or extent[body] < _SHORTEST * side:
-        raise ValueError("shows no thin dark line over a third of it; hang a dark thread in front of the back-light")
+        raise ValueError(
+            "shows no dark thread that is a third of the picture long; hang a thread in front of the back-light"
+        )
     y, x = np.nonzero(cv2.dilate((labels == body).astype(np.uint8), np.ones((2 * _HALF_WINDOW_PX + 1,) * 2, np.uint8)))
     core_y, core_x = np.nonzero(labels == body)
     down = np.ptp(core_y) > np.ptp(core_x)
@@ -122,6 +124,8 @@ def _thread(image: NDArray[Any]) -> Array:
     margin = _HALF_WINDOW_PX + 2  # the window cuts the two ends obliquely
     thread[:margin] = thread[-margin:] = False
     if thread.sum() < _SHORTEST * side:
-        raise ValueError("shows no thin dark line over a third of it; hang a dark thread in front of the back-light")
+        raise ValueError(
+            "shows no dark thread that is a third of the picture long; hang a thread in front of the back-light"
+        )
     place = np.arange(first, first + len(width), dtype=np.float64)[thread]
     return np.column_stack([middle[thread], place] if down else [place, middle[thread]])

@@ -238,7 +238,7 @@ class BackLitSearch:
         return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)
 
     def words(self) -> dict[str, str]:
-        """Return the words of the remedies about a beam that looks turned about its axis."""
+        """Return sentences for the remedies of flags: the effect of a turn about the beam's axis on the modulus."""
         twist = self.findings.get("twist_deg", 0.0)
         return describe_turn_effects(twist, self.even_turn_deg, self.width_mm, self.depth_mm)
 

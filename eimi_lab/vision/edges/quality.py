@@ -29,7 +29,7 @@ def light_findings(
     lit_beam : bool
         Whether the picture is a negative.
     limits : mapping of str to float, optional
-        Limits in place of those of the table. Gamma is measured only if the picture is not clipped.
+        Limits that replace those in the table of `vision.flags`. Gamma is measured only if the picture is not clipped.
 
     Returns
     -------

@@ -131,7 +131,7 @@ class SolidBeside:
         options = options or SolidOptions()
         parameters = np.atleast_2d(parameters)
         if len(parameters) != 1:
-            raise ValueError(f"one candidate at a time, not {len(parameters)}")
+            raise ValueError(f"this model solves one candidate at a time, not {len(parameters)}")
         flat = options.planar_shapes or self.planar.solve(
             law, parameters, loads, tolerance_mm=tolerance_mm, field_factor=field_factor
         )

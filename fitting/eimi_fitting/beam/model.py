@@ -76,7 +76,7 @@ class BeamModel:
         flexible, width = specimen.flexible_length_mm, Strip(specimen).straight.width_mm
         if flexible <= 0:
             raise ValueError(
-                f"a {specimen.length_mm - flexible:g} mm magnet leaves nothing of a beam of {specimen.length_mm:g} mm"
+                f"a {specimen.length_mm - flexible:g} mm magnet leaves no soft part of a {specimen.length_mm:g} mm beam"
             )
         if across is None:
             across = max(1, round(0.5 * along * min(width / flexible, 1.0)))

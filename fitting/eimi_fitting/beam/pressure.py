@@ -52,7 +52,7 @@ class FollowerPressure:
                 continue
             holding = np.flatnonzero(np.isin(mesh.elements, side).sum(axis=1) == 3)
             if len(holding) != 1:
-                raise ValueError(f"the side at {mesh.nodes[side[1]]} mm is no face of the silicone")
+                raise ValueError(f"the side at {mesh.nodes[side[1]]} mm is not a face of the silicone")
             local = np.array([np.flatnonzero(mesh.elements[holding[0]] == node)[0] for node in side])
             xi = 0.5 * (first + last) + 0.5 * (last - first) / np.sqrt(3) * np.array([-1.0, 1.0])  # exact for cubics
             values = np.stack([0.5 * xi * (xi - 1), 1 - xi * xi, 0.5 * xi * (xi + 1)])

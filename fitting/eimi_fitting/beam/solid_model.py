@@ -39,7 +39,7 @@ class SolidModel:
         flexible = specimen.flexible_length_mm
         if flexible <= 0:
             raise ValueError(
-                f"a {specimen.length_mm - flexible:g} mm magnet leaves nothing of a beam of {specimen.length_mm:g} mm"
+                f"a {specimen.length_mm - flexible:g} mm magnet leaves no soft part of a {specimen.length_mm:g} mm beam"
             )
         if specimen.pressure_face is not None:
             raise ValueError("the solid model takes no pressure_face: choose a planar section")

@@ -208,7 +208,7 @@ def discover(
         bent, noise_mm = _linearised(experiments, terms, about, lot if curves else 0.0, curve_rows)
         parts = [bent, *curve_rows]
     if not parts:
-        raise ValueError("there is neither a beam nor a curve")
+        raise ValueError("give at least one bent beam or one tensile curve")
     rows, fitted, noise_factor = _supports(Rows.joined(parts), has_modulus, most_terms)
     strain = max((float(np.max(curve.strain)) for curve in curves), default=_DEFAULT_STRAIN)
     smallest = minimal(fitted)

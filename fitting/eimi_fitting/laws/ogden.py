@@ -266,8 +266,8 @@ def _with_intervals(
     """Return the fit with its 95 % intervals.
 
     The stress is linearised in the shares and exponents of the terms with a positive share. The range of an exponent
-    enters as a normal prior of the variance of a uniform distribution. If a share is zero, the data do not determine
-    the term's exponent, and the interval of its modulus reaches up to the value that the noise would hide.
+    enters as a normal prior of the variance of a uniform distribution. If the share of a term is zero, the data do not
+    determine its exponent. The interval of its modulus then ends at the largest modulus that the noise would hide.
     """
     exponents = parameters[1::2]
     shares = 0.5 * parameters[0::2] * exponents

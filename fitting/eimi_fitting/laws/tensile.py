@@ -205,8 +205,8 @@ def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array)
     """Fit any law: its modulus by linear least squares, its other coordinates by a search; see `Law.fit_stress`.
 
     For the intervals, the range of a coordinate enters as a normal prior with the variance of a uniform distribution.
-    The interval of a dimensionless parameter holds its values at the ends of the coordinates' intervals, which are cut
-    off at the bounds.
+    The interval of a dimensionless parameter includes the values of the parameter at both ends of each coordinate's
+    interval. The intervals of the coordinates are cut off at the bounds.
     """
     from scipy import optimize  # imported here because it loads slowly and beam models do not need it
 

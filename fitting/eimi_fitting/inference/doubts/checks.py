@@ -224,8 +224,8 @@ def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[D
     """Return a doubt for each prior that is more than three standard deviations from the estimate by the data alone."""
     return tuple(
         Doubt(
-            f"the data alone lie {abs(distance):.1f} standard deviations from the prior on {prior.parameter}, "
-            f"{prior.mean:.5g} ± {prior.standard_deviation:.3g}: one of the two is wrong",
+            f"the estimate from the data alone lies {abs(distance):.1f} standard deviations from the "
+            f"prior on {prior.parameter}, {prior.mean:.5g} ± {prior.standard_deviation:.3g}: one of the two is wrong",
             kind="prior_contradicts",
         )
         for prior, distance in zip(priors, distances, strict=True)

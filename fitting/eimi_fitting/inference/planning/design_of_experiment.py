@@ -451,7 +451,7 @@ def _reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
     """Return the indices of the states in which the beam has an equilibrium. Raises ValueError if there is none."""
     converged = model.solve(known.law, known.parameters[None], loads).status[0] == Status.CONVERGED
     if not converged.any():
-        raise ValueError("the beam finds no equilibrium in any of the states")
+        raise ValueError("the beam has no equilibrium in any of the states")
     return np.flatnonzero(converged)
 
 

@@ -101,10 +101,8 @@ def _gravity_turned(loads: Loads) -> Loads:
 
 
 CAUSES = (
-    Cause(
-        "field_reversed", "a field that is the wrong way round", lambda loads: replace(loads, field_T=-loads.field_T)
-    ),
-    Cause("gravity_reversed", "a gravity that is upside down", _gravity_turned),
+    Cause("field_reversed", "a field in the opposite direction", lambda loads: replace(loads, field_T=-loads.field_T)),
+    Cause("gravity_reversed", "gravity in the opposite direction", _gravity_turned),
     Cause(
         "field_too_large",
         "a field a thousand times too large",
@@ -116,7 +114,9 @@ CAUSES = (
         lambda loads: replace(loads, field_T=1e3 * loads.field_T),
     ),
     Cause(
-        "force_reversed", "tip forces the wrong way round", lambda loads: replace(loads, tip_force_N=-loads.tip_force_N)
+        "force_reversed",
+        "tip forces in the opposite direction",
+        lambda loads: replace(loads, tip_force_N=-loads.tip_force_N),
     ),
     Cause(
         "force_too_large",
