@@ -238,7 +238,7 @@ FAULTS = (
             driver,
             transport,
             lambda t: _spoilt(t, "brownout"),
-            "this run did not switch it off|a person switched the output off",
+            f"this run did not switch it off|a person switched the output off|{OFF_TARGET}",
             3.0,
         )
         for driver, transport in LINES

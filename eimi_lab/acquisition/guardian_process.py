@@ -102,7 +102,8 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
             takeover=takeover,
             trying_process=os.getpid(),
         )
-        with doubted_after(DOUBTED_AFTER_S, doubt, on_event):
+        # A run that asks has already reported the coil, perhaps with a measured current.
+        with doubted_after(DOUBTED_AFTER_S, None if takeover == ASKED else doubt, on_event):
             switch_off_for_the_run(ward, takeover, run, on_event)
 
 
