@@ -77,7 +77,7 @@ def calibration_currents(rig: Rig, largest_A: float | None, steps: int) -> list[
 
 
 def calibrate_coil(rig: Rig, currents_A: list[float], on_event: OnEvent) -> CoilCalibration:
-    """Measure the field at each current; the coil is off at the end, however it ends.
+    """Measure the field at each current; the coil is off at the end, even after an error.
 
     Parameters
     ----------

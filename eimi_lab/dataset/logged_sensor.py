@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class LoggedSensor:
-    """What a dataset states of a sensor.
+    """The description of a sensor in a dataset.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ class FieldLine:
 
     @property
     def in_words(self) -> str:
-        """Say slope and offset with their standard uncertainties."""
+        """Return slope and offset with their standard uncertainties, in words."""
         return (
             f"{self.mT_per_A:.5g} ± {self.mT_per_A_sigma:.2g} mT/A, and {self.offset_mT:.3g} ± "
             f"{self.offset_mT_sigma:.2g} mT without a current"
@@ -55,8 +55,9 @@ def field_line(
     """Fit a line to the readings of a gaussmeter by least squares.
 
     The standard deviation of one reading is the larger of the scatter about the line and the stated uncertainty. The
-    stated uncertainty is also that of the zero of the gaussmeter, which all readings share, and is added to that of the
-    offset. The uncertainty that all readings share as a fraction is added to that of the slope (JCGM 100:2008, 5.1.2).
+    stated uncertainty also applies to the zero of the gaussmeter, which all readings share, and is added to the
+    uncertainty of the offset. The uncertainty that all readings share as a fraction is added to the uncertainty of the
+    slope (JCGM 100:2008, 5.1.2).
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ _GRID = 41  # currents among which the states are chosen
 
 @dataclass(frozen=True)
 class Mounting:
-    """How a specimen is mounted and loaded in a run.
+    """The mounting and the loads of a specimen in a run.
 
     Attributes
     ----------

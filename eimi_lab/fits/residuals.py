@@ -30,13 +30,13 @@ class Residuals:
     field_mT : ndarray, shape (K,)
         Field of each state, mT.
     edge : tuple of str
-        ``("left", "right")``; of tracked points ``("x", "y")``, the components of a point's distance.
+        ``("left", "right")``. For tracked points it is ``("x", "y")``, the components of the distance.
     arc_length_mm : ndarray, shape (K, 2, m)
-        Length of the measured edge from the clamp to each point, mm; of tracked points the distance from the clamp
-        along the beam at rest. NaN where nothing was measured.
+        Length of the measured edge from the clamp to each point, mm. For tracked points it is the distance from the
+        clamp along the beam at rest. NaN where nothing was measured.
     distance_mm : ndarray, shape (K, 2, m)
-        Measured minus simulated, mm: of an edge the distance along its normal, positive to the left of the direction
-        from clamp to tip. NaN where nothing was measured.
+        Measured minus simulated, mm. For an edge it is the distance along the normal, positive to the left of the
+        direction from clamp to tip. NaN where nothing was measured.
     """
 
     dataset: str

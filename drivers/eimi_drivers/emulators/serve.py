@@ -59,7 +59,7 @@ def emulate(dialect: str, supply: CoilSupply, address: str = "") -> Responder:
     supply : CoilSupply
         The supply.
     address : str
-        The address that the driver will use; the coil is on the channel, or is the unit, that it names.
+        The address that the driver will use. Its channel is the channel or the unit that feeds the coil.
 
     Returns
     -------

@@ -26,8 +26,8 @@ class CoilThermometer:
     """Compute the mean temperature of a copper coil from the supply's own readings of voltage and current.
 
     With R = R₂₀ (1 + α (T - 20 °C)), the temperature is T = 20 °C + ((R / R₀) (1 + α (T₀ - 20 °C)) - 1) / α. The
-    resistance at rest R₀ is measured before the run, when the coil is at T₀. The leads are assumed to stay as they are.
-    While hardly any current flows, the resistance is not known; the last value with its time is then returned.
+    resistance at rest R₀ is measured before the run, when the coil is at T₀. The leads are assumed not to change. While
+    hardly any current flows, the resistance cannot be measured; the last value with its time is then returned.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def _digits_share(reading: Reading) -> float:
 def _resistance_ohm(reading: Reading) -> float:
     if not reading.current_A or reading.voltage_V / reading.current_A <= 0:
         raise InstrumentError(
-            f"supply: {reading.voltage_V:g} V and {reading.current_A:g} A are no resistance of a coil; measure its "
-            "temperature with another sensor"
+            f"supply: {reading.voltage_V:g} V and {reading.current_A:g} A give no positive resistance of the coil; "
+            "measure its temperature with another sensor"
         )
     return reading.voltage_V / reading.current_A

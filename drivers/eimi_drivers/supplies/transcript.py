@@ -110,7 +110,7 @@ class ReplayedTransport:
 
     def _mismatch(self, doing: str) -> TranscriptMismatch:
         number, kind, text = self._events[self._next]
-        return TranscriptMismatch(f"{doing} where line {number} of the transcript is: {kind} {text}")
+        return TranscriptMismatch(f"{doing}, but line {number} of the transcript is: {kind} {text}")
 
     def write(self, message: bytes) -> None:
         """See `Transport.write`. Raises TranscriptMismatch."""

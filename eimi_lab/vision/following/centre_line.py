@@ -56,7 +56,7 @@ class CentreLine:
         return replace(self, points=points, length_px=factor * self.length_px, free_px=factor * self.free_px)
 
     def gain(self, x: Array, y: Array, along_px: float, width_px: float) -> Array:
-        """Return what places at one distance along the strip gain, or lose, by their distance from the line.
+        """Return the gain of places at one distance along the strip, which depends on their distance from the line.
 
         With the distance e beyond the free distance, in half widths, the cost is e²/2 up to the largest cost. Places
         farther along than the line's end gain nothing.
@@ -112,7 +112,7 @@ def carried_line(middle_px: Array) -> CentreLine:
 
 
 def off_clamp(clamp_px: Array, clicks_px: Array) -> Array:
-    """Return the clamp followed by the clicks; clicks as near to the clamp as a person can click are left out."""
+    """Return the clamp followed by the clicks, without the first clicks if they are too close to the clamp."""
     far = np.linalg.norm(clicks_px - clamp_px, axis=1) > 2.0 * CLICKED_PX
     first = int(far.argmax()) if far.any() else len(clicks_px) - 1
     return np.vstack([clamp_px, clicks_px[first:]])

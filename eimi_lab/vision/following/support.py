@@ -195,7 +195,7 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
 
 
 def _as_wide(before: Array, after: Array, gap: float) -> bool:
-    """Return whether a body is as wide behind a gap (in widths) as before it; True with fewer than three widths."""
+    """Return whether a body is as wide behind a gap (in widths) as before; True if fewer than 3 widths are known."""
     before, after = before[np.isfinite(before)], after[np.isfinite(after)]
     if min(len(before), len(after)) < 3:
         return True

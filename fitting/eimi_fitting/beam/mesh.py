@@ -25,9 +25,9 @@ class Mesh:
     elements : ndarray of int, shape (E, 9)
         Nodes of each element; local node 3 i + j is at column i along, row j across.
     columns, rows : int
-        Number of node columns, and of nodes in each.
+        Number of columns of nodes, and number of nodes in each column.
     thickness : ndarray, shape (N,), or None
-        Depth at the nodes over the depth of the specimen; None: they are the same.
+        Depth at the nodes over the depth of the specimen; None if the depth is the same everywhere.
     """
 
     nodes: Array

@@ -1,9 +1,9 @@
-"""Whether the residuals contradict the model, and what may be the cause.
+"""Check whether the residuals contradict the model, and weigh the possible causes.
 
 checks                compare the residuals with the noise and with the deflection
 causes                weigh the possible causes of the residuals by their evidence
 edge_coefficients     residuals as few coefficients along each edge
 marginal_likelihood   the evidence of linear Gaussian models
 signatures            the change of the residuals by each possible cause
-possible_causes       what may be wrong on a bench, and what decides on it
+possible_causes       the possible errors of a bench, and decisive measurements
 """

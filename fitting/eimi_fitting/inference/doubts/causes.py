@@ -102,7 +102,7 @@ class Cause:
 
 @dataclass(frozen=True)
 class Weighed:
-    """The causes in the order of their probability, and what they would leave.
+    """The causes in the order of their probability, and the residuals that would remain.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ class _Weighing:
         return result
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
-        """Return the mean square of what amplitudes leave, over the variance of the noise."""
+        """Return the mean square of the residuals that remain with these amplitudes, over the variance of the noise."""
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
     def _minimised(self, row: int, amplitudes: Array) -> Array:

@@ -279,7 +279,7 @@ def _concerns(cause: Cause, weighed: Weighed, estimate: Estimate, final: Compari
 
 
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Return the causes that cannot be told apart from the first one: with it, they add up to a probability of one.
+    """Return the causes that the data do not distinguish from the first cause: all together have a probability of one.
 
     At most two are returned, each with at least a tenth of the probability of the first. A second cause that is
     probable beside the first is no rival.

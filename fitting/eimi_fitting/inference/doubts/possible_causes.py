@@ -1,6 +1,6 @@
-"""What may be wrong on a bench: each possible cause with its usual size, its effect, and what decides on it.
+"""Possible errors of a bench: each possible cause with its usual size, its effect, and a decisive measurement.
 
-A cause changes what a candidate assumes of an experiment: the specimen, the loads, the picture or the law. The
+A cause changes the assumptions of a candidate about an experiment: the specimen, the loads, the picture or the law. The
 difference of the residuals that it makes at the optimum is its signature (`inference.doubts.causes`).
 """
 
@@ -30,7 +30,7 @@ _GRADIENT_AT_M = 0.01  # distance at which a curved field has the gradient that 
 
 @dataclass(frozen=True)
 class Assumed:
-    """What one candidate assumes of one experiment.
+    """The assumptions of one candidate about one experiment.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ Change = Callable[[Assumed, Array], Assumed]
 
 @dataclass(frozen=True)
 class PossibleCause:
-    """One thing that may be wrong.
+    """One possible error of a bench.
 
     Attributes
     ----------
@@ -189,7 +189,7 @@ def _by_loads(loads_of: Callable[[Loads, Array], Loads]) -> Change:
 
 
 def _softened(loads: Loads, stiffness: Array) -> Loads:
-    """Return the loads that bend a beam as the stated ones bend one whose stiffness has the factors (K,)."""
+    """Return the loads that have the effect of the stated loads on a beam whose stiffness has the factors (K,)."""
     over = 1 / stiffness[:, None]
     return replace(
         loads, field_T=over * loads.field_T, gravity=over * loads.gravity, tip_force_N=over * loads.tip_force_N
@@ -197,7 +197,7 @@ def _softened(loads: Loads, stiffness: Array) -> Loads:
 
 
 def _crept(loads: Loads, amplitudes: Array) -> Loads:
-    """Soften the beam in proportion to time, which the order of the states stands for."""
+    """Soften the beam in proportion to time; equal time steps between the states are assumed."""
     return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
 
 

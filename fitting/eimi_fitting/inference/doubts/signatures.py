@@ -134,7 +134,7 @@ class About:
 
     @staticmethod
     def of(problem: Problem, optimum: Optimum[Evaluation], causes: Sequence[PossibleCause]) -> About:
-        """Return what the signatures of causes need of an optimum."""
+        """Return the quantities of an optimum from which the signatures of causes are computed."""
         about, sources = linearise(problem, optimum), {cause.source for cause in causes}
         freed = problem.unknowns.freed
         is_kept = np.array([*[True] * problem.unknowns.searched, *(n.source not in sources for n in freed)])
@@ -164,7 +164,7 @@ class About:
         ]
 
     def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
-        """Return the amplitude of a cause in the fit: what was freed or measured."""
+        """Return the amplitude of a cause in the fit: its freed or measured value."""
         measured = self.problem.experiments[dataset].measured.get(cause.source, ())
         start = float(measured[part]) if part < len(measured) else 0.0
         for column, nuisance in enumerate(self.problem.unknowns.freed, self.problem.unknowns.searched):
@@ -213,7 +213,7 @@ class About:
 
 
 def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> Assumed:
-    """Return what a candidate of the fit assumes of one dataset, on a planar model."""
+    """Return the assumptions of a candidate about one dataset, on a planar model."""
     experiment, unknowns = problem.experiments[dataset], problem.unknowns
     plain = replace(experiment, model=model, solid=None, solid_options=None, change=None)
     freed = tuple(

@@ -43,7 +43,7 @@ class Direction:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What the data determine.
+    """The quantities that the data determine, and the quantities that they leave open.
 
     Parameters
     ----------
