@@ -53,7 +53,7 @@ def test_a_hanging_test_is_ended_with_its_processes(tmp_path: Path) -> None:
     )
     assert done.returncode == 1, done.stdout
     assert "Timeout" in done.stdout
-    programs = [int(number) for number in re.findall(r"^begun (\d+)$", done.stdout, re.M)]
+    programs = {int(number) for number in re.findall(r"^begun (\d+)$", done.stdout, re.M)}
     assert len(programs) == 2
     for program in programs:
         wait_until(lambda program=program: not alive(program), f"{program} is still there")

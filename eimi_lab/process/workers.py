@@ -15,13 +15,14 @@ import struct
 import sys
 import threading
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import cache, partial
 from importlib import import_module
 from importlib.metadata import version
 from multiprocessing import resource_tracker
+from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
 from eimi_lab.process.detached import give_way
@@ -32,7 +33,7 @@ from eimi_lab.process.threads import THREADS
 T = TypeVar("T")
 Task = TypeVar("Task")
 
-LOOK_EVERY_S = 0.5
+_LOOK_EVERY_S = 0.5
 LARGEST_NUMBER_OF_LOSSES = 3  # successive losses of workers without a finished task between them
 PACKAGES = ("eimi-lab", "numpy", "scipy", "cma")  # numerical results depend on the versions of these packages
 _ANSWER_S = 10
@@ -119,24 +120,27 @@ def completed(
             remaining += further(task, result()) if further else ()
             yield task, result
             continue
+        # `concurrent.futures.wait` locks all futures in turn. A signal that raises meanwhile would leave some of them
+        # locked, and the pool could not be shut down any more; a queue has no such moment.
+        finished: SimpleQueue[Future[T]] = SimpleQueue()
         with executor() as pool:
+            submit = partial(_submitted, pool, function, arguments, finished)
             try:
-                futures = {pool.submit(function, **arguments(task)): task for task in remaining}
+                unfinished = submit(remaining)
                 if meanwhile:
                     meanwhile()
                     meanwhile = None
-                while futures:
-                    # On Windows a wait without a limit would keep Ctrl-C from the main thread.
-                    for future in wait(futures, LOOK_EVERY_S, return_when=FIRST_COMPLETED).done:
-                        task, error = futures.pop(future), future.exception()
-                        if error is not None and not isinstance(error, expected):
-                            raise error
-                        new = further(task, future.result()) if further and not error else ()
-                        remaining.remove(task)
-                        remaining += new
-                        futures |= {pool.submit(function, **arguments(new_task)): new_task for new_task in new}
-                        losses = 0
-                        yield task, future.result
+                while unfinished:
+                    future = _next(finished)
+                    task, error = unfinished.pop(future), future.exception()
+                    if error is not None and not isinstance(error, expected):
+                        raise error
+                    new = further(task, future.result()) if further and not error else ()
+                    remaining.remove(task)
+                    remaining += new
+                    unfinished |= submit(new)
+                    losses = 0
+                    yield task, future.result
             except BrokenProcessPool as error:
                 losses += 1
                 if losses == LARGEST_NUMBER_OF_LOSSES:
@@ -144,6 +148,27 @@ def completed(
                         f"worker processes were lost {losses} times in succession: is there enough memory for so many? "
                         "(fewer --workers need less)"
                     ) from error
+
+
+def _submitted(
+    pool: Executor,
+    function: Callable[..., T],
+    arguments: Callable[[Task], Mapping[str, object]],
+    finished: SimpleQueue[Future[T]],
+    tasks: Sequence[Task],
+) -> dict[Future[T], Task]:
+    """Give tasks to a pool, and return them by their futures. Each future enters a queue when it has finished."""
+    futures = {pool.submit(function, **arguments(task)): task for task in tasks}
+    for future in futures:
+        future.add_done_callback(finished.put)
+    return futures
+
+
+def _next(finished: SimpleQueue[Future[T]]) -> Future[T]:
+    """Wait for the next finished future. On Windows a wait without a limit would keep Ctrl-C from the main thread."""
+    while True:
+        with suppress(Empty):
+            return finished.get(timeout=_LOOK_EVERY_S)
 
 
 class _Processes(ProcessPoolExecutor):

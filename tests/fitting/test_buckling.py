@@ -143,7 +143,9 @@ def test_definiteness_includes_the_rigid_body(tied):
         whole[:, n:, n:] = np.eye(3)
     else:
         tie, turning = rng.normal(size=(len(tied), batch, d, 3)), rng.normal(size=batch)
-        body = tie, turning, np.zeros((batch, 3))
+        further = np.zeros((batch, 3, 3))
+        further[:, -1, -1] = turning
+        body = tie, further, np.zeros((batch, 3))
         for e, own_tie in zip(tied, tie, strict=True):
             rows = own_tie.swapaxes(-1, -2) @ stiffness[e]
             whole[np.ix_(range(batch), range(n, n + 3), dofs[e])] += rows

@@ -105,5 +105,6 @@ def test_a_signal_to_all_of_them_ends_all_workers_with_one_line(
     said = process.communicate(timeout=PATIENCE_S)[1].splitlines()  # to the end of the last of its processes
     assert process.returncode == 128 + number
     assert said[-1] == f"eimi: stopped by {number.name}"
-    assert all(line.startswith("segment ") for line in said[:-1])
+    # A signal that arrives within a write may send the line break of a progress line twice.
+    assert [line for line in said[:-1] if line and not line.startswith("segment ")] == []
     assert path.read_bytes() == before

@@ -94,6 +94,11 @@ class Fit(IdentifiedLaw):
     - ``fit.initial_shear_modulus.value`` and its ``interval_95``, in Pa,
     - ``fit.parameters["mu"]`` and the other parameters,
     - ``fit.identifiability.statement``, a summary of what the data determine.
+
+    >>> from eimi_fitting import Fit
+    >>> from dataclasses import fields
+    >>> {"mean_error_mm", "initial_shear_modulus", "residuals_mm"} <= {field.name for field in fields(Fit)}
+    True
     """
 
     law: Law
