@@ -25,6 +25,9 @@ from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
 
+FIRST_STATES, LAST_STATES = 6, 2
+"""States that are steps in a summary, which fits a screen; the states between them are details."""
+
 STAND_IN, BIPOLAR_STAND_IN = "korad", "kepco-bop"  # for a supply that has no wire or no emulator
 FRAME_S = 1 / 30
 ABOVE_LIMITS = 1.2  # rating of the emulated supply over the limits, because protections are set above the limits
@@ -73,12 +76,31 @@ class _BeamAtRest:
         """Do nothing, because there is nothing to release."""
 
 
-def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[[str], None]) -> None:
-    """Pass every step of a run and every message to the supply to `say`, each with its simulated time.
+def dry_run(
+    protocol: Protocol,
+    specimen: SpecimenFile,
+    rig: Rig,
+    say: Callable[[str], None],
+    say_detail: Callable[[str], None] | None = None,
+) -> None:
+    """Pass the steps of a run to `say`; every message to the supply, with its simulated time, is a detail.
 
     The simulated beam settles at once, so that the computed duration is the shortest possible. The longest possible
     duration is printed beside it. There is no emulator for a driver of another package: its messages are not printed,
     and the times are those of a stand-in.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        The states of the run.
+    specimen : SpecimenFile
+        The beam.
+    rig : Rig
+        The instruments, none of which is used.
+    say : callable
+        Receives each step; the last one is the duration.
+    say_detail : callable, optional
+        Receives each message, and the end of each state; by default `say` does.
 
     Raises
     ------
@@ -87,7 +109,7 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
     InstrumentError
         If the supply does not have the channel of the address.
     """
-    clock = SimulatedClock()
+    clock, detail = SimulatedClock(), say_detail or say
     limits = rig.supply.limits.stricter(protocol.limits)
     driver, address = rig.supply.driver, rig.supply.address
     shows_messages = driver in DIALECTS or rig.simulated
@@ -103,7 +125,7 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
 
     def say_message(message: str) -> None:
         if shows_messages:
-            say(f"{clock.now():9.2f} s  > {message}")
+            detail(f"{clock.now():9.2f} s  > {message}")
 
     wire = _Wire(emulate(language, coil, place), clock, place, say_message)
     supply = supply_driver(language)(wire, Limits(limits.current_A, limits.voltage_V, rig.supply.off_below_A), clock)
@@ -123,7 +145,11 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
     if protocol.conditioning:
         say(f"conditioning: {cycles} cycles to {protocol.conditioning.current_A:g} A and back to 0")
     for index, current in enumerate(currents):
-        say(f"state {index}: {current:g} A, {current * constant:.4g} mT, {protocol.frames_per_state} frames")
+        between = FIRST_STATES <= index < len(currents) - LAST_STATES
+        if say_detail and index == FIRST_STATES and between:
+            say(f"… {len(currents) - FIRST_STATES - LAST_STATES} states between …")
+        tell_state = detail if between else say
+        tell_state(f"state {index}: {current:g} A, {current * constant:.4g} mT, {protocol.frames_per_state} frames")
     if protocol.transients.frames_per_state:
         say(f"transients: at most {protocol.transients.frames_per_state} frames of each state while the beam settles")
     if protocol.release:
@@ -132,7 +158,7 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
         say(protection_in_words(without_contact(supply_driver(driver))))
     if shows_messages:
         because = ", because the virtual supply exchanges no messages" if rig.simulated else ""
-        say(f"messages to the supply, in the language of {language}{because}:")
+        detail(f"messages to the supply, in the language of {language}{because}:")
     else:
         say(
             f"messages to the supply: not shown, because the driver {driver} comes from another package and has no "
@@ -141,7 +167,7 @@ def dry_run(protocol: Protocol, specimen: SpecimenFile, rig: Rig, say: Callable[
 
     def say_stored(event: Event) -> None:
         if isinstance(event, StateStored):
-            say(f"{clock.now():9.2f} s  state {event.state} stored: {in_words(event)}")
+            detail(f"{clock.now():9.2f} s  state {event.state} stored: {in_words(event)}")
 
     def say_swapped() -> None:
         who = "the virtual rig swaps" if rig.simulated else "the coil is off while a person swaps"

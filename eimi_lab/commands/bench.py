@@ -116,6 +116,10 @@ def acquire(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="print the steps of the run without touching an instrument")
     ] = False,
+    verbose: Annotated[
+        bool,
+        typer.Option("-v", "--verbose", help="with --dry-run: also print every state and every message to the supply"),
+    ] = False,
     resume: Annotated[bool, typer.Option("--resume", help="continue the run that the dataset holds")] = False,
     take_over: Annotated[
         bool,
@@ -152,8 +156,10 @@ def acquire(
     if dry_run:
         if events:
             raise InputError("--events: --dry-run starts no run and has no events; leave out one of the two")
-        steps = dry_steps(chosen, beam, bench_rig)
-        return Result(steps, {"dry_run": steps})
+        summary, whole = dry_steps(chosen, beam, bench_rig)
+        return Result(whole if verbose else summary, {"dry_run": whole})
+    if verbose:
+        raise InputError("-v: belongs to --dry-run; --transcript FILE records the messages of a run")
     if output is None:
         raise InputError("-o FILE.h5 is missing; give the dataset to write (only --dry-run needs none)")
     stored = run_protocol(

@@ -40,6 +40,29 @@ def _in_millimetres(size_mm: float) -> float:
     return size_mm
 
 
+LEAST_LENGTH_MM = 1.0
+"""A shorter beam is assumed to be given in metres."""
+
+LEAST_DENSITY_KG_M3 = 100.0
+"""A smaller density is assumed to be given in g/cm³: the lightest foams of silicone lie above it."""
+
+
+def _long_in_millimetres(length_mm: float) -> float:
+    if length_mm < LEAST_LENGTH_MM:
+        raise ValueError(
+            f"is below {LEAST_LENGTH_MM:g} mm; the unit is millimetres, and in metres this would be "
+            f"{1e3 * length_mm:g} mm"
+        )
+    return length_mm
+
+
+def _in_kg_m3(density_kg_m3: float) -> float:
+    if density_kg_m3 < LEAST_DENSITY_KG_M3:
+        raise ValueError(f"is below {LEAST_DENSITY_KG_M3:g} kg/m3; if it is in g/cm3, write {1e3 * density_kg_m3:g}")
+    return density_kg_m3
+
+
+Density = Annotated[float, Field(gt=0), AfterValidator(_in_kg_m3)]
 Size = Annotated[float, Field(gt=0), AfterValidator(_in_millimetres)]
 
 
@@ -53,14 +76,14 @@ class Beam(Table):
     """Name of the specimen; datasets with the same name share its dimensions and their errors."""
     material: str = Field(min_length=1)
     """Material of the beam; the protocol's material must be the same."""
-    length_mm: Size
+    length_mm: Annotated[float, Field(gt=0), AfterValidator(_long_in_millimetres)]
     """Length from the clamp to the tip, including a magnet."""
     width_mm: Annotated[Size, WrapValidator(size_along), PlainSerializer(written)]
     """Width across the beam, as the camera sees it; the bending stiffness grows with its cube. Where it varies: a table
     of rows [arc length, width] from the clamp to the tip. Two rows at one arc length are a step."""
     depth_mm: Annotated[Size, WrapValidator(size_along), PlainSerializer(written)]
     """Depth along the camera's line of sight; a number, or a table as for ``width_mm``."""
-    density_kg_m3: float = Field(gt=0)
+    density_kg_m3: Density
     """Density of the silicone."""
     poisson_ratio: float = Field(default=0.5, gt=0, le=0.5)
     """Poisson's ratio of the material at small strain. A fit takes the material as incompressible; below 0.495 it says
@@ -88,7 +111,7 @@ class Magnet(Table):
     """Depth along the camera's line of sight; at most that of the specimen."""
     remanence_T: float = Field(gt=0, le=2.0)
     """Remanence from the data sheet: 1.17 to 1.21 T for N35, 1.32 to 1.37 T for N45."""
-    density_kg_m3: float = Field(gt=0)
+    density_kg_m3: Density
     """Density of the magnet; 7500 kg/m³ for NdFeB."""
     tip_offset_mm: float = Field(default=0.0, ge=0)
     """Length of silicone between the magnet and the tip."""

@@ -37,6 +37,8 @@ class Document(Table):
 MOST_PARTS_OF_A_KEY = 1000
 """Largest number of dots in a key: the time that tomllib takes grows with the square of it."""
 
+_DECIMAL_COMMA = re.compile(r"\s*(?P<key>[\w.-]+)\s*=\s*(?P<value>[+-]?\d+,\d+)\s*(#.*)?")
+
 SPREADSHEETS = frozenset({".xlsx", ".xls", ".ods", ".numbers"})
 
 AnyDocument = TypeVar("AnyDocument", bound=Document)
@@ -71,6 +73,20 @@ def locate(name: str | Path, folder: str = "") -> Path:
     raise InputError(f"{name}: no such file, and no shipped file of that name; shipped are {stems}")
 
 
+_HDF5 = b"\x89HDF\r\n\x1a\n"  # HDF5 File Format Specification, II.A: the signature
+
+
+def is_dataset(path: Path) -> bool:
+    """Return whether a file begins as a dataset does, which is HDF5."""
+    if not path.is_file():
+        return False
+    try:
+        with path.open("rb") as file:
+            return file.read(len(_HDF5)) == _HDF5
+    except OSError:
+        return False
+
+
 def read_text(path: Path) -> str:
     """Return the text of a UTF-8 file; raise InputError if it cannot be read."""
     if path.exists() and not (path.is_file() or path.is_dir()):  # reading it might never end
@@ -80,6 +96,8 @@ def read_text(path: Path) -> str:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
+        if is_dataset(path):
+            raise InputError(f"{path}: is a dataset; a text file is needed here") from error
         if path.suffix.lower() in SPREADSHEETS:
             raise InputError(f"{path}: is a spreadsheet; save its table as CSV") from error
         raise InputError(f"{path}: is not UTF-8 text (byte {error.start}); save it with that encoding") from error
@@ -135,7 +153,16 @@ def parse_table(text: str, origin: str | Path) -> dict[str, Any]:
     except RecursionError as error:
         raise InputError(f"{origin}: is not usable TOML: its arrays or tables are nested too deeply") from error
     except ValueError as error:  # TOMLDecodeError, or int() of too many digits
-        raise InputError(f"{origin}: is not valid TOML: {error}") from error
+        raise InputError(f"{origin}: is not valid TOML: {error}{_decimal_comma(text)}") from error
+
+
+def _decimal_comma(text: str) -> str:
+    """Return a hint at the first number with a decimal comma; an empty text if there is none."""
+    for number, line in enumerate(text.splitlines(), 1):
+        if stated := _DECIMAL_COMMA.fullmatch(line):
+            right = stated["value"].replace(",", ".")
+            return f"; line {number}: {stated['key']} = {stated['value']} has a decimal comma; write {right}"
+    return ""
 
 
 def _longest_key(line: str) -> int:

@@ -138,7 +138,7 @@ def acquire(
     """
     chosen, beam, bench_rig = protocol_of(protocol), specimen_of(specimen), rig_of(rig)
     if dry_run:
-        return DryRun(tuple(dry_steps(chosen, beam, bench_rig)))
+        return DryRun(tuple(dry_steps(chosen, beam, bench_rig)[1]))
     if output is None:
         raise InputError("acquire: output is missing; give the dataset to write (only dry_run needs none)")
     stored = run_protocol(
@@ -157,8 +157,11 @@ def acquire(
     return open_dataset(stored)
 
 
-def dry_steps(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> list[str]:
-    """Return the steps of a run, one line each, without carrying them out. Raises InputError."""
+def dry_steps(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> tuple[list[str], list[str]]:
+    """Return the steps of a run that is not carried out: a summary, and all lines with every message to the supply.
+
+    Raises InputError.
+    """
     from eimi_lab.acquisition.dry_run import dry_run
     from eimi_lab.acquisition.playback import describe_recording_length
     from eimi_lab.acquisition.run import check_request
@@ -166,9 +169,16 @@ def dry_steps(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> list[str]
     check_request(protocol, specimen, rig)
     if length_in_words := describe_recording_length(protocol, rig):
         tell(length_in_words)
-    steps: list[str] = []
-    dry_run(protocol, specimen, rig, steps.append)
-    return steps
+    summary: list[str] = []
+    whole: list[str] = []
+
+    def say(line: str) -> None:
+        summary.append(line)
+        if not line.startswith("…"):
+            whole.append(line)
+
+    dry_run(protocol, specimen, rig, say, whole.append)
+    return summary, whole
 
 
 def run_protocol(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeAlias, overload
 
@@ -18,6 +19,7 @@ from eimi_lab.fits.simulated_fit import FittedLaw
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import check_distinct, refuse_existing
 from eimi_lab.process.progress import progress
+from eimi_lab.process.stopping import Stopped
 
 AnyFit: TypeAlias = AnyPath | FitRecord | TensileRecord | Fits
 """Path of a fits.json, the fits of such a file, or one fit."""
@@ -275,7 +277,7 @@ def identify_laws(
             versions=package_versions(),
         )
         log = Checkpoint.of(checkpoint, head, resume=resume, force=force)
-    with progress("fit", len(tasks)) as report:
+    with _stopped_with(checkpoint), progress("fit", len(tasks)) as report:
         fits = fit_grid(
             tasks,
             for_identify,
@@ -289,6 +291,20 @@ def identify_laws(
     if output:
         content.write(output, force)
     return content, evidence
+
+
+@contextmanager
+def _stopped_with(checkpoint: Path | None) -> Iterator[None]:
+    """Let the message of a signal say what an interrupted fit leaves."""
+    try:
+        yield
+    except Stopped as stopped:
+        left = (
+            f"{checkpoint} has the generations so far; the same command with --resume continues the fit"
+            if checkpoint
+            else "nothing of the fit is stored; with --checkpoint FILE it can be continued"
+        )
+        raise Stopped(stopped.number, left) from stopped
 
 
 @named_options

@@ -12,7 +12,7 @@ from pydantic import Discriminator, Field, Tag, ValidationError
 from eimi_fitting.inference.planning.choice_of_law import Candidate, Choice, choose
 from eimi_fitting.suggestion import suggestion
 from eimi_lab.config.json_text import parse_json
-from eimi_lab.config.toml import read_text
+from eimi_lab.config.toml import is_dataset, read_text
 from eimi_lab.fits.law_record import Record
 from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.process.errors import InputError
@@ -125,6 +125,8 @@ _EXPECTED = "expected a file that `eimi fit` or `eimi tensile` of this release w
 def read_fits_file(path: str | Path) -> Fits:
     """Read fits.json. Raises InputError with the file and the key that is wrong."""
     path = Path(path)
+    if is_dataset(path):
+        raise InputError(f"{path}: is a dataset; a fits.json belongs to --fit, and a dataset is an argument without it")
     text = read_text(path)
     try:
         content = parse_json(text)

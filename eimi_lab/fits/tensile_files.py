@@ -5,13 +5,16 @@ There are two formats; the first line of a file shows which one it has:
 database   Cells are separated by `;`. Information about the test comes first, then a header with `Engineering Strain`
            and `Engineering Stress (MPa)`. This is the format of the Soft Robotics Materials Database (Marechal et al.
            2020, doi 10.1089/soro.2019.0115).
-plain      Cells are separated by `,`. The header has two names: `strain` or `strain_percent`, and `stress_Pa`,
-           `stress_kPa` or `stress_MPa`. Both are engineering values.
+plain      Cells are separated by `,`, `;` or tabs. The header has two names: `strain` or `strain_percent`, and
+           `stress_Pa`, `stress_kPa` or `stress_MPa`. Both are engineering values.
+
+If commas do not separate the cells, numbers may have a decimal comma.
 """
 
 from __future__ import annotations
 
 import hashlib
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,6 +39,8 @@ COLUMNS = {
     "stress_MPa": Column("Instead of stress_Pa.", "0.024"),
 }
 MOST_STRAIN = 100.0  # 10 000 %; the softest gels tear below 30
+LIKELY_PERCENT = 15.0
+"""A larger number in a column of fractions is assumed to be in per cent: silicones tear below 12 (1200 %)."""
 MOST_STRESS_PA = 1e12  # the modulus of diamond
 WINDOWS = ("20", "50", "100", "full")
 _ROWS = 5  # fewest rows of a curve in its window, from which its noise can be estimated
@@ -80,17 +85,24 @@ def read_curve(path: Path, percent: float | None, weight: float) -> FileCurve:
 def read_tensile(path: Path) -> TensileTest:
     """Read a tensile test in either format. Raises InputError with file, row and value."""
     text = read_text(path)
-    if ";" in text.partition("\n")[0]:
+    header = [cell.strip() for cell in re.split("[,;\t]", text.removeprefix("\ufeff").partition("\n")[0])]
+    if ";" in text.partition("\n")[0] and not {*STRAINS, *STRESSES} & {*header}:
         rows, material = _database_rows(path, text)
         strain_name, stress_name, strain_unit, stress_unit = _DATABASE_STRAIN, _DATABASE_STRESS, 1.0, PA_PER_MPA
     else:
-        header = [cell.strip() for cell in text.removeprefix("\ufeff").partition("\n")[0].split(",")]
         strain_name, stress_name = _only(path, header, STRAINS), _only(path, header, STRESSES)
         strain_unit, stress_unit = STRAINS[strain_name], STRESSES[stress_name]
         rows, material = read_table(path, [strain_name, stress_name]), None
     strain = np.array([row.number(strain_name) for row in rows]) * strain_unit
     with np.errstate(over="ignore"):  # refused below
         stress_Pa = np.array([row.number(stress_name) for row in rows]) * stress_unit
+    if strain_name == "strain" and LIKELY_PERCENT < strain.max() <= 100 * MOST_STRAIN:
+        row = rows[int(strain.argmax())]
+        raise row.fault(
+            "strain",
+            f"a fraction, and {strain.max():g} would be {100 * strain.max():g} %; if the column is "
+            "in per cent, name it strain_percent",
+        )
     for row, e, sigma in zip(rows, strain, stress_Pa, strict=True):
         if not -1 < e <= MOST_STRAIN:
             raise row.fault(strain_name, f"an engineering strain above -1 (-100 %) and at most {MOST_STRAIN:g}")
@@ -124,7 +136,7 @@ def _database_rows(path: Path, text: str) -> tuple[list[Row], str | None]:
         elif any(cells):
             if len(cells) != len(columns):
                 raise InputError(f"{path}: row {line}: has {len(cells)} cells; the header has {len(columns)} columns")
-            rows.append(Row(path, line, dict(zip(columns, cells, strict=True))))
+            rows.append(Row(path, line, dict(zip(columns, cells, strict=True)), decimal_comma=True))
     if columns is None:
         raise InputError(
             f"{path}: has no header with the columns {_DATABASE_STRAIN} and {_DATABASE_STRESS}; a file with two "

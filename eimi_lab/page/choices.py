@@ -23,7 +23,6 @@ KEYS = {"protocol": "frames_per_state", "specimen": "specimen", "rig": "supply",
 READ = {"protocol": load_protocol, "specimen": load_specimen, "rig": load_rig}
 INCOMPLETE = "incomplete"
 MOST_FILES = 500
-MOST_LINES = 400
 
 
 def shipped(kind: str) -> list[str]:
@@ -83,7 +82,7 @@ def chosen(folder: DataFolder, kind: str, name: object) -> str:
 
 
 def dry(protocol: str, specimen: str, rig: str) -> list[str]:
-    """Return the lines of a dry run, shortened in the middle.
+    """Return the steps of a dry run, without the messages to the supply.
 
     Raises
     ------
@@ -93,9 +92,5 @@ def dry(protocol: str, specimen: str, rig: str) -> list[str]:
     asked, beam, bench = load_protocol(protocol), load_specimen(specimen), load_rig(rig)
     check_request(asked, beam, bench)
     lines = [length] if (length := describe_recording_length(asked, bench)) else []
-    dry_run(asked, beam, bench, lines.append)
-    if len(lines) > MOST_LINES:
-        left_out = len(lines) - MOST_LINES
-        half = MOST_LINES // 2
-        lines = [*lines[:half], f"… {left_out} lines left out; `eimi acquire --dry-run` shows all …", *lines[-half:]]
+    dry_run(asked, beam, bench, lines.append, lambda detail: None)
     return lines

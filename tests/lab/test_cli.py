@@ -118,7 +118,7 @@ camera = { driver = "opencv", source = 0 }
 
 
 def test_a_dry_run_prints_steps_duration_limits_and_messages(files: Path) -> None:
-    done = eimi(*ACQUIRE, "virtual", "--dry-run", cwd=files)
+    done = eimi(*ACQUIRE, "virtual", "--dry-run", "-v", cwd=files)
     assert (done.returncode, done.stderr) == (0, "")
     lines = done.stdout.splitlines()
     assert lines[1] == "limits: 1 A, 10 V; ramps of 10 A/s"

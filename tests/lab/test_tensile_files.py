@@ -84,7 +84,7 @@ def test_the_database_itself(measured: Path) -> None:
         (DATABASE, "has no header with the columns Engineering Strain and Engineering Stress (MPa)"),
         (DATABASE + COLUMNS, "has a header but no rows"),
         (DATABASE + COLUMNS + "1;2;3;0.1\n", "row 6: has 4 cells; the header has 5 columns"),
-        (DATABASE + COLUMNS + "1;2;3;0,1;4\n", "row 6: Engineering Strain = '0,1' should be a number"),
+        (DATABASE + COLUMNS + "1;2;3;0,1,2;4\n", "row 6: Engineering Strain = '0,1,2' should be a number"),
     ],
 )  # fmt: skip
 def test_an_error_in_a_file_is_reported_in_one_line(run: Run, tmp_path: Path, text: str, told: str) -> None:
