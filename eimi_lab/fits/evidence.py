@@ -269,7 +269,7 @@ def _taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
 
 
 def _observed(dataset: Dataset, flagged: bool) -> tuple[list[int], Observation]:
-    """Return the places of the used states, and their edges or points. Raises InputError if there are none."""
+    """Return the indices of the used states, and their edges or points. Raises InputError if there are none."""
     if dataset.kind == "points":
         points = dataset.points()
         most = max(len(p.names) for p in points)
@@ -292,7 +292,7 @@ def _observed(dataset: Dataset, flagged: bool) -> tuple[list[int], Observation]:
 
 
 def _used(dataset: Dataset, edges: Sequence[EdgeSet], flagged: bool) -> list[int]:
-    """Return the places of the usable states. States with a serious flag are usable only if `flagged` is true."""
+    """Return the indices of the usable states. States with a serious flag are usable only if `flagged` is true."""
     return [
         i
         for i, (state, pair) in enumerate(zip(dataset.states, edges, strict=False))

@@ -60,8 +60,8 @@ def refuse_unpacked(claimed_bytes: int, what: str) -> None:
     most = free_memory_bytes() // SHARE_OF_FREE
     if claimed_bytes > most:
         raise InputError(
-            f"{what} would take {claimed_bytes / 1e9:.3g} GB of memory; more than could be read here, "
-            f"where a quarter of the free memory is {most / 1e9:.2g} GB"
+            f"{what} would take {claimed_bytes / 1e9:.3g} GB of memory; at most a quarter of the free "
+            f"memory is used, {most / 1e9:.2g} GB here"
         )
 
 

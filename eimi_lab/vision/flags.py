@@ -257,7 +257,7 @@ def judge(
     findings : mapping of str to float
         Measured values, by the names `Check.finding` of the table.
     limits : mapping of str to float, optional
-        Limits in place of those of the table, by the same names.
+        Limits that replace those in the table, by the same names.
     words : mapping of str to str, optional
         Replacements for the words in braces in the remedies.
 

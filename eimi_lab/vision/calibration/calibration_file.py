@@ -40,8 +40,8 @@ class BenchSetup:
     clamp_midpoint_px : tuple of float
         Middle of the line where the beam leaves its clamp.
     axis_angle_deg, gravity_angle_deg, field_angle_deg : float
-        Directions in the image, clockwise from +x. The axis needs to be right only to some degrees if a board or the
-        beam shows it better; gravity and field then keep their angles to the axis.
+        Directions in the image, clockwise from +x. If the axis is also measured on a board or on the beam, an axis that
+        is correct to some degrees is enough here; gravity and field then keep their angles to the axis.
     telecentric : bool
         Whether the lens is telecentric.
     """

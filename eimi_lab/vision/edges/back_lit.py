@@ -70,7 +70,7 @@ class BackLitSearch:
     findings : dict of str to float
         What has been measured so far, by the names of the table of flags. The search adds to it.
     limits : mapping of str to float, optional
-        Limits in place of those of the table.
+        Limits that replace those in the table of flags.
     even_turn_deg : float
         Turn of the whole beam about its axis that would explain its apparent width; set by the search.
     projection : Projection, optional

@@ -66,7 +66,7 @@ def find_edges(
         points, or if their profiles would overlap. If it exceeds a tenth of the beam's width, more points are located
         than returned, to estimate their scatter.
     limits : mapping of str to float, optional
-        Limits in place of those of the table of flags, by the names of its findings.
+        Limits that replace those in the table of flags, by the names of its findings.
     calibration_age_days : float, optional
         Age of the calibration when the image was taken.
     projection : Projection, optional
@@ -227,10 +227,10 @@ def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[st
 
 def _points(side: StripEdges, frame: BeamFrame) -> EdgePoints:
     """Convert one followed edge to millimetres."""
-    return EdgePoints(frame.to_mm(side.points), side.sigma * _mm_in_px(frame))
+    return EdgePoints(frame.to_mm(side.points), side.sigma * _pixel_mm(frame))
 
 
-def _mm_in_px(frame: BeamFrame) -> float:
+def _pixel_mm(frame: BeamFrame) -> float:
     """Return the size of a pixel at the clamp in mm."""
     origin, ahead = frame.to_px([[0.0, 0.0], [1.0, 0.0]])
     return 1.0 / float(np.linalg.norm(ahead - origin))

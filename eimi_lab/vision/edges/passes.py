@@ -73,7 +73,7 @@ class Side:
     sound : ndarray of bool, shape (n,)
         Where a step was found.
     stride : int
-        Every stride-th point was asked for; the points between serve to estimate the scatter.
+        Every stride-th point is stored; the points between them serve to estimate the scatter.
     """
 
     curve: SmoothCurve

@@ -51,7 +51,7 @@ def find_colour_seams(
     edge : ndarray, shape (2, n)
         Initial edges, in stated widths.
     noise : float
-        Standard deviation of a channel, grey levels of 255.
+        Standard deviation of a channel, in grey levels on a scale from 0 to 255.
     tolerances : iterable of float
         For each pass, the standard deviation of the seam about the one before, in stated widths.
     shadowless : bool

@@ -67,7 +67,7 @@ def project(
     outward : float
         -1 for the left edge, +1 for the right edge.
     noise : float
-        Standard deviation of a channel, grey levels of 255.
+        Standard deviation of a channel, in grey levels on a scale from 0 to 255.
     shadowless : bool
         Whether any multiple of the outside's colour is projected to the same value. A picture of one channel has no
         such projection.

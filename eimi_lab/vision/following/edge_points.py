@@ -72,7 +72,7 @@ def locate_edge(
     Parameters
     ----------
     image : ndarray, shape (H, W, channels)
-        Grey values of 255.
+        Grey values on a scale from 0 to 255.
     unrolled : UnrolledPicture
         The picture along the strip.
     sides : Sides

@@ -96,7 +96,7 @@ def follow(
     Parameters
     ----------
     image : ndarray, shape (H, W, channels)
-        Grey values of 255. Any image is accepted.
+        Grey values on a scale from 0 to 255. Any image is accepted.
     beam : StatedBeam
         Clamp, axis, width and length in pixels.
     spacing_px : float

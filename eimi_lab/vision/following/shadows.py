@@ -7,7 +7,8 @@ surroundings then has no step. The edge of the beam keeps a step unless its colo
 surroundings.
 
 The thin rim of a translucent body dims the surroundings too, but it looks like the rest of the body: nearly the whole
-step of the colours is at its outer border. Such a border is kept, and the distance of the other one is still recorded.
+step of the colours is at its outer border. The outer border of such a rim is kept as the edge, and its distance from
+the inner border is still recorded.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     colour_seams : Seams
         Seams in all colours.
     noise : float
-        Standard deviation of a channel, grey levels of 255.
+        Standard deviation of a channel, in grey levels on a scale from 0 to 255.
 
     Returns
     -------

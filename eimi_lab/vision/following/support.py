@@ -73,7 +73,7 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float) -> Sides:
     unrolled : UnrolledPicture
         The picture along the strip.
     noise : float
-        Standard deviation of a channel, grey levels of 255.
+        Standard deviation of a channel, in grey levels on a scale from 0 to 255.
     length : float
         Stated length of the beam, in stated widths.
 

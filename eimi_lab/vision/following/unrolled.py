@@ -53,7 +53,7 @@ class UnrolledPicture:
     Attributes
     ----------
     colours : ndarray, shape (n, m, channels)
-        Colours of 255.
+        Colours on a scale from 0 to 255.
     across : ndarray, shape (m,)
         Places across the beam, in stated widths; positive to the right as seen from the clamp.
     along : ndarray, shape (n,)

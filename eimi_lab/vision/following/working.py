@@ -26,7 +26,7 @@ class WorkingPicture:
     Attributes
     ----------
     pixels : ndarray of float32, shape (height, width, channels)
-        Grey values of 255.
+        Grey values on a scale from 0 to 255.
     origin_px : ndarray, shape (2,)
         Where the part was cut from the image.
     factor : float
@@ -66,7 +66,7 @@ def working_picture(image: NDArray[Any], beam: StatedBeam, width_px: float) -> W
     Parameters
     ----------
     image : ndarray, shape (H, W, channels)
-        Grey values of 255.
+        Grey values on a scale from 0 to 255.
     beam : StatedBeam
         The stated beam.
     width_px : float

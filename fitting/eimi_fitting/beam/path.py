@@ -64,7 +64,7 @@ class Shapes:
     last : Configuration
         The configurations of all candidates in the last state.
     every : Configuration or None
-        The configurations of the first candidate, one row for each state, if they were asked for.
+        The configurations of the first candidate, one row for each state; None unless they were requested.
     """
 
     displacement: Array
