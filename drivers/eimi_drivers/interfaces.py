@@ -322,8 +322,8 @@ class SensorReading:
 class Sensor(Protocol):
     """Define the members of a sensor: a gaussmeter, a thermometer, or another source of one number.
 
-    Every call ends within `timeout_s` and the time in which a late answer is discarded, 2 s together. Every error is an
-    InstrumentError. No call changes a setting of the instrument.
+    Every call ends within 4 s, and within 2 s on a line on which nothing answers. Every error is an InstrumentError. No
+    call changes a setting of the instrument.
     """
 
     name: str
