@@ -16,6 +16,7 @@ from eimi_lab.reporting.rounded import value_and_interval
 from eimi_lab.reporting.shown import ShownFit, chosen
 
 _ALIKE = 2.0  # laws within this difference of AICc have substantial support (Burnham and Anderson 2002, section 2.6)
+_PREDICTED = 1.5  # error of states left out over that of all states, below which the law predicts them
 
 
 @dataclass(frozen=True)
@@ -161,8 +162,23 @@ def _belief(fit: FitRecord, fitted_to: Sequence[DatasetContents]) -> Verdict:
     if "initial_shear_modulus" in fit.held_by_bounds():
         return Verdict("Can it be believed?", "no", f"The data do not determine the modulus. {words}")
     if doubts:
-        return Verdict("Can it be believed?", "with doubts", f"{words} Doubts: {'; '.join(doubts)}.")
-    return Verdict("Can it be believed?", "yes", f"{words} No check raised a doubt.")
+        return Verdict("Can it be believed?", "doubted", f"{words} Doubts: {'; '.join(doubts)}.")
+    grade, reason = _grade(fit)
+    return Verdict("Can it be believed?", grade, f"{words} No check raised a doubt. {reason}")
+
+
+def _grade(fit: FitRecord) -> tuple[str, str]:
+    """Return what supports a fit without doubts, and a sentence on it."""
+    if not fit.budget:
+        return "noise only", "The interval contains noise and mesh: no uncertainty of the inputs is stated."
+    held_out = fit.held_out_error_mm
+    if held_out is not None and held_out < _PREDICTED * fit.mean_error_mm:
+        return (
+            "predicted unseen states",
+            "The interval contains the stated uncertainties, and the law predicted states that were left out of the "
+            "fit. It has not been tested on another specimen.",
+        )
+    return "budget stated", "The interval contains the stated uncertainties; the law has not predicted unseen states."
 
 
 def _next(fit: FitRecord) -> Verdict | None:

@@ -268,5 +268,5 @@ def test_a_doubt_is_written_into_the_result(tmp_path: Path, run) -> None:
         assert (doubt["dataset"], doubt["state"]) == (0, None)
     far, scale = (doubt["words"] for doubt in fit["doubts"])
     assert "times the uncertainty that the measured places state" in far
-    assert "% off in scale in all states" in scale
+    assert "scale of the picture (+0.4" in scale
     assert json.loads((tmp_path / "fits.json").read_text())["comparison"] == []

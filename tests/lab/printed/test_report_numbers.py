@@ -144,16 +144,19 @@ def test_the_first_screen_states_the_result_of_a_fit(fit: FitRecord, evidence: E
     (finding,) = findings.findings(report_of(fit, evidence))
     verdicts = {verdict.question: verdict for verdict in finding.verdicts}
     belief = verdicts["Can it be believed?"]
-    assert belief.answer == "yes"
+    assert belief.answer == "budget stated"
     assert "beam is 12 µm (0.31 pixel), and 23 µm in states left out" in belief.words
     assert verdicts["What is extrapolated?"].answer == "beyond 25.0 % strain"
     assert "a stretch of 1.250" in verdicts["What is extrapolated?"].words
     assert "by width, whose standard uncertainty moves the modulus by 3 %" in finding.limit
     assert verdicts["What to measure better next?"].answer == fit.measure_next.words
     assert "3 states of bending, fields up to 6 mT" in finding.how
+    for change, answer in (({"held_out_error_mm": 0.0130}, "predicted unseen states"), ({"budget": ()}, "noise only")):
+        (graded,) = findings.findings(report_of(replace(fit, **change), evidence))
+        assert graded.verdicts[0].answer == answer
     doubtful = replace(fit, doubts=(Doubt("the clamp moved", 0),))
     (finding,) = findings.findings(report_of(doubtful, evidence))
-    assert finding.verdicts[0].answer == "with doubts"
+    assert finding.verdicts[0].answer == "doubted"
     assert "the clamp moved" in finding.verdicts[0].words
 
 

@@ -69,7 +69,18 @@ class Solved:
 
     @staticmethod
     def of(assumed: Assumed, before: Solved | None = None) -> Solved | None:
-        """Solve; start from the shapes ``before``, or keep them if only the picture differs. None: no equilibrium."""
+        """Solve; start from the shapes ``before``, or keep them if only the picture differs.
+
+        None if there is no equilibrium, or if no mesh or no tracked point fits a specimen that is so far from the
+        stated one.
+        """
+        try:
+            return Solved._of(assumed, before)
+        except ValueError:
+            return None
+
+    @staticmethod
+    def _of(assumed: Assumed, before: Solved | None) -> Solved | None:
         bent, setup = assumed.bent, assumed.setup
         if before is not None and _bends_alike(assumed, bent, before):
             shapes = before.shapes
