@@ -125,7 +125,7 @@ def entry_words(entry: BudgetEntry, fit: FitRecord) -> str:
 
 
 def next_sentence(fit: FitRecord) -> str:
-    """Return what to measure better next, and the interval to be expected then, as a sentence."""
+    """Return a sentence on the quantity to measure better next, and on the interval to be expected then."""
     low, high = fit.measure_next.initial_shear_modulus_interval_95_Pa
     interval = f"the interval would be [{low:.0f}, {high:.0f}] Pa"
     if fit.measure_next.source is None:

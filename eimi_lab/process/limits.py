@@ -78,7 +78,8 @@ def run_limited(path: Path, command: Sequence[str], within_s: float) -> subproce
     path
         The file, for messages.
     command
-        A Python command of this program, which calls `child_arguments`, and `obey_processor_limit` with the last one.
+        A Python command of this program. It calls `child_arguments`, and passes the last argument to
+        `obey_processor_limit`.
     within_s
         Limit of the processor time in seconds; where the system has no such limit, of the wall clock.
 

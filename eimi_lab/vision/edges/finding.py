@@ -75,7 +75,7 @@ def find_edges(
         Return the edges of an earlier state with the same calibration, or None. It is called only if several bodies are
         equally likely to be the beam. The body nearest to the earlier edges is then used, with the flag ROOT_AMBIGUOUS.
     expected_mm : ndarray, shape (n, 2), optional
-        Middle of the beam in an earlier picture, from the clamp outward, for a picture in which nobody clicked. It
+        Middle of the beam in an earlier picture, from the clamp outward, for a picture without clicked points. It
         replaces the calibration's clicked points.
 
     Returns

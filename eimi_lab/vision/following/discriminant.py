@@ -43,7 +43,7 @@ class ColourProjection:
     level : ndarray, shape (n,)
         Projected colour of the outside: colour · weight - level is 0 outside and 1 inside.
     step : ndarray, shape (n, channels)
-        Mean colour inside less that outside.
+        Mean colour inside minus mean colour outside.
     """
 
     share: Array

@@ -43,7 +43,7 @@ class NoEquilibrium(Exception):
 
 
 def scale_deviation(lot: float) -> float:
-    """Return the relative standard deviation of the beams' modulus, by the lot and by the error of the model.
+    """Return the relative standard deviation of the beams' modulus, from the variation of lots and the model's error.
 
     Parameters
     ----------

@@ -103,7 +103,7 @@ class PossibleCause:
 
 
 def _by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
-    """Return the change by deviations of sources; each part gives the deviations for an amplitude of 1."""
+    """Return the change by deviations of sources; each argument states the deviations for an amplitude of 1."""
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
         more = tuple(

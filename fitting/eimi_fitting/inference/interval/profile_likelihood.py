@@ -92,7 +92,7 @@ class _End:
         return self.off < _CONVERGED or (on_bound and self.deviance <= self.target)
 
     def advance(self, unit: Array, hessian: Array) -> None:
-        """Move the point to where a quadratic reaches the target, with the other coordinates at their minimum."""
+        """Move the end to where a quadratic reaches the target when the other coordinates are at their minimum."""
         i = self.coordinate
         size = abs(self.point[i] - unit[i])
         expected = np.inf
