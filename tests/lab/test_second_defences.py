@@ -107,7 +107,7 @@ def test_frames_buffered_by_the_camera_are_discarded(frame: Callable[..., NDArra
     wait_until_settled(camera, camera.clock, RULE, noise_of(frame), never, lambda own, at_s: seen.append(own.number))
     assert min(seen) > 0
     camera.buffered = 4
-    taken = capture(camera, camera.clock, 3, lambda: 0.5, noise_of(frame), never)
+    taken = capture(camera, camera.clock, 3, lambda: 0.5, dict, noise_of(frame), never)
     assert [own.number > 0 for own in taken.frames] == [True] * 3
     assert taken.measured_A == (0.5, 0.5, 0.5)
 
