@@ -5,15 +5,16 @@ and C_a the signature of the cause a: the change of the residuals for its amplit
 causes of the hypothesis H,
 
     -r = J dx + sum_{a in H} C_a s_a + d + e
-    dx ~ N(0, inv(P)),   s_a ~ |s_a / size_a|^2 N(0, size_a^2),   d ~ N(0, eta^2 G),   e ~ N(0, sigma^2 tau)
+    dx ~ N(0, inv(P)),   s_a ~ |s_a / size_a|^4 N(0, size_a^2),   d ~ N(0, eta^2 G),   e ~ N(0, sigma^2 tau)
 
 P is the prior of the fit, and size_a the usual size of such a mistake. The prior of s_a vanishes at zero, so that a
 second cause of negligible size does not repair small errors of the model (moment prior: Johnson and Rossell 2010, J. R.
-Stat. Soc. B 72:143). Its factor multiplies the evidence of the normal prior by the mean of |s_a / size_a|^2. The
-columns of J contain the remaining errors of the finer mesh and of the solid, too, as the interval does. The noise e has
-the level sigma and the correlation tau of neighbouring points. The error d is what no listed cause explains; it is
-smooth along an edge and over the loads (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63:425). Everything is linear and
-Gaussian, so that the evidence has a closed form. With L = sigma^2 tau + eta^2 G, the columns A of J and C_a, each times
+Stat. Soc. B 72:143). It multiplies the evidence of the normal prior by m^2 / 3, where m is the mean of |s_a / size_a|^2
+over the amplitudes of the cause; this neglects the width of the posterior. The columns of J contain the remaining
+errors of the finer mesh and of the solid, too, as the interval does. The noise e has the level sigma and the
+correlation tau of neighbouring points. The error d is what no listed cause explains; it is smooth along an edge and
+over the loads (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63:425). Everything is linear and Gaussian, so that the
+evidence has a closed form. With L = sigma^2 tau + eta^2 G, the columns A of J and C_a, each times
 its prior standard deviation, and b = A' inv(L) r,
 
     ln p(r | H, eta) = -1/2 (ln det L + r' inv(L) r) - 1/2 ln det(1 + A' inv(L) A) + 1/2 b' inv(1 + A' inv(L) A) b
@@ -27,7 +28,7 @@ probability that the noise and d alone explain the residuals.
 Residuals are compared by their coefficients in orthonormal polynomials along each edge, which contain all that smooth
 signatures have; sigma and tau come from the remainder. A signature is linear only in small amplitudes. The probable
 hypotheses are therefore simulated at their amplitudes, and what differs from the linear model is added to r
-(Gauss-Newton). The error of these simulations, 0.2 per cent of each move, is added to the noise.
+(Gauss-Newton). The error of these simulations, 1 per cent of each move, is added to the noise.
 """
 
 from __future__ import annotations
@@ -57,9 +58,9 @@ _FAR = (
 )  # logarithm of the probability below the best from which on a hypothesis is not simulated: first, later
 # Moves up to which signatures are linear: in prior sizes, and in shares of the range of the law's coordinates.
 _LINEAR, _LINEAR_LAW = 0.005, 2e-4
-# Error of a move, as a share of it. The corrections by finer meshes and by the solid are those at the optimum; 20 per
-# cent of the modulus beside it they are wrong by this much.
-_OF_MOVE = 0.002
+# Error of a move, as a share of it, because the corrections by finer meshes and by the solid are those at the optimum.
+# With 0.002, virtual solids with one cause got a second one of negligible size.
+_OF_MOVE = 0.01
 # Length that the remaining error of the meshes at the clamp adds; 0.007 mm on a virtual solid of 26 x 3 elements.
 _CORNERS_MM = 0.01
 _POOR = 4.0  # misfit over the noise from which a single cause is fitted with renewed slopes
@@ -285,9 +286,9 @@ class _Weighing:
     def _weigh(self, y: Array, of_move: Array) -> Posterior:
         noise = self._project.noise + of_move
         standard = weigh(self._rows, self._members, y, noise, self._project.error)
-        # The factor of the non-local prior: the mean of |s_a / size_a|^2 over its number of amplitudes.
+        # The factor of the moment prior, whose normal mean of |s_a / size_a|^4 is 3 for one amplitude.
         factors = np.stack([standard.squares[:, block].mean(axis=1) for block in self.blocks], axis=1)
-        factors = np.log(np.where(self._holds, factors, 1.0)).sum(axis=1)
+        factors = np.log(np.where(self._holds, factors**2 / 3, 1.0)).sum(axis=1)
         law = np.arange(len(self._scale)) < self._common
         most = np.where(law, np.inf, _MOST_SIZES)
         means = np.clip(standard.means, -most, most) * self._scale
