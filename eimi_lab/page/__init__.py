@@ -10,6 +10,9 @@ choices        the protocols, specimens and rigs that a person may choose
 bench_run      the process of a run, seen from the server
 watched_run    the page, seen from the process of a run
 frame_memory   the newest frame, in memory that server and run share
+opened_eyes    the processes of `eye`, seen from the server
+camera_desk    the routes of the live camera before a run
+camera_alone   the process of the live camera
 eye            processes that compress frames and find the edges in them
 stored_runs    a dataset as the page shows it
 stored_fits    the fits of a result file as the page shows them

@@ -10,7 +10,6 @@ shown to the person and not interpreted.
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import signal
 import sys
@@ -40,8 +39,8 @@ from eimi_lab.acquisition.events import (
     SuspendRefused,
     Warned,
 )
-from eimi_lab.page.eye import EDGES, FRAMES, SIZES
 from eimi_lab.page.frame_memory import new_memory
+from eimi_lab.page.opened_eyes import OpenedEyes, Seen
 from eimi_lab.page.watched_run import SIGNAL
 from eimi_lab.process.detached import detached
 from eimi_lab.process.pipes import handed_down
@@ -147,12 +146,13 @@ class BenchRun:
         number: int,
         name: str,
         changed: Callable[[], None],
-        seen: Callable[[dict[str, Any], bytes], None],
+        seen: Seen,
     ) -> None:
         self.order = order
         protocol, specimen, rig = (Path(chosen).stem for chosen in (order.protocol, order.specimen, order.rig))
         self.progress = Progress(number, name, protocol, specimen, rig)
-        self._changed, self._seen = changed, seen
+        self._changed = changed
+        self._eyes = OpenedEyes(number, seen)
         self._tasks: list[asyncio.Task[None]] = []
         self._answered = asyncio.Event()
         self._answered.set()
@@ -170,7 +170,6 @@ class BenchRun:
         memory = new_memory()
         bell_read_end, bell = os.pipe()
         events_read_end, events = os.pipe()
-        closed, open_while_seen = os.pipe()
         with handed_down(memory, bell, events) as (names, inherited):
             self._run = await asyncio.create_subprocess_exec(
                 *(sys.executable, "-P", "-m", "eimi_lab", *self.order.arguments()[:1]),
@@ -181,24 +180,11 @@ class BenchRun:
                 **(inherited | detached()),
             )
         rig, specimen = self.order.rig, self.order.specimen
-        self._eyes = [
-            await self._eye(FRAMES, memory, bell_read_end, rig),
-            await self._eye(EDGES, memory, closed, rig, specimen),
-        ]
-        for descriptor in (memory, bell, events, bell_read_end, closed):
+        await self._eyes.open(memory, bell_read_end, rig, specimen)
+        for descriptor in (memory, bell, events, bell_read_end):
             os.close(descriptor)
-        for work in (self._hear(events_read_end), self._see_all(open_while_seen)):
+        for work in (self._hear(events_read_end), self._eyes.see()):
             self._tasks.append(asyncio.create_task(work))
-
-    async def _eye(self, what: str, memory: int, until: int, *files: str) -> asyncio.subprocess.Process:
-        with handed_down(memory, until) as (names, inherited):
-            return await asyncio.create_subprocess_exec(
-                *(sys.executable, "-P", "-m", "eimi_lab.page.eye", what, *names, *files),
-                stdin=asyncio.subprocess.DEVNULL,
-                stdout=asyncio.subprocess.PIPE,
-                stderr=asyncio.subprocess.DEVNULL,
-                **(inherited | detached()),
-            )
 
     def pause(self) -> None:
         """Ask for a pause after the current state."""
@@ -235,9 +221,7 @@ class BenchRun:
                 await asyncio.wait_for(self._ended.wait(), CLOSED_WITHIN_S)
             if self.going_on:
                 self._kill()
-        for eye in self._eyes:
-            with suppress(ProcessLookupError):
-                eye.kill()
+        self._eyes.kill()
         await asyncio.gather(*self._tasks)
 
     async def _confirmed(self) -> str:
@@ -355,21 +339,3 @@ class BenchRun:
         async for raw in self._run.stderr:
             if line := raw.decode("utf-8", "replace").strip():
                 self.progress.last_words = line.removeprefix("eimi: ")
-
-    async def _see_all(self, open_while_seen: int) -> None:
-        """Pass on frames and edges until both processes have ended; the process of the frames ends first."""
-        frames, edges = self._eyes
-        finding = asyncio.create_task(self._see(edges))
-        await self._see(frames)
-        os.close(open_while_seen)
-        await finding
-
-    async def _see(self, eye: asyncio.subprocess.Process) -> None:
-        assert eye.stdout is not None
-        with suppress(asyncio.IncompleteReadError):
-            while True:
-                about_bytes, picture_bytes = SIZES.unpack(await eye.stdout.readexactly(SIZES.size))
-                about = json.loads(await eye.stdout.readexactly(about_bytes))
-                about["run"] = self.progress.number
-                self._seen(about, await eye.stdout.readexactly(picture_bytes) if picture_bytes else b"")
-        await eye.wait()

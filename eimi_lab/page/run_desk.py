@@ -10,6 +10,7 @@ from starlette.routing import BaseRoute, Route, WebSocketRoute
 
 from eimi_lab.page import choices
 from eimi_lab.page.bench_run import BenchRun, Order
+from eimi_lab.page.camera_desk import CameraDesk
 from eimi_lab.page.data_folder import DataFolder
 from eimi_lab.page.tabs import Tabs
 from eimi_lab.page.worker import Worker
@@ -22,6 +23,7 @@ class RunDesk:
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:
         self._folder, self._worker, self.tabs = folder, worker, tabs
         self.run: BenchRun | None = None
+        self.camera = CameraDesk(folder, tabs, self._going_on)
         self._number = 0
 
     def routes(self) -> list[BaseRoute]:
@@ -31,17 +33,19 @@ class RunDesk:
             WebSocketRoute("/live", self.tabs.serve),
             Route("/api/choices", self._choices),
             Route("/api/stop", self._stop, methods=["POST"]),
+            *self.camera.routes(),
             *(Route(f"/api/run/{name}", self.tabs.steered(act), methods=["POST"]) for name, act in steered.items()),
         ]
 
     async def close(self) -> None:
-        """End the run, if one is under way, and wait for its end."""
+        """End the run, if one is under way, wait for its end, and close the camera."""
         if self.run is not None:
             await self.run.closed()
+        await self.camera.close()
 
     def as_json(self) -> dict[str, Any]:
         """Return the state of the run, which is sent to every tab."""
-        return {"run": self.run.progress.as_json() if self.run else None}
+        return {"run": self.run.progress.as_json() if self.run else None, **self.camera.as_json()}
 
     async def _choices(self, request: Request) -> Response:
         return JSONResponse(await self._worker.do(choices.choices, self._folder))
@@ -50,7 +54,7 @@ class RunDesk:
         return {"lines": await self._worker.do(choices.dry, *self._chosen(asked))}
 
     async def _start(self, asked: dict[str, Any]) -> Any:
-        if self.run is not None and self.run.going_on:
+        if self._going_on():
             raise InputError("a run is under way; wait for its end, or end it")
         protocol, specimen, rig = self._chosen(asked)
         name, resume = str(asked.get("dataset", "")), asked.get("resume") is True
@@ -70,6 +74,7 @@ class RunDesk:
         )
         self._number += 1
         self.run = BenchRun(order, self._number, self._folder.name_of(dataset), self.tabs.changed, self.tabs.show)
+        await self.camera.close()
         await self.run.begin()
         self.tabs.changed()
         return {}
@@ -93,6 +98,9 @@ class RunDesk:
             )
         words = await self.run.stop()
         return JSONResponse({"words": words, "off": self.run.progress.coil == "off"})
+
+    def _going_on(self) -> bool:
+        return self.run is not None and self.run.going_on
 
     def _under_way(self) -> BenchRun:
         if self.run is None or not self.run.going_on:

@@ -90,6 +90,10 @@ class Tabs:
 
         return answer
 
+    def any_open(self) -> bool:
+        """Return whether any tab is open."""
+        return bool(self._open)
+
     def changed(self) -> None:
         """Send the new state to every tab."""
         for tab in self._open:

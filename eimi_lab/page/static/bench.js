@@ -6,7 +6,7 @@ import { showStates } from "./run_states.js";
 
 const picture = new Picture(byId("live"));
 let choicesShown = false;
-let shownRun = 0; // number of the run to which everything on the screen belongs
+let lastRun = 0, shownRun = 0; // numbers of the last run, and of the run to which picture and values belong; 0 is the live camera
 let lastAbout = null, lastEdges = null;
 
 const BEGINS = "starting the run …";
@@ -27,6 +27,7 @@ export async function showBench() {
     const file = choices[kind].find((choice) => choice.includes(".") && !choices.incomplete.includes(choice)); // a shipped name has no dot
     byId(kind).value = file ?? name;
   }
+  showState(state);
 }
 
 function order() {
@@ -53,7 +54,7 @@ const percent = (share) => share === null || share === undefined ? "not rated in
 const PHASES = { beginning: "starting", running: "▶ running", pausing: "will pause after this state", paused: "❚❚ paused, coil off",
   ending: "ending with a ramp down", stopping: "■ stopping", ended: "ended" };
 
-function showState({ run, control }) {
+function showState({ run, control, camera = null }) {
   const goingOn = run !== null && run.phase !== "ended";
   const mine = control === "you";
   byId("order").hidden = goingOn;
@@ -62,12 +63,15 @@ function showState({ run, control }) {
   byId("pause").disabled = !mine || run?.phase !== "running";
   byId("go-on").disabled = !mine || run?.phase !== "paused";
   byId("end").disabled = !mine || ["ending", "stopping"].includes(run?.phase);
+  byId("camera").disabled = !mine || goingOn;
+  showCameraWords();
+  if (mine && run === null && camera === null && byId("rig").value.includes(".")) showCamera(); // a shipped rig, without a dot, is shown on request
   byId("bench").classList.toggle("with-run", run !== null);
   if (!run) return;
-  if (run.number !== shownRun) forget(run.number);
+  if (run.number !== lastRun) forget(lastRun = run.number);
   if (run.phase !== "beginning" && byId("told").textContent === BEGINS) tell("");
-  if (lastAbout) showValues(goingOn ? lastAbout : { ...lastAbout, rate_Hz: 0 });
-  if (!goingOn && lastAbout) picture.canvas.setAttribute("aria-label", "the last picture of the run");
+  if (lastAbout && shownRun === run.number) showValues(goingOn ? lastAbout : { ...lastAbout, rate_Hz: 0 });
+  if (!goingOn && lastAbout && shownRun === run.number) picture.canvas.setAttribute("aria-label", "the last picture of the run");
   byId("progress").max = run.states || 1;
   byId("progress").value = run.stored;
   facts(byId("progress-facts"), [
@@ -83,6 +87,25 @@ function showState({ run, control }) {
   showStates(run);
 }
 
+function showCameraWords() {
+  const { camera = null, run } = state;
+  const live = shownRun === 0 && lastAbout !== null;
+  byId("camera-words").textContent = camera?.open ? (live ? `live camera of ${camera.rig}, without a run` : `opening the camera of ${camera.rig} …`)
+    : camera?.last_words && run?.phase !== "running" ? `no live picture: ${camera.last_words}` : "";
+}
+
+// Show the camera of the chosen rig, to place the beam and to set focus and exposure.
+let cameraAsked = "";
+function showCamera() {
+  const { rig, specimen } = order();
+  if (cameraAsked === `${rig} ${specimen}`) return;
+  cameraAsked = `${rig} ${specimen}`;
+  forget(0);
+  steer("/api/camera", { rig, specimen }).catch((error) => { byId("camera-words").textContent = `no live picture: ${error.message}`; });
+}
+byId("camera").addEventListener("click", () => { cameraAsked = ""; showCamera(); });
+for (const kind of ["rig", "specimen"]) byId(kind).addEventListener("change", () => { if (state.run === null && byId("rig").value.includes(".")) showCamera(); });
+
 // Clear what belongs to the run before: its picture, edges, flags and values.
 function forget(number) {
   shownRun = number;
@@ -94,15 +117,16 @@ function forget(number) {
 
 on("state", showState);
 on("frame", async (about, blob) => {
-  if (about.run !== state.run?.number) return;
+  if (about.run !== shownRun) return;
   await picture.show(blob, about.size_px, `live picture, frame ${about.number}`);
   byId("live").dataset.seen = about.seen;
   lastAbout = about;
+  showCameraWords();
   showValues(about);
   showLight(about);
 });
 on("edges", (edges) => {
-  if (edges.run !== state.run?.number) return;
+  if (edges.run !== shownRun) return;
   lastEdges = edges;
   picture.draw(edges);
   flagList(byId("live-flags"), edges.flags);
@@ -110,6 +134,7 @@ on("edges", (edges) => {
 
 // The current as it belongs to the state of the coil in the header. A frame can be older than that state.
 function currents(about) {
+  if (about.run === 0) return ["—", "—", "—"];
   const { coil, coil_A, off_by } = state.run;
   const measured = coil_A === null ? null : `${number(coil_A)} A`;
   switch (coil) {

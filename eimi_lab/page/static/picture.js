@@ -15,6 +15,7 @@ export class Picture {
   async show(blob, size = null, words = "") {
     const image = await createImageBitmap(blob);
     const { width, height } = image;
+    this.figure.hidden = false;
     if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
     this.canvas.getContext("2d").drawImage(image, 0, 0);
     image.close();
@@ -24,7 +25,7 @@ export class Picture {
   }
 
   clear() {
-    this.canvas.getContext("2d").clearRect(0, 0, this.canvas.width, this.canvas.height);
+    this.figure.hidden = true;
     this.canvas.setAttribute("aria-label", "no picture yet");
     this.draw(null);
   }

@@ -1,0 +1,85 @@
+"""The two eyes (`eye`) that look at the frames of one run or of the live camera, seen from the server."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from eimi_lab.page.eye import EDGES, FRAMES, SIZES
+from eimi_lab.process.detached import detached
+from eimi_lab.process.pipes import handed_down
+
+Seen = Callable[[dict[str, Any], bytes], None]
+
+
+class OpenedEyes:
+    """Two processes that look at the frames in a shared memory.
+
+    Parameters
+    ----------
+    number : int
+        Number of the run, which goes with every frame; 0 for the live camera.
+    seen : callable
+        Called with each frame and with each set of edges.
+    """
+
+    def __init__(self, number: int, seen: Seen) -> None:
+        self._number, self._seen = number, seen
+        self._processes: list[asyncio.subprocess.Process] = []
+
+    async def open(self, memory: int, bell: int, rig: str, specimen: str) -> None:
+        """Start both processes.
+
+        Parameters
+        ----------
+        memory : int
+            Descriptor of the shared memory.
+        bell : int
+            End of the pipe from which the process of the frames reads.
+        rig, specimen : str
+            The files of the rig and of the specimen, as the command line takes them.
+        """
+        closed, self._open_while_seen = os.pipe()
+        self._processes = [
+            await self._started(FRAMES, memory, bell, rig),
+            await self._started(EDGES, memory, closed, rig, specimen),
+        ]
+        os.close(closed)
+
+    async def see(self) -> None:
+        """Pass on frames and edges until both processes have ended, that of the frames first."""
+        frames, edges = self._processes
+        finding = asyncio.create_task(self._see(edges))
+        await self._see(frames)
+        os.close(self._open_while_seen)
+        await finding
+
+    def kill(self) -> None:
+        """End both processes at once."""
+        for process in self._processes:
+            with suppress(ProcessLookupError):
+                process.kill()
+
+    async def _started(self, what: str, memory: int, until: int, *files: str) -> asyncio.subprocess.Process:
+        with handed_down(memory, until) as (names, inherited):
+            return await asyncio.create_subprocess_exec(
+                *(sys.executable, "-P", "-m", "eimi_lab.page.eye", what, *names, *files),
+                stdin=asyncio.subprocess.DEVNULL,
+                stdout=asyncio.subprocess.PIPE,
+                stderr=asyncio.subprocess.DEVNULL,
+                **(inherited | detached()),
+            )
+
+    async def _see(self, eye: asyncio.subprocess.Process) -> None:
+        assert eye.stdout is not None
+        with suppress(asyncio.IncompleteReadError):
+            while True:
+                about_bytes, picture_bytes = SIZES.unpack(await eye.stdout.readexactly(SIZES.size))
+                about = json.loads(await eye.stdout.readexactly(about_bytes)) | {"run": self._number}
+                self._seen(about, await eye.stdout.readexactly(picture_bytes) if picture_bytes else b"")
+        await eye.wait()
