@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
 from importlib.resources import files
 from pathlib import Path
@@ -75,6 +76,7 @@ def test_edges_of_a_dataset_that_replaced_another_one_are_its_own(served: Any, f
     (folder / "swapped").mkdir()
     for index in (1, 2):
         cv2.imwrite(str(folder / "swapped" / f"frame_{index}.png"), frame(index, 9.0))
+        os.utime(folder / "swapped" / f"frame_{index}.png", (1e9, 1e9))  # the start of this dataset differs
     import_frames(folder / "swapped", folder / "states.csv", specimen, calibration, folder / "second.h5")
     shutil.copy(folder / "run.h5", folder / "same.h5")
     before = json.loads(served.ask("/api/dataset/edges?file=same.h5&state=0").body)
