@@ -40,8 +40,8 @@ def serve_port(line: FaultyInstrument, name: str = "ttyEMULATED0") -> Iterator[s
     wake_read, wake_write = os.pipe()
     with tempfile.TemporaryDirectory(prefix="eimi-port-") as folder:
         port = Path(folder) / name
-        ends = open_terminal()
-        port.symlink_to(os.ttyname(ends[1]))
+        *ends, path = open_terminal()
+        port.symlink_to(path)
         thread = threading.Thread(target=_serve_until_stopped, args=(line, port, ends, wake_read), daemon=True)
         thread.start()
         try:
@@ -52,7 +52,7 @@ def serve_port(line: FaultyInstrument, name: str = "ttyEMULATED0") -> Iterator[s
             os.close(wake_read)
 
 
-def _serve_until_stopped(line: FaultyInstrument, port: Path, ends: tuple[int, int], wake_read: int) -> None:
+def _serve_until_stopped(line: FaultyInstrument, port: Path, ends: list[int], wake_read: int) -> None:
     while True:
         device_end, driver_end = ends
         stopped = False
@@ -65,5 +65,5 @@ def _serve_until_stopped(line: FaultyInstrument, port: Path, ends: tuple[int, in
         os.close(device_end)
         if stopped or line.lost or select.select([wake_read], [], [], PLUGGED_IN_AFTER_S)[0]:
             return
-        ends = open_terminal()
-        port.symlink_to(os.ttyname(ends[1]))
+        *ends, path = open_terminal()
+        port.symlink_to(path)

@@ -89,8 +89,8 @@ def open_in_process(driver: str, supply: CoilSupply, limits: Limits) -> PowerSup
     return supply_driver(driver)(link, limits, supply.clock)
 
 
-def open_terminal() -> tuple[int, int]:
-    """Open a pseudo-terminal and return the instrument's end and the driver's end.
+def open_terminal() -> tuple[int, int, str]:
+    """Open a pseudo-terminal; return the instrument's end, the driver's end and the path of the driver's end.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def open_terminal() -> tuple[int, int]:
 
     device_end, driver_end = os.openpty()
     tty.setraw(driver_end)
-    return device_end, driver_end
+    return device_end, driver_end, os.ttyname(driver_end)
 
 
 @contextmanager
@@ -112,7 +112,7 @@ def serve_pty(instrument: Responder) -> Iterator[str]:
 
     A cut line closes the terminal. Raises InstrumentError if the operating system has no pseudo-terminals.
     """
-    device_end, driver_end = open_terminal()
+    device_end, driver_end, path = open_terminal()
     wake_read, wake_write = os.pipe()
 
     def answer_until_stopped() -> None:
@@ -124,7 +124,6 @@ def serve_pty(instrument: Responder) -> Iterator[str]:
         os.close(driver_end)
         os.close(device_end)
 
-    path = os.ttyname(driver_end)
     thread = threading.Thread(target=answer_until_stopped, name=f"emulator {path}", daemon=True)
     thread.start()
     try:
