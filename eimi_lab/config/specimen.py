@@ -43,8 +43,9 @@ def _in_millimetres(size_mm: float) -> float:
 LEAST_LENGTH_MM = 1.0
 """A shorter beam is assumed to be given in metres."""
 
-LEAST_DENSITY_KG_M3 = 100.0
-"""A smaller density is assumed to be given in g/cm³: the lightest foams of silicone lie above it."""
+IN_G_CM3 = (0.1, 20.0)
+"""A density between these numbers is assumed to be given in g/cm³. No soft solid is as light in kg/m³, and a smaller
+density leaves the weight out."""
 
 
 def _long_in_millimetres(length_mm: float) -> float:
@@ -57,8 +58,9 @@ def _long_in_millimetres(length_mm: float) -> float:
 
 
 def _in_kg_m3(density_kg_m3: float) -> float:
-    if density_kg_m3 < LEAST_DENSITY_KG_M3:
-        raise ValueError(f"is below {LEAST_DENSITY_KG_M3:g} kg/m3; if it is in g/cm3, write {1e3 * density_kg_m3:g}")
+    least, most = IN_G_CM3
+    if least <= density_kg_m3 <= most:
+        raise ValueError(f"is too light for a soft solid in kg/m3; if it is in g/cm3, write {1e3 * density_kg_m3:g}")
     return density_kg_m3
 
 

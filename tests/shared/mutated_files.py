@@ -9,6 +9,7 @@ from __future__ import annotations
 import collections
 import multiprocessing
 import os
+import resource
 import shutil
 import signal
 import tempfile
@@ -175,8 +176,12 @@ def read(path: Path) -> str:
             case "image":
                 read_image(path)
             case "motion capture":
-                bound_memory(path.stat().st_size)  # the files of the other kinds are as small
-                read_in_this_process(path)
+                before = resource.getrlimit(resource.RLIMIT_AS)
+                bound_memory(path.stat().st_size)
+                try:
+                    read_in_this_process(path)
+                finally:  # a dataset is checked in a child, which a process with little memory cannot start
+                    resource.setrlimit(resource.RLIMIT_AS, before)
             case _:
                 load_calibration(path)
     except MemoryError:
