@@ -9,6 +9,7 @@ sensors       drivers of gaussmeters and other sensors; `open_sensor` opens one 
 emulators     emulated supplies with a coil, and emulated sensors, for tests and for work without hardware
 testing       conformance suites for drivers of other packages
 serial_ports  list the serial ports of this computer
+lan_instruments  list the instruments that announce themselves on the network
 discovery     list the instruments that are attached
 clock         the time on a bench and on the virtual rig
 

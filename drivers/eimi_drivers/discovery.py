@@ -5,14 +5,19 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import pyvisa
 
 from eimi_drivers.cameras import CAMERAS
+from eimi_drivers.cameras.aravis import attached_cameras
+from eimi_drivers.cameras.aravis_library import aravis_is_installed, load_aravis
+from eimi_drivers.cameras.gentl import producer_files
 from eimi_drivers.interfaces import raised
+from eimi_drivers.lan_instruments import list_lan_instruments
 from eimi_drivers.serial_ports import attached_ports
 from eimi_drivers.supplies import SUPPLIES
 from eimi_drivers.supplies.transport import visa_library
@@ -20,7 +25,16 @@ from eimi_drivers.supplies.transport import visa_library
 KORAD_USB_IDS = frozenset({(0x0416, 0x5011)})
 """USB vendor and product numbers of the serial chip in Korad, Tenma and RND supplies; some printers have it too."""
 
-SERIAL_DRIVERS = "korad, genesys or one of the SCPI drivers"
+SENSOR_USB_IDS = {(0x1FB9, 0x0401): "lakeshore-425", (0x1FB9, 0x0403): "lakeshore-475"}
+"""USB vendor and product numbers of gaussmeters (Linux, drivers/usb/serial/cp210x.c)."""
+
+BOARD_USB_VENDORS = {
+    **{0x2341: "Arduino", 0x2A03: "Arduino", 0x239A: "Adafruit", 0x1B4F: "SparkFun"},
+    **{0x2E8A: "Raspberry Pi", 0x303A: "Espressif", 0x16C0: "Teensy"},
+}
+"""USB vendor numbers of microcontroller boards, which may be sensors that answer in lines of text."""
+
+SERIAL_DRIVERS = "korad, genesys, aim-tti, one of the SCPI drivers, or of a sensor"
 SCPI_DRIVERS = "scpi or the family's own"
 
 
@@ -30,7 +44,7 @@ class Found:
 
     Parameters
     ----------
-    kind : "supply" or "camera"
+    kind : "supply", "camera" or "sensor"
         The kind of instrument.
     driver : str
         The name of the driver. If the port does not identify the instrument, the possible drivers joined by "or".
@@ -40,7 +54,7 @@ class Found:
         The operating system's description of the instrument.
     """
 
-    kind: Literal["supply", "camera"]
+    kind: Literal["supply", "camera", "sensor"]
     driver: str
     address: str
     text: str
@@ -64,16 +78,26 @@ class Discovery:
 
 
 def discover() -> Discovery:
-    """List serial ports, VISA resources and cameras. The search waits one second for answers from the LAN (VXI-11)."""
-    ports, port_notes = _search("serial ports", list_serial_ports)
-    resources, notes = list_visa_resources()
+    """List serial ports, instruments of the network, VISA resources and cameras.
+
+    The searches of the network wait some seconds for answers. They run at the same time.
+    """
+    with ThreadPoolExecutor(max_workers=1) as network:
+        announced = network.submit(_search, "instruments of the network (mDNS)", list_network)
+        ports, port_notes = _search("serial ports", list_serial_ports)
+        others, notes = list_visa_resources()
+        lan, lan_notes = announced.result()
+    hosts = {_host(instrument.address) for instrument in lan}
+    resources = (*lan, *(resource for resource in others if _host(resource.address) not in hosts))
     attached, camera_notes = _search("cameras", list_cameras)
     basler, basler_notes = _search("Basler cameras", list_basler_cameras)
-    cameras = (*attached, *basler)
+    genicam, genicam_notes = _search("GigE Vision and USB3 Vision cameras", list_genicam_cameras)
+    gentl, gentl_notes = _search("cameras of GenTL producers", list_gentl_cameras)
+    cameras = (*attached, *basler, *genicam, *gentl)
     return Discovery(
         found=(*ports, *resources, *cameras),
         notes=(
-            *(*port_notes, *notes, *camera_notes, *basler_notes),
+            *(*port_notes, *lan_notes, *notes, *camera_notes, *basler_notes, *genicam_notes, *gentl_notes),
             *(_no_permission(found.address) for found in ports if _forbidden(found.address)),
             *((NO_SUPPLY,) if not (ports or resources) else ()),
             *(() if cameras else (NO_CAMERA if VIDEO_DEVICES.is_dir() else UNLISTED_CAMERAS,)),
@@ -91,12 +115,12 @@ def _search(kind: str, search: Callable[[], tuple[Found, ...]]) -> tuple[tuple[F
 
 
 NO_SUPPLY = (
-    "supplies: none found. Is the supply on and its cable plugged in? A supply on the LAN that answers only on "
-    "a raw socket cannot be listed: write its address into the rig file, TCPIP::host::5025::SOCKET"
+    "supplies: none found. Is the supply on and its cable plugged in? A supply on the LAN that does not announce "
+    "itself cannot be listed: write its address into the rig file, TCPIP::host::5025::SOCKET"
 )
 NO_CAMERA = (
-    "cameras: none found. Is the camera's cable plugged in? Basler cameras need the extra: "
-    "pip install 'eimi-lab[basler]'"
+    "cameras: none found. Is the camera's cable plugged in? Industrial cameras need the library Aravis (`apt install "
+    "libaravis-0.8-0` or `brew install aravis`), or for Basler cameras pip install 'eimi-lab[basler]'"
 )
 UNLISTED_CAMERAS = "cameras: this operating system does not list cameras; try 0, 1 or 2 as the camera's source"
 
@@ -119,16 +143,42 @@ def _drivers_from_elsewhere() -> tuple[str, ...]:
 
 
 def list_serial_ports() -> tuple[Found, ...]:
-    """List the serial ports with pyserial."""
+    """List the serial ports with pyserial.
+
+    A gaussmeter or a board is recognised by its USB numbers. Nothing is sent: an instrument behind an adapter may be in
+    the middle of a run, and may take any message for a command.
+    """
+    ports = sorted(attached_ports(), key=lambda port: str(port.device))
+    return tuple(_serial_instrument(port) for port in ports)
+
+
+def _serial_instrument(port: Any) -> Found:
+    text = _described(port.description, port.serial_number)
+    if driver := SENSOR_USB_IDS.get((port.vid, port.pid)):
+        return Found("sensor", driver, port.device, text)
+    if board := BOARD_USB_VENDORS.get(port.vid):
+        return Found("sensor", "text-line", port.device, f"{board} board: {text}")
+    driver = "korad" if (port.vid, port.pid) in KORAD_USB_IDS else SERIAL_DRIVERS
+    return Found("supply", driver, port.device, text)
+
+
+def list_network() -> tuple[Found, ...]:
+    """List the instruments that announce themselves on the network, without connecting to them."""
     return tuple(
         Found(
             kind="supply",
-            driver="korad" if (port.vid, port.pid) in KORAD_USB_IDS else SERIAL_DRIVERS,
-            address=port.device,
-            text=_described(port.description, port.serial_number),
+            driver=instrument.recognised.driver if instrument.recognised else SCPI_DRIVERS,
+            address=instrument.address or f"TCPIP::{instrument.host}::5025::SOCKET",
+            text=instrument.text if instrument.address else f"{instrument.text}; the port is a guess, see its manual",
         )
-        for port in sorted(attached_ports(), key=lambda port: str(port.device))
+        for instrument in list_lan_instruments()
     )
+
+
+def _host(address: str) -> str:
+    """Return the host in a VISA resource of the network, and the whole address of another one."""
+    parts = address.split("::")
+    return parts[1] if parts[0].upper().startswith("TCPIP") and len(parts) > 2 else address
 
 
 def _described(description: str | None, serial_number: str | None) -> str:
@@ -177,3 +227,39 @@ def list_basler_cameras() -> tuple[Found, ...]:
         return ()
     devices = pylon.TlFactory.GetInstance().EnumerateDevices()
     return tuple(Found("camera", "basler", d.GetSerialNumber(), d.GetModelName()) for d in devices)
+
+
+def list_genicam_cameras() -> tuple[Found, ...]:
+    """List the GigE Vision and USB3 Vision cameras with their serial numbers; return nothing without Aravis."""
+    if not aravis_is_installed():
+        return ()
+    return tuple(
+        Found(
+            "camera",
+            "aravis",
+            camera.serial_number,
+            f"{camera.model}, {camera.protocol}{f' at {camera.address}' if camera.address else ''}",
+        )
+        for camera in attached_cameras(load_aravis())
+    )
+
+
+def list_gentl_cameras() -> tuple[Found, ...]:
+    """List the cameras of the GenTL producers with their serial numbers; return nothing without harvesters."""
+    if not producer_files():
+        return ()
+    try:
+        from harvesters.core import Harvester
+    except ImportError:
+        return ()
+    producers = Harvester()
+    try:
+        for file in producer_files():
+            producers.add_file(str(file))
+        producers.update()
+        return tuple(
+            Found("camera", "gentl", device.serial_number, f"{device.vendor} {device.model}")
+            for device in producers.device_info_list
+        )
+    finally:
+        producers.reset()

@@ -274,6 +274,9 @@ class Camera(Protocol):
     settings: CameraSettings
         The settings that the camera read back when it was opened. Absent: the camera has no settings, and the suite
         refuses to open it with one.
+    lost_frames: Mapping[str, int]
+        How many of the frames that were exposed for a `grab` did not arrive completely since the camera was opened, by
+        the reason. Absent: not known; gaps in the numbers of the frames count them.
     """
 
     def identify(self) -> Identity:

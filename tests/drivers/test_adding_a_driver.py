@@ -20,8 +20,8 @@ from eimi_drivers.supplies import SUPPLIES, open_supply
 PAGE = Path(__file__).parents[2] / "docs" / "howto" / "add_a_supply.md"
 
 
-class AimTtiDialect:
-    """Emulate output 1 of an Aim-TTi supply."""
+class BenchDialect:
+    """Emulate the supply of the how-to."""
 
     def __init__(self, supply: CoilSupply) -> None:
         self.supply = supply
@@ -33,7 +33,7 @@ class AimTtiDialect:
         name, _, value = line.partition(" ")
         supply = self.supply
         questions = {
-            "*IDN?": lambda: "THURLBY THANDAR, CPX400DP, 0, 1.0",
+            "*IDN?": lambda: "OUR LAB, BENCH SUPPLY, 0, 1.0",
             "OP1?": lambda: str(int(supply.output_on())),
             "V1?": lambda: f"V1 {supply.state.set_voltage_V:.2f}",
             "I1?": lambda: f"I1 {supply.state.set_current_A:.3f}",
@@ -67,23 +67,23 @@ def install(folder: Path, group: str, points: dict[str, str]) -> None:
 @pytest.fixture
 def shown_driver(monkeypatch, tmp_path):
     """Install the driver of the documentation in a package of its own and return its name."""
-    code = next(block for block in blocks("python") if "class AimTtiSupply" in block)
+    code = next(block for block in blocks("python") if "class BenchSupply" in block)
     table = next(block for block in blocks("toml") if "entry-points" in block)
     assert len([line for line in (code + table).splitlines() if line.strip()]) <= 40
-    (tmp_path / "aim_tti.py").write_text(code, encoding="utf-8")
+    (tmp_path / "bench_supply.py").write_text(code, encoding="utf-8")
     for group, points in tomllib.loads(table)["project"]["entry-points"].items():
         install(tmp_path, group, points)
     monkeypatch.syspath_prepend(str(tmp_path))
-    yield "aim-tti"
-    sys.modules.pop("aim_tti", None)
+    yield "bench-supply"
+    sys.modules.pop("bench_supply", None)
 
 
 def test_the_driver_in_the_documentation_conforms(shown_driver):
     coil = CoilSupply(WallClock(), max_current_A=2.0, time_constant_s=1e-5)
-    with serve_pty(AimTtiDialect(coil)) as port:
+    with serve_pty(BenchDialect(coil)) as port:
         supply = open_supply(shown_driver, port, Limits(current_A=3.0, voltage_V=12.0))
         assert isinstance(supply, PowerSupply)
-        assert supply.identify().text == "THURLBY THANDAR, CPX400DP, 0, 1.0"
+        assert supply.identify().text == "OUR LAB, BENCH SUPPLY, 0, 1.0"
         supply.set_voltage(12.0)
         supply.set_current(0.7059)
         supply.set_output(True)
@@ -98,13 +98,13 @@ def test_the_driver_in_the_documentation_conforms(shown_driver):
 
 
 def test_the_shown_check_passes_and_reports_a_faulty_driver(shown_driver, monkeypatch):
-    emulated = ModuleType("aim_tti_emulated")
-    emulated.AimTtiDialect = AimTtiDialect
-    monkeypatch.setitem(sys.modules, "aim_tti_emulated", emulated)
+    emulated = ModuleType("bench_supply_emulated")
+    emulated.BenchDialect = BenchDialect
+    monkeypatch.setitem(sys.modules, "bench_supply_emulated", emulated)
     (lines,) = [block for block in blocks("python") if "check_supply" in block]
     exec(lines, {})
-    emulated.AimTtiDialect = Nonsense
-    with pytest.raises(AssertionError, match="the supply driver AimTtiSupply: says_who_it_is: ReplyNotUnderstood"):
+    emulated.BenchDialect = Nonsense
+    with pytest.raises(AssertionError, match="the supply driver BenchSupply: says_who_it_is: ReplyNotUnderstood"):
         exec(lines, {})
 
 

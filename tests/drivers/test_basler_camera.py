@@ -90,6 +90,16 @@ def test_a_failed_grab_is_an_error_and_the_next_frame_shows_the_gap(camera):
     assert camera.grab(PATIENCE_S).number == before + 2
 
 
+def test_with_a_frame_rate_the_camera_runs_freely(two_cameras):
+    camera = open_camera("basler", two_cameras[0], CameraSettings(region=(0, 0, 64, 48), frame_rate_Hz=50.0))
+    assert camera.settings.frame_rate_Hz == pytest.approx(50.0)
+    first = camera.grab(PATIENCE_S).number
+    assert [camera.grab(PATIENCE_S).number for _ in range(3)] == [first + 1, first + 2, first + 3]
+    camera.flush()
+    assert camera.grab(PATIENCE_S).number > first + 4
+    camera.close()
+
+
 def test_a_late_frame_is_not_returned_for_the_next_grab(camera):
     with pytest.raises(InstrumentTimeout, match=r"no frame within 0\.001 s"):
         camera.grab(0.001)  # the emulator takes ten times that

@@ -14,7 +14,7 @@ import pytest
 
 from eimi_drivers.cameras import CameraSettings, open_camera
 from eimi_drivers.cameras.basler import BaslerCamera
-from eimi_drivers.interfaces import InstrumentTimeout, SetPointNotTaken
+from eimi_drivers.interfaces import InstrumentTimeout, SetPointNotTaken, SetPointRefused
 
 SETTINGS = CameraSettings(exposure_s=0.002, gain=6.0, gamma=0.8, region=(16, 32, 64, 48), bit_depth=12)
 
@@ -72,10 +72,13 @@ class Device:
     def __init__(self, stuck: str = "") -> None:
         defaults = {"ExposureTime": 1e4, "Gain": 0.0, "Gamma": 1.0, "PixelFormat": "Mono8"}
         defaults |= {"OffsetX": 0, "OffsetY": 0, "Width": 1280, "Height": 1024}
+        defaults |= {"AcquisitionFrameRateEnable": False, "AcquisitionFrameRate": 30.0, "SensorReadoutTime": 1680.0}
+        defaults |= {"BslResultingAcquisitionFrameRate": 100.0, "SensorShutterMode": "Rolling"}
         for name, value in defaults.items():
             setattr(self, name, Node(value, name == stuck))
         self.GevTimestampTickFrequency = Node(1e9)
         self.TriggerSelector, self.TriggerMode, self.TriggerSource = Node(""), Node("Off"), Node("")
+        self.MaxNumBuffer = Node(10)
         self.ready: list[int] = []
         self.triggered, self.late, self.grabbing = 0, False, False
 
@@ -156,6 +159,38 @@ def test_a_setting_that_reads_back_wrong_is_named(device: Device, node: str, set
     with pytest.raises(SetPointNotTaken, match=f"{setting} was set to .* but reads back"):
         BaslerCamera(0, SETTINGS)
     assert not device.grabbing
+
+
+def test_with_a_frame_rate_the_camera_runs_freely_and_frames_under_way_at_a_flush_are_skipped(device: Device) -> None:
+    camera = open_camera("basler", 0, CameraSettings(frame_rate_Hz=100.0))
+    assert (device.AcquisitionFrameRateEnable.Value, device.AcquisitionFrameRate.Value) == (True, 100.0)
+    assert (device.TriggerMode.Value, camera.settings.frame_rate_Hz) == ("Off", 100.0)
+    device.ready = [1, 2]
+    assert [camera.grab(1.0).number for _ in range(2)] == [1, 2]
+    device.ready = [3, 4]
+    camera.flush()
+    device.ready = [5, 6, 7, 8]
+    assert [camera.grab(1.0).number for _ in range(2)] == [7, 8]
+
+
+def test_a_frame_rate_that_the_camera_does_not_reach_is_refused(device: Device) -> None:
+    with pytest.raises(SetPointNotTaken, match=r"frame_rate_Hz was set to 200\.0 but reads back 100\.0"):
+        open_camera("basler", 0, CameraSettings(frame_rate_Hz=200.0))
+
+
+def test_a_trigger_input_is_refused_with_the_driver_that_has_one(device: Device) -> None:
+    assert open_camera("basler", 0, CameraSettings(trigger="software")).settings.trigger == "software"
+    with pytest.raises(SetPointRefused, match="trigger = 'Line1' must be 'software'; the driver aravis has"):
+        open_camera("basler", 0, CameraSettings(trigger="Line1"))
+
+
+@pytest.mark.parametrize(("shutter", "row_time_s"), [("Rolling", 35e-6), ("Global", 0.0), ("GlobalReset", None)])
+def test_the_row_time_of_the_shutter_is_read_from_the_camera(
+    device: Device, shutter: str, row_time_s: float | None
+) -> None:
+    device.SensorShutterMode = Node(shutter)
+    camera = open_camera("basler", 0, CameraSettings(region=(0, 0, 64, 48)))
+    assert camera.settings.row_time_s == (None if row_time_s is None else pytest.approx(row_time_s))
 
 
 def test_a_frame_of_an_earlier_trigger_is_not_returned(device: Device) -> None:

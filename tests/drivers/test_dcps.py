@@ -58,6 +58,21 @@ def test_the_korad_class_of_dcps_drives_the_coil() -> None:
         client.close()
 
 
+def test_the_class_for_the_pl_series_of_dcps_drives_an_aim_tti() -> None:
+    coil = CoilSupply(WallClock())
+    with serve_tcp(emulate("aim-tti", coil)) as address:
+        client = dcps_client("AimTTiPLP", address)
+        client.setVoltage(12.0)
+        client.setCurrent(0.5)
+        client.outputOn()
+        assert (client.queryVoltage(), client.queryCurrent(), client.isOutputOn()) == (12.0, 0.5, True)
+        assert client.measureCurrent() <= 0.5
+        client.outputOff()
+        assert not client.isOutputOn()
+        client.close()
+    assert not coil.state.output
+
+
 @pytest.mark.parametrize(
     ("driver", "channel", "exchanges"),
     [

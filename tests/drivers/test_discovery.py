@@ -11,6 +11,8 @@ from serial.tools import list_ports
 
 from eimi_drivers import discovery
 from eimi_drivers.discovery import Found
+from eimi_drivers.lan_instruments import LanInstrument
+from eimi_drivers.supplies.recognised import recognise
 from eimi_drivers.supplies.transport import usb_serial_number
 
 
@@ -22,6 +24,7 @@ def test_without_instruments_discovery_gives_notes_and_opens_no_port(monkeypatch
     monkeypatch.setattr(list_ports, "comports", list)
     monkeypatch.setattr(discovery, "VIDEO_DEVICES", tmp_path / "absent")
     monkeypatch.setattr(discovery, "list_basler_cameras", tuple)
+    monkeypatch.setattr(discovery, "list_genicam_cameras", tuple)
     result = discovery.discover()
     assert not [found for found in result.found if not found.address.startswith("TCPIP")]
     assert discovery.NO_SUPPLY in result.notes or result.found
@@ -38,6 +41,41 @@ def test_serial_ports_name_the_driver(monkeypatch):
         Found("supply", discovery.SERIAL_DRIVERS, "/dev/ttyUSB0", "serial port"),
         Found("supply", "korad", "COM12", "USB Virtual COM, serial number A7"),
     )
+
+
+def test_gaussmeters_and_boards_are_recognised_by_their_usb_numbers(monkeypatch):
+    ports = [
+        SimpleNamespace(device="COM3", vid=0x1FB9, pid=0x0401, description="Model 425", serial_number="LSA12"),
+        SimpleNamespace(device="COM4", vid=0x2341, pid=0x0043, description=None, serial_number=None),
+    ]
+    monkeypatch.setattr(list_ports, "comports", lambda: ports)
+    assert discovery.list_serial_ports() == (
+        Found("sensor", "lakeshore-425", "COM3", "Model 425, serial number LSA12"),
+        Found("sensor", "text-line", "COM4", "Arduino board: serial port"),
+    )
+
+
+def test_a_host_that_announces_itself_and_answers_a_broadcast_is_listed_once(monkeypatch):
+    def announced():
+        instrument = LanInstrument("192.0.2.1", "TCPIP::192.0.2.1::9221::SOCKET", "TTi", recognise("CPX400DP"))
+        silent = LanInstrument("192.0.2.3", "", "a scope", None)
+        return instrument, silent
+
+    names = ("TCPIP::192.0.2.1::INSTR", "TCPIP::192.0.2.2::INSTR", "USB0::1::2::3::INSTR")
+    monkeypatch.setattr(pyvisa.ResourceManager, "list_resources", lambda self, query: names)
+    monkeypatch.setattr(discovery, "list_lan_instruments", announced)
+    monkeypatch.setattr(list_ports, "comports", list)
+    supplies = [(found.driver, found.address) for found in discovery.discover().found if found.kind == "supply"]
+    assert supplies == [
+        ("aim-tti", "TCPIP::192.0.2.1::9221::SOCKET"),
+        (discovery.SCPI_DRIVERS, "TCPIP::192.0.2.3::5025::SOCKET"),
+        (discovery.SCPI_DRIVERS, "TCPIP::192.0.2.2::INSTR"),
+        (discovery.SCPI_DRIVERS, "USB0::1::2::3::INSTR"),
+    ]
+
+
+def test_no_note_asks_to_install_a_package(monkeypatch):
+    assert not [note for note in discovery.list_visa_resources()[1] if "install" in note]
 
 
 def test_ports_that_the_system_cannot_list_are_a_note(monkeypatch):
@@ -93,4 +131,5 @@ def test_a_port_that_this_user_may_not_open_is_noted_with_the_remedy(monkeypatch
     monkeypatch.setattr(list_ports, "comports", lambda: [listed])
     monkeypatch.setattr(discovery.os, "access", lambda path, mode: False)
     monkeypatch.setattr(discovery, "list_basler_cameras", tuple)
+    monkeypatch.setattr(discovery, "list_genicam_cameras", tuple)
     assert any(str(port) in note and "dialout" in note for note in discovery.discover().notes)

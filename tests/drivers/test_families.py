@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-import pytest
+import sys
 
-from eimi_drivers.clock import SimulatedClock
+import pytest
+import serial
+
+from eimi_drivers.clock import SimulatedClock, WallClock
 from eimi_drivers.emulators import DIALECTS, emulate
-from eimi_drivers.emulators.faults import Fault
+from eimi_drivers.emulators.faults import Fault, FaultyInstrument
 from eimi_drivers.emulators.genesys import GenesysDialect
+from eimi_drivers.emulators.serve import serve_pty
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import (
+    InstrumentDisconnected,
     InstrumentError,
     InstrumentTimeout,
     Limits,
@@ -64,6 +69,46 @@ def test_a_current_that_flows_at_a_kepcos_zero_is_reported(bench_of):
         bench.supply.safe_off()
 
 
+@pytest.mark.parametrize("driver", ["keysight-n6900", "delta-sm15k", "delta-psc-eth"])
+def test_a_mode_that_was_changed_at_the_front_panel_is_brought_about_again(bench_of, driver):
+    bench = bench_of(f"{driver} in process")
+    bench.energise()
+    message = {"keysight-n6900": b"FUNC VOLT\n"}.get(driver, b"SYSTEM:REMOTE:CC FRONT\n")
+    bench.line.receive(message)
+    bench.supply.safe_off()
+    bench.energise(0.5)
+    assert bench.coil.coil_current_A() == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize("driver", ["keysight-n6900", "delta-sm15k"])
+def test_a_mode_that_is_not_taken_is_an_error_before_any_set_point(bench_of, driver):
+    bench = bench_of(f"{driver} in process")
+    mode = {"keysight-n6900": b"FUNC CURR\n", "delta-sm15k": b"SYSTEM:REMOTE:CC REMOTE\n"}[driver]
+    bench.line.inject(Fault.SILENCE, lambda message: message == mode)
+    with pytest.raises(SetPointNotTaken, match=r"was sent but .*\? is answered"):
+        bench.supply.set_current(0.5)
+    assert bench.coil.state.set_current_A == 0.0
+
+
+def test_limits_of_a_delta_that_are_off_are_an_error(bench_of):
+    bench = bench_of("delta-sm15k in process")
+    answers = bench.line.receive
+    question = b"SYSTEM:LIMITS:CURRENT?\n"
+    bench.line.receive = lambda data: b"1.1000,OFF\n" if data == question else answers(data)
+    with pytest.raises(SetPointNotTaken, match=r"was not switched on \(SYSTEM:LIMITS:CURRENT\?\)"):
+        bench.energise()
+    assert not bench.coil.state.output
+
+
+def test_a_bit4886_keeps_its_output_on_and_limits_the_voltage_of_both_signs(bench_of):
+    bench = bench_of("kepco-bit4886 in process")
+    bench.energise(-0.7)
+    assert bench.coil.state.set_voltage_V == 12.0
+    bench.supply.safe_off()
+    assert not [message for message in bench.sent if message.startswith(b"OUTP 0")]
+    assert b"VOLT:PROT:POS 12.00\n" not in bench.sent
+
+
 def test_a_genesys_is_addressed_again_after_it_did_not_answer():
     clock = SimulatedClock()
     coil = CoilSupply(clock)
@@ -113,7 +158,9 @@ def test_an_error_that_a_genesys_answers_is_raised(bench_of):
     ("driver", "level_V"),
     [
         *((driver, 13.2) for driver in ("rigol-dp800", "rs-hmp", "keysight-e364x", "keysight-e3632a")),
-        *((driver, 13.2) for driver in ("keysight-e36312a", "keysight-n6700")),
+        ("aim-tti", 13.2),
+        *((driver, 13.2) for driver in ("keysight-e36312a", "keysight-n6700", "keysight-n6900", "keysight-rp7900")),
+        *((driver, 13.2) for driver in ("keithley-2200", "keithley-2260b", "bk-xln", "owon-spe")),
         ("genesys", 13.53),  # 5 % of its 30 V above the limit
     ],
 )
@@ -136,14 +183,24 @@ LEVELS = {
     "rigol-dp800": b":OUTP:OVP:VAL 13.20\n",
     "rs-hmp": b"VOLT:PROT:LEV 13.20\n",
     "kepco-bop": b"CURR:LIM:NEG 1.000\n",
+    "aim-tti": b"OCP1 1.100\n",
+    "keysight-n6900": b"VOLT:PROT 13.20\n",
+    "keysight-rp7900": b"VOLT:PROT 13.20\n",
+    "keithley-2200": b"VOLT:PROT 13.20\n",
+    "keithley-2260b": b"VOLT:PROT 13.20\n",
+    "delta-sm15k": b"SYSTEM:LIMITS:CURRENT 1.100,ON\n",
+    "bk-xln": b"OISET 1.100\r\n",
+    "owon-spe": b"CURR:LIM 1.100\n",
 }
-"""The message that sets the level of a protection, for each SCPI family that has one."""
+"""The message that sets the level of a protection, for each family that has one; Genesys has a test of its own."""
 
 SWITCHES = {
     "keysight-e3632a": b"CURR:PROT:STAT ON\n",
     "keysight-e364x": b"VOLT:PROT:STAT ON\n",
     "rigol-dp800": b":OUTP:OVP:STAT ON\n",
     "kepco-bop": b"VOLT:PROT:MODE FIX\n",
+    "keithley-2200": b"VOLT:PROT:STAT 1\n",
+    "bk-xln": b"OCP 1\r\n",
 }
 """The message that switches a protection on."""
 
@@ -271,3 +328,52 @@ def test_an_e364x_refuses_commands_for_over_current_protection():
     link.write(b"CURR:PROT:STAT ON\n")
     with pytest.raises(InstrumentError, match="-113 Undefined header"):
         SUPPLIES["keysight-e364x"](link, LIMITS, clock).check()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")
+@pytest.mark.parametrize("driver", ["keysight-e3631a", "keysight-e3632a", "keysight-e364x"])
+def test_a_supply_on_a_serial_line_is_moved_into_remote_mode(driver):
+    coil = CoilSupply(WallClock())
+    with serve_pty(FaultyInstrument(emulate(driver, coil))) as address:
+        with serial.Serial(address, timeout=0.1) as port:
+            port.write(b"*IDN?\n")
+            assert port.read(100) == b""  # lost, as the supply is still in local mode
+        supply = open_supply(driver, address, LIMITS)
+        supply.set_voltage(5.0)
+        supply.set_current(0.5)
+        supply.set_output(True)
+        assert coil.state.output
+        assert supply.safe_off().current_A < supply.limits.current_A
+        assert not coil.state.output
+        supply.close()
+
+
+def test_a_guardian_on_a_reopened_serial_line_moves_the_supply_into_remote_mode_again():
+    sent = []
+
+    class SerialLine(InProcessTransport):
+        lost = True
+
+        def reopen(self):
+            SerialLine.lost = False
+            return True
+
+        def write(self, message):
+            if SerialLine.lost and message.startswith(b"OUTP"):
+                raise InstrumentDisconnected("the line was lost")
+            sent.append(message)
+            super().write(message)
+
+    coil = CoilSupply(SimulatedClock())
+    line = SerialLine(emulate("keysight-e364x", coil), coil.clock, "/dev/ttyUSB0")
+    supply = SUPPLIES["keysight-e364x"](line, LIMITS, coil.clock)
+    supply.safe_off()
+    assert sent[0] == b"SYST:REM\n"
+    assert sent.count(b"SYST:REM\n") == 2
+
+
+def test_a_supply_on_a_bus_gets_no_message_for_remote_mode():
+    coil = CoilSupply(SimulatedClock())
+    line = InProcessTransport(emulate("keysight-e3631a", coil), coil.clock, "GPIB0::5::INSTR")
+    SUPPLIES["keysight-e3631a"](line, LIMITS, coil.clock).identify()
+    assert line.sent == [b"*IDN?\n"]

@@ -200,6 +200,30 @@ def test_only_the_newest_frame_of_a_device_is_kept_and_the_gap_is_counted(device
     assert (frame.number, int(frame.image[0, 0])) == (2, 3)
 
 
+def test_a_device_with_a_frame_rate_keeps_its_frames_in_order_until_its_ring_is_full(monkeypatch, tmp_path):
+    (tmp_path / "video97").touch()
+    monkeypatch.setattr(opencv, "DEVICES", tmp_path)
+    fake = FakeDevice(97)
+    monkeypatch.setattr(cv2, "VideoCapture", lambda index: fake)
+    camera = open_camera("opencv", "97", CameraSettings(frame_rate_Hz=100.0))
+    try:
+        for _ in range(opencv.BUFFERS + 3):
+            fake.expose()
+        fake.waiting.acquire(timeout=PATIENCE_S)  # it reads the next: all before are stored
+        fake.waiting.release()
+        assert [camera.grab(PATIENCE_S).number for _ in range(4)] == [3, 4, 5, 6]  # the first three were lost
+        fake.expose()
+        fake.waiting.acquire(timeout=PATIENCE_S)
+        fake.waiting.release()
+        camera.flush()
+        with pytest.raises(InstrumentTimeout):
+            camera.grab(0.01)
+    finally:
+        fake.unplugged = True
+        fake.expose()
+        camera.close()
+
+
 def test_flushing_a_device_also_drops_the_frame_under_exposure(device):
     camera, fake = device
     fake.expose()
@@ -260,7 +284,7 @@ def close(camera: Camera, fake: FakeDevice) -> None:
 
 
 def test_settings_are_set_and_read_back(bare_device):
-    settings = CameraSettings(exposure_s=0.005, gain=12.0, gamma=100.0, bit_depth=16)
+    settings = CameraSettings(exposure_s=0.005, gain=12.0, gamma=100.0, bit_depth=16, frame_rate_Hz=60.0)
     camera = open_camera("opencv", 97, settings)
     assert camera.settings == settings
     assert bare_device.properties[cv2.CAP_PROP_EXPOSURE] == 50  # of 100 µs
@@ -274,6 +298,7 @@ def test_settings_are_set_and_read_back(bare_device):
         (cv2.CAP_PROP_EXPOSURE, CameraSettings(exposure_s=0.005), "exposure_s was set to 0.005 but reads back 0"),
         (cv2.CAP_PROP_GAIN, CameraSettings(gain=12.0), "gain was set to 12.0 but reads back 0"),
         (cv2.CAP_PROP_GAMMA, CameraSettings(gamma=100.0), "gamma was set to 100.0 but reads back 0"),
+        (cv2.CAP_PROP_FPS, CameraSettings(frame_rate_Hz=60.0), "frame_rate_Hz was set to 60.0 but reads back 0"),
         (cv2.CAP_PROP_FOURCC, CameraSettings(bit_depth=16), "bit_depth was set to 16 but reads back 8"),
     ],
 )
@@ -286,7 +311,12 @@ def test_a_setting_that_reads_back_wrong_is_named_and_the_device_is_released(bar
 
 @pytest.mark.parametrize(
     "settings",
-    [CameraSettings(bit_depth=9), CameraSettings(exposure_s=-1.0), CameraSettings(region=(0, 0, 0, 5))],
+    [
+        CameraSettings(bit_depth=9),
+        CameraSettings(exposure_s=-1.0),
+        CameraSettings(region=(0, 0, 0, 5)),
+        CameraSettings(frame_rate_Hz=-1.0),
+    ],
 )
 def test_impossible_settings_are_refused(bare_device, settings):
     with pytest.raises(SetPointRefused, match="must be"):

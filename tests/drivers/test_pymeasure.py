@@ -1,4 +1,4 @@
-"""The instrument classes of PyMeasure work with the emulated supplies over TCP.
+"""The instrument classes of PyMeasure work with the emulated supplies and sensors over TCP.
 
 PyMeasure comes with the extra `bench`; without it these tests are skipped.
 """
@@ -12,7 +12,9 @@ from typing import Any
 import pytest
 
 from eimi_drivers.clock import WallClock
-from eimi_drivers.emulators import CoilSupply, emulate, serve_tcp
+from eimi_drivers.emulators import CoilSupply, emulate, serve_pty, serve_tcp
+from eimi_drivers.emulators.sensors import EmulatedQuantity, emulate_sensor
+from tests.patience import PATIENCE_S
 
 pytest.importorskip("pymeasure", reason="PyMeasure is not installed (extra bench)")
 
@@ -23,7 +25,11 @@ CLIENTS = {
     "rs-hmp": ("rohdeschwarz.hmp", "HMP4040"),
     "siglent-spd": ("siglenttechnologies", "SPD1168X"),
     "genesys": ("tdk.tdk_gen40_38", "TDK_Gen40_38"),
+    "keithley-2260b": ("keithley", "Keithley2260B"),
 }
+DEPRECATED = frozenset({"enabled", "error"})
+"""Properties of Keithley2260B that PyMeasure has replaced; its message about them cannot be formatted."""
+
 UNREADABLE = (LookupError, NotImplementedError)
 """The errors that PyMeasure raises for a property that its class does not have."""
 
@@ -44,7 +50,7 @@ def asked(client: Any) -> dict[str, object]:
     """Return the values of all properties of the client."""
     answers = {}
     for name in dir(type(client)):
-        if not isinstance(inspect.getattr_static(type(client), name), property):
+        if name in DEPRECATED or not isinstance(inspect.getattr_static(type(client), name), property):
             continue
         try:
             answers[name] = getattr(client, name)
@@ -77,6 +83,10 @@ def test_every_property_of_a_class_of_pymeasure_is_answered(driver: str) -> None
                 client.output_enabled = True
             case "kepco-bop":
                 client.operating_mode, client.current_setpoint, client.output_enabled = "CURR", 0.5, True
+            case "keithley-2260b":
+                client.voltage_setpoint, client.current_limit, client.output_enabled = 4.0, 0.4, True
+                client.applied = (5.0, 0.5)
+                assert list(client.applied) == [5.0, 0.5]
             case "keysight-e36312a":
                 channel = client.ch_1
                 channel.voltage_setpoint, channel.current_limit, channel.output_enabled = 5.0, 0.5, True
@@ -93,3 +103,54 @@ def test_every_property_of_a_class_of_pymeasure_is_answered(driver: str) -> None
         if driver != "genesys":
             assert client.ask("SYST:ERR?").strip().startswith("0"), answers
         assert (coil.state.output, coil.state.set_current_A) == (True, 0.5)
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+def test_the_class_for_the_pl_series_drives_an_aim_tti() -> None:
+    """The PL series has the commands of the others, except for its range of currents."""
+    aimtti = importlib.import_module("pymeasure.instruments.aimtti")
+    coil = CoilSupply(WallClock(), resistance_ohm=1.0)
+    with serve_tcp(emulate("aim-tti", coil)) as address:
+        client = aimtti.PL303P(address, visa_library="@py", read_termination="\r\n", write_termination="\n")
+        channel = client.ch_1
+        channel.voltage_setpoint, channel.current_limit, channel.output_enabled = 5.0, 0.5, True
+        assert (channel.voltage_setpoint, channel.current_limit, channel.output_enabled) == (5.0, 0.5, True)
+        assert 0.0 <= channel.current <= 0.5
+        assert channel.voltage >= 0.0
+        assert client.id.startswith("THURLBY THANDAR")
+        assert (coil.state.output, coil.state.set_current_A) == (True, 0.5)
+        client.all_outputs_enabled = False
+        assert not channel.output_enabled
+    assert not coil.state.output
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+def test_the_class_for_the_lake_shore_425_reads_the_emulated_field() -> None:
+    lakeshore = importlib.import_module("pymeasure.instruments.lakeshore")
+    quantity = EmulatedQuantity(WallClock(), lambda: 12.5)
+    with serve_tcp(emulate_sensor("lakeshore-425", quantity)) as address:
+        meter = lakeshore.LakeShore425(address, visa_library="@py", read_termination="\n", write_termination="\n")
+        for unit, field in (("T", 0.0125), ("G", 125.0), ("Oe", 125.0), ("A/m", 9947.18)):
+            meter.unit = unit
+            assert (meter.unit, meter.field) == (unit, pytest.approx(field, rel=1e-5))
+        meter.range = 350
+        meter.dc_mode(wideband=False)
+        assert (meter.range, meter.mode) == (350, (1, 0, 2))
+        mean, deviation = meter.measure(3)
+        assert (mean, deviation) == (pytest.approx(9947.2, rel=1e-4), 0.0)
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+def test_the_class_for_the_fw_bell_5080_reads_the_emulated_field() -> None:
+    adapters = importlib.import_module("pymeasure.adapters")
+    fwbell = importlib.import_module("pymeasure.instruments.fwbell")
+    quantity = EmulatedQuantity(WallClock(), lambda: 12.5)
+    with serve_pty(emulate_sensor("fwbell-5080", quantity)) as port:
+        line = {"read_termination": "\r\n", "write_termination": "\r\n"}
+        meter = fwbell.FWBell5080(adapters.SerialAdapter(port, baudrate=2400, timeout=PATIENCE_S, **line))
+        for unit, field in (("gauss", 125.0), ("tesla", 0.0125)):
+            meter.units = unit
+            assert (meter.units, meter.field) == (unit, pytest.approx(field))
+        meter.range = 2
+        assert meter.range == 2
+        assert meter.fields(3) == pytest.approx([0.0125] * 3)

@@ -54,14 +54,14 @@ def test_a_refused_set_point_is_reported_with_the_permitted_range(bench, value):
 
 def test_a_set_point_that_is_not_taken_is_reported_with_its_read_back(bench):
     bench.coil.max_current_A = 0.5
-    with pytest.raises(InstrumentError, match=r"reads back 0 A|-222 Data out of range|C05"):
+    with pytest.raises(InstrumentError, match=r"reads back 0 A|-222 Data out of range|C05|error 100"):
         bench.supply.set_current(0.7)
 
 
 def test_switching_off_a_locked_supply_reports_every_stage(waiting_bench):
     waiting_bench.energise()
     waiting_bench.coil.locked = True
-    with pytest.raises(InstrumentError, match=r"0\.7|203"):
+    with pytest.raises(InstrumentError, match=r"0\.7|203|error 200"):
         waiting_bench.supply.set_current(0.2)
     assert waiting_bench.coil.state.set_current_A == 0.7
     with pytest.raises(SwitchOffFailed, match=r"zero: failed.*verify: failed"):

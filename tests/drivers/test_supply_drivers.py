@@ -41,6 +41,12 @@ STAGES = {
     "siglent-spd": {"zero": (b"CH1:CURR",), "off": (b"OUTP CH1,OFF",), "verify": (b"SYST:STAT?",)},
     "rs-hmp": {"zero": (b"CURR",), "off": (b"OUTP OFF",), "verify": (b"OUTP?",)},
     "genesys": {"zero": (b"PC",), "off": (b"OUT OFF",), "verify": (b"OUT?",)},
+    "aim-tti": {"zero": (b"I1 ", b"I1?"), "off": (b"OP1 0",), "verify": (b"OP1?",)},
+    "keysight-n6900": {"zero": (b"CURR ", b"CURR?"), "off": (b"OUTP 0",), "verify": (b"OUTP?",)},
+    "keithley-2260b": {"zero": (b"CURR ", b"CURR?"), "off": (b"OUTP 0",), "verify": (b"OUTP?",)},
+    "delta-sm15k": {"zero": (b"SOURCE:CURRENT",), "off": (b"OUTPUT 0",), "verify": (b"OUTPUT?",)},
+    "bk-xln": {"zero": (b"CURR ", b"CURR?"), "off": (b"OUT 0",), "verify": (b"STATUS?",)},
+    "owon-spe": {"zero": (b"CURR ", b"CURR?"), "off": (b"OUTP OFF",), "verify": (b"OUTP?",)},
 }
 """The first bytes of the messages of each stage; Kepco, which is off at zero, is in `test_families`."""
 
@@ -85,7 +91,18 @@ def test_a_supply_set_above_the_limits_is_switched_off():
 
 
 def test_an_output_that_does_not_switch_on_is_reported(staged_bench):
-    on = {b"OUT1", b"OUTP 1", b"OUTP 1, (@1)", b":OUTP ON", b"OUTP CH1,ON", b"OUTP ON", b"OUT ON"}
+    on = {
+        b"OUT1",
+        b"OUTP 1",
+        b"OUTP 1, (@1)",
+        b":OUTP ON",
+        b"OUTP CH1,ON",
+        b"OUTP ON",
+        b"OUT ON",
+        b"OP1 1",
+        b"OUTPUT 1",
+        b"OUT 1",
+    }
     staged_bench.line.inject(Fault.SILENCE, lambda message: message.strip() in on)
     with pytest.raises((SetPointNotTaken, InstrumentTimeout)) as caught:
         staged_bench.supply.set_output(True)
@@ -290,7 +307,7 @@ def test_a_url_that_may_write_a_file_is_refused(tmp_path, scheme):
 
 
 def test_the_error_for_an_unknown_name_lists_the_drivers():
-    with pytest.raises(InstrumentError, match=r"'keithley'.*genesys, kepco-bop, .*korad, .*scpi, siglent-spd"):
+    with pytest.raises(InstrumentError, match=r"'keithley'.*genesys, .*kepco-bop, .*korad, .*scpi, siglent-spd"):
         open_supply("keithley", "/dev/null", LIMITS)
 
 

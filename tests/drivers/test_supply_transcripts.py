@@ -46,7 +46,9 @@ def scpi(
 ) -> list[tuple[str, str]]:
     """Return the exchanges of a run with a one-channel SCPI supply, with the strings of its family and its watchdog.
 
-    protected?: the queries that read the protections back, each with its answer after an equals sign.
+    protected?: the queries that read the protections back, each with its answer after an equals sign. mode: the same
+    for the settings that decide what a set-point means. remote: the message before all others on a serial line,
+    and to an emulator in the same process.
     """
     family = {
         "volt": "VOLT 12.00",
@@ -61,6 +63,7 @@ def scpi(
         "is_off": "0",
         "protect": "",
         "protected?": "",
+        "mode": "",
         "meas_curr?": "MEAS:CURR?",
         "meas_volt?": "MEAS:VOLT?",
         "err?": "SYST:ERR?",
@@ -72,12 +75,18 @@ def scpi(
     def channel(messages: str, reply: str = "") -> list[tuple[str, str]]:
         return [*([(select, "")] if select else []), *((message, reply) for message in messages.split("|"))]
 
-    no_error = [(family["err?"], family["none"])]
+    no_error = [(family["err?"], family["none"])] if family["err?"] else []
+    modes: list[tuple[str, str]] = [
+        exchange for mode in family["mode"].split("|") if mode for exchange in [tuple(mode.split("="))]
+    ]  # type: ignore[misc]
     return [
+        *([(family["remote"], "")] if "remote" in family else []),
         ("*IDN?", "MAKER,MODEL,0,1"),
+        *modes,
         *channel(family["volt"]),
         *no_error,
         *channel(family["volt?"], "12.00"),
+        *modes,
         *channel(family["curr"]),
         *no_error,
         *channel(family["curr?"], "0.700"),
@@ -102,6 +111,41 @@ def scpi(
         *disarmed,
     ]
 
+
+KEYSIGHT_WATCHDOG = (
+    *(("OUTP:PROT:WDOG:DEL 10", ""), ("OUTP:PROT:WDOG 1", ""), ("SYST:ERR?", '+0,"No error"')),
+    *(("OUTP:PROT:WDOG:DEL?", "+10"), ("OUTP:PROT:WDOG?", "1")),
+)
+N6900 = {
+    "mode": "FUNC?=CURR",
+    "volt": "VOLT:LIM 12.00",
+    "volt?": "VOLT:LIM?",
+    "protect": "OUTP 0|OUTP:PROT:CLE|CURR:PROT:STAT 0|VOLT:PROT 13.20",
+    "protected?": "CURR:PROT:STAT?=0|VOLT:PROT?=+1.32000000E+01",
+    "trip?": "STAT:QUES1:COND?|STAT:QUES2:COND?",
+    "none": '+0,"No error"',
+}
+DELTA_WATCHDOG = (
+    *(("SYSTEM:COMMUNICATE:WATCHDOG SET,10000", ""), ("SYSTEM:ERROR?", "0,None")),
+    ("SYSTEM:COMMUNICATE:WATCHDOG SET?", "10000"),
+)
+DELTA_STOPPED = (("SYSTEM:COMMUNICATE:WATCHDOG STOP", ""), ("SYSTEM:ERROR?", "0,None"))
+DELTA = {
+    "volt": "SOURCE:VOLTAGE 12.00",
+    "volt?": "SOURCE:VOLTAGE?",
+    "curr": "SOURCE:CURRENT 0.700",
+    "zero": "SOURCE:CURRENT 0.000",
+    "curr?": "SOURCE:CURRENT?",
+    "on": "OUTPUT 1",
+    "off": "OUTPUT 0",
+    "out?": "OUTPUT?",
+    "meas_curr?": "MEASURE:CURRENT?",
+    "meas_volt?": "MEASURE:VOLTAGE?",
+    "trip?": "SYSTEM:COMMUNICATE:WATCHDOG?",
+    "no_trip": "9990",
+    "err?": "SYSTEM:ERROR?",
+    "none": "0,None",
+}
 
 SCPI_TRANSCRIPTS = {
     "scpi": scpi(),
@@ -150,9 +194,12 @@ SCPI_TRANSCRIPTS = {
             "none": '+0,"No error"',
         },
     ),
-    "keysight-e3631a": scpi("INST:NSEL 1", **{"on": "OUTP ON", "off": "OUTP OFF", "none": '+0,"No error"'}),
+    "keysight-e3631a": scpi(
+        "INST:NSEL 1", **{"remote": "SYST:REM", "on": "OUTP ON", "off": "OUTP OFF", "none": '+0,"No error"'}
+    ),
     "keysight-e364x": scpi(
         **{
+            "remote": "SYST:REM",
             "protect": "VOLT:PROT:CLE|VOLT:PROT 13.20|VOLT:PROT:STAT ON",
             "protected?": "VOLT:PROT?=+1.32000000E+01|VOLT:PROT:STAT?=1",
             "trip?": "VOLT:PROT:TRIP?",
@@ -161,6 +208,7 @@ SCPI_TRANSCRIPTS = {
     ),
     "keysight-e3632a": scpi(
         **{
+            "remote": "SYST:REM",
             "protect": "CURR:PROT:CLE|CURR:PROT 1.100|CURR:PROT:STAT ON|"
             "VOLT:PROT:CLE|VOLT:PROT 13.20|VOLT:PROT:STAT ON",
             "protected?": "CURR:PROT?=+1.10000000E+00|CURR:PROT:STAT?=1|VOLT:PROT?=+1.32000000E+01|VOLT:PROT:STAT?=1",
@@ -217,6 +265,74 @@ SCPI_TRANSCRIPTS = {
             "trip?": "VOLT:PROT:TRIP?",
         },
     ),
+    "keysight-n6900": scpi(
+        armed=KEYSIGHT_WATCHDOG,
+        disarmed=(("OUTP:PROT:WDOG 0", ""), ("SYST:ERR?", '+0,"No error"')),
+        **N6900,
+    ),
+    "keysight-rp7900": scpi(
+        armed=KEYSIGHT_WATCHDOG,
+        disarmed=(("OUTP:PROT:WDOG 0", ""), ("SYST:ERR?", '+0,"No error"')),
+        **N6900,
+    ),
+    "keithley-2200": scpi(
+        armed=(
+            *(("OUTP:TIM:DEL 14400", ""), ("OUTP:TIM 1", ""), ("SYST:ERR?", NONE)),
+            *(("OUTP:TIM:DEL?", "14400.00"), ("OUTP:TIM?", "1")),
+        ),
+        disarmed=(("OUTP:TIM 0", ""), ("SYST:ERR?", NONE)),
+        **{
+            "protect": "OUTP 0|OUTP:PROT:CLE|VOLT:PROT 13.20|VOLT:PROT:STAT 1",
+            "protected?": "VOLT:PROT?=13.20|VOLT:PROT:STAT?=1",
+        },
+    ),
+    "keithley-2260b": scpi(
+        **{
+            "protect": "OUTP 0|OUTP:PROT:CLE|CURR:PROT:STAT 0|VOLT:PROT 13.20",
+            "protected?": "CURR:PROT:STAT?=0|VOLT:PROT?=+13.200",
+            "trip?": "STAT:QUES:COND?",
+            "no_trip": "+512",
+            "none": '+0, "No error"',
+        },
+    ),
+    "delta-sm15k": scpi(
+        armed=DELTA_WATCHDOG,
+        disarmed=DELTA_STOPPED,
+        **DELTA,
+        **{
+            "mode": "SYSTEM:REMOTE:CV?=Ethernet|SYSTEM:REMOTE:CC?=Ethernet",
+            "protect": "SYSTEM:LIMITS:VOLTAGE 13.20,ON|SYSTEM:LIMITS:CURRENT 1.100,ON",
+            "protected?": "SYSTEM:LIMITS:VOLTAGE?=13.2000,ON|SYSTEM:LIMITS:CURRENT?=1.1000,ON",
+        },
+    ),
+    "delta-psc-eth": scpi(
+        armed=DELTA_WATCHDOG,
+        disarmed=DELTA_STOPPED,
+        **DELTA,
+        **{"mode": "SYSTEM:REMOTE:CV?=REM|SYSTEM:REMOTE:CC?=REM"},
+    ),
+    "owon-spe": scpi(
+        **{
+            "on": "OUTP ON",
+            "off": "OUTP OFF",
+            "is_on": "ON",
+            "is_off": "OFF",
+            "err?": "",
+            "protect": "VOLT:LIM 13.20|CURR:LIM 1.100",
+            "protected?": "VOLT:LIM?=13.200|CURR:LIM?=1.100",
+            "trip?": "MEAS:ALL:INFO?",
+            "no_trip": "2.800,0.699,1.957,OFF,OFF,OFF,2",
+        },
+    ),
+    "kepco-bit4886": [
+        ("*IDN?", "KEPCO,BIT 4886 36-12,0,1"),
+        *(("FUNC:MODE CURR", ""), ("VOLT 12.00", ""), ("SYST:ERR?", NONE), ("VOLT?", "1.20E1")),
+        *(("FUNC:MODE CURR", ""), ("CURR 0.70", ""), ("SYST:ERR?", NONE), ("CURR?", "7.0E-1")),
+        *(("OUTP 1", ""), ("SYST:ERR?", NONE), ("OUTP?", "1")),
+        *(("MEAS:CURR?", "6.99E-1"), ("MEAS:VOLT?", "2.8E0"), ("SYST:ERR?", NONE), ("OUTP?", "1")),
+        *(("FUNC:MODE CURR", ""), ("CURR 0.00", ""), ("FUNC:MODE CURR", ""), ("CURR 0.00", ""), ("SYST:ERR?", NONE)),
+        *(("CURR?", "0.0E0"), ("CURR?", "0.0E0"), ("MEAS:CURR?", "1.2E-3"), ("MEAS:VOLT?", "0.0E0")),
+    ],
     "kepco-bop": [
         ("*IDN?", "KEPCO,BOP 1KW 36-28,0,1"),
         *(("FUNC:MODE CURR", ""), ("VOLT:PROT:POS 12.00", ""), ("VOLT:PROT:NEG 12.00", "")),
@@ -258,6 +374,29 @@ GENESYS = [
     *(("OUT?", "OFF"), ("OUT?", "OFF"), ("MC?", "00.040"), ("MV?", "00.000")),
 ]
 
+AIM_TTI = [
+    ("*IDN?", "THURLBY THANDAR, QL355P, 123456, 1.00 - 2.00"),
+    *(("*CLS", ""), ("IFLOCK", "1"), ("V1 12.00", ""), ("*ESR?", "0"), ("V1?", "V1 12.000")),
+    *(("I1 0.700", ""), ("*ESR?", "0"), ("I1?", "I1 0.7000")),
+    *(("TRIPRST", ""), ("LSR1?", "3"), ("OVP1 13.20", ""), ("OCP1 1.100", ""), ("*ESR?", "0")),
+    *(("OVP1?", "VP1 13.2"), ("OCP1?", "CP1 1.10")),
+    *(("OP1 1", ""), ("*ESR?", "0"), ("OP1?", "1")),
+    *(("I1O?", "0.6990A"), ("V1O?", "2.800V")),
+    *(("*ESR?", "0"), ("LSR1?", "2"), ("OP1?", "1")),
+    *(("I1 0.000", ""), ("OP1 0", ""), ("*ESR?", "0"), ("I1?", "I1 0.0000"), ("OP1?", "0")),
+    *(("I1O?", "0.0001A"), ("V1O?", "0.010V"), ("IFLOCK?", "1"), ("IFUNLOCK", "0")),
+]
+
+XLN = [
+    *(("MODEL?", "XLN3640"), ("VERSION?", "1.08")),
+    *(("VOLT 12.00", ""), ("VOLT?", "12.000"), ("CURR 0.70", ""), ("CURR?", "0.700")),
+    *(("CLR", ""), ("OVSET 13.20", ""), ("OVP 1", ""), ("OISET 1.100", ""), ("OCP 1", "")),
+    *(("OVSET?", "13.20"), ("OISET?", "1.100"), ("STATUS?", "0000C2"), ("OUT 1", ""), ("STATUS?", "0000CE")),
+    *(("IOUT?", "0.699"), ("VOUT?", "2.800"), ("STATUS?", "0000CE"), ("STATUS?", "0000CE")),
+    *(("CURR 0.00", ""), ("OUT 0", ""), ("CURR?", "0.000"), ("STATUS?", "0000C2")),
+    *(("IOUT?", "0.002"), ("VOUT?", "0.01")),
+]
+
 KORAD = [
     ("*IDN?", "KORADKA3005PV2.0"),
     *(("VSET1:12.00", ""), ("VSET1?", "12.00"), ("VSET1?", "12.00")),
@@ -271,6 +410,8 @@ KORAD = [
 TRANSCRIPTS = {
     "korad": (KORAD, "", ""),
     "genesys": (GENESYS, "\r", "\r"),
+    "aim-tti": (AIM_TTI, "\n", "\r\n"),
+    "bk-xln": (XLN, "\r\n", "\r\n"),
     **{driver: (exchanges, "\n", "\n") for driver, exchanges in SCPI_TRANSCRIPTS.items()},
 }
 

@@ -1,4 +1,4 @@
-"""Read Basler cameras with pypylon, one software trigger for each frame. Needs the extra `basler`."""
+"""Read Basler cameras with pypylon, triggered by software or at a frame rate. Needs the extra `basler`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings
+from eimi_drivers.cameras.rolling_shutter import READOUT_FEATURE, SHUTTER_FEATURES, row_time_s
+from eimi_drivers.cameras.settings import NO_SETTINGS, SOFTWARE, CameraSettings
 from eimi_drivers.interfaces import (
     Frame,
     Identity,
@@ -19,15 +20,25 @@ from eimi_drivers.interfaces import (
 
 EXPOSURE_NODES = ("ExposureTime", "ExposureTimeAbs")
 GAIN_NODES = ("Gain",)
+FRAME_RATE_NODES = ("AcquisitionFrameRate", "AcquisitionFrameRateAbs")
+RESULTING_RATE_NODES = ("BslResultingAcquisitionFrameRate", "ResultingFrameRate", "ResultingFrameRateAbs")
+"""The rate that the camera reaches with its present exposure, region and bandwidth."""
+
 PIXEL_FORMATS = {8: "Mono8", 10: "Mono10", 12: "Mono12", 16: "Mono16"}
 USB_TICKS_PER_S = 1e9
+BUFFERS = 32
+"""Frames that a freely running camera fills while the program does something else."""
+
+FRAMES_ON_THE_WAY = 2
+"""Frames of a freely running camera that a flush does not reach: one is being transferred, one is being exposed."""
 
 
 class BaslerCamera:
     """Control a Basler camera.
 
-    Every `grab` triggers a new exposure, so that a frame is never older than the call. The frame number is the camera's
-    block identifier. The time stamp is from the camera's clock, or from the host's clock if the camera has none. If a
+    Without a frame rate every `grab` triggers a new exposure, so that a frame is never older than the call. With a
+    frame rate the camera runs freely, and `grab` returns its frames in order. The frame number is the camera's block
+    identifier. The time stamp is from the camera's clock, or from the host's clock if the camera has none. If a
     transfer fails, `grab` raises InstrumentError, and the number of that frame is missing in the sequence.
 
     Parameters
@@ -66,8 +77,10 @@ class BaslerCamera:
             self._camera.Open()
         try:
             with self._errors_named():
+                self._triggered, self._to_skip = settings.frame_rate_Hz is None, 0
                 self.settings = self._set_up(settings)
                 self._ticks_per_s = self._tick_frequency()
+                self._camera.MaxNumBuffer.Value = BUFFERS
                 self._camera.StartGrabbing(pylon.GrabStrategy_OneByOne)
         except InstrumentError:
             self.close()
@@ -100,8 +113,8 @@ class BaslerCamera:
         read_back = self._read_back()
         settings.verify(f"Basler camera {self.source}", read_back)
         self._camera.TriggerSelector.Value = "FrameStart"
-        self._camera.TriggerMode.Value = "On"
         self._camera.TriggerSource.Value = "Software"
+        self._camera.TriggerMode.Value = "On" if settings.frame_rate_Hz is None else "Off"
         return read_back
 
     def _set(self, settings: CameraSettings) -> None:
@@ -113,6 +126,11 @@ class BaslerCamera:
                     f"{', '.join(map(str, PIXEL_FORMATS))}"
                 )
             camera.PixelFormat.Value = PIXEL_FORMATS[settings.bit_depth]
+        if settings.trigger not in (None, SOFTWARE):
+            raise SetPointRefused(
+                f"Basler camera {self.source}: trigger = {settings.trigger!r} must be {SOFTWARE!r}; the driver aravis "
+                "has trigger inputs"
+            )
         if settings.region is not None:
             self._set_region(*settings.region)
         if settings.exposure_s is not None:
@@ -121,6 +139,10 @@ class BaslerCamera:
             self._node(GAIN_NODES).Value = settings.gain
         if settings.gamma is not None:
             camera.Gamma.Value = settings.gamma
+        if settings.frame_rate_Hz is not None:
+            if self._readable(camera.AcquisitionFrameRateEnable):  # some cameras have the rate without this switch
+                camera.AcquisitionFrameRateEnable.Value = True
+            self._node(FRAME_RATE_NODES).Value = settings.frame_rate_Hz
 
     def _set_region(self, left: int, top: int, width: int, height: int) -> None:
         camera = self._camera
@@ -129,11 +151,14 @@ class BaslerCamera:
         camera.OffsetX.Value, camera.OffsetY.Value = left, top
 
     def _node(self, names: tuple[str, ...]) -> Any:
-        for name in names:
-            node = getattr(self._camera, name)
-            if self._readable(node):
-                return node
-        raise InstrumentError(f"Basler camera {self.source}: the camera has no {' or '.join(names)}")
+        node = self._first_readable(names)
+        if node is None:
+            raise InstrumentError(f"Basler camera {self.source}: the camera has no {' or '.join(names)}")
+        return node
+
+    def _first_readable(self, names: tuple[str, ...]) -> Any:
+        nodes = (getattr(self._camera, name) for name in names)
+        return next((node for node in nodes if self._readable(node)), None)
 
     def _read_back(self) -> CameraSettings:
         camera = self._camera
@@ -144,7 +169,17 @@ class BaslerCamera:
             gamma=float(camera.Gamma.Value) if self._readable(camera.Gamma) else None,
             region=(camera.OffsetX.Value, camera.OffsetY.Value, camera.Width.Value, camera.Height.Value),
             bit_depth=depths.get(camera.PixelFormat.Value),
+            frame_rate_Hz=None if self._triggered else float(self._node(RESULTING_RATE_NODES + FRAME_RATE_NODES).Value),
+            trigger=SOFTWARE if self._triggered else None,
+            row_time_s=self._row_time_s(),
         )
+
+    def _row_time_s(self) -> float | None:
+        shutter = self._first_readable(SHUTTER_FEATURES)
+        if shutter is None:
+            return None
+        readout = self._first_readable((READOUT_FEATURE,))
+        return row_time_s(shutter.Value, readout and readout.Value, self._camera.Height.Value)
 
     def _tick_frequency(self) -> float:
         node = self._camera.GevTimestampTickFrequency
@@ -156,7 +191,8 @@ class BaslerCamera:
         return Identity(self.name, f"{info.GetModelName()} {info.GetSerialNumber()}", self.source)
 
     def flush(self) -> None:
-        """Discard the frames that arrived after their `grab` had timed out."""
+        """Discard the frames that have arrived, because they were exposed before this call."""
+        self._to_skip = 0 if self._triggered else FRAMES_ON_THE_WAY
         with self._errors_named():
             while self._camera.IsGrabbing():
                 with self._camera.RetrieveResult(0, self._pylon.TimeoutHandling_Return) as result:
@@ -164,19 +200,26 @@ class BaslerCamera:
                         return
 
     def grab(self, timeout_s: float) -> Frame:
-        """Trigger an exposure and return its frame.
+        """Trigger an exposure and return its frame; with a frame rate, return the next frame.
 
         Raises InstrumentTimeout after `timeout_s`, InstrumentDisconnected if the camera was unplugged or closed, and
         InstrumentError if the frame was not transferred completely.
         """
-        timeout_ms = max(round(timeout_s * 1000), 1)
         if self._removed() or not self._camera.IsGrabbing():
             raise InstrumentDisconnected(f"Basler camera {self.source}: it was unplugged or closed")
-        self.flush()
+        if self._triggered:
+            self.flush()
+        until_s = time.monotonic() + timeout_s
+        timeout_ms = max(round(timeout_s * 1000), 1)
         with self._errors_named():
-            if not self._camera.WaitForFrameTriggerReady(timeout_ms, self._pylon.TimeoutHandling_Return):
-                raise self._no_frame(timeout_s)
-            self._camera.ExecuteSoftwareTrigger()
+            if self._triggered:
+                if not self._camera.WaitForFrameTriggerReady(timeout_ms, self._pylon.TimeoutHandling_Return):
+                    raise self._no_frame(timeout_s)
+                self._camera.ExecuteSoftwareTrigger()
+            while self._to_skip and time.monotonic() < until_s:
+                with self._camera.RetrieveResult(timeout_ms, self._pylon.TimeoutHandling_Return) as skipped:
+                    self._to_skip -= skipped.IsValid()
+                timeout_ms = max(round((until_s - time.monotonic()) * 1000), 1)
             with self._camera.RetrieveResult(timeout_ms, self._pylon.TimeoutHandling_Return) as result:
                 if not result.IsValid():
                     raise self._no_frame(timeout_s)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from eimi_drivers.cameras.aravis import AravisCamera
 from eimi_drivers.cameras.basler import BaslerCamera
+from eimi_drivers.cameras.gentl import GenTLCamera
 from eimi_drivers.cameras.opencv import OpenCVCamera
 from eimi_drivers.cameras.settings import NO_SETTINGS, CameraSettings, settings_of
 from eimi_drivers.contract import check_camera, check_camera_driver
@@ -12,7 +14,7 @@ from eimi_drivers.interfaces import Camera, CameraDriver, InstrumentError, raise
 CAMERAS: Drivers[CameraDriver] = Drivers(
     "camera",
     "eimi_drivers.cameras",
-    {OpenCVCamera.name: OpenCVCamera, BaslerCamera.name: BaslerCamera},
+    {camera.name: camera for camera in (OpenCVCamera, BaslerCamera, AravisCamera, GenTLCamera)},
     reserved=("virtual",),
 )
 """Camera drivers by name: those of this package, of other installed packages, and those added by a program."""
@@ -26,8 +28,8 @@ def open_camera(driver: str, source: str | int, settings: CameraSettings = NO_SE
     driver : str
         A name in `CAMERAS`.
     source : str or int
-        The camera. For "opencv": a device index, a video file, a folder of images or a numbered pattern. For "basler":
-        a serial number. Other drivers define their own.
+        The camera. For "opencv": a device index, a video file, a folder of images or a numbered pattern. For "basler"
+        and "gentl": a serial number. For "aravis": a serial number or an IP address. Other drivers define their own.
     settings : CameraSettings
         Settings that are applied before the first frame and read back.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections import deque
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -25,6 +26,9 @@ from eimi_drivers.interfaces import (
 )
 
 CLOSE_WITHIN_S = 2.0
+BUFFERS = 32
+"""Frames of a device with a frame rate that are kept while the program does something else."""
+
 DEVICES = Path("/dev")
 """The folder of the cameras' device nodes on Linux."""
 
@@ -69,6 +73,8 @@ class _Capture:
             read_back = replace(read_back, bit_depth=self._set_bit_depth(settings.bit_depth))
         if settings.exposure_s is not None:
             read_back = replace(read_back, exposure_s=self._set_exposure(settings.exposure_s))
+        if settings.frame_rate_Hz is not None:
+            read_back = replace(read_back, frame_rate_Hz=self._set_frame_rate(settings.frame_rate_Hz))
         if settings.gain is not None:
             capture.set(cv2.CAP_PROP_GAIN, settings.gain)
             read_back = replace(read_back, gain=capture.get(cv2.CAP_PROP_GAIN))
@@ -99,6 +105,12 @@ class _Capture:
             return float(2.0 ** capture.get(cv2.CAP_PROP_EXPOSURE))
         raise InstrumentError(f"{self._name}: the unit of exposure is not known for OpenCV's backend {backend}")
 
+    def _set_frame_rate(self, rate_Hz: float) -> float:
+        if not rate_Hz > 0:
+            raise SetPointRefused(f"{self._name}: frame_rate_Hz = {rate_Hz} must be greater than 0")
+        self._capture.set(cv2.CAP_PROP_FPS, rate_Hz)
+        return float(self._capture.get(cv2.CAP_PROP_FPS))
+
     def read(self) -> tuple[NDArray[Any], float]:
         success, image = self._capture.read()
         # OpenCV may still report success after a camera is unplugged, but its device node disappears.
@@ -125,8 +137,9 @@ class OpenCVCamera:
 
     A separate thread is needed because OpenCV's `read` has no timeout.
 
-    For a device, only the newest frame is kept, so that `grab` never returns an old one. `Frame.number` also counts the
-    frames that were discarded. `flush` discards a frame if its time stamp is earlier than the call or if it was being
+    For a device, only the newest frame is kept, so that `grab` never returns an old one. With a frame rate, the newest
+    `BUFFERS` frames are kept, and `grab` returns them in order. `Frame.number` also counts the frames that were
+    discarded. `flush` discards a frame if its time stamp is earlier than the call or if it was being
     read during the call. For a recording, every frame is returned in order, and `flush` has no effect.
 
     The time stamp of a device's frame is from the host's monotonic clock (on V4L2, the kernel's time stamp). The time
@@ -164,7 +177,8 @@ class OpenCVCamera:
             self._input.release()
             raise
         self._changed = threading.Condition()
-        self._newest: Frame | None = None
+        runs_freely = self._live and self.settings.frame_rate_Hz is not None
+        self._waiting: deque[Frame] = deque(maxlen=BUFFERS if runs_freely else 1)
         self._failure: InstrumentError | None = None
         self._flushes = 0
         self._flushed_s = -math.inf
@@ -205,7 +219,7 @@ class OpenCVCamera:
         """Discard the frames of a device whose exposure may have begun before this call."""
         if self._live:
             with self._changed:
-                self._newest = None
+                self._waiting.clear()
                 self._flushes += 1
                 self._flushed_s = time.monotonic()
 
@@ -216,8 +230,8 @@ class OpenCVCamera:
         EndOfPlayback after the last frame of a recording, and ReplyNotUnderstood for an unreadable image file.
         """
         with self._changed:
-            self._changed.wait_for(lambda: self._newest or self._failure or self._closing, timeout_s)
-            frame, self._newest = self._newest, None
+            self._changed.wait_for(lambda: self._waiting or self._failure or self._closing, timeout_s)
+            frame = self._waiting.popleft() if self._waiting else None
             self._changed.notify_all()
             if self._closing:
                 raise InstrumentDisconnected(f"{self.source}: the camera was closed")
@@ -244,7 +258,7 @@ class OpenCVCamera:
                 with self._changed:
                     # Discard a frame that was read, or was waiting in the device's buffer, before the flush.
                     if flushes == self._flushes and not (self._live and time_s < self._flushed_s):
-                        self._newest = Frame(image=image, number=number, timestamp_s=time_s)
+                        self._waiting.append(Frame(image=image, number=number, timestamp_s=time_s))
                         self._changed.notify_all()
                 number += 1
         except InstrumentError as error:
@@ -274,5 +288,5 @@ class OpenCVCamera:
     def _wait_for_room(self) -> bool:
         with self._changed:
             if not self._live:
-                self._changed.wait_for(lambda: self._newest is None or self._closing)
+                self._changed.wait_for(lambda: not self._waiting or self._closing)
             return not self._closing

@@ -28,6 +28,17 @@ class CameraSettings:
         Left, top, width and height of the part of the image to use, px.
     bit_depth : int, optional
         Number of bits of a grey value.
+    frame_rate_Hz : float, optional
+        Frames per second of a camera that runs freely. If it is set, the camera exposes at this rate, and `grab`
+        returns its frames one after the other. If it is None, the driver chooses when the camera exposes.
+    pixel_format : str, optional
+        Pixel format of a GenICam camera by its name there, such as "Mono8", "Mono12Packed" or "BayerRG8".
+    trigger : str, optional
+        "software", or the name of the camera's input that triggers an exposure, such as "Line1". None is "software",
+        unless a frame rate is set.
+    row_time_s : float, optional
+        Time between the exposures of two neighbouring rows of a rolling shutter, s, as the camera states it; 0 for a
+        global shutter. It cannot be set: it is None in a request, and in the answer of a camera that does not state it.
     """
 
     exposure_s: float | None = None
@@ -35,6 +46,10 @@ class CameraSettings:
     gamma: float | None = None
     region: tuple[int, int, int, int] | None = None
     bit_depth: int | None = None
+    frame_rate_Hz: float | None = None
+    pixel_format: str | None = None
+    trigger: str | None = None
+    row_time_s: float | None = None
 
     def chosen(self) -> dict[str, Any]:
         """Return the settings that are not None, by name."""
@@ -51,6 +66,9 @@ class CameraSettings:
         if wrong:
             raise SetPointNotTaken(f"{camera}: {'; '.join(wrong)}")
 
+
+SOFTWARE = "software"
+"""The trigger of a camera that exposes on request; GenICam calls this source "Software"."""
 
 NO_SETTINGS = CameraSettings()
 """Leave every setting of the camera unchanged."""

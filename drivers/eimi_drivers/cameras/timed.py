@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 from eimi_drivers.cameras.settings import settings_of
@@ -91,6 +91,11 @@ class TimedCamera:
     def grab(self, timeout_s: float) -> Frame:
         """Return the next frame, see `Camera.grab`."""
         return self._within(timeout_s + GRACE_S, "grab", lambda: self._camera.grab(timeout_s))
+
+    @property
+    def lost_frames(self) -> Mapping[str, int]:
+        """The number of lost frames by reason; empty if the camera does not count them."""
+        return dict(getattr(self._camera, "lost_frames", {}))
 
     def close(self) -> None:
         """Release the camera, see `Camera.close`; do nothing if an earlier call has not returned."""

@@ -138,6 +138,7 @@ class KeysightE3631ADialect(_ChannelSelected):
     """
 
     identification = "HEWLETT-PACKARD,E3631A,0,2.1-5.0-1.0"
+    serial_line_begins_local = True  # User's Guide (E3631-90002, edition 10), page 108
     names: ClassVar[dict[str, str]] = {"1": "P6V", "2": "P25V", "3": "N25V"}
 
     def __init__(self, supply: CoilSupply, channel: int = 1) -> None:

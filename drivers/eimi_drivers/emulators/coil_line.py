@@ -29,9 +29,12 @@ class _CurrentResponder:
         return b"%.9f\n" % self._coil.coil_current_A() * data.count(b"\n")
 
 
-def serve_coil(coil: CoilSupply) -> AbstractContextManager[str]:
-    """Serve the coil's current on a free TCP port while the context lasts; its value is the address, see `ADDRESS`."""
-    return serve_tcp(_CurrentResponder(coil))
+def serve_coil(coil: CoilSupply, port: int = 0) -> AbstractContextManager[str]:
+    """Serve the coil's current on a TCP port while the context lasts; its value is the address, see `ADDRESS`.
+
+    Port 0 selects a free one.
+    """
+    return serve_tcp(_CurrentResponder(coil), port=port)
 
 
 class RemoteCoil:

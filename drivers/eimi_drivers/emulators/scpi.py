@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import ClassVar
 
 from eimi_drivers.emulators.supply import CoilSupply
 
@@ -18,7 +19,7 @@ _SHORT = {
         *("SOURce", "VOLTage", "CURRent", "OUTPut", "MEASure", "SYSTem", "ERRor", "PROTection", "STATe", "TRIPped"),
         *("CLEar", "INSTrument", "NSELect", "SELect", "LEVel", "IMMediate", "AMPLitude", "FUNCtion", "LIMit"),
         *("POSitive", "NEGative", "GENeral", "VALue", "SCALar", "STATus", "VERSion", "QUEStion", "APPLy", "TRACk"),
-        *("BEEPer", "LOCal", "REMote", "RWLock"),
+        *("BEEPer", "LOCal", "REMote", "RWLock", "TIMer", "DELay", "CONDition"),
     )
 }
 _OPTIONAL = frozenset({"SOUR", "LEV", "IMM", "AMPL", "SCAL", "DC", "NEXT", "STAT"})
@@ -50,10 +51,13 @@ class ScpiDialect:
     ----------
     questions, commands : dict
         The action of each header, in capitals and in the shortest form that the standard permits.
+    serial_line_begins_local : bool
+        Whether every message on a serial line is lost until ``SYST:REM`` or ``SYST:RWL`` has come.
     reset_current_A : float
         The current set-point (A) after ``*RST``.
     """
 
+    serial_line_begins_local: ClassVar[bool] = False
     identification = "EIMI,EMULATED SUPPLY,0,1.0"
     no_error = '0,"No error"'
     reset_current_A = 0.0
@@ -91,6 +95,11 @@ class ScpiDialect:
         }
         self._errors: list[str] = []
         self._unfinished = b""
+        self._is_local = False
+
+    def connect_serially(self) -> None:
+        """Begin on a serial line; see `serial_line_begins_local`."""
+        self._is_local = self.serial_line_begins_local
 
     def receive(self, data: bytes) -> bytes:
         """Receive bytes and return the answers to the lines that they complete."""
@@ -122,7 +131,11 @@ class ScpiDialect:
         if not line:
             return None
         try:
-            header, argument = self._parse(self._shortened(line))
+            short = self._shortened(line)
+            if self._is_local and short.strip() not in {"SYST:REM", "SYST:RWL"}:
+                return None
+            self._is_local = False
+            header, argument = self._parse(short)
             question = f"{header} {argument}".strip()
             if question in self.questions:
                 return self.questions[question]()

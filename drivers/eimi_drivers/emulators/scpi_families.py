@@ -56,70 +56,11 @@ class KeysightE36312ADialect(_SeveralChannels):
         return match[1] or match[3], match[4] or ""
 
 
-class KeysightN6700Dialect(KeysightE36312ADialect):
-    """Answer as an N6700, which has a watchdog for all outputs.
-
-    After the watchdog has switched an output off, ``OUTP?`` still answers 1. The watchdog acts when a message arrives;
-    call `watch` to let it act between messages.
-    """
-
-    identification = "Keysight Technologies,N6702C,EMULATED,E.02.08"
-    all_channels = ("*", "SYST:", "OUTP:PROT:WDOG")
-
-    def __init__(self, supply: CoilSupply, channel: int = 1) -> None:
-        super().__init__(supply, channel)
-        self._watchdog_s, self._watching, self._programmed_on = 60.0, False, False
-        self._heard_s = supply.clock.now()
-        self.questions["OUTP?"] = lambda: str(int(supply.output_on() or self._programmed_on))
-        self.questions["STAT:QUES:COND?"] = lambda: str(2048 if supply.state.tripped else 0)
-        self.questions["OUTP:PROT:WDOG?"] = lambda: str(int(self._watching))
-        self.questions["OUTP:PROT:WDOG:DEL?"] = lambda: f"{self._watchdog_s:.0f}"
-        self.commands["OUTP"] = self._switch
-        self.commands["OUTP:PROT:CLE"] = self._clear
-        self.commands["OUTP:PROT:WDOG"] = self._arm_watchdog
-        self.commands["OUTP:PROT:WDOG:DEL"] = self._set_watchdog
-
-    def receive(self, data: bytes) -> bytes:
-        """Receive bytes, restart the watchdog, and return the answers."""
-        self.watch()
-        self._heard_s = self.supply.clock.now()
-        return super().receive(data)
-
-    def watch(self) -> None:
-        """Switch the output off if no message arrived for too long."""
-        if self._watching and self.supply.output_on() and self.supply.clock.now() - self._heard_s > self._watchdog_s:
-            self._programmed_on = True
-            self.supply.trip()
-
-    def _parse(self, line: str) -> tuple[str, str]:
-        if match := re.fullmatch(r"(OUTP:PROT:CLE) \(@(\d)\)", line):
-            self._on_the_coil(match[2])
-            return match[1], ""
-        return super()._parse(line)
-
-    def _switch(self, argument: str) -> bool:
-        if self.supply.state.tripped:
-            self._programmed_on = switch(argument)
-            return True
-        return self.supply.switch(switch(argument))
-
-    def _clear(self, argument: str) -> bool:
-        on, self._programmed_on = self._programmed_on, False
-        return self.supply.clear_trip() and (not on or self.supply.switch(True))
-
-    def _arm_watchdog(self, argument: str) -> bool:
-        self._watching = switch(argument)
-        return True
-
-    def _set_watchdog(self, argument: str) -> bool:
-        self._watchdog_s = number(argument)
-        return 1 <= self._watchdog_s <= 3600
-
-
 class KeysightE364xDialect(ScpiDialect):
     """Answer as an E364x: over-voltage protection with a level, and no over-current protection."""
 
     identification = "Agilent Technologies,E3640A,0,1.7-5.0-1.0"
+    serial_line_begins_local = True  # as the E3631A
 
     def __init__(self, supply: CoilSupply) -> None:
         super().__init__(supply)
@@ -233,3 +174,34 @@ class KepcoBopDialect(ScpiDialect):
         if taken:
             self._bounds_V = bounds_V
         return taken
+
+
+class KepcoBit4886Dialect(ScpiDialect):
+    """Answer as a Kepco BOP of 50 W to 400 W with a BIT 4886 card, in voltage mode and with its output on at first.
+
+    In current mode ``CURR`` is the current and ``VOLT`` the limit of the voltage of both signs. In voltage mode
+    ``CURR`` is the limit of the current, which drives no coil here and has no sign.
+    """
+
+    identification = "KEPCO,BIT 4886,EMULATED,2.3"
+
+    def __init__(self, supply: CoilSupply) -> None:
+        super().__init__(supply)
+        supply.bipolar = True
+        supply.switch(True)
+        self._mode = "VOLT"
+        self.questions["FUNC:MODE?"] = lambda: {"VOLT": "0", "CURR": "1"}[self._mode]
+        self.commands["FUNC:MODE"] = self._set_mode
+        self.commands["VOLT"] = lambda argument: self._mode == "VOLT" or supply.set_voltage(number(argument))
+        self.commands["CURR"] = self._set_current
+
+    def _set_mode(self, argument: str) -> bool:
+        if argument not in {"VOLT", "CURR"}:
+            raise Refused(DATA_TYPE_ERROR)
+        self._mode = argument
+        return True
+
+    def _set_current(self, argument: str) -> bool:
+        if self._mode == "VOLT":
+            return number(argument) >= 0
+        return self.supply.set_current(number(argument))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from enum import Enum
+from typing import ClassVar
 
 import numpy as np
 
@@ -102,18 +104,38 @@ class SensorDialect:
 
 
 class LakeShoreDialect(SensorDialect):
-    """Answer as a Lake Shore 425: unit and field in the formats of its manual, section 6.3.1."""
+    """Answer as a Lake Shore 425: unit and field in the formats of its manual, section 6.3.1.
+
+    Unit, range and mode can be set, as at the front panel; range and mode have no effect on the emulated field.
+    """
 
     identification = "LSCI,MODEL425,4250022,1.0"
     unit = 2
+    per_mT: ClassVar[dict[int, float]] = {1: 10.0, 2: 1e-3, 3: 10.0, 4: 1e4 / (4 * math.pi)}
+    """Field in gauss, tesla, oersted and A/m for 1 mT in air."""
+
+    def __init__(self, quantity: EmulatedQuantity) -> None:
+        super().__init__(quantity)
+        self._range, self._mode = "1", "1,0,1"
 
     def answer(self, query: str) -> str:
-        """Answer ``UNIT?`` and ``RDGFIELD?``."""
-        match query:
+        """Answer ``UNIT?``, ``RDGFIELD?``, ``RANGE?`` and ``RDGMODE?``, and obey the commands that set them."""
+        header, _, argument = query.partition(" ")
+        match header:
             case "UNIT?":
                 return f"{self.unit}"
             case "RDGFIELD?":
-                return f"{self.quantity.read() * {1: 10.0, 2: 1e-3}[self.unit]:+.5E}"
+                return f"{self.quantity.read() * self.per_mT[self.unit]:+.5E}"
+            case "RANGE?":
+                return self._range
+            case "RDGMODE?":
+                return self._mode
+            case "UNIT" if argument in {"1", "2", "3", "4"}:
+                self.unit = int(argument)
+            case "RANGE":
+                self._range = argument
+            case "RDGMODE":
+                self._mode = argument
         return ""
 
 
@@ -128,10 +150,29 @@ class FWBellDialect(SensorDialect):
     """Answer as an F.W. Bell 5080 in gauss."""
 
     identification = "FW BELL,5080,0,1.0"
+    units: ClassVar[dict[str, tuple[float, str]]] = {"GAUSS": (10.0, "G"), "TESLA": (1e-3, "T")}
+
+    def __init__(self, quantity: EmulatedQuantity) -> None:
+        super().__init__(quantity)
+        self._unit, self._range = "GAUSS", "1"
 
     def answer(self, query: str) -> str:
-        """Answer ``:MEASure:FLUX?``, also in its short form."""
-        return f"{10.0 * self.quantity.read():.3f}G;" if query.upper() in (":MEASURE:FLUX?", ":MEAS:FLUX?") else ""
+        """Answer the queries for field, unit and range, also in short form, and obey the commands that set them."""
+        words = query.upper().replace("MEASURE", "MEAS")
+        header, _, argument = words.partition(" ")
+        match header:
+            case ":MEAS:FLUX?":
+                per_mT, letter = self.units[self._unit]
+                return f"{per_mT * self.quantity.read():.6g}{letter};"
+            case ":UNIT:FLUX?":
+                return f"DC {self._unit};"
+            case ":SENS:FLUX:RANG?":
+                return f"{self._range};"
+            case ":SENS:FLUX:RANG":
+                self._range = argument
+            case _ if header.startswith(":UNIT:FLUX:DC:") and header.rpartition(":")[2] in self.units:
+                self._unit = header.rpartition(":")[2]
+        return ""
 
 
 class TextLineDialect(SensorDialect):

@@ -10,23 +10,33 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
+from eimi_drivers.emulators.aim_tti import AimTtiDialect
 from eimi_drivers.emulators.channel_selected import (
     KeysightE3631ADialect,
     RigolDp800Dialect,
     RohdeSchwarzHmpDialect,
 )
+from eimi_drivers.emulators.delta import DeltaPscEthDialect, DeltaSm15kDialect
 from eimi_drivers.emulators.genesys import GenesysDialect
+from eimi_drivers.emulators.keithley import Keithley2200Dialect, Keithley2260BDialect
+from eimi_drivers.emulators.keysight_systems import (
+    KeysightN6700Dialect,
+    KeysightN6900Dialect,
+    KeysightRp7900Dialect,
+)
 from eimi_drivers.emulators.korad import KoradDialect
+from eimi_drivers.emulators.owon import OwonSpeDialect
 from eimi_drivers.emulators.scpi import ScpiDialect
 from eimi_drivers.emulators.scpi_families import (
+    KepcoBit4886Dialect,
     KepcoBopDialect,
     KeysightE364xDialect,
     KeysightE3632ADialect,
     KeysightE36312ADialect,
-    KeysightN6700Dialect,
     SiglentSpdDialect,
 )
 from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.emulators.xln import XlnDialect
 from eimi_drivers.installed import did_you_mean
 from eimi_drivers.interfaces import InstrumentError, Limits, PowerSupply
 from eimi_drivers.supplies.supply_names import supply_driver
@@ -45,6 +55,16 @@ DIALECTS: dict[str, Callable[..., Responder]] = {
     "rs-hmp": RohdeSchwarzHmpDialect,
     "genesys": GenesysDialect,
     "kepco-bop": KepcoBopDialect,
+    "kepco-bit4886": KepcoBit4886Dialect,
+    "aim-tti": AimTtiDialect,
+    "keysight-n6900": KeysightN6900Dialect,
+    "keysight-rp7900": KeysightRp7900Dialect,
+    "keithley-2200": Keithley2200Dialect,
+    "keithley-2260b": Keithley2260BDialect,
+    "delta-sm15k": DeltaSm15kDialect,
+    "delta-psc-eth": DeltaPscEthDialect,
+    "bk-xln": XlnDialect,
+    "owon-spe": OwonSpeDialect,
 }
 """The dialect that the driver of the same name understands."""
 
@@ -114,6 +134,9 @@ def serve_pty(instrument: Responder) -> Iterator[str]:
     """
     device_end, driver_end, path = open_terminal()
     wake_read, wake_write = os.pipe()
+    begin = getattr(getattr(instrument, "instrument", instrument), "connect_serially", None)  # behind a faulty line too
+    if begin:
+        begin()
 
     def answer_until_stopped() -> None:
         # The driver's end also stays open here, because the line would hang up when the first driver closes it.

@@ -18,6 +18,9 @@ LOOK_EVERY_S = 0.05
 LEAST_CHANGE_A = 0.02
 """A change of the true current (A) that is reported."""
 
+OPEN_OHM = 1e9
+"""Resistance (ohm) at an output to which nothing is connected."""
+
 AWAY_FOR_S = 1.0
 """Time (s) until a supply returns at another address."""
 
@@ -40,15 +43,35 @@ class EmulatedSession:
     say : callable
         Receives the text for the user: the addresses and, with a fault, its beginning and each change of the true
         current.
+    coil : CoilSupply, optional
+        The supply with its coil; by default one with a coil of 4 ohm.
+    address : str
+        The address in the rig file, whose channel is the channel or unit that feeds the coil.
+    announce : callable, optional
+        Receives the address of the supply, and that of its coil for a virtual beam, each time that the supply is
+        reachable; by default they are said.
+    look : callable, optional
+        Is called repeatedly while the supply is served, and may raise an error, which ends the session.
     """
 
     def __init__(
-        self, driver: str, tcp: int | None, fault: Fault | None, after_s: float, say: Callable[[str], None]
+        self,
+        driver: str,
+        tcp: int | None,
+        fault: Fault | None,
+        after_s: float,
+        say: Callable[[str], None],
+        *,
+        coil: CoilSupply | None = None,
+        address: str = "",
+        announce: Callable[[str, str], None] | None = None,
+        look: Callable[[], None] = lambda: None,
     ) -> None:
         self._driver, self._tcp, self._fault, self._after_s, self._say = driver, tcp, fault, after_s, say
+        self._announce, self._look = announce or self._say_addresses, look
         self._clock = WallClock()
-        self._coil = CoilSupply(self._clock)
-        self._line = FaultyInstrument(emulate(driver, self._coil), self._clock)
+        self._coil = coil or CoilSupply(self._clock)
+        self._line = FaultyInstrument(emulate(driver, self._coil, address), self._clock)
         self._began_s = self._clock.now()
         self._energised_s: float | None = None
         self._begun = False
@@ -60,14 +83,15 @@ class EmulatedSession:
         with serve_coil(self._coil) as coil_line:
             while True:
                 with self._serve(ports) as address:
-                    self._say(f'driver = "{self._driver}"\naddress = "{address}"')
-                    self._say(
-                        f'# for a virtual beam in its coil: camera = {{ driver = "virtual", source = "{coil_line}" }}'
-                    )
+                    self._announce(address, coil_line)
                     self._watch()
                 ports += 1
                 self._clock.sleep(AWAY_FOR_S)
                 self._line.reconnect()
+
+    def _say_addresses(self, address: str, coil_line: str) -> None:
+        self._say(f'driver = "{self._driver}"\naddress = "{address}"')
+        self._say(f'# for a virtual beam in its coil: camera = {{ driver = "virtual", source = "{coil_line}" }}')
 
     def _serve(self, ports: int) -> AbstractContextManager[str]:
         if self._tcp is not None:
@@ -79,6 +103,7 @@ class EmulatedSession:
         leaves = self._fault is Fault.REENUMERATE
         while not (leaves and self._line.lost):
             self._let_watchdog_act(self._line.instrument)
+            self._look()
             if self._fault is not None:
                 self._begin_in_time(self._fault)
                 self._report()

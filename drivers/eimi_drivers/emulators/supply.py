@@ -143,6 +143,15 @@ class CoilSupply:
             current_A = max(current_A, min(current_A + self._drift_A_per_s * drifting_s, self._drift_to_A))
         return max(current_A, self.shorted_A) if self.shorted_A else current_A
 
+    def coil_current_at_A(self, time_s: float) -> float:
+        """Return the true current (A) at a time not after now; before the last change, the current at this change."""
+        if time_s < self.state.at_s:
+            return self.state.coil_current_A
+        return self._settling_current_A(time_s - self.state.at_s) if self._is_plain() else self.coil_current_A()
+
+    def _is_plain(self) -> bool:
+        return not (self.hunting_A or self.fallen or self._drift_A_per_s or self.shorted_A)
+
     def heating_K(self) -> float:
         """Return the temperature of the coil above the room now, K."""
         target_W = self._cold_ohm * self._target_A(self._cold_ohm) ** 2
@@ -227,9 +236,9 @@ class CoilSupply:
     def _age_s(self) -> float:
         return max(self._clock.now() - self.state.at_s, 0.0)
 
-    def _settling_current_A(self) -> float:
-        target_A = self._target_A(self.resistance_ohm())
-        remaining_A = (self.state.coil_current_A - target_A) * math.exp(-self._age_s() / self._time_constant_s)
+    def _settling_current_A(self, age_s: float | None = None) -> float:
+        target_A, age_s = self._target_A(self.resistance_ohm()), self._age_s() if age_s is None else age_s
+        remaining_A = (self.state.coil_current_A - target_A) * math.exp(-age_s / self._time_constant_s)
         return target_A + (remaining_A if abs(remaining_A) > LEAST_A else 0.0)
 
     def _target_A(self, resistance_ohm: float) -> float:

@@ -3,12 +3,17 @@
 supply_names    the drivers by name
 base            what every driver shares: limits, read-back, protection, switching off in stages
 values          set-points as text, and the numbers and lines in answers
+recognised      the driver that fits an identification
 identity        the serial number in an identification
 off             measure the current until the coil is off
 korad           Korad supplies and their relabelled versions
 genesys         TDK-Lambda Genesys over a serial line
 kepco           Kepco BOP bipolar supplies
+aim_tti         Aim-TTi supplies of the QL, MX, QPX and CPX series
 scpi            supplies that speak SCPI
+xln             BK Precision XLN supplies
+owon            Owon SPE supplies
+profile         what a SCPI family is told and asked
 scpi_profiles   the command strings of each SCPI family
 transport       bytes over a serial line, over VISA or to an emulator in the same process
 interruptible   a line that can be left between two messages

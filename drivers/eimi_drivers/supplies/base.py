@@ -41,9 +41,6 @@ PROTECTION_MARGIN = 1.1
 MEASURING_ATTEMPTS = 2
 """Number of attempts to measure the current after the output was switched off."""
 
-WATCHDOG_S = 10
-"""Time (s) without a message after which the supply's own watchdog switches off; a run sends one every 2 s."""
-
 STAYS_ON = "nothing switches the output off, it stays as it was set"
 """The text of `without_contact` for a supply without a watchdog."""
 
@@ -98,7 +95,7 @@ class SupplyBase(ABC):
     """
 
     name: ClassVar[str]
-    current_step_A: ClassVar[str] = "0.001"
+    current_step_A: str = "0.001"
     voltage_step_V: ClassVar[str] = "0.01"
     bipolar: ClassVar[bool] = False
     channels: ClassVar[tuple[int, int]] = (1, 1)
@@ -179,7 +176,7 @@ class SupplyBase(ABC):
         """Set the instrument's own protections and read them back; called before the output is switched on."""
 
     def _arm_watchdog(self) -> None:  # noqa: B027  few instruments have one
-        """Start the instrument's own watchdog with `WATCHDOG_S`; called before the output is switched on."""
+        """Start the instrument's own watchdog; called before the output is switched on."""
 
     def _disarm_watchdog(self) -> None:  # noqa: B027
         """Stop the instrument's own watchdog; called after the output was switched off."""

@@ -3,11 +3,16 @@
 Source: appendix B of the operator manuals of BOP-MG 1KW (firmware 2.01 to 4.11) and BOP-GL 1KW (firmware 3.05 and
 higher), whose commands VOLT:PROT and CURR:LIM are the same. The manuals advise against ``OUTP OFF`` on inductive loads,
 because then nothing controls the load's current. The output is on after power-up.
+
+The BOP of 50 W to 400 W with the interface card BIT 4886 has none of these commands: in current mode ``CURR`` sets the
+current and ``VOLT`` the limit of the voltage. Source: BIT 232F manual, page B-4, for a card with the same commands; the
+page of the BIT 4886 manual (243-1303) was not at hand.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 from eimi_drivers.interfaces import SetPointNotTaken
 from eimi_drivers.supplies.base import STAYS_ON, armed_in_words
@@ -39,6 +44,8 @@ class KepcoBopSupply(ScpiSupply):
     )
     protections = profile.protections
     without_contact = STAYS_ON + armed_in_words(protections)
+    voltage_limits: ClassVar[tuple[str, ...]] = ("VOLT:PROT:POS {value}", "VOLT:PROT:NEG {value}")
+    """The messages that limit the voltage in current mode."""
     bipolar = True
     current_step_A = "0.01"
 
@@ -56,6 +63,8 @@ class KepcoBopSupply(ScpiSupply):
 
     def _protect(self) -> None:
         super()._protect()
+        if not self.protections:
+            return
         reply = self._line("VOLT:PROT:MODE?", self._ask("VOLT:PROT:MODE?"))
         if not reply.startswith("FIX"):  # FIX or FIXED, by firmware
             raise SetPointNotTaken(
@@ -65,7 +74,7 @@ class KepcoBopSupply(ScpiSupply):
 
     def _send_voltage(self, text: str) -> None:
         self._send("FUNC:MODE CURR")
-        self._send_channel("VOLT:PROT:POS {value}", "VOLT:PROT:NEG {value}", value=text)
+        self._send_channel(*self.voltage_limits, value=text)
 
     def _send_current(self, text: str) -> None:
         self._send("FUNC:MODE CURR")  # in voltage mode CURR has another meaning
@@ -84,3 +93,16 @@ class KepcoBopSupply(ScpiSupply):
         set_A = self._read_back(self._current_set, lambda answer: abs(answer) <= float(self.current_step_A))
         if set_A is not None:
             raise SetPointNotTaken(f"{self._link.address}: the current was set to 0 A but reads back {set_A:g} A")
+
+
+class KepcoBit4886Supply(KepcoBopSupply):
+    """Drive a Kepco BOP of 50 W to 400 W through its interface card BIT 4886, in current mode.
+
+    ``VOLT`` limits the voltage of both signs there. The card has no limits of its own that could be armed.
+    """
+
+    name = "kepco-bit4886"
+    profile = replace(GENERIC, driver=name)
+    protections = profile.protections
+    without_contact = STAYS_ON
+    voltage_limits = ("VOLT {value}",)

@@ -8,10 +8,10 @@ from __future__ import annotations
 import re
 from typing import ClassVar
 
-from eimi_drivers.interfaces import Identity, InstrumentError, Reading, SetPointNotTaken
-from eimi_drivers.supplies.base import PROTECTION_MARGIN, STAYS_ON, WATCHDOG_S, SupplyBase, armed_in_words
-from eimi_drivers.supplies.scpi_profiles import Profile
-from eimi_drivers.supplies.transport import Transport, open_visa
+from eimi_drivers.interfaces import Clock, Identity, InstrumentError, Limits, Reading, SetPointNotTaken
+from eimi_drivers.supplies.base import PROTECTION_MARGIN, STAYS_ON, SupplyBase, armed_in_words
+from eimi_drivers.supplies.profile import Profile, Watchdog
+from eimi_drivers.supplies.transport import Transport, is_serial_port, open_visa
 
 LONGEST_LINE = 4096
 LONGEST_ERROR_QUEUE = 50
@@ -29,11 +29,16 @@ class ScpiSupply(SupplyBase):
     """
 
     profile: ClassVar[Profile]
+    ends_with: ClassVar[bytes] = b"\n"
+
+    def __init__(self, link: Transport, limits: Limits, clock: Clock) -> None:
+        super().__init__(link, limits, clock)
+        self._is_local = bool(self.profile.remote) and is_serial_port(link.address)
 
     @classmethod
     def connect(cls, address: str) -> Transport:
         """Open the VISA resource or the serial line."""
-        return open_visa(address)
+        return open_visa(address, cls.profile.baud_rate, cls.profile.stop_bits)
 
     @property
     def reads_zero_within_A(self) -> float:
@@ -69,11 +74,24 @@ class ScpiSupply(SupplyBase):
             limit=f"{self.limits.current_A:.3f}",
         )
 
+    def _reopen_and_compare(self) -> bool:
+        self._is_local = bool(self.profile.remote) and is_serial_port(self._link.address)
+        return super()._reopen_and_compare()
+
+    def _go_remote(self) -> None:
+        """Move a supply on a serial line into remote mode before the first message, see `Profile.remote`."""
+        if self._is_local:
+            self._link.write(self.profile.remote.encode("ascii") + self.ends_with)
+            self._is_local = False
+
     def _send(self, message: str) -> None:
-        self._link.write(message.encode("ascii") + b"\n")
+        self._go_remote()
+        self._link.write(message.encode("ascii") + self.ends_with)
 
     def _ask(self, question: str) -> bytes:
-        return self._question(question.encode("ascii") + b"\n", LONGEST_LINE, b"\n", self.profile.query_delay_s)
+        self._go_remote()
+        message = question.encode("ascii") + self.ends_with
+        return self._question(message, LONGEST_LINE, b"\n", self.profile.query_delay_s)
 
     def _select(self) -> None:
         # Before every message, because a person may have selected another channel at the front panel.
@@ -102,6 +120,8 @@ class ScpiSupply(SupplyBase):
     def _raise_reported_errors(self) -> None:
         reported = []
         question = self.profile.errors
+        if not question:
+            return
         for _ in range(LONGEST_ERROR_QUEUE):
             reply = self._ask(question)
             match = _ERROR.fullmatch(reply.decode("latin-1").strip())
@@ -117,10 +137,16 @@ class ScpiSupply(SupplyBase):
         tripped = [question for question in self.profile.trip if self._ask_whether(question)]
         if tripped:
             return f"a protection tripped ({', '.join(tripped)})"
-        if not self.profile.trip_register:
-            return ""
-        register = int(self._ask_value(self.profile.trip_register))
-        return ", ".join(words for bit, words in self.profile.trip_bits if register & bit)
+        causes = []
+        for register in self.profile.registers:
+            bits = int(self._ask_value(register.question))
+            causes += [words for bit, words in register.trips if bits & bit]
+        watchdog = self.profile.watchdog
+        if self._switched_on and watchdog and watchdog.expired:
+            question, answer_if_expired = watchdog.expired
+            if self._ask_value(question) == answer_if_expired:
+                causes.append("its watchdog switched it off")
+        return ", ".join(causes)
 
     def _protect(self) -> None:
         if not self.profile.protect:
@@ -139,20 +165,40 @@ class ScpiSupply(SupplyBase):
                 )
             return
         level = float(expected)
-        self._verify_level(self._fill(question), level, level / PROTECTION_MARGIN, self._ask_value(question))
+        reply, _, switch = self._ask_channel(question).partition(b",")
+        if switch and not _YES_OR_NO.get(switch.strip().upper(), False):
+            raise SetPointNotTaken(
+                f"{self._link.address}: its own protection was not switched on ({self._fill(question)})"
+            )
+        answer = self._number(self._fill(question), reply)
+        self._verify_level(self._fill(question), level, level / PROTECTION_MARGIN, answer)
+
+    def _bring_about_modes(self) -> None:
+        """Set what decides the meaning of a set-point, see `Profile.modes`. Raises SetPointNotTaken."""
+        for question, right, message in self.profile.modes:
+            beginnings = tuple(right.split("|"))
+            if self._mode(question).startswith(beginnings):
+                continue
+            self._send(message)
+            self._raise_reported_errors()
+            if not (answer := self._mode(question)).startswith(beginnings):
+                raise SetPointNotTaken(f"{self._link.address}: {message} was sent but {question} is answered {answer}")
+
+    def _mode(self, question: str) -> str:
+        return self._line(question, self._ask(question)).strip().strip('"').upper()
 
     def _arm_watchdog(self) -> None:
         watchdog = self.profile.watchdog
         if watchdog is None:
             return
         for message in watchdog.arm:
-            self._send(message.format(seconds=WATCHDOG_S))
+            self._send(message.format(seconds=watchdog.seconds))
         self._raise_reported_errors()
         for question, expected in watchdog.verify:
             answer = self._number(question, self._ask(question))
-            if answer != (WATCHDOG_S if expected is None else expected):
+            if answer != (watchdog.seconds if expected is None else expected):
                 raise SetPointNotTaken(
-                    f"{self._link.address}: its watchdog of {WATCHDOG_S} s was not set: {question} is answered "
+                    f"{self._link.address}: its watchdog of {watchdog.seconds} s was not set: {question} is answered "
                     f"{answer:g}"
                 )
 
@@ -162,9 +208,12 @@ class ScpiSupply(SupplyBase):
             self._raise_reported_errors()
 
     def _send_voltage(self, text: str) -> None:
+        self._bring_about_modes()
         self._send_channel(self.profile.set_voltage, value=text)
 
     def _send_current(self, text: str) -> None:
+        if float(text) != 0:  # a current of zero is sent without any query before it
+            self._bring_about_modes()
         self._send_channel(self.profile.set_current, value=text)
 
     def _send_output(self, on: bool) -> None:
@@ -186,10 +235,11 @@ def scpi_driver(family: Profile) -> type[ScpiSupply]:
         profile = family
         channels = family.channels
         protections = family.protections
-        without_contact = (
-            f"the supply's own watchdog switches every output off {WATCHDOG_S} s after the last message"
-            if family.watchdog
-            else STAYS_ON
-        ) + armed_in_words(family.protections)
+        without_contact = effect_without_contact(family.watchdog) + armed_in_words(family.protections)
 
     return FamilySupply
+
+
+def effect_without_contact(watchdog: Watchdog | None) -> str:
+    """Return what becomes of the output without the computer, in words."""
+    return watchdog.effect.format(seconds=watchdog.seconds) if watchdog else STAYS_ON

@@ -1,105 +1,26 @@
-"""State the messages of each family of SCPI supplies.
-
-In a message ``{value}`` is a set-point, ``{channel}`` the channel in use and ``{limit}`` the driver's limit of the
-current. ``{voltage}`` and ``{current}`` are the driver's limits times `PROTECTION_MARGIN`.
-"""
+"""State the messages of each family of SCPI supplies; `profile` explains the fields."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-
-@dataclass(frozen=True)
-class Watchdog:
-    """State the messages of a timer in the supply, which switches the output off if no message arrives.
-
-    Parameters
-    ----------
-    arm : tuple of str
-        Messages that start the timer, sent in this order; ``{seconds}`` is its time.
-    verify : tuple of (str, float or None)
-        Queries, each with the number that must be answered; None stands for the seconds.
-    disarm : str
-        Message that stops the timer, sent after the output was switched off.
-    """
-
-    arm: tuple[str, ...]
-    verify: tuple[tuple[str, float | None], ...]
-    disarm: str
-
-
-@dataclass(frozen=True)
-class Profile:
-    """State the messages of one family.
-
-    Parameters
-    ----------
-    driver : str
-        The name in a rig file.
-    channels : tuple of int
-        The lowest and the highest channel.
-    select : str
-        Message that selects the channel, sent before every message that concerns a channel; empty if the family names
-        the channel in each message or has one channel.
-    set_voltage, voltage_set, set_current, current_set, measure_voltage, measure_current : str
-        The commands that set a quantity, and the queries for the set-points and the measured values.
-    protect : tuple of str
-        Messages that arm the supply's own protections, sent before `on`.
-    armed : tuple of (str, str)
-        Queries that read the protections back, each with the level or the switch (0 or 1) that must be answered.
-    protections : str
-        The armed protections in words, for the user.
-    on, off : tuple of str
-        Messages that switch the output, sent in this order.
-    output : str
-        The query whether the output is on, answered by 1 or 0, ON or OFF.
-    output_bit : int
-        If it is not 0, `output` is answered by a hexadecimal status word. This bit belongs to channel 1, and the next
-        higher bit to channel 2.
-    trip : tuple of str
-        The queries whether a protection tripped, answered by 1 or 0, YES or NO.
-    trip_register : str
-        A query that is answered by a number; `trip_bits` lists the bits that are trips, in words.
-    errors : str
-        The query for the oldest entry of the error queue.
-    query_delay_s : float
-        Wait between a query and reading its answer, s.
-    watchdog : Watchdog, optional
-        The supply's own watchdog.
-    reads_zero_within_A : float
-        The largest current (A) that a healthy unit shows when no current is set. It is used only if it is above 20 mA,
-        see `eimi_drivers.supplies.off`. The value 0 means that it is smaller, or that it was not looked up.
-    """
-
-    driver: str
-    channels: tuple[int, int] = (1, 1)
-    select: str = ""
-    set_voltage: str = "VOLT {value}"
-    voltage_set: str = "VOLT?"
-    set_current: str = "CURR {value}"
-    current_set: str = "CURR?"
-    measure_voltage: str = "MEAS:VOLT?"
-    measure_current: str = "MEAS:CURR?"
-    protect: tuple[str, ...] = ()
-    armed: tuple[tuple[str, str], ...] = ()
-    protections: str = ""
-    on: tuple[str, ...] = ("OUTP 1",)
-    off: tuple[str, ...] = ("OUTP 0",)
-    output: str = "OUTP?"
-    output_bit: int = 0
-    trip: tuple[str, ...] = ()
-    trip_register: str = ""
-    trip_bits: tuple[tuple[int, str], ...] = ()
-    errors: str = "SYST:ERR?"
-    query_delay_s: float = 0.0
-    watchdog: Watchdog | None = None
-    reads_zero_within_A: float = 0.0
-
+from eimi_drivers.supplies.profile import Profile, Register, Watchdog
 
 GENERIC = Profile("scpi")
 
 OVER_VOLTAGE = "over-voltage protection 10 % above the limit"
 OVER_BOTH = "over-voltage and over-current protection 10 % above the limits"
+
+OVER_VOLTAGE_TRIPPED = "over-voltage protection tripped"
+OVER_CURRENT_TRIPPED = "over-current protection tripped"
+MAINS_FAILED, TOO_HOT = "the mains failed", "it is too hot"
+INHIBITED = "it was inhibited at its rear connector"
+
+KEYSIGHT_WATCHDOG = Watchdog(
+    arm=("OUTP:PROT:WDOG:DEL {seconds}", "OUTP:PROT:WDOG 1"),
+    verify=(("OUTP:PROT:WDOG:DEL?", None), ("OUTP:PROT:WDOG?", 1)),
+    disarm="OUTP:PROT:WDOG 0",
+)
 
 KEYSIGHT_E36312A = Profile(
     # Keysight E36300 Series Programming Guide (E36311-90008), subsystems OUTPut and SOURce. Over-current protection is
@@ -134,30 +55,78 @@ KEYSIGHT_N6700 = replace(
         "VOLT:PROT {voltage}, (@{channel})",
     ),
     trip=(),
-    trip_register="STAT:QUES:COND? (@{channel})",
-    trip_bits=(
-        (1, "over-voltage protection tripped"),
-        (2, "over-current protection tripped"),
-        (4, "the mains failed"),
-        (16, "it is too hot"),
-        (64, "negative over-voltage protection tripped"),
-        (512, "it was inhibited at its rear connector"),
-        (2048, "its watchdog, or a protection of another channel, switched it off"),
-        (4096, "its oscillation detector tripped"),
+    registers=(
+        Register(
+            "STAT:QUES:COND? (@{channel})",
+            (
+                *((1, OVER_VOLTAGE_TRIPPED), (2, OVER_CURRENT_TRIPPED), (4, MAINS_FAILED), (16, TOO_HOT)),
+                (64, "negative over-voltage protection tripped"),
+                (512, INHIBITED),
+                (2048, "its watchdog, or a protection of another channel, switched it off"),
+                (4096, "its oscillation detector tripped"),
+            ),
+        ),
     ),
-    watchdog=Watchdog(
-        arm=("OUTP:PROT:WDOG:DEL {seconds}", "OUTP:PROT:WDOG 1"),
-        verify=(("OUTP:PROT:WDOG:DEL?", None), ("OUTP:PROT:WDOG?", 1)),
-        disarm="OUTP:PROT:WDOG 0",
-    ),
+    watchdog=KEYSIGHT_WATCHDOG,
 )
 
+_N6900_TRIPS = (
+    *((1, OVER_VOLTAGE_TRIPPED), (2, OVER_CURRENT_TRIPPED), (4, MAINS_FAILED), (16, TOO_HOT)),
+    *((8, "its limit of positive power switched it off"), (32, "its limit of negative power switched it off")),
+    *((64, "its sense leads are reversed"), (512, INHIBITED), (2048, "its watchdog switched it off")),
+    (4096, "its protection against excessive dynamics tripped"),
+)
+
+KEYSIGHT_N6900 = Profile(
+    # Keysight N6900/N7900 Operating and Service Guide: protections page 251, watchdog page 252, status bits pages 286
+    # and 287. Current priority (FUNC CURR) regulates the current, and VOLT:LIM limits the voltage; the pages of both
+    # were not at hand. Changing the priority switches the output off, so that it is asked first. Clearing a protection
+    # restores the output, so that the output is switched off first. The offset of the meter is assumed.
+    "keysight-n6900",
+    modes=(("FUNC?", "CURR", "FUNC CURR"),),
+    set_voltage="VOLT:LIM {value}",
+    voltage_set="VOLT:LIM?",
+    protect=("OUTP 0", "OUTP:PROT:CLE", "CURR:PROT:STAT 0", "VOLT:PROT {voltage}"),
+    armed=(("CURR:PROT:STAT?", "0"), ("VOLT:PROT?", "{voltage}")),
+    protections=OVER_VOLTAGE,
+    registers=(
+        Register("STAT:QUES1:COND?", _N6900_TRIPS),
+        Register(
+            "STAT:QUES2:COND?",
+            ((1, "a protection that its user defined switched it off"), (8, "current sharing failed")),
+        ),
+    ),
+    watchdog=KEYSIGHT_WATCHDOG,
+    reads_zero_within_A=0.05,
+)
+
+KEYSIGHT_RP7900 = replace(
+    # Keysight RP7900 Operating and Service Guide: status bits pages 241 and 242; otherwise as the N6900.
+    KEYSIGHT_N6900,
+    driver="keysight-rp7900",
+    registers=(
+        Register("STAT:QUES1:COND?", _N6900_TRIPS),
+        Register(
+            "STAT:QUES2:COND?",
+            (
+                *((8, "current sharing failed"), (16, "another unit of its group switched it off")),
+                *((32, "its safety disconnect system switched it off"), (64, "under-voltage protection tripped")),
+            ),
+        ),
+    ),
+    reads_zero_within_A=0.1,
+)
+
+# On RS-232 the E363x and E364x have 2 stop bits and must be sent SYST:REM before other messages: Keysight E3631A User's
+# Guide (E3631-90002, edition 10), pages 72, 75 and 108. Of the other models only the command was looked up.
 KEYSIGHT_E3631A = Profile(
     # Agilent E3631A User's Guide (E3631-90002, October 2007): ranges page 72, selection page 74, outputs page 77. One
     # switch serves all outputs. Disabled outputs carry up to 60 mA in the opposite direction through a short circuit
     # (page 77). Output 3 is negative and is not supported. The supply has no protection with a level.
     "keysight-e3631a",
     channels=(1, 2),
+    stop_bits=2,
+    remote="SYST:REM",
     select="INST:NSEL {channel}",
     on=("OUTP ON",),
     off=("OUTP OFF",),
@@ -166,6 +135,8 @@ KEYSIGHT_E3631A = Profile(
 
 KEYSIGHT_E364X = Profile(
     "keysight-e364x",  # E3640A to E3649A have no CURR:PROT (Agilent E3640-90001, pages 80 and 81)
+    stop_bits=2,
+    remote="SYST:REM",
     protect=("VOLT:PROT:CLE", "VOLT:PROT {voltage}", "VOLT:PROT:STAT ON"),
     armed=(("VOLT:PROT?", "{voltage}"), ("VOLT:PROT:STAT?", "1")),
     protections=OVER_VOLTAGE,
@@ -174,6 +145,8 @@ KEYSIGHT_E364X = Profile(
 
 KEYSIGHT_E3632A = Profile(
     "keysight-e3632a",  # E3632A to E3634A (Keysight E3632A User's Guide, pages 87 to 91)
+    stop_bits=2,
+    remote="SYST:REM",
     protect=(
         *("CURR:PROT:CLE", "CURR:PROT {current}", "CURR:PROT:STAT ON"),
         *("VOLT:PROT:CLE", "VOLT:PROT {voltage}", "VOLT:PROT:STAT ON"),
@@ -242,7 +215,91 @@ ROHDE_SCHWARZ_HMP = Profile(
     trip=("VOLT:PROT:TRIP?",),
 )
 
+KEITHLEY_2200 = Profile(
+    # Keithley Series 2200 (one channel) Reference Manual, 2200S-901-01: over-voltage protection pages 4-24 and 4-25
+    # (Rev. C), output timer pages 4-21 and 4-22 (Rev. C; 4-23 and 4-24 in Rev. A). The timer is no watchdog: it counts
+    # from switching on, messages do not restart it, and it must be started before the output is switched on. The page
+    # of the status registers was not at hand; a trip is noticed because the output is off.
+    "keithley-2200",
+    protect=("OUTP 0", "OUTP:PROT:CLE", "VOLT:PROT {voltage}", "VOLT:PROT:STAT 1"),
+    armed=(("VOLT:PROT?", "{voltage}"), ("VOLT:PROT:STAT?", "1")),
+    protections=OVER_VOLTAGE,
+    watchdog=Watchdog(
+        arm=("OUTP:TIM:DEL {seconds}", "OUTP:TIM 1"),
+        verify=(("OUTP:TIM:DEL?", None), ("OUTP:TIM?", 1)),
+        disarm="OUTP:TIM 0",
+        seconds=14400,
+        effect="the supply's own timer switches the output off {seconds} s after it was switched on, also in a run",
+    ),
+)
+
+KEITHLEY_2260B = Profile(
+    # Keithley 2260B Reference Manual, page 57 (CURR:PROT:STAT). The 2260B is a GW Instek PSW. Its other commands and
+    # its status register are those of the GW Instek PSU: manual pages 103 (VOLT:PROT), 107 (register). The over-current
+    # protection cannot be set below 10 % of the rating and is switched off. Socket: TCP port 2268. The offset of the
+    # meter, 0.1 % of 72 A, is assumed.
+    "keithley-2260b",
+    protect=("OUTP 0", "OUTP:PROT:CLE", "CURR:PROT:STAT 0", "VOLT:PROT {voltage}"),
+    armed=(("CURR:PROT:STAT?", "0"), ("VOLT:PROT?", "{voltage}")),
+    protections=OVER_VOLTAGE,
+    registers=(
+        Register(
+            "STAT:QUES:COND?",
+            (
+                *((1, OVER_VOLTAGE_TRIPPED), (2, OVER_CURRENT_TRIPPED), (8, "its power switch is off"), (16, TOO_HOT)),
+                (2048, "it was shut off at its rear connector"),
+            ),
+        ),
+    ),
+    reads_zero_within_A=0.072,
+)
+
+DELTA_SM15K = Profile(
+    # Delta Elektronika, Ethernet & Sequencer Programming SM15K (rev. Aug. 2019): set-points page 9, limits page 13,
+    # programming source pages 14 and 15, errors page 15, watchdog page 16, output page 17. TCP port 8462. Its limits
+    # bound the set-points; the levels of its protections cannot be set. The offset of the meter is assumed.
+    "delta-sm15k",
+    modes=(
+        ("SYSTEM:REMOTE:CV?", "REM|ETH", "SYSTEM:REMOTE:CV REMOTE"),
+        ("SYSTEM:REMOTE:CC?", "REM|ETH", "SYSTEM:REMOTE:CC REMOTE"),
+    ),
+    set_voltage="SOURCE:VOLTAGE {value}",
+    voltage_set="SOURCE:VOLTAGE?",
+    set_current="SOURCE:CURRENT {value}",
+    current_set="SOURCE:CURRENT?",
+    measure_voltage="MEASURE:VOLTAGE?",
+    measure_current="MEASURE:CURRENT?",
+    protect=("SYSTEM:LIMITS:VOLTAGE {voltage},ON", "SYSTEM:LIMITS:CURRENT {current},ON"),
+    armed=(("SYSTEM:LIMITS:VOLTAGE?", "{voltage}"), ("SYSTEM:LIMITS:CURRENT?", "{current}")),
+    protections="limits of its set-points 10 % above the limits",
+    on=("OUTPUT 1",),
+    off=("OUTPUT 0",),
+    output="OUTPUT?",
+    errors="SYSTEM:ERROR?",
+    watchdog=Watchdog(
+        arm=("SYSTEM:COMMUNICATE:WATCHDOG SET,10000",),
+        verify=(("SYSTEM:COMMUNICATE:WATCHDOG SET?", 10000),),
+        disarm="SYSTEM:COMMUNICATE:WATCHDOG STOP",
+        expired=("SYSTEM:COMMUNICATE:WATCHDOG?", 0),
+    ),
+    reads_zero_within_A=0.1,
+)
+
+DELTA_PSC_ETH = replace(
+    # Delta Elektronika PSC-ETH and PSC-ETH-2, the Ethernet cards of the SM series. Their manuals were not at hand: the
+    # set-points and the programming source are as the drivers of other projects send them (labtoys, bliss), the
+    # watchdog is that of the SM15K. A card without this watchdog reports an error, and the output stays off.
+    DELTA_SM15K,
+    driver="delta-psc-eth",
+    protect=(),
+    armed=(),
+    protections="",
+    reads_zero_within_A=0.05,
+)
+
 PROFILES = (
     *(GENERIC, KEYSIGHT_E36312A, KEYSIGHT_N6700, KEYSIGHT_E3631A, KEYSIGHT_E3632A, KEYSIGHT_E364X),
-    *(RIGOL_DP800, SIGLENT_SPD, ROHDE_SCHWARZ_HMP),
+    *(RIGOL_DP800, SIGLENT_SPD, ROHDE_SCHWARZ_HMP, KEYSIGHT_N6900, KEYSIGHT_RP7900),
+    *(KEITHLEY_2200, KEITHLEY_2260B, DELTA_SM15K, DELTA_PSC_ETH),
 )
+"""The families whose drivers need a profile only."""

@@ -19,16 +19,19 @@ from eimi_drivers.interfaces import (
     UnusableDriver,
     raised,
 )
+from eimi_drivers.supplies.aim_tti import AimTtiSupply
 from eimi_drivers.supplies.base import SupplyBase
 from eimi_drivers.supplies.foreign import ForeignSupply, Interruptions
 from eimi_drivers.supplies.genesys import GenesysSupply
 from eimi_drivers.supplies.interruptible import InterruptibleTransport
-from eimi_drivers.supplies.kepco import KepcoBopSupply
+from eimi_drivers.supplies.kepco import KepcoBit4886Supply, KepcoBopSupply
 from eimi_drivers.supplies.korad import KoradSupply
 from eimi_drivers.supplies.logged import LoggedTransport, is_logged
+from eimi_drivers.supplies.owon import OwonSpeSupply
 from eimi_drivers.supplies.scpi import scpi_driver
 from eimi_drivers.supplies.scpi_profiles import PROFILES
 from eimi_drivers.supplies.transcript import RecordingTransport
+from eimi_drivers.supplies.xln import XlnSupply
 
 _Opened = TypeVar("_Opened")
 
@@ -37,6 +40,10 @@ _OWN: tuple[type[SupplyBase], ...] = (
     *(scpi_driver(profile) for profile in PROFILES),
     GenesysSupply,
     KepcoBopSupply,
+    KepcoBit4886Supply,
+    AimTtiSupply,
+    XlnSupply,
+    OwonSpeSupply,
 )
 
 SUPPLIES: Drivers[SupplyDriver] = Drivers(

@@ -119,7 +119,7 @@ def _no_answer(address: str, timeout_s: float, received: bytes = b"") -> Instrum
 
 
 class SerialTransport:
-    """Exchange bytes over a serial port (1 stop bit) with pyserial.
+    """Exchange bytes over a serial port with pyserial.
 
     The port is locked, so that two programs cannot use one instrument at the same time.
 
@@ -134,11 +134,15 @@ class SerialTransport:
         The number of data bits, 7 or 8.
     parity : str
         "N" for none, "O" for odd, "E" for even.
+    stop_bits : int
+        The number of stop bits, 1 or 2.
     """
 
-    def __init__(self, address: str, baud_rate: int = 9600, data_bits: int = 8, parity: str = "N") -> None:
+    def __init__(
+        self, address: str, baud_rate: int = 9600, data_bits: int = 8, parity: str = "N", stop_bits: int = 1
+    ) -> None:
         self.address = address
-        self._baud_rate, self._data_bits, self._parity = baud_rate, data_bits, parity
+        self._baud_rate, self._data_bits, self._parity, self._stop_bits = baud_rate, data_bits, parity, stop_bits
         self._open()
 
     def _open(self) -> None:
@@ -152,6 +156,7 @@ class SerialTransport:
                 baudrate=self._baud_rate,
                 bytesize=8 if is_terminal else self._data_bits,
                 parity="N" if is_terminal else self._parity,
+                stopbits=1 if is_terminal else self._stop_bits,
                 timeout=0,
                 write_timeout=WRITE_TIMEOUT_S,
                 exclusive=None if _sharing else True,
@@ -234,13 +239,15 @@ def is_serial_port(address: str) -> bool:
     return "::" not in place or _VISA_SERIAL.fullmatch(place) is not None
 
 
-def open_visa(address: str) -> Transport:
-    """Open a VISA resource or a bare serial port. Raises InstrumentError.
+def open_visa(address: str, baud_rate: int = 9600, stop_bits: int = 1) -> Transport:
+    """Open a VISA resource, or a serial port with this speed (bit/s) and stop bits. Raises InstrumentError.
 
     If the VISA library is pyvisa-py, which does not lock serial ports, a serial port is opened with pyserial instead.
     """
     is_serial = is_serial_port(address)
-    return SerialTransport(address) if is_serial and visa_library() == "@py" else VisaTransport(address)
+    if is_serial and visa_library() == "@py":
+        return SerialTransport(address, baud_rate, stop_bits=stop_bits)
+    return VisaTransport(address)
 
 
 class VisaTransport:

@@ -1,0 +1,383 @@
+"""Read GigE Vision and USB3 Vision cameras of any vendor with the library Aravis."""
+
+from __future__ import annotations
+
+import ctypes
+import ipaddress
+import queue
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as NotYet
+from contextlib import contextmanager, suppress
+from ctypes import byref, c_int, c_size_t
+from dataclasses import dataclass
+
+from eimi_drivers.cameras.aravis_library import BUFFER_STATUS, SUCCESS, Aravis, load_aravis
+from eimi_drivers.cameras.aravis_settings import set_up
+from eimi_drivers.cameras.pixel_formats import decode
+from eimi_drivers.cameras.settings import NO_SETTINGS, SOFTWARE, CameraSettings
+from eimi_drivers.interfaces import (
+    Frame,
+    Identity,
+    InstrumentDisconnected,
+    InstrumentError,
+    InstrumentTimeout,
+    ReplyNotUnderstood,
+)
+
+BUFFERS = 32
+"""Number of buffers in the ring. A freely running camera fills them while the program does something else."""
+
+FRAMES_ON_THE_WAY = 2
+"""Frames that a freely running camera still delivers after a flush, and that are discarded as well.
+
+At the flush, one of them is being transferred and one is being exposed.
+"""
+
+ANSWER_WITHIN_S = 0.4
+"""Additional time (s) that a camera has to answer a command if it sent no frame within the timeout."""
+
+CLOSE_WITHIN_S = 2.0
+CONTROL_FREE_WITHIN_S = 4.0
+"""Time limit (s) for getting control of the camera.
+
+If a program ended without releasing the control, the camera releases it after its heartbeat time, 3 s by default.
+"""
+
+LOOK_EVERY_S = 0.05
+LARGEST_ID = 65535
+"""GigE Vision 1 numbers the frames from 1 to 65535 and then restarts at 1."""
+
+
+@dataclass(frozen=True)
+class Attached:
+    """Describe a camera that Aravis lists: its identifier for Aravis, serial number, address, protocol and model."""
+
+    identifier: str
+    serial_number: str
+    address: str
+    protocol: str
+    model: str
+
+
+def attached_cameras(aravis: Aravis) -> tuple[Attached, ...]:
+    """Search the network and USB for cameras; the search takes about a second."""
+    aravis.update_device_list()
+
+    def text(name: str, place: int) -> str:
+        return (getattr(aravis, f"get_device_{name}")(place) or b"").decode("utf-8", "replace")
+
+    return tuple(
+        Attached(
+            text("id", place),
+            text("serial_nbr", place),
+            text("address", place),
+            text("protocol", place),
+            f"{text('vendor', place)} {text('model', place)}".strip(),
+        )
+        for place in range(aravis.get_n_devices())
+    )
+
+
+class AravisCamera:
+    """Control a GigE Vision or USB3 Vision camera.
+
+    If neither a frame rate nor a trigger input is set, every `grab` triggers an exposure, so that a frame is never
+    older than the call. If the frame does not arrive completely, `grab` triggers again within its timeout. With a frame
+    rate the camera runs freely, and with a trigger input it waits for the signal; `grab` then returns the frames in
+    order, from a ring of buffers, and discards incomplete ones. Missing packets are requested again if the camera can
+    resend them. The emulated camera cannot, so this has not been tested.
+
+    Parameters
+    ----------
+    source : str or int
+        The serial number, or the IP address of a GigE camera.
+    settings : CameraSettings, optional
+        Settings to apply before the first frame.
+
+    Attributes
+    ----------
+    settings : CameraSettings
+        The settings that were read back.
+    lost_frames : Counter
+        For each reason, the number of frames that were exposed for a `grab` but did not arrive completely.
+    """
+
+    name = "aravis"
+
+    def __init__(self, source: str | int, settings: CameraSettings = NO_SETTINGS) -> None:
+        """Open the camera, apply the settings, and start the acquisition.
+
+        Raises
+        ------
+        InstrumentDisconnected
+            No camera answers at the address, or none has the serial number.
+        SetPointRefused, SetPointNotTaken
+            A setting is outside the camera's range, or differs when it is read back.
+        InstrumentError
+            Aravis is not installed, another program controls the camera, or the camera reports an error.
+        """
+        self.source = str(source)
+        self._label = f"camera {self.source}"
+        self._aravis = load_aravis()
+        self.lost_frames: Counter[str] = Counter()
+        self._incomplete: Counter[str] = Counter()
+        self._last_id: int | None = None
+        self._number = self._to_skip = self._awaited = 0
+        self._counting = self._closed = False
+        self._objects: list[int] = []
+        self._control = _ControlChannel(self._label)
+        try:
+            with self._errors_named():
+                self._camera = self._open()
+                self._objects.append(self._camera)
+                self._gige = bool(self._aravis.camera_is_gv_device(self._camera))
+                self._take_control()
+                self._identity = self._ask_identity()
+                self.settings = set_up(self._aravis, self._camera, settings)
+                settings.verify(self._label, self.settings)
+                self._triggered = self.settings.trigger == SOFTWARE
+                self._stream = self._start()
+        except InstrumentError:
+            self.close()
+            raise
+
+    @contextmanager
+    def _errors_named(self) -> Iterator[None]:
+        try:
+            yield
+        except InstrumentError as error:
+            if str(error).startswith(self._label):
+                raise
+            raise type(error)(f"{self._label}: {error}") from error
+
+    def _open(self) -> int:
+        try:
+            ipaddress.ip_address(self.source)
+        except ValueError:
+            identifier = self._identifier_of_serial_number()
+        else:
+            identifier = self.source
+        return int(self._aravis.camera_new(identifier.encode()))
+
+    def _identifier_of_serial_number(self) -> str:
+        attached = attached_cameras(self._aravis)
+        for camera in attached:
+            if camera.serial_number == self.source:
+                return camera.identifier
+        listed = ", ".join(f"{camera.serial_number} ({camera.model})" for camera in attached) or "none"
+        raise InstrumentDisconnected(f"no camera has this serial number; attached: {listed}")
+
+    def _controls(self) -> bool:
+        if not self._gige:
+            return True
+        return bool(self._aravis.gv_device_is_controller(self._aravis.camera_get_device(self._camera)))
+
+    def _take_control(self) -> None:
+        """Take control of the camera; if a program was killed while it had control, wait until the camera is free."""
+        until_s = time.monotonic() + CONTROL_FREE_WITHIN_S
+        while not self._controls():
+            if time.monotonic() > until_s:
+                raise InstrumentError("another program controls this camera; close that program")
+            with suppress(InstrumentError):
+                self._aravis.gv_device_take_control(self._aravis.camera_get_device(self._camera))
+
+    def _ask_identity(self) -> Identity:
+        vendor, model, serial_number = (
+            (getattr(self._aravis, f"camera_get_{name}")(self._camera) or b"").decode("utf-8", "replace")
+            for name in ("vendor_name", "model_name", "device_serial_number")
+        )
+        return Identity(self.name, f"{vendor} {model} {serial_number}", self.source, serial_number)
+
+    def _start(self) -> int:
+        stream = int(self._aravis.camera_create_stream(self._camera, None, None))
+        self._objects.append(stream)
+        payload = self._aravis.camera_get_payload(self._camera)
+        for _ in range(BUFFERS):
+            self._aravis.stream_push_buffer(stream, self._aravis.buffer_new_allocate(payload))
+        self._aravis.camera_start_acquisition(self._camera)
+        return stream
+
+    def identify(self) -> Identity:
+        """Return the vendor, model and serial number that the camera stated when it was opened."""
+        return self._identity
+
+    def flush(self) -> None:
+        """Discard the frames that have arrived, because they were exposed before this call."""
+        self._counting = False
+        self._to_skip = FRAMES_ON_THE_WAY if self.settings.frame_rate_Hz else 0
+        while not self._closed and (buffer := self._popped(0.0)):
+            self._aravis.stream_push_buffer(self._stream, buffer)
+
+    def _popped(self, timeout_s: float) -> int | None:
+        """Return the next filled buffer of the ring, or None if no buffer is filled within `timeout_s`."""
+        if timeout_s > 0:
+            buffer = self._aravis.stream_timeout_pop_buffer(self._stream, max(round(1e6 * timeout_s), 1))
+        else:
+            buffer = self._aravis.stream_try_pop_buffer(self._stream)
+        if buffer is not None:
+            self._awaited = max(self._awaited - 1, 0)
+        return buffer
+
+    def _discard_late_frames(self, until_s: float) -> None:
+        """Wait for the frames that earlier calls triggered but did not receive, and discard them."""
+        self.flush()
+        while self._awaited and (left_s := until_s - time.monotonic()) > 0:
+            if buffer := self._popped(left_s):
+                self._aravis.stream_push_buffer(self._stream, buffer)
+        self._awaited, self._counting = 0, True
+
+    def grab(self, timeout_s: float) -> Frame:
+        """Return the next complete frame; if the camera is triggered by software, trigger it.
+
+        Raises
+        ------
+        InstrumentTimeout
+            No complete frame came within `timeout_s`; the message names the states of the incomplete ones.
+        InstrumentDisconnected
+            The camera does not answer, was restarted, or was closed.
+        ReplyNotUnderstood
+            The size of the frame differs from that of the region, or its pixel format cannot be decoded.
+        """
+        if self._closed:
+            raise InstrumentDisconnected(f"{self._label}: it was closed")
+        with self._errors_named():
+            return self._next_frame(timeout_s)
+
+    def _next_frame(self, timeout_s: float) -> Frame:
+        began_s = time.monotonic()
+        if not self._controls():
+            raise InstrumentDisconnected(
+                "the control was lost: the camera was restarted, or another program took control of it"
+            )
+        if self._triggered:
+            self._discard_late_frames(began_s + timeout_s / 2)
+        asked = self._trigger() if self._triggered else None
+        while True:
+            left_s = began_s + timeout_s - time.monotonic()
+            if asked is None and left_s < timeout_s / 2:
+                asked = self._control.begin(self._ask_size)  # is the camera still there?
+            buffer = self._popped(min(left_s, LOOK_EVERY_S))
+            if asked is not None and asked.done():
+                asked.result()
+            if buffer is None:
+                if left_s <= 0:
+                    raise self._no_frame(asked, timeout_s)
+                continue
+            frame = self._taken(buffer)
+            if frame is None and self._triggered:
+                asked = self._trigger()
+            elif frame is not None and self._to_skip:
+                self._to_skip -= 1
+            elif frame is not None:
+                return frame
+
+    def _trigger(self) -> Future[None]:
+        self._awaited += 1
+        return self._control.begin(lambda: self._aravis.camera_software_trigger(self._camera))
+
+    def _ask_size(self) -> None:
+        self._aravis.camera_get_payload(self._camera)
+
+    def _no_frame(self, asked: Future[None] | None, timeout_s: float) -> InstrumentError:
+        try:
+            if asked is not None:
+                asked.result(ANSWER_WITHIN_S)  # the command may have been sent only just now
+        except NotYet:
+            return InstrumentDisconnected(f"it did not answer within {timeout_s:g} s: is it plugged in and powered?")
+        if not self._controls():
+            return InstrumentDisconnected(
+                "the control was lost: the camera was restarted, or another program took control of it"
+            )
+        states = ", ".join(f"{count} with {status}" for status, count in self._incomplete.items())
+        incomplete = f"; frames came incomplete: {states}" if states else ""
+        return InstrumentTimeout(f"no complete frame within {timeout_s:g} s{incomplete}")
+
+    def _taken(self, buffer: int) -> Frame | None:
+        """Return a copy of the frame in a buffer, or None if it is incomplete; give the buffer back to the ring."""
+        aravis = self._aravis
+        try:
+            status = aravis.buffer_get_status(buffer)
+            if status != SUCCESS:  # the other values of an incomplete frame have no meaning
+                self._incomplete[BUFFER_STATUS.get(status, f"status {status}")] += 1
+                return None
+            number = self._numbered(aravis.buffer_get_frame_id(buffer))
+            left, top, width, height = (c_int() for _ in range(4))
+            aravis.buffer_get_image_region(buffer, byref(left), byref(top), byref(width), byref(height))
+            if self.settings.region is not None and (width.value, height.value) != self.settings.region[2:]:
+                raise ReplyNotUnderstood(
+                    f"frame {number} has {width.value} x {height.value} pixels, "
+                    f"but the region is {self.settings.region}"
+                )
+            size = c_size_t()
+            address = aravis.buffer_get_data(buffer, byref(size))
+            data = memoryview((ctypes.c_uint8 * size.value).from_address(address))
+            image = decode(aravis.buffer_get_image_pixel_format(buffer), data, width.value, height.value)
+            stamp_ns = aravis.buffer_get_timestamp(buffer) or aravis.buffer_get_system_timestamp(buffer)
+            return Frame(image, number, stamp_ns / 1e9)
+        finally:
+            aravis.stream_push_buffer(self._stream, buffer)
+
+    def _numbered(self, identifier: int) -> int:
+        """Count the lost frames; return a frame number that keeps increasing when the camera's counter restarts."""
+        step = 1 + self._incomplete.total()
+        if self._last_id is None:
+            self._number = identifier
+        else:
+            step = identifier - self._last_id
+            if self._gige and step <= 0 and self._last_id <= LARGEST_ID:
+                step += LARGEST_ID
+            self._number += step
+        if self._counting:
+            self.lost_frames += self._incomplete + Counter({"no packet": step - 1 - self._incomplete.total()})
+        self._incomplete.clear()
+        self._last_id, self._counting = identifier, True
+        return self._number
+
+    def close(self) -> None:
+        """Stop the acquisition and release the camera; closing twice is allowed.
+
+        If the camera does not answer, its release continues in another thread.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        with suppress(NotYet):
+            self._control.begin(self._release).result(CLOSE_WITHIN_S)
+        self._control.end()
+
+    def _release(self) -> None:
+        if self._objects:
+            with suppress(InstrumentError):
+                self._aravis.camera_stop_acquisition(self._camera)
+        while self._objects:
+            self._aravis.release(self._objects.pop())
+
+
+class _ControlChannel:
+    """Make calls to the camera in a thread, because Aravis waits up to 5 s for a camera that was disconnected."""
+
+    def __init__(self, name: str) -> None:
+        self._calls: queue.SimpleQueue[tuple[Callable[[], None], Future[None]] | None] = queue.SimpleQueue()
+        threading.Thread(target=self._make_calls, name=f"control of {name}", daemon=True).start()
+
+    def begin(self, call: Callable[[], None]) -> Future[None]:
+        """Queue a call; it is made after all calls that were queued before it."""
+        outcome: Future[None] = Future()
+        self._calls.put((call, outcome))
+        return outcome
+
+    def end(self) -> None:
+        """End the thread after the queued calls."""
+        self._calls.put(None)
+
+    def _make_calls(self) -> None:
+        while queued := self._calls.get():
+            call, outcome = queued
+            try:
+                outcome.set_result(call())
+            except Exception as error:
+                outcome.set_exception(error)

@@ -1,0 +1,162 @@
+"""Serve pictures over GigE Vision on this computer, with the fake camera of the library Aravis."""
+
+from __future__ import annotations
+
+import ctypes
+import socket
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from ctypes import byref, c_int, c_size_t, c_uint32, c_void_p
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_drivers.cameras.aravis_library import load_aravis
+from eimi_drivers.cameras.pixel_formats import PIXEL_FORMATS, PixelFormat
+from eimi_drivers.emulators.gige_features import (
+    GAIN,
+    HEIGHT,
+    SENSOR_HEIGHT,
+    SENSOR_WIDTH,
+    TRIGGER_SOURCE,
+    WIDTH,
+    describe,
+)
+from eimi_drivers.interfaces import InstrumentError
+
+LOOPBACK = "127.0.0.1"
+CONTROL_PORT = 3956
+"""The port of the control protocol of GigE Vision (GVCP)."""
+
+_Fill = ctypes.CFUNCTYPE(None, c_void_p, c_void_p, c_uint32, c_uint32, c_uint32)
+
+
+class GigECamera:
+    """Control a camera that `serve_gige` serves."""
+
+    def __init__(self, gv_camera: int, fake: int) -> None:
+        self._gv_camera, self._fake = gv_camera, fake
+        self.failure: Exception | None = None
+        """The error that the function `picture` raised; the camera serves black pictures from then on."""
+
+    def lose_packets(self, share: float) -> None:
+        """Lose this share of the packets of the pictures from now on; 1 loses all of them."""
+        load_aravis().set_double(self._gv_camera, "gvsp-lost-ratio", share)
+
+
+@contextmanager
+def serve_gige(
+    picture: Callable[[], NDArray[np.uint8]],
+    size_px: tuple[int, int],
+    *,
+    address: str = LOOPBACK,
+    serial_number: str = "EIMI01",
+    rows_step: int = 1,
+    shutter: str = "Global",
+    triggers_per_s: float = 100.0,
+) -> Iterator[GigECamera]:
+    """Serve a camera in threads of Aravis while the context lasts. Each address can have one camera.
+
+    The camera cannot resend packets and has no heartbeat of its own. Nothing is connected to its trigger input.
+
+    Parameters
+    ----------
+    picture : callable
+        Returns the picture of the whole sensor, shape (height, width), at the moment of the exposure. It is called in a
+        thread of Aravis. While it runs, the camera answers nothing, so it should return within a second.
+    size_px : tuple of int
+        Width and height of the sensor, px.
+    address : str
+        An IP address of this computer.
+    serial_number : str
+        The serial number, at most 15 characters.
+    rows_step : int
+        The camera silently rounds the height of its region down to a multiple of this number.
+    shutter : str
+        The kind of the shutter that the camera states.
+    triggers_per_s : float
+        How often the camera looks for a software trigger, which limits the rate of triggered frames.
+
+    Yields
+    ------
+    GigECamera
+        The camera.
+
+    Raises
+    ------
+    InstrumentError
+        Aravis is not installed, or another camera uses the address.
+    """
+    aravis = load_aravis()
+    _refuse_taken(address)
+    with tempfile.TemporaryDirectory(prefix="eimi-gige-") as folder:
+        description = Path(folder) / "camera.xml"
+        description.write_text(describe(rows_step, shutter), encoding="utf-8")
+        gv_camera = aravis.gv_fake_camera_new_full(address.encode(), serial_number.encode(), str(description).encode())
+    fake = aravis.gv_fake_camera_get_fake_camera(gv_camera)
+    camera = GigECamera(gv_camera, fake)
+    width, height = size_px
+    for register, value in (
+        (SENSOR_WIDTH, width),
+        (SENSOR_HEIGHT, height),
+        (WIDTH, width),
+        (HEIGHT, height),
+        (TRIGGER_SOURCE, 1),
+        (GAIN, 0),
+    ):
+        aravis.fake_camera_write_register(fake, register, value)
+    aravis.fake_camera_set_trigger_frequency(fake, triggers_per_s)
+    black = np.zeros((height, width), np.uint8)
+
+    def fill(buffer: int, _data: int, _exposure_us: int, _gain: int, code: int) -> None:
+        whole = black
+        if camera.failure is None:
+            try:
+                whole = picture()
+            except Exception as error:  # Aravis calls this function, so no exception may leave it
+                camera.failure = error
+        left, top, columns, rows = (c_int() for _ in range(4))
+        aravis.buffer_get_image_region(buffer, byref(left), byref(top), byref(columns), byref(rows))
+        part = whole[top.value : top.value + rows.value, left.value : left.value + columns.value]
+        data = encode(PIXEL_FORMATS[code], part)
+        received = c_size_t()
+        ctypes.memmove(aravis.buffer_get_data(buffer, byref(received)), data, len(data))
+
+    callback = _Fill(fill)  # this name keeps it alive, because Aravis holds no reference to it
+    aravis.fake_camera_set_fill_pattern(fake, callback, None)
+    try:
+        if not aravis.gv_fake_camera_is_running(gv_camera):
+            raise InstrumentError(f"cannot serve a GigE camera on {address}: no network interface has this address")
+        yield camera
+    finally:
+        aravis.release(gv_camera)
+
+
+def _refuse_taken(address: str) -> None:
+    """Raise InstrumentError if the port of GigE Vision is not free, because Aravis would serve without it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
+        try:
+            line.bind((address, CONTROL_PORT))
+        except OSError as error:
+            raise InstrumentError(f"cannot serve a GigE camera on {address}, port {CONTROL_PORT}: {error}") from error
+
+
+def encode(pixel_format: PixelFormat, image: NDArray[np.uint8]) -> bytes:
+    """Return the data of an 8-bit picture in a pixel format; values with more bits are shifted to their full scale.
+
+    A Bayer mosaic of a grey picture is the picture itself.
+    """
+    if pixel_format.bits == 8:
+        return image.tobytes()
+    values = image.astype(np.uint16).ravel() << pixel_format.bits - 8
+    if not pixel_format.packing:
+        return values.astype("<u2").tobytes()
+    pairs = np.pad(values, (0, len(values) % 2)).reshape(-1, 2).T
+    data = np.empty((pairs.shape[1], 3), np.uint8)
+    if pixel_format.packing == "p":
+        data[:, 0], data[:, 1], data[:, 2] = pairs[0] & 0xFF, pairs[0] >> 8 | (pairs[1] & 0x0F) << 4, pairs[1] >> 4
+    else:
+        data[:, 0], data[:, 1], data[:, 2] = pairs[0] >> 4, pairs[0] & 0x0F | (pairs[1] & 0x0F) << 4, pairs[1] >> 4
+    return data.tobytes()[: len(values) * 3 // 2]

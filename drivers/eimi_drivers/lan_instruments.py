@@ -1,0 +1,121 @@
+"""List the instruments that announce themselves on the local network (multicast DNS).
+
+An LXI instrument announces its web page as ``_lxi._tcp`` with maker, model and serial number, and its interfaces as
+``_scpi-raw._tcp``, ``_hislip._tcp`` or ``_vxi-11._tcp`` (LXI Device Specification, section 10). No connection to an
+instrument is opened, because it may be in use.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from zeroconf import InterfaceChoice, IPVersion, ServiceBrowser, ServiceInfo, ServiceStateChange, Zeroconf
+
+from eimi_drivers.supplies.recognised import Recognised, recognise
+
+SEARCH_S = 2.5
+"""Time (s) that the instruments in the network have to answer."""
+
+RAW, HISLIP, VXI_11, LXI = "_scpi-raw._tcp.local.", "_hislip._tcp.local.", "_vxi-11._tcp.local.", "_lxi._tcp.local."
+
+
+@dataclass(frozen=True)
+class LanInstrument:
+    """Describe an instrument that announced itself.
+
+    Parameters
+    ----------
+    host : str
+        Its IPv4 address.
+    address : str
+        The VISA resource of its best interface; empty if it announced only its web page and the port of its
+        commands is unknown.
+    text : str
+        Maker, model and serial number, as far as they were announced.
+    recognised : Recognised or None
+        The driver for this maker and model; None if there is none.
+    """
+
+    host: str
+    address: str
+    text: str
+    recognised: Recognised | None
+
+
+@dataclass
+class _Announced:
+    """Collect the announcements of one host: the port of each kind of service, and the fields of their TXT records."""
+
+    ports: dict[str, int] = field(default_factory=dict)
+    fields: dict[str, str] = field(default_factory=dict)
+    name: str = ""
+
+
+def list_lan_instruments(
+    search_s: float = SEARCH_S, interfaces: Sequence[str] | InterfaceChoice = InterfaceChoice.Default
+) -> tuple[LanInstrument, ...]:
+    """Ask the network for instruments and wait for answers.
+
+    Parameters
+    ----------
+    search_s : float
+        The duration of the search, s.
+    interfaces : sequence of str or InterfaceChoice
+        The addresses of the network interfaces; the default is the interface of the default route.
+
+    Returns
+    -------
+    tuple of LanInstrument
+        The instruments, ordered by their addresses.
+
+    Raises
+    ------
+    OSError
+        The network cannot be used.
+    """
+    services: dict[tuple[str, str], None] = {}
+
+    def note(zeroconf: Zeroconf, service_type: str, name: str, state_change: ServiceStateChange) -> None:
+        services[service_type, name] = None
+
+    with Zeroconf(interfaces=interfaces, ip_version=IPVersion.V4Only) as network:
+        browser = ServiceBrowser(network, [RAW, HISLIP, VXI_11, LXI], handlers=[note])
+        time.sleep(search_s)
+        browser.cancel()
+        infos = [network.get_service_info(kind, name, timeout=500) for kind, name in list(services)]
+    return _by_host([info for info in infos if info is not None])
+
+
+def _by_host(infos: Sequence[ServiceInfo]) -> tuple[LanInstrument, ...]:
+    hosts: dict[str, _Announced] = {}
+    for info in infos:
+        for host in info.parsed_addresses(IPVersion.V4Only):
+            announced = hosts.setdefault(host, _Announced())
+            announced.ports[info.type] = info.port or 0
+            announced.fields |= {key: value for key, value in info.decoded_properties.items() if value}
+            announced.name = announced.name or info.name.removesuffix("." + info.type)
+    return tuple(_instrument(host, hosts[host]) for host in sorted(hosts, key=_numbers))
+
+
+def _numbers(host: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in host.split("."))
+
+
+def _instrument(host: str, announced: _Announced) -> LanInstrument:
+    fields = announced.fields
+    text = " ".join(fields[key] for key in ("Manufacturer", "Model") if key in fields) or announced.name
+    recognised = recognise(f"{text} {announced.name}")
+    if serial_number := fields.get("SerialNumber"):
+        text = f"{text}, serial number {serial_number}"
+    return LanInstrument(host, _address(host, announced.ports, recognised), text, recognised)
+
+
+def _address(host: str, ports: dict[str, int], recognised: Recognised | None) -> str:
+    """Return the VISA resource: a socket if its port is announced or known, else HiSLIP, else VXI-11; empty if none."""
+    if port := ports.get(RAW) or (recognised.port if recognised else 0):
+        return f"TCPIP::{host}::{port}::SOCKET"
+    if HISLIP in ports:
+        return f"TCPIP::{host}::hislip0::INSTR"
+    return f"TCPIP::{host}::INSTR" if VXI_11 in ports else ""

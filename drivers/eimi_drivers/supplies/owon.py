@@ -1,0 +1,69 @@
+"""Drive Owon SPE supplies (also sold as Kiprim DC) over their USB serial port, 115200 baud.
+
+Source: the driver owon-psu, version 0.0.6, and the list of commands in a project that drives the SPE as Multicomp Pro
+MP711135; the manual was not at hand. ``VOLT:LIM`` and ``CURR:LIM`` are the levels of the over-voltage and over-current
+protection. The supply has no error queue; it answers ERR to a message that it does not understand.
+"""
+
+from __future__ import annotations
+
+from eimi_drivers.interfaces import InstrumentError, InstrumentTimeout
+from eimi_drivers.supplies.base import REPLY_TIMEOUT_S, STAYS_ON, armed_in_words
+from eimi_drivers.supplies.profile import Profile
+from eimi_drivers.supplies.scpi import LONGEST_LINE, ScpiSupply
+from eimi_drivers.supplies.scpi_profiles import OVER_BOTH, OVER_CURRENT_TRIPPED, OVER_VOLTAGE_TRIPPED, TOO_HOT
+
+STATE = "MEAS:ALL:INFO?"
+"""The query that is answered by voltage, current, power, three protections (ON if tripped), and the mode."""
+
+TRIPS = {3: OVER_VOLTAGE_TRIPPED, 4: OVER_CURRENT_TRIPPED, 5: TOO_HOT}
+"""The fields of the answer to `STATE` that are ON if a protection has tripped."""
+
+FIELDS = 7
+
+REFUSED = b"ERR"
+"""The answer to a message that the supply does not accept."""
+
+MOST_REFUSALS = 3
+"""Number of ERR answers that show that the question was refused: at most two commands are sent before a question."""
+
+
+class OwonSpeSupply(ScpiSupply):
+    """Drive an Owon SPE. A set-point that is not accepted is noticed when it is read back."""
+
+    name = "owon-spe"
+    profile = Profile(
+        name,
+        baud_rate=115200,
+        protect=("VOLT:LIM {voltage}", "CURR:LIM {current}"),
+        armed=(("VOLT:LIM?", "{voltage}"), ("CURR:LIM?", "{current}")),
+        protections=OVER_BOTH,
+        on=("OUTP ON",),
+        off=("OUTP OFF",),
+        errors="",
+    )
+    protections = profile.protections
+    without_contact = STAYS_ON + armed_in_words(protections)
+
+    def _ask(self, question: str) -> bytes:
+        """Ask a question; skip the refusals of the commands before it, which may arrive late.
+
+        If only refusals arrive within the timeout of an answer, the supply refused the question itself.
+        """
+        reply = super()._ask(question)
+        for _ in range(MOST_REFUSALS):
+            if reply.strip() != REFUSED:
+                return reply
+            try:
+                reply = self._link.read(LONGEST_LINE, REPLY_TIMEOUT_S, b"\n")
+            except InstrumentTimeout:
+                break
+        raise InstrumentError(f"{self._link.address}: the supply answers ERR to {question}")
+
+    def _trip(self) -> str:
+        reply = self._ask(STATE)
+        fields = [field.strip().upper() for field in reply.decode("latin-1").split(",")]
+        flags = [fields[place] for place in TRIPS] if len(fields) == FIELDS else []
+        if not flags or not set(flags) <= {"ON", "OFF", "1", "0"}:
+            raise self._not_understood(STATE, reply, "seven fields such as 2.80,0.700,1.96,OFF,OFF,OFF,2")
+        return ", ".join(words for place, words in TRIPS.items() if fields[place] in {"ON", "1"})

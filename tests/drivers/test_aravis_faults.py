@@ -1,0 +1,232 @@
+"""GigE Vision cameras that lose packets, vanish, come back, or have another camera in their place."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import numpy as np
+import pytest
+
+from eimi_drivers.cameras import CAMERAS, CameraSettings, open_camera
+from eimi_drivers.cameras.aravis import AravisCamera
+from eimi_drivers.cameras.aravis_library import BUFFER_STATUS, SUCCESS, load_aravis
+from eimi_drivers.cameras.settings import NO_SETTINGS
+from eimi_drivers.emulators.gige_camera import LOOPBACK
+from eimi_drivers.emulators.gige_process import CameraProcess
+from eimi_drivers.interfaces import (
+    InstrumentDisconnected,
+    InstrumentTimeout,
+    SetPointNotTaken,
+)
+from eimi_drivers.testing import CAMERA_CHECKS, camera_checks, check_camera
+from tests.shared.emulated_gige import gige_camera, needs_aravis, numbered, only_gige_camera
+
+GRAB_S = 20.0
+
+
+@pytest.fixture(scope="module")
+def alone() -> Iterator[None]:
+    """Keep other tests from having a GigE camera."""
+    with only_gige_camera():
+        yield
+
+
+def opened(settings: CameraSettings = NO_SETTINGS, source: str = LOOPBACK) -> AravisCamera:
+    camera = open_camera("aravis", source, settings)
+    assert isinstance(camera, AravisCamera)
+    _opened.append(camera)
+    return camera
+
+
+_opened: list[AravisCamera] = []
+
+
+@pytest.fixture(autouse=True)
+def closed_at_the_end() -> Iterator[None]:
+    """Close the cameras of a test that failed, because the next test uses the same one."""
+    yield
+    while _opened:
+        _opened.pop().close()
+
+
+@pytest.fixture(scope="module")
+def kept(alone: None) -> Iterator[list[tuple[ExitStack, CameraProcess]]]:
+    """Hold the camera that several tests use one after another, because the start of its process takes time."""
+    holder: list[tuple[ExitStack, CameraProcess]] = []
+    yield holder
+    for stack, _ in holder:
+        stack.close()
+
+
+@pytest.fixture
+def served(kept: list[tuple[ExitStack, CameraProcess]]) -> CameraProcess:
+    """Serve a camera of numbered pictures, or return the one of the test before if it still runs."""
+    if not kept or not kept[0][1].alive:
+        end(kept)
+        stack = ExitStack()
+        kept.append((stack, stack.enter_context(gige_camera(serial_number="EIMI01"))))
+    process = kept[0][1]
+    process.lose_packets(0.0)
+    return process
+
+
+@pytest.fixture
+def fresh(kept: list[tuple[ExitStack, CameraProcess]]) -> Iterator[CameraProcess]:
+    """Serve a camera that has not exposed a picture yet."""
+    end(kept)
+    with gige_camera(serial_number="EIMI01") as process:
+        yield process
+
+
+@pytest.fixture
+def none_served(kept: list[tuple[ExitStack, CameraProcess]]) -> None:
+    """End the camera of the test before."""
+    end(kept)
+
+
+def end(kept: list[tuple[ExitStack, CameraProcess]]) -> None:
+    for stack, _ in kept:
+        stack.close()
+    kept.clear()
+
+
+@needs_aravis
+@pytest.mark.parametrize("check", CAMERA_CHECKS)
+def test_an_aravis_camera_conforms(served: CameraProcess, check) -> None:
+    check_camera(
+        CAMERAS["aravis"],
+        LOOPBACK,
+        settings=CameraSettings(exposure_s=0.005, gain=6.0, region=(16, 8, 100, 50), bit_depth=12),
+        absent="EIMI99",
+        freeze=lambda: served.lose_packets(1.0),
+        unplug=served.kill,
+        checks=[check],
+    )
+
+
+@needs_aravis
+def test_a_region_that_the_camera_rounds_is_an_error(none_served: None) -> None:
+    with (
+        gige_camera(rows_step=16),
+        pytest.raises(SetPointNotTaken, match=r"region was set to \(0, 0, 64, 50\) but reads"),
+    ):
+        opened(CameraSettings(region=(0, 0, 64, 50)))
+
+
+@needs_aravis
+def test_frame_numbers_go_on_when_the_counter_of_the_camera_begins_again(fresh: CameraProcess) -> None:
+    camera = opened(CameraSettings(region=(0, 0, 8, 8)))  # the emulated counter begins at 65400
+    numbers = [camera.grab(GRAB_S).number for _ in range(150)]
+    camera.close()
+    assert numbers[0] < 65535 < numbers[-1]
+    assert set(np.diff(numbers)) == {1}
+
+
+@needs_aravis
+@pytest.mark.parametrize(("share", "frames"), [(0.0, 40), (0.001, 40), (0.02, 20)])
+def test_no_frame_with_lost_packets_is_returned_and_each_is_counted(
+    fresh: CameraProcess, share: float, frames: int
+) -> None:
+    camera = opened()
+    fresh.lose_packets(share)
+    taken = [camera.grab(GRAB_S) for _ in range(frames)]
+    camera.close()
+    numbers = [frame.number for frame in taken]
+    lost = camera.lost_frames
+    assert sum(lost.values()) == numbers[-1] - numbers[0] + 1 - frames + (numbers[0] - 65401)
+    assert (sum(lost.values()) > 0) == (share == 0.02) or share == 0.001
+    for frame in taken:  # the picture of the exposure with this number, and nothing else
+        assert np.unique(frame.image).tolist() == [(frame.number - 65401) % 250]
+    assert lost.keys() <= {"timeout before all packets came", "missing packets", "no packet"}
+
+
+@needs_aravis
+def test_without_a_complete_frame_the_error_names_the_states_of_the_incomplete_ones(served: CameraProcess) -> None:
+    camera = opened()
+    served.lose_packets(0.5)
+    with pytest.raises(
+        InstrumentTimeout,
+        match=r"no complete frame within 5 s; frames came incomplete: \d+ with (timeout before all packets|missing)",
+    ):
+        camera.grab(5.0)
+    camera.close()
+
+
+@needs_aravis
+@pytest.mark.parametrize("serial_number", ["EIMI01", "EIMI02"], ids=["same camera", "another camera"])
+def test_a_camera_that_was_restarted_or_replaced_gives_no_frame(none_served: None, serial_number: str) -> None:
+    with gige_camera(serial_number="EIMI01") as first:
+        camera = opened()
+        camera.grab(GRAB_S)
+        first.kill()
+    with gige_camera(serial_number=serial_number):
+        for _ in range(3):
+            with pytest.raises((InstrumentDisconnected, InstrumentTimeout), match=r"camera 127\.0\.0\.1: "):
+                camera.grab(0.5)
+        camera.close()
+        again = opened()
+        assert again.identify().serial_number == serial_number
+        assert np.unique(again.grab(GRAB_S).image).size == 1
+        again.close()
+        if serial_number != "EIMI01":
+            with pytest.raises(InstrumentDisconnected, match=r"no camera has this serial number; attached: EIMI02"):
+                opened(source="EIMI01")
+
+
+@needs_aravis
+@pytest.mark.parametrize("status", sorted(BUFFER_STATUS.keys() - {SUCCESS}))
+def test_every_state_of_a_buffer_is_named_in_the_error(
+    served: CameraProcess, monkeypatch: pytest.MonkeyPatch, status: int
+) -> None:
+    camera = opened()
+    monkeypatch.setattr(load_aravis(), "buffer_get_status", lambda buffer: status, raising=False)
+    with pytest.raises(InstrumentTimeout, match=rf"came incomplete: \d+ with {BUFFER_STATUS[status]}"):
+        camera.grab(1.0)
+    monkeypatch.undo()
+    assert np.unique(camera.grab(GRAB_S).image).size == 1
+    camera.close()
+
+
+@needs_aravis
+@pytest.mark.parametrize(
+    "check",
+    [
+        camera_checks.gives_frames_in_order,
+        camera_checks.goes_on_after_a_flush,
+        camera_checks.gives_up_on_a_camera_that_hangs,
+        camera_checks.says_that_it_was_unplugged,
+    ],
+)
+def test_an_aravis_camera_that_runs_freely_conforms(served: CameraProcess, check) -> None:
+    check_camera(
+        CAMERAS["aravis"],
+        LOOPBACK,
+        settings=CameraSettings(frame_rate_Hz=100.0),
+        freeze=lambda: served.lose_packets(1.0),
+        unplug=served.kill,
+        checks=[check],
+    )
+
+
+def slow() -> Callable[[], np.ndarray]:
+    """Return a function that takes half a second for a picture."""
+    picture = numbered()
+
+    def slowly() -> np.ndarray:
+        time.sleep(0.5)
+        return picture()
+
+    return slowly
+
+
+@needs_aravis
+def test_a_frame_that_comes_after_its_grab_is_not_returned_by_the_next_one(none_served: None) -> None:
+    with gige_camera(slow):
+        camera = opened()
+        for expected in (1, 3):
+            with pytest.raises(InstrumentTimeout):
+                camera.grab(0.1)
+            assert np.unique(camera.grab(GRAB_S).image).tolist() == [expected]
+        camera.close()

@@ -1,0 +1,84 @@
+"""Instruments that announce themselves on the network are listed with their address and their driver."""
+
+from __future__ import annotations
+
+import socket
+import time
+
+import pytest
+from zeroconf import EventLoopBlocked, ServiceInfo, Zeroconf
+
+from eimi_drivers.emulators import DIALECTS
+from eimi_drivers.lan_instruments import HISLIP, LXI, RAW, VXI_11, LanInstrument, _by_host, list_lan_instruments
+from eimi_drivers.supplies.recognised import recognise
+from tests.patience import PATIENCE_S
+
+LOOPBACK = ["127.0.0.1"]
+
+
+def announced(kind: str, host: str, port: int, name: str, **fields: str) -> ServiceInfo:
+    addresses = [socket.inet_aton(host)]
+    return ServiceInfo(kind, f"{name}.{kind}", addresses=addresses, port=port, properties=fields, server="i.local.")
+
+
+TTI = announced(
+    LXI, "127.0.0.1", 80, "t521236", Manufacturer="THURLBY THANDAR", Model="CPX400DP", SerialNumber="521236"
+)
+
+
+def announce_and_list(deadline: float) -> tuple[LanInstrument, ...]:
+    """Announce TTI on the loopback and list the instruments until one is there, at the latest until the deadline."""
+    with Zeroconf(interfaces=LOOPBACK) as network:
+        network.register_service(TTI, allow_name_change=True)
+        instruments = list_lan_instruments(interfaces=LOOPBACK)
+        while not instruments and time.monotonic() < deadline:
+            instruments = list_lan_instruments(interfaces=LOOPBACK)
+        network.unregister_all_services()
+    return instruments
+
+
+def test_an_instrument_on_the_network_is_listed_with_its_driver() -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            instruments = announce_and_list(deadline)
+            break
+        except EventLoopBlocked:  # zeroconf waits 10 s at most for its own thread, which a busy computer can delay
+            if time.monotonic() > deadline:
+                raise
+    instrument = next(each for each in instruments if "521236" in each.text)
+    assert instrument.address == "TCPIP::127.0.0.1::9221::SOCKET"
+    assert instrument.recognised is not None
+    assert instrument.recognised.driver == "aim-tti"
+    assert instrument.text == "THURLBY THANDAR CPX400DP, serial number 521236"
+
+
+@pytest.mark.parametrize(
+    ("services", "address"),
+    [
+        ([(LXI, 80), (RAW, 5025), (HISLIP, 4880)], "TCPIP::192.0.2.9::5025::SOCKET"),
+        ([(HISLIP, 4880), (VXI_11, 111)], "TCPIP::192.0.2.9::hislip0::INSTR"),
+        ([(VXI_11, 111)], "TCPIP::192.0.2.9::INSTR"),
+        ([(LXI, 80)], ""),
+    ],
+)
+def test_the_best_interface_of_an_unknown_instrument_is_its_address(
+    services: list[tuple[str, int]], address: str
+) -> None:
+    infos = [announced(kind, "192.0.2.9", port, "scope") for kind, port in services]
+    (instrument,) = _by_host(infos)
+    assert (instrument.address, instrument.text, instrument.recognised) == (address, "scope", None)
+
+
+@pytest.mark.parametrize("driver", [driver for driver in DIALECTS if driver != "scpi"])
+def test_every_family_is_recognised_by_its_identification(driver: str) -> None:
+    identification = DIALECTS[driver].identification  # type: ignore[attr-defined]
+    text = identification.decode() if isinstance(identification, bytes) else identification
+    recognised = recognise(text)
+    assert recognised is not None
+    assert recognised.driver == driver
+
+
+@pytest.mark.parametrize("text", ["EIMI,EMULATED SUPPLY,0,1.0", "KEYSIGHT TECHNOLOGIES,DSOX1204G", "", "2260"])
+def test_another_instrument_is_not_recognised(text: str) -> None:
+    assert recognise(text) is None
