@@ -2,7 +2,11 @@
 
 layout            groups, columns and attributes of the file
 writing           `DatasetWriter`, which appends one state after another; a stored state survives a crash
-recordings        frames between the states: transients, release and conditioning
+empty_file        a dataset of frames before its first state
+recordings        frames between the states: transients, ring-downs and conditioning
+frame_stream      frames that are compressed in threads and written while they arrive
+recorded_frames   the frames of a ring-down, read one at a time
+steps             the set-points of a run, and the steps of its ring-downs
 state             the value `State`: the loads and flags of one state
 points            datasets of tracked material points instead of frames
 tip_force_angles  directions of tip forces in the file
@@ -13,6 +17,7 @@ restating         correction of specimen and calibration after a run; the former
 segmentation      search for the edges of every state
 logged_sensor     the values `LoggedSensor` and `SensorLog`: a sensor and what it measured
 sensor_logs       the logs of sensors in the file
+measured_heating  the measured temperature of the coil against the model of its heat
 measured_field    the line of the field against the current, with its uncertainties
 measured_columns  measured fields' uncertainties and temperatures of imported states
 stored_edges      the edges in the file
@@ -25,6 +30,7 @@ importing         datasets from the images or the video of a laboratory
 listing           the pictures that a table of states lists
 state_loads       the loads of each state in a table of states
 videos            frames and times of a video file
+moving            ring-downs and creep: points with the time of each
 tracked           import of tracked points in the formats of tracking programs
 recovery          repair of crashed or damaged files
 repair            correction of flipped bits by HDF5's checksums

@@ -12,8 +12,10 @@ from typing import Any
 import h5py
 import numpy as np
 
+from eimi_lab.dataset.moving.stored_motions import GROUPS as MOTIONS
 from eimi_lab.dataset.recordings import BELONGS_TO
 from eimi_lab.dataset.sensor_logs import PLACE as SENSORS
+from eimi_lab.dataset.steps import RING_DOWN_STEPS, SET_POINTS
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.limits import refuse_unpacked
 
@@ -28,7 +30,7 @@ READ = (
     *("entry/user_note", "entry/data", "entry/states", "entry/sessions", "entry/correction", "entry/instrument"),
     f"entry/{FORMER}",
     f"entry/{SENSORS}",
-    *(f"entry/{name}" for name in BELONGS_TO),
+    *(f"entry/{name}" for name in (*BELONGS_TO, SET_POINTS, RING_DOWN_STEPS)),
     *(
         "entry/segmentation/projection",
         "entry/segmentation/edges",
@@ -46,6 +48,11 @@ def refuse_links_and_absurd_sizes(path: Path, file: h5py.File) -> None:
     """
     for place in READ:
         _refuse_members(path, file, place)
+    for motions in MOTIONS.values():
+        _refuse_members(path, file, f"entry/{motions}")
+        names = file.get(f"entry/{motions}")
+        for name in names if isinstance(names, h5py.Group) else ():
+            _refuse_members(path, file, f"entry/{motions}/{name}")
     sensors = file.get(f"entry/{SENSORS}")
     for name in sensors if isinstance(sensors, h5py.Group) else ():
         _refuse_members(path, file, f"entry/{SENSORS}/{name}")
@@ -77,6 +84,8 @@ def _refuse_storage(path: Path, item: Any) -> None:
         return
     if item.external or item.is_virtual:
         raise InputError(f"{path}: {item.name} is kept in another file; a dataset must contain all of its data")
+    if item.name == "/entry/start_time" and item.dtype.hasobject:
+        return  # `get_start` reads the copy of fixed length
     if item.dtype.hasobject or item.dtype.kind not in "iufS":
         raise InputError(f"{path}: {item.name} is of type {item.dtype}; only numbers and text of fixed length are read")
     row = item.nbytes if item.ndim < 3 else int(np.prod(item.shape[1:], dtype=object)) * item.dtype.itemsize

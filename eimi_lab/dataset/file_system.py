@@ -9,6 +9,8 @@ import ctypes
 import sys
 from pathlib import Path
 
+from eimi_lab.process.paths import followed
+
 NETWORK = frozenset(
     {"nfs", "nfs4", "cifs", "smb3", "smbfs", "ncpfs", "afs", "9p", "ceph", "lustre", "gpfs", "beegfs", "glusterfs"}
     | {"fuse.sshfs", "fuse.glusterfs", "fuse.cephfs", "fuse.rclone", "fuse.davfs", "davfs"}
@@ -37,7 +39,7 @@ def network_file_system(folder: Path, mounts: Path = MOUNTS) -> str | None:
         drive is a network drive.
     """
     if sys.platform == "win32":
-        share = folder.resolve().anchor  # a drive, or a share of a server
+        share = followed(folder).anchor  # a drive, or a share of a server
         return "network drive" if ctypes.windll.kernel32.GetDriveTypeW(share) == _DRIVE_REMOTE else None
     if not mounts.is_file():
         return None
@@ -45,6 +47,6 @@ def network_file_system(folder: Path, mounts: Path = MOUNTS) -> str | None:
     for line in mounts.read_text(encoding="utf-8", errors="surrogateescape").splitlines():
         place, type_of_mount = line.split()[1:3]
         at = Path(place.replace("\\040", " "))
-        if folder.resolve().is_relative_to(at) and len(at.parts) >= depth:  # a later mount hides an earlier one
+        if followed(folder).is_relative_to(at) and len(at.parts) >= depth:  # a later mount hides an earlier one
             kind, depth = type_of_mount, len(at.parts)
     return kind if kind in NETWORK else None

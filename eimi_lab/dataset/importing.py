@@ -24,6 +24,7 @@ from eimi_lab.dataset.state_loads import load_of
 from eimi_lab.dataset.tip_force_angles import store_tip_force_angles
 from eimi_lab.dataset.writing import DatasetWriter, StorageFailed
 from eimi_lab.process.errors import InputError, tell
+from eimi_lab.process.limits import refuse_unpacked
 from eimi_lab.process.outputs import whole_file
 from eimi_lab.process.progress import silent
 from eimi_lab.vision.beam_frame import BeamFrame
@@ -53,6 +54,7 @@ def import_frames(
     average: bool = False,
     progress: Progress | None = None,
     correction: Images | None = None,
+    every: int | None = None,
 ) -> int:
     """Make a dataset from the images in a folder or from a video.
 
@@ -77,6 +79,8 @@ def import_frames(
         Function that shows the progress; it is used if there are many frames.
     correction
         Dark frame and flat field to store with the frames.
+    every
+        Take every n-th frame of a video; each load of the table then acts until the next one.
 
     Returns
     -------
@@ -89,11 +93,13 @@ def import_frames(
         If the table, a picture or the calibration is wrong.
     """
     with whole_file(path, force) as temporary:
-        listing = list_frames(source, states)
+        listing = list_frames(source, states, every)
         loads = [(load_of(frame.row, calibration), frame) for frame in listing.frames]
         by_state = [(load, [frame for _, frame in group]) for load, group in groupby(loads, key=lambda pair: pair[0])]
         coloured = any(map(is_coloured, listing.images()))
         first = in_channels(next(listing.images()), coloured)
+        largest = max(len(frames) for _, frames in by_state)
+        refuse_unpacked(largest * first.nbytes, f"{states}: {largest} frames of one state")
         _check_prompts(listing.frames[0].path, specimen, calibration, first.shape[1], first.shape[0])
         # The mean of 8-bit frames is stored with 16 bits, so the dark frame and the flat field are converted too.
         stored = (lambda image: _mean([image])) if average else np.asarray

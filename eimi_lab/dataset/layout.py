@@ -1,7 +1,7 @@
 """The layout of a dataset file, in NeXus base classes (https://manual.nexusformat.org/classes/base_classes).
 
-/entry                      NXentry
-  title, start_time, end_time, program_name
+/entry                      NXentry, as the application definition NXsensor_scan requires it
+  title, definition, start_time, program_name; end_time once the edges were stored
   sample                    NXsample
   sample/environment        NXenvironment: an NXsensor for each sensor of the rig, with an NXlog of one row per frame
   instrument                NXinstrument: detector (NXdetector), supply (NXcollection of two NXlog)
@@ -12,7 +12,9 @@
   user_note                 NXnote: the note that the user gave with --note
   data                      NXdata: frames (n, H, W) or (n, H, W, 3: red, green, blue), or tracked points, with columns
   states                    NXcollection: one row for each state; its attributes hold the format and the kind
-  transients, release, conditioning    NXdata: frames between the states, if the protocol asks for them (`recordings`)
+  transients, ring_down, conditioning    NXdata: frames between the states, if the protocol asks for them (`recordings`)
+  set_points, ring_down_steps    NXcollection: times of set-points, and one row for each ring-down (`steps`)
+  ring_down_points, creep_points    NXcollection: motions as points with their times (`moving.stored_motions`)
   sessions                  NXcollection: one row for each time that the run was started or resumed
   correction                NXcollection: dark frame and flat field, if the user gave them
   segmentation              NXprocess: the edges after segmentation; the projection of colours used for them; and the
@@ -45,10 +47,19 @@ if TYPE_CHECKING:  # these modules import every driver, which is slow, and readi
     from eimi_lab.config.protocol import Protocol
     from eimi_lab.config.rig import Rig
 
+WRITTEN_AS = ("v110", "latest")
+"""Bounds of the version of HDF5's structures: 1.10 is the first with single-writer-multiple-reader mode. A newer lower
+bound, as in "latest", writes files that older releases of HDF5 cannot read."""
 FORMAT = 1
 FORMAT_ATTRIBUTE = "eimi_format"
 KIND_ATTRIBUTE = "eimi_kind"
+START_ATTRIBUTE = "eimi_start_time"
+"""The start of the run as a text of fixed length. A damaged text of variable length can claim 4 GiB of memory."""
 PROGRAM = "eimi-lab"
+PROGRAM_URL = "https://doi.org/10.3389/frobt.2021.790571"
+"""The method that the program implements. NXprocess requires a URL, and the program has no site."""
+DEFINITION, DEFINITION_VERSION = "NXsensor_scan", "1.0"
+"""The application definition of NeXus with which the file complies, and its version."""
 
 Kind = Literal["frames", "points"]
 
@@ -61,7 +72,12 @@ STATE_COLUMNS: dict[str, tuple[str, str | None]] = {
     "index": ("i8", None),
 }
 # One row for each time that a run was started or resumed.
-SESSION_COLUMNS: dict[str, tuple[str, str | None]] = {"start": ("S40", None), "first_state": ("i8", None)}
+# `end` is empty while the session lasts and after a crash; files of 0.1.0 have no such column.
+SESSION_COLUMNS: dict[str, tuple[str, str | None]] = {
+    "start": ("S40", None),
+    "first_state": ("i8", None),
+    "end": ("S40", None),
+}
 # One row for each frame.
 FRAME_COLUMNS: dict[str, tuple[str, str | None]] = {
     "state": ("i8", None),
@@ -128,8 +144,8 @@ def write_header(file: h5py.File, header: Header) -> h5py.Group:
     entry.attrs["default"] = "data"
     beam = header.specimen.specimen
     put_text(entry, "title", f"{beam.name}, {beam.material}")
-    put_text(entry, "start_time", header.taken or now())
-    put_text(entry, "end_time", " " * 40)
+    put_definition(entry)
+    put_date(entry, "start_time", header.taken or now())
     put_text(entry, "program_name", PROGRAM).attrs["version"] = version(PROGRAM)
 
     sample = group(entry, "sample", "NXsample")
@@ -183,6 +199,7 @@ def write_state_columns(entry: h5py.Group, kind: Kind) -> dict[str, h5py.Dataset
     states = group(entry, "states", "NXcollection")
     states.attrs[FORMAT_ATTRIBUTE] = FORMAT
     states.attrs[KIND_ATTRIBUTE] = kind
+    states.attrs[START_ATTRIBUTE] = np.bytes_(entry["start_time"][()])
     return columns(states, STATE_COLUMNS)
 
 
@@ -258,8 +275,31 @@ def put_text(parent: h5py.Group, name: str, text: str) -> h5py.Dataset:
     return parent.create_dataset(name, data=np.array(raw, dtype=h5py.string_dtype("utf-8", len(raw))))
 
 
+def put_date(parent: h5py.Group, name: str, date: str) -> h5py.Dataset:
+    """Create a date as a text of variable length, the only kind of date that validators of NeXus accept."""
+    return parent.create_dataset(name, data=date, dtype=h5py.string_dtype())
+
+
+def get_start(entry: h5py.Group) -> str:
+    """Read the start of the run in ISO 8601.
+
+    Files of 0.1.0 have it as a text of fixed length only. Raises ValueError if no text of fixed length is in the file.
+    """
+    attributes = entry["states"].attrs
+    if START_ATTRIBUTE in attributes and attributes.get_id(START_ATTRIBUTE).dtype.kind == "S":
+        return bytes(attributes[START_ATTRIBUTE]).decode()
+    if entry["start_time"].dtype.hasobject:
+        raise ValueError(f"the attribute {START_ATTRIBUTE} of the states is missing")
+    return get_text(entry, "start_time")
+
+
+def put_definition(entry: h5py.Group) -> None:
+    """Name the application definition of NeXus with which the entry complies, and its version."""
+    put_text(entry, "definition", DEFINITION).attrs["version"] = DEFINITION_VERSION
+
+
 def get_text(parent: h5py.Group, name: str) -> str:
-    """Read a text that `put_text` wrote."""
+    """Read a text that `put_text` or `put_date` wrote."""
     return bytes(parent[name][()]).rstrip(b"\0").decode()
 
 

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from eimi_drivers.cameras.image_series import natural_key
 from eimi_lab.config.csv_tables import Row, read_table
-from eimi_lab.dataset.state_loads import FRAME_COLUMNS, LOAD_COLUMNS
+from eimi_lab.dataset.state_loads import FRAME_COLUMNS, LOAD_COLUMNS, UNTIL_COLUMNS
 from eimi_lab.dataset.videos import ENDINGS as VIDEOS
 from eimi_lab.dataset.videos import frame_times, read_video
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.paths import followed
 from eimi_lab.vision.image_files import ENDINGS as IMAGES
 from eimi_lab.vision.image_files import find_images, read_image
 
@@ -79,7 +80,7 @@ def is_image(path: Path) -> bool:
     return path.suffix.lower() in IMAGES
 
 
-def list_frames(source: Path, states: Path) -> Listing:
+def list_frames(source: Path, states: Path, every: int | None = None) -> Listing:
     """Find the pictures that a table of states lists.
 
     A row names an image by its path relative to the table, by its name in the folder with or without the ending, or
@@ -91,17 +92,24 @@ def list_frames(source: Path, states: Path) -> Listing:
         A folder of images, an image or a video.
     states
         The table of states.
+    every
+        Take every n-th frame of a video. The load of a row then acts from the time or the frame of the row until
+        ``until_s``, or until the next row; a load is typed once.
 
     Raises
     ------
     InputError
         If the table is wrong, or if a row does not name exactly one picture that no other row names.
     """
+    if every is not None and (every < 1 or not is_video(source)):
+        raise InputError(f"--every {every}: should be 1 or more, and is for a video; {source} is {_kind(source)}")
     if not is_video(source):
         return _listed_images(source, read_table(states, ["frame"], LOAD_COLUMNS))
-    rows = read_table(states, [], [*FRAME_COLUMNS, *LOAD_COLUMNS])
+    rows = read_table(states, [], [*FRAME_COLUMNS, *LOAD_COLUMNS, *(UNTIL_COLUMNS if every else ())])
     if ("frame" in rows[0].cells) == ("time_s" in rows[0].cells):
         raise InputError(f"{states}: row 1: needs one of the columns frame and time_s, for frames of {source.name}")
+    if every is not None:
+        return _listed_spans(source, rows, every)
     return _listed_numbers(source, rows) if "frame" in rows[0].cells else _listed_times(source, rows)
 
 
@@ -117,16 +125,16 @@ def _listed_images(source: Path, rows: list[Row]) -> Listing:
         if len(candidates) > 1:
             raise row.fault("frame", f"one image; {', '.join(image.name for image in candidates)} all match")
         image = candidates[0]
-        if earlier := matched.get(image.resolve()):
+        if earlier := matched.get(followed(image)):
             raise row.fault("frame", f"listed once; row {earlier.row.line} is the same image")
-        matched[image.resolve()] = ListedFrame(image, row)
+        matched[followed(image)] = ListedFrame(image, row)
     if missing:
         more = f"; the same holds for rows {some([str(row.line) for row in missing[1:]])}" if missing[1:] else ""
         more += _near(missing[0], images)
         where = images[0].parent if source.is_dir() else f"{source}, or a path relative to {rows[0].path.name}"
         raise missing[0].fault("frame", f"an image in {where}; none has that name{more}")
     frames = sorted(matched.values(), key=lambda frame: (natural_key(frame.path.name), str(frame.path)))
-    return Listing(source, tuple(frames), tuple(image for image in images if image.resolve() not in matched))
+    return Listing(source, tuple(frames), tuple(image for image in images if followed(image) not in matched))
 
 
 def _named(name: str, images: list[Path]) -> list[Path]:
@@ -179,6 +187,38 @@ def _listed_times(video: Path, rows: list[Row]) -> Listing:
             raise row.fault("time_s", f"within {video.name}, which ends at {end_s:.3f} s")
     nearest = [int(np.argmin(np.abs(times - time_s))) for time_s in requested_s]
     return _in_video(video, "time_s", [(n, float(times[n]), row) for n, row in zip(nearest, rows, strict=True)])
+
+
+def _kind(source: Path) -> str:
+    return "a video" if is_video(source) else "none"
+
+
+def _listed_spans(video: Path, rows: list[Row], every: int) -> Listing:
+    """Return every n-th frame of a video with the row whose load acts on it; frames on which none acts are left out."""
+    times = frame_times(video)
+    by_time = "time_s" in rows[0].cells
+    column = "time_s" if by_time else "frame"
+    clock = times if by_time else np.arange(len(times), dtype=np.float64)
+    starts = [row.number("time_s") if by_time else float(row.count("frame")) for row in rows]
+    for row, start, before in zip(rows[1:], starts[1:], starts, strict=False):
+        if start <= before:
+            raise row.fault(column, "later than in the row before it")
+    frames: list[ListedFrame] = []
+    for index, (row, start) in enumerate(zip(rows, starts, strict=True)):
+        end = starts[index + 1] if index + 1 < len(rows) else np.inf
+        in_span = (clock >= start) & (clock < end)
+        if row.cells.get("until_s"):
+            in_span &= times <= row.number("until_s")
+        numbers = np.flatnonzero(in_span)
+        numbers = numbers[numbers % every == 0]
+        if not len(numbers):
+            raise row.fault(
+                column,
+                f"the beginning of a load with at least one of the frames 0, {every}, {2 * every}, ...; the "
+                f"video has {len(times)} frames until {times[-1]:.3f} s",
+            )
+        frames += [ListedFrame(video / str(number), row, float(times[number])) for number in numbers]
+    return Listing(video, tuple(frames))
 
 
 def _in_video(video: Path, column: str, listed: list[tuple[int, float, Row]]) -> Listing:

@@ -1,4 +1,4 @@
-"""The field of a coil against its current, from readings of a gaussmeter: a line with its standard uncertainties."""
+"""Fit a straight line, field against coil current, to the readings of a gaussmeter."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from eimi_lab.dataset.logged_sensor import LoggedSensor, SensorLog
 
 @dataclass(frozen=True)
 class FieldLine:
-    """The field at the magnet along the coil's axis: slope times current, plus an offset that needs no current.
+    """The field at the magnet along the coil's axis as a straight line: slope times current plus offset.
 
     Parameters
     ----------
     probe
         Name and identification of the gaussmeter; datasets with the same probe share the error of its calibration.
     mT_per_A, offset_mT
-        The slope and the offset: that of the probe's zero, of remanence, and of the background field.
+        The slope and the offset. The offset is the sum of the probe's zero error, remanence and the background field.
     mT_per_A_sigma, offset_mT_sigma
-        Their standard uncertainties.
+        Standard uncertainties of slope and offset.
     scatter_mT
         Standard deviation of the readings about the line.
     currents
@@ -52,12 +52,12 @@ class FieldLine:
 def field_line(
     sensor: LoggedSensor, current_A: ArrayLike, field_mT: ArrayLike, stated_mT: ArrayLike = np.nan
 ) -> FieldLine | None:
-    """Fit a line to the readings of a gaussmeter by least squares.
+    """Fit a straight line to the readings of a gaussmeter by least squares.
 
     The standard deviation of one reading is the larger of the scatter about the line and the stated uncertainty. The
     stated uncertainty also applies to the zero of the gaussmeter, which all readings share, and is added to the
-    uncertainty of the offset. The uncertainty that all readings share as a fraction is added to the uncertainty of the
-    slope (JCGM 100:2008, 5.1.2).
+    uncertainty of the offset. The relative uncertainty that all readings share is added to the uncertainty of the slope
+    (JCGM 100:2008, 5.1.2).
 
     Parameters
     ----------
@@ -66,8 +66,8 @@ def field_line(
     current_A, field_mT
         (n,) currents and readings; a reading that is NaN is left out.
     stated_mT
-        (n,) or a number: the standard uncertainty that the gaussmeter stated for each reading; NaN for none. That of
-        the rig file takes precedence.
+        (n,) or a number: the standard uncertainty that the gaussmeter stated for each reading; NaN for none. An
+        uncertainty stated in the rig file takes precedence.
 
     Returns
     -------
@@ -102,7 +102,7 @@ def field_line(
 
 
 def measured_line(logs: Sequence[SensorLog], current_A: ArrayLike) -> FieldLine | None:
-    """Return the line of the gaussmeter of a run; None if there is none, or too few currents.
+    """Fit a straight line, field against current, to the gaussmeter readings of a run.
 
     Parameters
     ----------
@@ -110,6 +110,11 @@ def measured_line(logs: Sequence[SensorLog], current_A: ArrayLike) -> FieldLine 
         The values of all sensors.
     current_A
         (states,) the current of each state.
+
+    Returns
+    -------
+    FieldLine or None
+        None if the run has no gaussmeter, or readings at fewer than two different currents.
     """
     for log in logs:
         if log.sensor.measures == "field":

@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.dataset.layout import (
+    WRITTEN_AS,
     Header,
     append,
     columns,
     flags_to_text,
     group,
     now,
+    put_date,
     write_header,
     write_state_columns,
 )
@@ -116,7 +118,7 @@ def write_points(
     gravity
         Whether the weight bends the beam.
     """
-    with h5py.File(path, "w", libver="latest") as file:
+    with h5py.File(path, "w", libver=WRITTEN_AS) as file:
         entry = write_header(file, header)
         data = group(entry, "data", "NXdata")
         data.attrs["signal"] = "y"
@@ -146,7 +148,7 @@ def write_points(
             append(states["index"], [index])
         write_tip_force_angles(entry["states"], [load.tip_force_angle_deg for load in loads])
         write_measured_columns(entry["states"], loads)
-        entry["end_time"][()] = now().encode()
+        put_date(entry, "end_time", now())
 
 
 def read_points(entry: h5py.Group, states: int) -> tuple[TrackedPoints, ...]:

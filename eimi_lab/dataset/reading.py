@@ -14,23 +14,27 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from eimi_fitting.time.measured import Motion
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import differences, parse
 from eimi_lab.dataset.containment import FORMER, refuse_links_and_absurd_sizes
 from eimi_lab.dataset.dark_and_flat import correction_by, stored_correction
 from eimi_lab.dataset.labelled import labelled_edges, labelled_points
-from eimi_lab.dataset.layout import FORMAT, FORMAT_ATTRIBUTE, Kind, flags_from_text, get_text
+from eimi_lab.dataset.layout import FORMAT, FORMAT_ATTRIBUTE, Kind, flags_from_text, get_start, get_text, to_stored
 from eimi_lab.dataset.logged_sensor import SensorLog
 from eimi_lab.dataset.measured_columns import measured_column
 from eimi_lab.dataset.measured_field import measured_line
+from eimi_lab.dataset.moving.stored_motions import read_motions
 from eimi_lab.dataset.points import TrackedPoints, read_points
-from eimi_lab.dataset.recordings import CONDITIONING, RELEASE, TRANSIENTS, Recording, read_recording
+from eimi_lab.dataset.recorded_frames import RecordedFrames, creep_frames, recorded_ring_downs
+from eimi_lab.dataset.recordings import CONDITIONING, TRANSIENTS, Recording, read_recording
 from eimi_lab.dataset.repair.mended_file import MendedFile
 from eimi_lab.dataset.repair.probing import why_unreadable
 from eimi_lab.dataset.repair.superblock import close_superblock
 from eimi_lab.dataset.sensor_logs import read_sensor_logs
 from eimi_lab.dataset.state import State
+from eimi_lab.dataset.steps import RingDownStep, SetPoint, read_set_points
 from eimi_lab.dataset.stored_edges import read_edges, read_projection
 from eimi_lab.dataset.tip_force_angles import tip_force_angles
 from eimi_lab.dataset.upright import turn
@@ -220,24 +224,67 @@ class Dataset:
             try:
                 images = frames[rows[0] : rows[-1] + 1]
             except OSError as error:
-                damaged = ", ".join(str(row - rows[0]) for row in rows.tolist() if not self._readable(row))
-                raise InputError(
-                    f"{self.path}: frame {damaged} of the {len(rows)} of state {state_index} (counted from 0) "
-                    f"is damaged ({error}); `eimi recover` makes a copy without it"
-                ) from error
+                raise self._damaged(state_index, rows, error) from error
             return images if images.ndim == 3 else images[..., ::-1]
+
+    def each_image(self, state_index: int) -> Iterator[NDArray[Any]]:
+        """Yield the frames of a state one after another, as `images` does, so that only one is in memory."""
+        with self._naming_damage():
+            rows = np.flatnonzero(self._entry["data/state"][()] == state_index)
+            frames = self._entry["data/frames"]
+            for row in rows:
+                try:
+                    image = frames[row]
+                except OSError as error:
+                    raise self._damaged(state_index, rows, error) from error
+                yield to_stored(image)
+
+    def _damaged(self, state_index: int, rows: NDArray[np.int64], error: OSError) -> InputError:
+        """Return the error that names the damaged frames of a state."""
+        damaged = ", ".join(str(row - rows[0]) for row in rows.tolist() if not self._readable(row))
+        return InputError(
+            f"{self.path}: frame {damaged} of the {len(rows)} of state {state_index} (counted from 0) "
+            f"is damaged ({error}); `eimi recover` makes a copy without it"
+        )
 
     def transient(self, state_index: int) -> Recording | None:
         """Return the frames while the beam settled at a state; None if none were stored. Raises InputError."""
         return self._recording(TRANSIENTS, state_index)
 
-    def release(self) -> Recording | None:
-        """Return the frames after the final step to zero current; None if none were stored. Raises InputError."""
-        return self._recording(RELEASE)
+    def recorded_ring_downs(self) -> tuple[tuple[RingDownStep, RecordedFrames], ...]:
+        """Return the frames of each ring-down of a run, which are read one at a time. Raises InputError."""
+        with self._naming_damage():
+            return recorded_ring_downs(self._entry, len(self.states))
+
+    def camera_setting(self, name: str) -> float | None:
+        """Return a setting that was read back from the camera, such as exposure_s; None if it was not."""
+        with self._naming_damage():
+            stored = self._entry.get(f"instrument/detector/settings/{name}")
+            return None if stored is None else float(stored[()])
+
+    def creep_frames(self, state_index: int) -> RecordedFrames | None:
+        """Return the frames through a state of a run that recorded creep, read one at a time; None without them."""
+        with self._naming_damage():
+            return creep_frames(self._entry, len(self.states), state_index)
+
+    def set_points(self) -> tuple[SetPoint, ...]:
+        """Return the set-points of the run with their times; empty if the run did not store them."""
+        with self._naming_damage():
+            return read_set_points(self._entry)
 
     def conditioning(self) -> Recording | None:
         """Return frames of the first and the last conditioning cycle; None if none were stored. Raises InputError."""
         return self._recording(CONDITIONING)
+
+    def ring_downs(self) -> tuple[Motion, ...]:
+        """Return the stored ring-downs as points with their times; `eimi segment` makes them of recorded frames."""
+        with self._naming_damage():
+            return read_motions(self._entry, "ring_down")
+
+    def creeps(self) -> tuple[Motion, ...]:
+        """Return the stored creep records, see `ring_downs`."""
+        with self._naming_damage():
+            return read_motions(self._entry, "creep")
 
     def _recording(self, name: str, only: int | None = None) -> Recording | None:
         with self._naming_damage():
@@ -273,8 +320,20 @@ class Dataset:
     def start_time(self) -> datetime:
         """Return when the run started, or when the oldest of the imported image files was written."""
         with self._naming_damage():
-            start = datetime.fromisoformat(get_text(self._entry, "start_time"))
+            start = datetime.fromisoformat(get_start(self._entry))
             return start if start.tzinfo else start.replace(tzinfo=UTC)
+
+    def times_of_states(self) -> NDArray[np.float64]:
+        """Return the mean time of the frames of each state on the run's clock, (K,); empty for tracked points."""
+        if self.kind != "frames" or not self.states:
+            return np.zeros(0)
+        with self._naming_damage():
+            of_state, times = self._entry["data/state"][()], self._entry["data/time"][()]
+            rows = min(len(of_state), len(times))
+            kept = np.isin(of_state[:rows], np.arange(len(self.states)))
+            count = np.bincount(of_state[:rows][kept], minlength=len(self.states))
+            total = np.bincount(of_state[:rows][kept], weights=times[:rows][kept], minlength=len(self.states))
+            return np.asarray(total / np.maximum(count, 1))
 
     def last_time_s(self) -> float:
         """Return the time of the last frame on the run's clock; 0 if there is no frame."""

@@ -1,9 +1,10 @@
 """Frames that are taken between the states, in the order in which they were taken.
 
-There are three recordings, each an NXdata in the file:
+There are these recordings, each an NXdata in the file:
 
-    transients      frames while the beam settles at a state
-    release         frames after the current went from its last value to zero, at the full rate of the camera
+    transients      frames while the beam settles at a state, or creeps in it
+    ring_down       frames after steps of the current to zero, at the full rate of the camera
+    release         the ring-down of a run of an earlier version
     conditioning    frames of the first and the last conditioning cycle before the run
 
 HDF5's single-writer-multiple-reader mode does not allow new groups in a file in use. Therefore each recording is one
@@ -26,9 +27,9 @@ from eimi_lab.config.protocol import Protocol
 from eimi_lab.dataset.layout import append, columns, frame_stack, group
 from eimi_lab.process.limits import refuse_unpacked
 
-TRANSIENTS, RELEASE, CONDITIONING = "transients", "release", "conditioning"
-BELONGS_TO = {TRANSIENTS: "state", RELEASE: "state", CONDITIONING: "cycle"}
-"""For each recording, the column with the number of the state or the cycle to which a frame belongs."""
+TRANSIENTS, RELEASE, CONDITIONING, RING_DOWN = "transients", "release", "conditioning", "ring_down"
+BELONGS_TO = {TRANSIENTS: "state", RELEASE: "state", CONDITIONING: "cycle", RING_DOWN: "ring_down"}
+"""For each recording, the column with the number of the state, the cycle or the ring-down of a frame."""
 
 COLUMNS: dict[str, tuple[str, str | None]] = {
     "number": ("i8", None),
@@ -88,7 +89,8 @@ def planned(protocol: Protocol | None) -> tuple[str, ...]:
         return ()
     is_planned = {
         TRANSIENTS: protocol.transients.frames_per_state > 0,
-        RELEASE: protocol.release is not None,
+        RELEASE: False,
+        RING_DOWN: protocol.ring_down is not None,
         CONDITIONING: protocol.conditioning is not None,
     }
     return tuple(name for name in BELONGS_TO if is_planned[name])
@@ -128,6 +130,17 @@ def append_moments(
     beat
         Function that is called after every frame.
     """
+    for image in images:
+        append(store["frames"], image[np.newaxis])
+        beat()
+    store["frames"].flush()
+    append_times(recording, store, belongs_to, moments)
+
+
+def append_times(
+    recording: str, store: Mapping[str, h5py.Dataset], belongs_to: Sequence[int], moments: Sequence[Moment]
+) -> None:
+    """Append the columns of frames that are in the file already; parameters as for `append_moments`."""
     rows: dict[str, Sequence[float]] = {
         BELONGS_TO[recording]: belongs_to,
         "number": [moment.frame.number for moment in moments],
@@ -136,10 +149,6 @@ def append_moments(
         "elapsed": [moment.elapsed_s for moment in moments],
         "time": [moment.time_s for moment in moments],
     }
-    for image in images:
-        append(store["frames"], image[np.newaxis])
-        beat()
-    store["frames"].flush()
     for column, values in rows.items():
         append(store[column], values)
         store[column].flush()

@@ -18,7 +18,15 @@ from typing import Any
 import h5py
 import numpy as np
 
-from eimi_lab.dataset.layout import FRAME_COLUMNS, STATE_COLUMNS, append, columns, flags_from_text, flags_to_text
+from eimi_lab.dataset.layout import (
+    FRAME_COLUMNS,
+    STATE_COLUMNS,
+    WRITTEN_AS,
+    append,
+    columns,
+    flags_from_text,
+    flags_to_text,
+)
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.recordings import BELONGS_TO, complete_rows, keep_rows
 from eimi_lab.dataset.repair.chunks import mend_chunks
@@ -158,7 +166,7 @@ def _mend_all_chunks(file: MendedFile) -> int:
 def _copy(source: h5py.File, crashed: Path, path: Path) -> tuple[int, list[str]]:
     lost: list[str] = []
     lost_of_recordings: list[str] = []
-    with h5py.File(path, "w", libver="latest") as copy:
+    with h5py.File(path, "w", libver=WRITTEN_AS) as copy:
         copy.attrs["default"] = "entry"
         _copy_group(source["entry"], copy.create_group("entry"), lost, {})
         lost += _rebuild_states(copy["entry"])
@@ -174,7 +182,7 @@ def _copy(source: h5py.File, crashed: Path, path: Path) -> tuple[int, list[str]]
     with open_dataset(path) as recovered:
         damaged = recovered.damaged_frames() if recovered.kind == "frames" else ()
     if damaged:
-        with h5py.File(path, "r+", libver="latest") as copy:
+        with h5py.File(path, "r+", libver=WRITTEN_AS) as copy:
             of_states = _drop_damaged(copy["entry"], damaged)
         lines.append(
             f"damaged frames left out: {len(damaged)}, of state {', '.join(map(str, of_states))} (counted from 0), "

@@ -96,11 +96,13 @@ def _calibration(dataset: Dataset, present: Calibration, file: Path | None, chan
 
 def _field_factor(dataset: Dataset, before: Calibration, after: Calibration, file: Path | None) -> float:
     """Return the factor by which the fields change; raise InputError if the fields may not follow from the currents."""
-    factor = after.coil_constant_mT_per_A / before.coil_constant_mT_per_A
+    if not after.mT_per_A and not any(state.field_mT for state in dataset.states):
+        return 1.0
+    factor = after.mT_per_A / before.mT_per_A if before.mT_per_A else float(after.mT_per_A == 0.0)
     if factor != 1.0 and dataset.text("protocol") is None:
         raise InputError(
-            f"{file}: coil_constant_mT_per_A = {after.coil_constant_mT_per_A:g}, but {dataset.path} was imported "
-            f"with {before.coil_constant_mT_per_A:g}; its states.csv may state fields, so import it again"
+            f"{file}: coil_constant_mT_per_A = {after.mT_per_A:g}, but {dataset.path} was imported "
+            f"with {before.mT_per_A:g}; its states.csv may state fields, so import it again"
         )
     return factor
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import h5py
 
+from eimi_lab.dataset.layout import WRITTEN_AS
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import whole_file
 
@@ -40,7 +41,7 @@ def rewritten(path: Path, content_bytes: int = 0) -> Iterator[h5py.Group]:
         shutil.copyfile(path, copy)
         _make_room(copy, path.stat().st_size + content_bytes + HEADERS_BYTES)
         try:
-            file = h5py.File(copy, "r+", libver="latest")
+            file = h5py.File(copy, "r+", libver=WRITTEN_AS)
         except OSError as error:
             raise InputError(f"{path}: is still being written, or its writer crashed; `eimi recover` helps") from error
         with file:

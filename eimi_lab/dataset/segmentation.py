@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.config.calibration import Calibration
+from eimi_lab.dataset.moving.recorded_motion import recorded_motions
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.stored_edges import write_edges
 from eimi_lab.process.errors import InputError
@@ -23,8 +24,8 @@ from eimi_lab.process.outputs import write_whole
 from eimi_lab.process.workers import completed
 from eimi_lab.process.writer_lock import only_writer
 from eimi_lab.vision.beam_frame import BeamFrame
-from eimi_lab.vision.check import leaves_out
-from eimi_lab.vision.edges.edge_set import EdgeSet
+from eimi_lab.vision.check import Flag, Severity, leaves_out
+from eimi_lab.vision.edges.edge_set import EdgeSet, tip_angle_deg
 from eimi_lab.vision.edges.finding import find_edges, follow_beam
 from eimi_lab.vision.edges.overlay import contact_sheet, draw_overlay
 from eimi_lab.vision.edges.region import region_of
@@ -34,6 +35,8 @@ from eimi_lab.vision.following.follow import FollowedBeam
 from eimi_lab.vision.intensity import state_mean
 from eimi_lab.vision.projection import Projection, choose_projection
 from eimi_lab.vision.ruled_picture import ruled_picture
+
+_STRAIGHT_DEG = 10.0  # turn of the tip within which two states are equally straight
 
 Workers = Callable[[], AbstractContextManager[Executor]]
 
@@ -54,6 +57,8 @@ def segment(path: Path, report: Callable[[str], None], executor: Workers | None 
         Function that creates the executor of the workers (`workers.executor_for`); None to work in this process. The
         edges do not depend on the number of workers.
 
+    The beam is also followed through every frame of recorded ring-downs and creep, which become motions.
+
     Returns
     -------
     tuple of EdgeSet
@@ -73,7 +78,9 @@ def segment(path: Path, report: Callable[[str], None], executor: Workers | None 
             frames = Frames(dataset)
             projection = frames.projection()
             edge_sets = _find_all(frames, projection, report, executor)
-        write_edges(path, edge_sets, projection)
+            motions = recorded_motions(dataset, edge_sets, projection, report)
+            length_mm = dataset.specimen.specimen.length_mm
+        write_edges(path, edge_sets, projection, motions, length_mm)
     return edge_sets
 
 
@@ -89,7 +96,7 @@ class Frames:
 
     def mean(self, index: int) -> NDArray[np.float32]:
         """Return the corrected mean of a state's frames, (H, W) or (H, W, 3) with colours."""
-        image = state_mean(self.dataset.images(index))
+        image = state_mean(self.dataset.each_image(index))
         return image if self._correction is None else self._correction.apply(image)
 
     def projection(self) -> Projection | None:
@@ -118,9 +125,41 @@ def _find_all(
                 last_reliable = edge_set
             edge_set = replace(edge_set, flags=state.flags + edge_set.flags)
             edge_sets.append(edge_set)
-            flags = ", ".join(flag.name for flag in edge_set.flags) or "no flags"
-            report(f"{len(edge_set.left.sigma_mm)} + {len(edge_set.right.sigma_mm)} points, {flags}")
-    return tuple(edge_sets)
+            report(
+                f"{len(edge_set.left.sigma_mm)} + {len(edge_set.right.sigma_mm)} points, {_in_words(edge_set.flags)}"
+            )
+    return clamp_judged_when_straight(edge_sets)
+
+
+def clamp_judged_when_straight(edge_sets: Sequence[EdgeSet]) -> tuple[EdgeSet, ...]:
+    """Return the edges of all states, with the place of the clamp judged in the straightest state.
+
+    The place is where the edges, extrapolated to the line of the clamp, cross it. With a strong curvature at the clamp
+    the extrapolation is tenths of a millimetre off. A state that is bent much farther than the straightest one gets the
+    flag of that one, or none.
+    """
+    turns = np.abs([tip_angle_deg(edge_set) for edge_set in edge_sets])
+    if not np.isfinite(turns).any():
+        return tuple(edge_sets)
+    straightest = int(np.nanargmin(turns))
+    of_straightest = tuple(flag for flag in edge_sets[straightest].flags if _is_clamp_offset(flag))
+    return tuple(
+        replace(one, flags=(*(flag for flag in one.flags if not _is_clamp_offset(flag)), *of_straightest))
+        if turn > turns[straightest] + _STRAIGHT_DEG and any(_is_clamp_offset(flag) for flag in one.flags)
+        else one
+        for one, turn in zip(edge_sets, turns, strict=True)
+    )
+
+
+def _is_clamp_offset(flag: Flag) -> bool:
+    return flag.name == "CALIBRATION_STALE" and flag.widens_in == "mm"
+
+
+def _in_words(flags: Sequence[Flag]) -> str:
+    """Return the names of the flags of a state; those that need no action follow as notes."""
+    notes = [flag.name for flag in flags if flag.severity is Severity.NOTE]
+    names = ", ".join(flag.name for flag in flags if flag.severity is not Severity.NOTE) or "no flags"
+    return f"{names}; notes: {', '.join(notes)}" if notes else names
 
 
 def _clicked_mm(calibration: Calibration) -> NDArray[np.float64] | None:
@@ -284,7 +323,7 @@ def write_overlays(folder: Path, path: Path, edge_sets: Sequence[EdgeSet]) -> No
     with open_dataset(path) as dataset:
         frames = Frames(dataset)
         for state, edge_set in zip(dataset.states, edge_sets, strict=True):
-            image = state_mean(dataset.images(state.index))
+            image = state_mean(dataset.each_image(state.index))
             followed = None if len(edge_set.left.points_mm) else _followed(frames, image)
             picture = draw_overlay(image, edge_set, frames.calibration, dataset.specimen, followed)
             write_whole(folder / f"step_{state.index:02d}.png", _png(picture))

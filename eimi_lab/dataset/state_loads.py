@@ -18,9 +18,14 @@ FRAME_COLUMNS = {
     ),
     "time_s": Column("Instead of frame: seconds from the beginning of a video, or of tracks with times.", "12.5"),
 }
+UNTIL_COLUMNS = {
+    "until_s": Column(
+        "With --every: seconds from the beginning of a video until which the load acts.", "14.0", "until the next row"
+    )
+}
 STATE_COLUMNS = {"state": Column("Instead of frame: number of the state in points.csv.", "0")}
 LOAD_COLUMNS = {
-    "current_A": Column("Current of the coil. Give either this or field_mT.", "0.3"),
+    "current_A": Column("Current of the coil. Give either this or field_mT; without a coil, neither.", "0.3"),
     "field_mT": Column("Field at the magnet. Give either this or current_A; 0 without a coil.", "1.41"),
     "tip_force_N": Column("Force at the tip, such as a weight.", "0.049", "0"),
     "tip_force_angle_deg": Column(
@@ -37,7 +42,8 @@ ABSOLUTE_ZERO_DEGC = -273.15
 def load_of(row: Row, calibration: Calibration | None) -> Load:
     """Return the loads in a row of a table of states; without a calibration, a current must be 0. Raises InputError."""
     has_current, has_field = "current_A" in row.cells, "field_mT" in row.cells
-    if has_current == has_field:
+    only_weights = "tip_force_N" in row.cells and calibration is not None and not calibration.mT_per_A
+    if has_current == has_field and (has_current or not only_weights):
         wrong = "both current_A and field_mT" if has_current else "neither current_A nor field_mT"
         raise InputError(f"{row.path}: row 1: has {wrong}; give one of them")
     force = row.number("tip_force_N") if "tip_force_N" in row.cells else 0.0
@@ -51,11 +57,13 @@ def load_of(row: Row, calibration: Calibration | None) -> Load:
     current, field = None, 0.0
     if has_field:
         field = row.number("field_mT")
-        current = field / calibration.coil_constant_mT_per_A if calibration else None
+        current = field / calibration.mT_per_A if calibration and calibration.mT_per_A else None
     else:
-        current = row.number("current_A")
-        if calibration:
-            field = current * calibration.coil_constant_mT_per_A
+        current = row.number("current_A") if has_current else 0.0
+        if calibration and (calibration.mT_per_A or not current):
+            field = current * calibration.mT_per_A
+        elif calibration:
+            raise row.fault("current_A", "0, because the calibration has no coil_constant_mT_per_A")
         elif current:
             raise row.fault(
                 "current_A", "0; for tracked points give field_mT instead, since they have no coil constant"

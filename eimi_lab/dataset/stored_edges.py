@@ -10,8 +10,24 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from eimi_fitting.time.measured import Motion
 from eimi_lab.dataset.default_plots import write_plots
-from eimi_lab.dataset.layout import PROGRAM, flags_from_text, flags_to_text, get_text, group, note, now, put_text
+from eimi_lab.dataset.layout import (
+    PROGRAM,
+    PROGRAM_URL,
+    START_ATTRIBUTE,
+    flags_from_text,
+    flags_to_text,
+    get_start,
+    get_text,
+    group,
+    note,
+    now,
+    put_date,
+    put_definition,
+    put_text,
+)
+from eimi_lab.dataset.moving.stored_motions import write_motions
 from eimi_lab.dataset.rewriting import rewritten
 from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 from eimi_lab.vision.projection import Projection
@@ -21,8 +37,14 @@ BYTES_OF_A_STATE = 512
 """Room for the flags, the corners and the tip of one state."""
 
 
-def write_edges(path: str | Path, edge_sets: Sequence[EdgeSet], projection: Projection | None = None) -> None:
-    """Store the edges of every state; earlier ones are replaced.
+def write_edges(
+    path: str | Path,
+    edge_sets: Sequence[EdgeSet],
+    projection: Projection | None = None,
+    motions: Sequence[Motion] = (),
+    length_mm: float = 0.0,
+) -> None:
+    """Store the edges of every state, and the motions of the recorded frames; earlier ones are replaced.
 
     Parameters
     ----------
@@ -32,6 +54,10 @@ def write_edges(path: str | Path, edge_sets: Sequence[EdgeSet], projection: Proj
         The edges of each state.
     projection
         The projection of colours with which the edges were found; None for frames without colours.
+    motions
+        Ring-downs and creep found in recorded frames; motions of a kind that none of them has are kept.
+    length_mm
+        Length of the beam, for the amplitudes of the motions.
 
     Raises
     ------
@@ -43,6 +69,7 @@ def write_edges(path: str | Path, edge_sets: Sequence[EdgeSet], projection: Proj
     path = Path(path)
     points = [edge for edge_set in edge_sets for edge in (edge_set.left, edge_set.right)]
     size = 2 * sum(edge.points_mm.nbytes + edge.sigma_mm.nbytes for edge in points)  # once for the plot of the outline
+    size += sum(3 * motion.points_mm.nbytes for motion in motions)
     with rewritten(path, size + BYTES_OF_A_STATE * len(edge_sets)) as entry:
         states = len(entry["states/index"])
         if states != len(edge_sets):
@@ -51,6 +78,9 @@ def write_edges(path: str | Path, edge_sets: Sequence[EdgeSet], projection: Proj
         process = group(entry, GROUP, "NXprocess")
         _write(process, edge_sets)
         write_plots(entry, process, edge_sets)
+        _comply_with_definition(entry)
+        for kind in dict.fromkeys(motion.kind for motion in motions):
+            write_motions(entry, kind, [motion for motion in motions if motion.kind == kind], length_mm)
         if projection is not None:
             note(process, "projection", projection.to_json(), "application/json")
 
@@ -63,9 +93,9 @@ def drop_edges(entry: h5py.Group) -> None:
 
 
 def _write(process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
-    put_text(process, "program", PROGRAM)
+    put_text(process, "program", PROGRAM).attrs.update(version=version(PROGRAM), program_url=PROGRAM_URL)
     put_text(process, "version", version(PROGRAM))
-    put_text(process, "date", now())
+    put_date(process, "date", now())
     edges = group(process, "edges", "NXcollection")
     for side in ("left", "right"):
         edges_of_side = [getattr(edge_set, side) for edge_set in edge_sets]
@@ -81,6 +111,27 @@ def _write(process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
     edges["calibration_age"].attrs["units"] = "day"
     put_text(edges, "calibration_digest", json.dumps([edge_set.calibration_digest for edge_set in edge_sets]))
     put_text(edges, "flags", json.dumps([flags_to_text(edge_set.flags).decode() for edge_set in edge_sets]))
+
+
+def _comply_with_definition(entry: h5py.Group) -> None:
+    """Write what the application definition requires, and the end of the run.
+
+    A file in single-writer-multiple-reader mode cannot contain a date that is written late. The end of the run is
+    therefore in the table of sessions until the edges are stored. Dates of 0.1.0 have a fixed length.
+    """
+    dates = {"start_time": get_start(entry)}
+    if "end" in entry.get("sessions", ()) and len(ends := entry["sessions/end"]):
+        dates["end_time"] = ends[-1].decode()
+    elif "end_time" in entry and not entry["end_time"].dtype.hasobject:
+        dates["end_time"] = get_text(entry, "end_time").strip()
+    for name in ("definition", *dates):
+        if name in entry:
+            del entry[name]
+    put_definition(entry)
+    entry["states"].attrs[START_ATTRIBUTE] = np.bytes_(dates["start_time"])
+    for name, date in dates.items():
+        if date:
+            put_date(entry, name, date)
 
 
 def read_edges(entry: h5py.Group) -> tuple[EdgeSet, ...]:

@@ -67,6 +67,42 @@ def read_video(path: Path, numbers: Sequence[int]) -> Iterator[NDArray[Any]]:
             yield image
 
 
+def timed_frames(path: Path) -> Iterator[tuple[NDArray[Any], float]]:
+    """Yield every frame of a video with its time in seconds from the beginning, see `read_video`.
+
+    Raises
+    ------
+    InputError
+        If OpenCV cannot read the video, or if it holds no frame.
+    """
+    with _opened(path) as video:
+        count = 0
+        while True:
+            decoded, image = video.read()
+            if not decoded or image is None:
+                break
+            count += 1
+            yield image, video.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
+    if not count:
+        raise InputError(f"{path}: holds no frame that OpenCV can read, or is damaged")
+
+
+def row_direction(path: Path) -> tuple[float, float, float]:
+    """Return how the row of the sensor follows from a pixel of a frame: factors of x and y, and a constant.
+
+    A phone stores the rows of its sensor with the angle by which a viewer turns them, and OpenCV turns them. A phone
+    held upright therefore reads the frame from side to side. Raises InputError if the video cannot be read.
+    """
+    with _opened(path) as video:
+        turned = round(video.get(cv2.CAP_PROP_ORIENTATION_META)) % 360
+        width, height = (video.get(name) for name in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+    return {
+        90: (-1.0, 0.0, width - 1.0),
+        180: (0.0, -1.0, height - 1.0),
+        270: (1.0, 0.0, 0.0),
+    }.get(turned, (0.0, 1.0, 0.0))
+
+
 @contextmanager
 def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
     video = cv2.VideoCapture(str(path))

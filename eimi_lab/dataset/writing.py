@@ -1,9 +1,9 @@
-"""Writing a dataset of frames so that every stored state survives a crash.
+"""Write a dataset of frames so that every stored state survives a crash.
 
 HDF5's single-writer-multiple-reader mode (SWMR) orders its writes so that the file is readable at every moment. For
 each state the datasets are flushed one after another, the table of states last, and the file is synchronised to the
-disk before `append_state` returns. Everything is created first, and then the file is opened in the mode (The HDF Group,
-SWMR user guide). The file is created under a temporary name, so that a file with the requested name always has its
+disk before `append_state` returns. All datasets are created before the file is opened in this mode (The HDF Group, SWMR
+user guide). The file is created under a temporary name, so that a file with the requested name always has its
 header.
 
 Only one writer may use a name at a time. After each state the name must still lead to the file that was written. If the
@@ -12,7 +12,6 @@ file was deleted, moved or replaced, the writer continues in a copy beside it.
 
 from __future__ import annotations
 
-import io
 import os
 import re
 import tempfile
@@ -29,31 +28,35 @@ from h5py import h5f, h5p
 from numpy.typing import NDArray
 
 from eimi_drivers.interfaces import Frame, SensorReading
+from eimi_lab.dataset.empty_file import empty_file
+from eimi_lab.dataset.frame_stream import FrameStream
 from eimi_lab.dataset.layout import (
     FRAME_COLUMNS,
     SESSION_COLUMNS,
     STATE_COLUMNS,
     Header,
     append,
-    columns,
     flags_to_text,
-    frame_stack,
-    group,
     now,
-    put_text,
     to_stored,
-    write_header,
-    write_state_columns,
 )
 from eimi_lab.dataset.recordings import (
     BELONGS_TO,
+    RING_DOWN,
     TRANSIENTS,
     Moment,
     append_moments,
-    make_recordings,
-    planned,
+    append_times,
 )
-from eimi_lab.dataset.sensor_logs import log_of, make_sensor_logs, rows_of, sensor_names
+from eimi_lab.dataset.sensor_logs import log_of, rows_of, sensor_names
+from eimi_lab.dataset.steps import (
+    RING_DOWN_STEPS,
+    SET_POINTS,
+    RingDownStep,
+    SetPoint,
+    append_set_points,
+    append_step,
+)
 from eimi_lab.process.errors import InputError, tell
 from eimi_lab.process.outputs import whole_file
 from eimi_lab.process.writer_lock import WriterLock
@@ -90,11 +93,12 @@ class DatasetWriter:
     Parameters
     ----------
     path
-        The new file. The attribute ``path`` changes if the file is taken away during the run.
+        The new file. If it is deleted, moved or replaced during the run, the attribute ``path`` becomes the path of a
+        copy beside it.
     header
         Description of the run.
     like
-        A frame with the size and the depth of all frames.
+        An example frame, which has the size and the bit depth of all frames.
     force
         Whether an existing file is overwritten.
     beat
@@ -121,7 +125,7 @@ class DatasetWriter:
         lock = WriterLock(path)
         try:
             with whole_file(path, force) as temporary:
-                temporary.write_bytes(_empty_file(header, like.image))
+                temporary.write_bytes(empty_file(header, like.image))
             self._open(path, lock)
         except BaseException:
             lock.release()
@@ -148,11 +152,11 @@ class DatasetWriter:
 
     def begin_session(self) -> None:
         """Record that the run starts or continues now with the next state. Raises StorageFailed."""
-        session = {"start": now().encode(), "first_state": self._stored}
+        session = {"start": now().encode(), "first_state": self._stored, "end": b""}
         with self._writing():
-            for name in SESSION_COLUMNS:
-                append(self._sessions[name], [session[name]])
-                self._sessions[name].flush()
+            for name, column in self._sessions.items():
+                append(column, [session[name]])
+                column.flush()
             self._synchronise()
 
     def _attach(self, path: Path, lock: WriterLock) -> None:
@@ -169,9 +173,10 @@ class DatasetWriter:
         self._columns = {name: entry["data"][name] for name in FRAME_COLUMNS}
         self._states = {name: entry["states"][name] for name in STATE_COLUMNS}
         self._sensors = {name: log_of(entry, name) for name in sensor_names(entry)}
-        self._end_time = entry["end_time"]
-        self._sessions = {name: entry["sessions"][name] for name in SESSION_COLUMNS}
+        self._end_time = entry.get("end_time")  # in a file of 0.1.0, whose sessions have no column `end`
+        self._sessions = {name: entry["sessions"][name] for name in SESSION_COLUMNS if name in entry["sessions"]}
         self._recordings = {name: dict(entry[name]) for name in BELONGS_TO if name in entry}
+        self._set_points, self._steps = (dict(entry.get(name, {})) for name in (SET_POINTS, RING_DOWN_STEPS))
         self._stored = len(self._states["index"])
 
     @contextmanager
@@ -230,7 +235,10 @@ class DatasetWriter:
 
     def _close(self) -> None:
         with self._writing():
-            self._end_time[()] = now().encode()
+            if "end" in self._sessions:
+                self._sessions["end"][-1] = now().encode()
+            elif self._end_time is not None:
+                self._end_time[()] = now().encode()
             self._file.flush()
             self._file.close()
 
@@ -246,6 +254,7 @@ class DatasetWriter:
         flags: tuple[Flag, ...] = (),
         transient: Sequence[Moment] = (),
         sensed: Sequence[Mapping[str, SensorReading]] = (),
+        set_points: Sequence[SetPoint] = (),
     ) -> None:
         """Store a state and its frames; after the return they survive a crash of the program or the machine.
 
@@ -265,13 +274,15 @@ class DatasetWriter:
             Frames while the beam settled; ignored if the file has no group for them.
         sensed
             For each frame, the readings of the sensors by name, with times on the run's clock.
+        set_points
+            Set-points since the last state was stored; ignored if the file has no table for them.
 
         Raises
         ------
         ValueError
-            If a frame has another size or depth than the frames of the file.
+            If a frame has another size or bit depth than the frames of the file.
         StorageFailed
-            If the disk takes no more data, or if another program wrote into the file.
+            If the disk accepts no more data, or if another program wrote into the file.
         """
         self._refuse_overwritten()
         images = self._images(frames)
@@ -305,6 +316,7 @@ class DatasetWriter:
             for dataset in (self._frames, *self._columns.values(), *logs):
                 dataset.flush()
             self._append_moments(TRANSIENTS, [index] * len(transient), transient)
+            append_set_points(self._set_points, set_points)
             for name, column in self._states.items():
                 append(column, [state[name]])
                 column.flush()
@@ -320,6 +332,31 @@ class DatasetWriter:
         self._refuse_overwritten()
         with self._writing():
             self._append_moments(name, belongs_to, moments)
+            self._synchronise()
+        if self._stored:
+            self._keep_the_name()
+
+    @property
+    def ring_downs(self) -> int | None:
+        """The number of ring-downs in the file; None if the file has no place for them."""
+        return len(self._steps["ring_down"]) if self._steps else None
+
+    @contextmanager
+    def ring_down(self) -> Iterator[FrameStream]:
+        """Yield a stream for the frames of a ring-down, which are written while the camera takes them.
+
+        All of them are written when the block ends; then call `end_ring_down`. Raises as `append_state` does.
+        """
+        self._refuse_overwritten()
+        with self._writing(), FrameStream(self._recordings[RING_DOWN]["frames"]) as stream:
+            yield stream
+
+    def end_ring_down(self, step: RingDownStep, moments: Sequence[Moment], set_points: Sequence[SetPoint]) -> None:
+        """Store the times of the frames of a ring-down, and its step; afterwards they survive a crash."""
+        with self._writing():
+            append_set_points(self._set_points, set_points)
+            append_times(RING_DOWN, self._recordings[RING_DOWN], [step.ring_down] * len(moments), moments)
+            append_step(self._steps, step)
             self._synchronise()
         if self._stored:
             self._keep_the_name()
@@ -429,39 +466,5 @@ def _names_beside(path: Path) -> Iterator[Path]:
 
 def _access() -> h5p.PropFAID:
     access = h5p.create(h5p.FILE_ACCESS)
-    access.set_libver_bounds(h5f.LIBVER_LATEST, h5f.LIBVER_LATEST)
+    access.set_libver_bounds(h5f.LIBVER_V110, h5f.LIBVER_LATEST)
     return access
-
-
-def _empty_file(header: Header, image: NDArray[Any]) -> bytes:
-    """Create a dataset without frames in memory, because a full disk can crash HDF5, and return its bytes."""
-    memory = io.BytesIO()
-    with h5py.File(memory, "w", libver="latest") as file:
-        entry = write_header(file, header)
-        detector = group(entry["instrument"], "detector", "NXdetector")
-        frames = frame_stack(detector, "data", image)
-        put_text(detector, "description", "side camera")
-        if header.camera_settings and (settings := header.camera_settings.chosen()):
-            read_back = group(detector, "settings", "NXcollection")
-            for name, value in settings.items():
-                read_back[name] = value
-
-        data = group(entry, "data", "NXdata")
-        data.attrs["signal"] = "frames"
-        data.attrs["axes"] = ["field"] + ["."] * image.ndim
-        data["frames"] = frames
-        of_frame = columns(data, FRAME_COLUMNS)
-
-        supply = group(entry["instrument"], "supply", "NXcollection")
-        if header.without_contact:
-            put_text(supply, "without_contact", header.without_contact)
-        for name in ("set_current", "measured_current"):
-            log = group(supply, name, "NXlog")
-            log["time"] = of_frame["time"]
-            log["value"] = of_frame[name]
-
-        make_sensor_logs(entry, header.sensors)
-        columns(group(entry, "sessions", "NXcollection"), SESSION_COLUMNS)
-        make_recordings(entry, planned(header.protocol), image)
-        write_state_columns(entry, "frames")
-    return memory.getvalue()

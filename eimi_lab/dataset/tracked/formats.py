@@ -13,6 +13,7 @@ from eimi_lab.dataset.tracked.mudic import read_mudic
 from eimi_lab.dataset.tracked.ncorr import read_ncorr
 from eimi_lab.dataset.tracked.tracker import read_tracker
 from eimi_lab.dataset.tracked.tracks import Tracks
+from eimi_lab.process.errors import InputError
 
 FORMATS: dict[str, Callable[[Path], Tracks]] = {
     "dice": read_dice,
@@ -23,3 +24,10 @@ FORMATS: dict[str, Callable[[Path], Tracks]] = {
     "deeplabcut": read_deeplabcut,
     "c3d": read_c3d,
 }
+
+
+def reader_of(tool: str) -> Callable[[Path], Tracks]:
+    """Return the reader of a program's files; raise InputError for an unknown name."""
+    if tool not in FORMATS:
+        raise InputError(f"--format {tool}: should be one of {', '.join(FORMATS)}")
+    return FORMATS[tool]

@@ -87,16 +87,8 @@ def import_points(
 
 
 def _tracked(rows: list[Row], specimen: SpecimenFile) -> TrackedPoints:
-    beam = specimen.specimen
     for row in rows:
-        if not -ON_THE_BEAM_MM <= row.number("x0_mm") <= beam.length_mm + ON_THE_BEAM_MM:
-            raise row.fault("x0_mm", f"on the beam, from 0 to length_mm = {beam.length_mm:g}")
-        if abs(row.number("y0_mm")) > beam.width_mm / 2 + ON_THE_BEAM_MM:
-            raise row.fault("y0_mm", f"on the beam, within half of width_mm = {beam.width_mm:g}")
-        if abs(_depth(row)) > beam.depth_mm / 2 + ON_THE_BEAM_MM:
-            raise row.fault(DEPTH, f"in the beam, within half of depth_mm = {beam.depth_mm:g}")
-        if row.number("sigma_mm") <= 0:
-            raise row.fault("sigma_mm", "greater than 0")
+        check_on_beam(row, specimen)
         if len(row.text("point").encode()) > NAME_BYTES:
             raise row.fault("point", f"a name of at most {NAME_BYTES} bytes")
     return TrackedPoints(
@@ -106,6 +98,19 @@ def _tracked(rows: list[Row], specimen: SpecimenFile) -> TrackedPoints:
         np.array([row.number("sigma_mm") for row in rows]),
         np.array([_depth(row) for row in rows]),
     )
+
+
+def check_on_beam(row: Row, specimen: SpecimenFile) -> None:
+    """Raise InputError if a point at rest is not on the beam, or if its uncertainty is not positive."""
+    beam = specimen.specimen
+    if not -ON_THE_BEAM_MM <= row.number("x0_mm") <= beam.length_mm + ON_THE_BEAM_MM:
+        raise row.fault("x0_mm", f"on the beam, from 0 to length_mm = {beam.length_mm:g}")
+    if abs(row.number("y0_mm")) > beam.width_mm / 2 + ON_THE_BEAM_MM:
+        raise row.fault("y0_mm", f"on the beam, within half of width_mm = {beam.width_mm:g}")
+    if abs(_depth(row)) > beam.depth_mm / 2 + ON_THE_BEAM_MM:
+        raise row.fault(DEPTH, f"in the beam, within half of depth_mm = {beam.depth_mm:g}")
+    if row.number("sigma_mm") <= 0:
+        raise row.fault("sigma_mm", "greater than 0")
 
 
 def _depth(row: Row) -> float:

@@ -13,7 +13,7 @@ from eimi_lab.dataset.layout import Header
 from eimi_lab.dataset.points import NAME_BYTES, TrackedPoints, write_points
 from eimi_lab.dataset.state_loads import FRAME_COLUMNS, LOAD_COLUMNS, check_directions, load_of
 from eimi_lab.dataset.tracked.axes import PlacedTracks, Placing, place
-from eimi_lab.dataset.tracked.formats import FORMATS
+from eimi_lab.dataset.tracked.formats import reader_of
 from eimi_lab.process.errors import InputError, tell
 from eimi_lab.process.outputs import whole_file
 from eimi_lab.vision.beam_frame import BeamFrame
@@ -66,10 +66,9 @@ def import_tracks(
     InputError
         If a file is wrong, if information is missing, or if no point is on the beam.
     """
-    if tool not in FORMATS:
-        raise InputError(f"--format {tool}: should be one of {', '.join(FORMATS)}")
+    read = reader_of(tool)
     with whole_file(path, force) as temporary:
-        placed = place(FORMATS[tool](source), placing, str(source))
+        placed = place(read(source), placing, str(source))
         calibration = placing.calibration
         if calibration is not None:
             gravity_angle_deg = BeamFrame(calibration).gravity_deg
@@ -81,7 +80,7 @@ def import_tracks(
         rows = read_table(states, [], [*FRAME_COLUMNS, *LOAD_COLUMNS])
         at = [_frame_of(row, placed, source) for row in rows]
         loads = [load_of(row, calibration) for row in rows]
-        chosen = _on_the_beam(placed, at, specimen, source)
+        chosen = points_on_beam(placed, at, specimen, source)
         tracked = [_points_of(placed, index, chosen, row, source) for index, row in zip(at, rows, strict=True)]
         check_directions(states, loads, gravity_angle_deg)
         write_points(temporary, Header(specimen=specimen), gravity_angle_deg or 0.0, loads, tracked, gravity)
@@ -107,7 +106,7 @@ def _frame_of(row: Row, placed: PlacedTracks, source: Path) -> int:
     return int(apart.argmin())
 
 
-def _on_the_beam(placed: PlacedTracks, at: list[int], specimen: SpecimenFile, source: Path) -> NDArray[np.int64]:
+def points_on_beam(placed: PlacedTracks, at: list[int], specimen: SpecimenFile, source: Path) -> NDArray[np.int64]:
     """Return the points to use: on the beam at rest, seen in at least one state, and at most `MOST_POINTS` of them."""
     beam, rest = specimen.specimen, placed.rest_mm
     margin = _OFF_THE_BEAM * beam.width_mm

@@ -1,0 +1,13 @@
+"""Motions of the beam in a dataset: ring-downs and creep, as points with the time of each.
+
+stored_motions    motions in the file
+motion_facts      facts about a recording that a person states: kind, rate, release, weights, shutter
+free_motion       the part of a recording after the release
+beam_modes        the modes of a cantilever, and the amplitudes of a motion in them
+motion_csv        motions from a table of tracked points
+tracked_motion    motions from the files of tracking programs
+film              points of the beam in every frame of a film
+filmed_motion     motions from films
+recorded_motion   motions from the recorded frames of a run
+motion_import     write an imported motion into a dataset
+"""

@@ -1,0 +1,150 @@
+"""Points of the beam in every frame of a film: a video, or the recorded frames of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.config.calibration import Calibration
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.process.errors import InputError
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.edges.edge_set import EdgeSet
+from eimi_lab.vision.edges.finding import find_edges
+from eimi_lab.vision.edges.region import region_of
+from eimi_lab.vision.projection import Projection, choose_projection
+from eimi_lab.vision.tracking.beam_tracker import BeamTracker, SeenBeam
+
+Array = NDArray[np.float64]
+
+FIRST_TRIES = 200  # a film is refused if none of this many first frames shows the beam
+_SEARCH_EVERY = 5  # frames; a search of the whole frame takes as long as following the beam through ten frames
+_SMOOTH = 6  # terms of a polynomial whose error for a swinging beam is below the noise of its points
+_LEAST_SIGMA_MM = 1e-4
+_NORMAL_MEDIAN = 1.4826  # ratio of the standard deviation of a normal distribution to the median of its absolute values
+
+
+@dataclass(frozen=True)
+class Film:
+    """The beam in the n frames of a film; NaN where it was not seen.
+
+    Parameters
+    ----------
+    along_mm : ndarray, shape (p,)
+        Arc lengths of the points, from the clamp.
+    middle_px, left_px, right_px : ndarray, shape (n, p, 2)
+        Points of the centre line and of both edges.
+    """
+
+    along_mm: Array
+    middle_px: Array
+    left_px: Array
+    right_px: Array
+
+    def sigma_mm(self, middle_mm: Array) -> Array:
+        """Return the standard deviation (p,) of the noise of each point across the beam.
+
+        It is the scatter in time of the distance from a smooth curve through the points of the same frame.
+        """
+        complete = np.isfinite(middle_mm[..., 1]).all(axis=1)
+        if not complete.any():
+            return np.full(len(self.along_mm), _LEAST_SIGMA_MM)
+        terms = np.vander(self.along_mm / self.along_mm[-1], _SMOOTH)
+        across = middle_mm[complete, :, 1].T
+        fitted = terms @ np.linalg.lstsq(terms, across, rcond=None)[0]
+        deviations = across - fitted
+        deviations -= np.median(deviations, axis=1, keepdims=True)
+        freedom = len(self.along_mm) / (len(self.along_mm) - _SMOOTH)
+        sigma = _NORMAL_MEDIAN * np.median(np.abs(deviations), axis=1) * np.sqrt(freedom)
+        return np.asarray(np.maximum(sigma, _LEAST_SIGMA_MM))
+
+
+def follow_film(
+    images: Iterable[NDArray[Any]],
+    calibration: Calibration,
+    specimen: SpecimenFile,
+    origin: str,
+    projection: Projection | None = None,
+) -> Film:
+    """Follow the beam through a film.
+
+    The whole frame is searched for the beam at the beginning, and after the beam was lost. Otherwise the beam is
+    followed from its place in the frame before.
+
+    Parameters
+    ----------
+    images : iterable of ndarray, shape (H, W) or (H, W, 3)
+        The frames.
+    calibration, specimen
+        Calibration and specimen.
+    origin : str
+        Name of the film in messages.
+    projection : Projection, optional
+        Projection of the colours; by default it is chosen in the first frame.
+
+    Raises
+    ------
+    InputError
+        If the beam is not found in any of the first frames.
+    """
+    frame, length_mm = BeamFrame(calibration), specimen.specimen.length_mm
+    tracker: BeamTracker | None = None
+    beams: list[SeenBeam | None] = []
+    missed = 0
+    for image in images:
+        if image.ndim == 3 and projection is None:
+            projection = choose_projection([image], calibration, specimen.specimen.width_mm, length_mm)
+        beam = tracker.follow(image) if tracker else None
+        if beam is None or not beam.is_seen:
+            if missed % _SEARCH_EVERY == 0:
+                restarted = _start(image, calibration, specimen, frame, projection)
+                tracker = restarted or tracker
+                beam = restarted.follow(image) if restarted else None
+            missed += 1
+        else:
+            missed = 0
+        beams.append(beam)
+        if tracker is None and len(beams) >= FIRST_TRIES:
+            break
+    if tracker is None:
+        raise InputError(
+            f"{origin}: no beam was found in the first {len(beams)} frames; check clamp, axis and scale of the "
+            "calibration, and --polarity, --channel or --beam-colour; `eimi import --states` of one frame and "
+            "`eimi segment` show where the program looked"
+        )
+    missing = np.full((len(tracker.along_mm), 2), np.nan)
+    middle, left, right = (
+        np.stack([missing if beam is None else getattr(beam, name) for beam in beams])
+        for name in ("middle_px", "left_px", "right_px")
+    )
+    return Film(tracker.along_mm, middle, left, right)
+
+
+def _start(
+    image: NDArray[Any],
+    calibration: Calibration,
+    specimen: SpecimenFile,
+    frame: BeamFrame,
+    projection: Projection | None,
+) -> BeamTracker | None:
+    """Return a tracker that begins with the edges in a frame; None if they are not found."""
+    edges = _edges(image, calibration, specimen, projection)
+    if not len(edges.middle_mm) or np.hypot(*edges.middle_mm.T).max() < 0.5 * specimen.specimen.length_mm:
+        return None
+    try:
+        return BeamTracker(image, edges, frame, specimen.specimen.length_mm, projection)
+    except ValueError:  # the edges are those of another body
+        return None
+
+
+def _edges(
+    image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, projection: Projection | None
+) -> EdgeSet:
+    region = region_of(calibration, image.shape)
+    if region is None:
+        return find_edges(image, calibration, specimen, projection=projection)
+    return region.in_picture(find_edges(region.cut(image), region.calibration, specimen, projection=projection))

@@ -1,0 +1,106 @@
+"""The part of a recording in which the beam moves freely: from the release to the end."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.time.measured import Motion
+from eimi_lab.dataset.moving.motion_facts import MotionFacts
+from eimi_lab.process.errors import InputError, tell
+
+Array = NDArray[np.float64]
+
+FEWEST_FRAMES = 8
+_NEAR_GREATEST = 0.97  # share of the greatest deflection; a beam released from rest is below it after 0.04 of a period
+_AT_THE_END = 4  # the last quarter of a recording shows where the beam comes to rest
+_GAP = 1.5  # times the usual interval between frames; in a longer interval frames were lost
+
+
+def free_motion(
+    points_mm: Array, rest_mm: Array, time_s: Array, sigma_mm: Array, facts: MotionFacts, origin: str
+) -> Motion:
+    """Return the motion after the release; its times count from there.
+
+    If the release is not stated, it is taken as the last frame whose deflection is within 3 % of the greatest one.
+    Deflections are measured from the place at the end of the recording. A note states the chosen release.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, p, 2)
+        Places in the beam frame; NaN where a point was not seen.
+    rest_mm : ndarray, shape (p, 2)
+        Places of the points in the undeformed beam.
+    time_s : ndarray, shape (n, p)
+        Times in the recording.
+    sigma_mm : ndarray, shape (n, p)
+        Standard uncertainty of a coordinate.
+    facts : MotionFacts
+        Facts that the user states.
+    origin : str
+        Name of the recording in messages.
+
+    Returns
+    -------
+    Motion
+
+    Raises
+    ------
+    InputError
+        If the times do not rise, or if too few frames follow the release.
+    """
+    frame_s = time_s.min(axis=1)
+    steps_s = np.diff(frame_s)
+    if len(frame_s) < FEWEST_FRAMES:
+        raise InputError(f"{origin}: has {len(frame_s)} frames; a motion needs at least {FEWEST_FRAMES}")
+    if not (steps_s > 0).all():
+        at = int(np.argmin(steps_s > 0))
+        raise InputError(
+            f"{origin}: frame {at + 1} (counted from 0) has the time {frame_s[at + 1]:g} s, which should be later than "
+            f"{frame_s[at]:g} s; give --rate if the file has no times"
+        )
+    period_s = float(np.median(steps_s))
+    first = _stated_release(frame_s, facts, origin) if facts.released_s is not None else _release(points_mm)
+    released_s = float(frame_s[first]) if facts.released_s is None else facts.released_s
+    if len(frame_s) - first < FEWEST_FRAMES:
+        raise InputError(
+            f"{origin}: only {len(frame_s) - first} frames follow the release at {released_s:g} s; a motion needs at "
+            f"least {FEWEST_FRAMES}; --released states another time"
+        )
+    if facts.released_s is None:
+        tell(
+            f"note: {origin}: the release is taken at {released_s:.4g} s, the last frame within 3 % of the greatest "
+            "deflection; --released states another time"
+        )
+    lost = np.where(steps_s[first:] > _GAP * period_s, np.rint(steps_s[first:] / period_s) - 1, 0).sum()
+    return Motion(
+        kind=facts.kind,
+        points_mm=points_mm[first:],
+        rest_mm=rest_mm,
+        time_s=time_s[first:] - released_s,
+        sigma_mm=sigma_mm[first:],
+        exposure_s=facts.exposure_s,
+        step_uncertainty_s=period_s if facts.released_s is None else period_s / np.sqrt(12.0),
+        lost_frames=int(lost),
+        tip_force_N=facts.removed_N,
+        hanging_N=facts.hanging_N,
+        label=origin,
+    )
+
+
+def _stated_release(frame_s: Array, facts: MotionFacts, origin: str) -> int:
+    released_s = facts.released_s or 0.0
+    if not 2 * frame_s[0] - frame_s[1] <= released_s < frame_s[-1]:  # the rows of a frame are later than the frame
+        raise InputError(
+            f"--released {released_s:g}: should be within {origin}, from {frame_s[0]:g} to {frame_s[-1]:g} s"
+        )
+    return int(np.argmax(frame_s >= released_s))
+
+
+def _release(points_mm: Array) -> int:
+    """Return the last frame in which the point that moves most is nearly farthest from its place at the end."""
+    moved = np.nanstd(points_mm, axis=0).sum(axis=1)
+    place = points_mm[:, int(np.nanargmax(moved))]
+    deflection = np.hypot(*(place - np.nanmean(place[-(len(place) // _AT_THE_END + 1) :], axis=0)).T)
+    near = np.flatnonzero(deflection >= _NEAR_GREATEST * np.nanmax(deflection))
+    return int(near[-1])

@@ -1,0 +1,66 @@
+"""Write an imported motion into a new dataset, or into a dataset that already holds states of the same beam."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+
+from eimi_fitting.time.measured import Motion
+from eimi_lab.config.calibration import Calibration
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.dataset.layout import WRITTEN_AS, Header
+from eimi_lab.dataset.moving.stored_motions import write_motions
+from eimi_lab.dataset.points import write_points
+from eimi_lab.dataset.rewriting import rewritten
+from eimi_lab.process.outputs import whole_file
+from eimi_lab.vision.beam_frame import BeamFrame
+
+
+def write_motion_dataset(
+    path: Path,
+    motion: Motion,
+    specimen: SpecimenFile,
+    calibration: Calibration | None = None,
+    gravity_angle_deg: float | None = None,
+    gravity: bool = True,
+    force: bool = False,
+) -> None:
+    """Write a dataset of a motion without states.
+
+    Parameters
+    ----------
+    path : Path
+        The dataset.
+    motion : Motion
+        The motion.
+    specimen : SpecimenFile
+        The specimen.
+    calibration : Calibration, optional
+        Calibration of the pictures; it states the direction of gravity.
+    gravity_angle_deg : float, optional
+        Direction of gravity in the beam frame, from +x toward +y, without a calibration.
+    gravity : bool
+        Whether the weight bends the beam; used without a calibration.
+    force : bool
+        Whether an existing file is overwritten.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    if calibration is not None:
+        gravity_angle_deg, gravity = BeamFrame(calibration).gravity_deg, calibration.gravity
+    with whole_file(path, force) as temporary:
+        header = Header(specimen=specimen, calibration=calibration)
+        write_points(temporary, header, gravity_angle_deg or 0.0, [], [], gravity)
+        with h5py.File(temporary, "r+", libver=WRITTEN_AS) as file:
+            write_motions(file["entry"], motion.kind, [motion], specimen.specimen.length_mm)
+
+
+def add_motion(path: Path, motion: Motion, specimen: SpecimenFile) -> None:
+    """Store a motion in an existing dataset of the same beam. Raises InputError if the file cannot be written."""
+    size = motion.points_mm.nbytes + 4 * motion.time_s.nbytes
+    with rewritten(path, size) as entry:
+        write_motions(entry, motion.kind, [motion], specimen.specimen.length_mm)

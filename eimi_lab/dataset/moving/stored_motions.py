@@ -1,0 +1,85 @@
+"""Motions in a dataset file: `ring_down_points` and `creep_points`, with one group for each motion.
+
+The groups are named 0, 1, … . Each is an NXdata with `points` (n, p, 2), their `time` and `sigma` (n, p), their places
+in the undeformed beam `rest` (p, 2), and the set-points before the step `history` (h, 2: time, current). Single
+values are attributes. `tip_angle` and `modal_amplitudes` are computed from the points; they are stored for viewers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import h5py
+import numpy as np
+
+from eimi_fitting.time.measured import Kind, Motion
+from eimi_lab.dataset.layout import get_text, group, put_text
+from eimi_lab.dataset.moving.beam_modes import modal_amplitudes_mm, tip_angles_deg
+
+GROUPS: dict[Kind, str] = {"ring_down": "ring_down_points", "creep": "creep_points"}
+
+_NUMBERS = ("from_A", "to_A", "step_uncertainty_s", "lost_frames", "tip_force_N", "hanging_N")
+_ARRAYS = {"points": "mm", "time": "s", "sigma": "mm", "rest": "mm"}
+
+
+def write_motions(entry: h5py.Group, kind: Kind, motions: Sequence[Motion], length_mm: float) -> None:
+    """Store the motions of one kind; earlier ones are replaced.
+
+    Parameters
+    ----------
+    entry : h5py.Group
+        The group `entry` of the file.
+    kind : {"ring_down", "creep"}
+        Kind of all the motions.
+    motions : sequence of Motion
+        The motions, in the order in which they were recorded.
+    length_mm : float
+        Length of the beam, for the amplitudes of its modes.
+    """
+    if GROUPS[kind] in entry:
+        del entry[GROUPS[kind]]
+    store = group(entry, GROUPS[kind], "NXcollection")
+    for number, motion in enumerate(motions):
+        _write(group(store, str(number), "NXdata"), motion, length_mm)
+
+
+def _write(store: h5py.Group, motion: Motion, length_mm: float) -> None:
+    store.attrs["signal"] = "points"
+    store.attrs["axes"] = [".", ".", "."]
+    values = (motion.points_mm, motion.time_s, motion.sigma_mm, motion.rest_mm)
+    for (name, unit), array in zip(_ARRAYS.items(), values, strict=True):
+        store.create_dataset(name, data=array, compression="gzip", compression_opts=1, fletcher32=True)
+        store[name].attrs["units"] = unit
+    store["history"] = np.array(motion.history, dtype=float).reshape(-1, 2)
+    store["tip_angle"] = tip_angles_deg(motion)
+    store["tip_angle"].attrs["units"] = "degrees"
+    store["modal_amplitudes"] = modal_amplitudes_mm(motion, length_mm)
+    store["modal_amplitudes"].attrs["units"] = "mm"
+    for name in _NUMBERS:
+        store.attrs[name] = getattr(motion, name)
+    store.attrs["exposure_s"] = np.nan if motion.exposure_s is None else motion.exposure_s
+    put_text(store, "label", motion.label)
+
+
+def read_motions(entry: h5py.Group, kind: Kind) -> tuple[Motion, ...]:
+    """Return the stored motions of one kind, in the order in which they were recorded."""
+    store = entry.get(GROUPS[kind], {})
+    return tuple(_read(store[str(number)], kind) for number in range(len(store)))
+
+
+def _read(store: h5py.Group, kind: Kind) -> Motion:
+    points, time, sigma, rest = (np.asarray(store[name][()], dtype=float) for name in _ARRAYS)
+    exposure_s = float(store.attrs["exposure_s"])
+    numbers = {name: float(store.attrs[name]) for name in _NUMBERS if name != "lost_frames"}
+    return Motion(
+        kind=kind,
+        points_mm=points,
+        rest_mm=rest,
+        time_s=time,
+        sigma_mm=sigma,
+        exposure_s=None if np.isnan(exposure_s) else exposure_s,
+        history=tuple((float(time_s), float(current_A)) for time_s, current_A in store["history"][()]),
+        lost_frames=int(store.attrs["lost_frames"]),
+        label=get_text(store, "label"),
+        **numbers,
+    )

@@ -1,0 +1,93 @@
+"""The frames of a recording in the file, read one at a time, because all of them may not fit into memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.dataset.layout import to_stored
+from eimi_lab.dataset.recordings import BELONGS_TO, RELEASE, RING_DOWN, TRANSIENTS, complete_rows
+from eimi_lab.dataset.steps import SET_POINTS, RingDownStep, read_steps
+
+
+class RecordedFrames:
+    """Frames of one ring-down or one state, in the order in which they were taken.
+
+    Parameters
+    ----------
+    store : h5py.Group
+        The recording.
+    rows : ndarray of int, shape (n,)
+        The rows of its frames.
+
+    Attributes
+    ----------
+    time_s, elapsed_s, set_A : ndarray, shape (n,)
+        Time on the clock of the run, time since the step of the current, and the set-point.
+    numbers : ndarray of int, shape (n,)
+        Numbers that the camera counted.
+    """
+
+    def __init__(self, store: h5py.Group, rows: NDArray[np.int64]) -> None:
+        self._frames, self._rows = store["frames"], rows
+        self.time_s, self.elapsed_s, self.set_A, self.numbers = (
+            store[name][()][rows] for name in ("time", "elapsed", "set_current", "number")
+        )
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def images(self) -> Iterator[NDArray[Any]]:
+        """Yield the frames, (H, W) or (H, W, 3: blue, green, red); HDF5 raises OSError for a damaged frame."""
+        for row in self._rows.tolist():
+            yield to_stored(self._frames[row])
+
+
+def recorded_ring_downs(entry: h5py.Group, states: int) -> tuple[tuple[RingDownStep, RecordedFrames], ...]:
+    """Return the step and the frames of each ring-down.
+
+    A release that an earlier version recorded is one ring-down from the last current. The moment of its step is known
+    as well as the interval of its frames.
+
+    Parameters
+    ----------
+    entry : h5py.Group
+        The group `entry` of the file.
+    states : int
+        Number of complete states.
+    """
+    if RELEASE in entry:
+        rows = complete_rows(entry, RELEASE, states)
+        if not len(rows):
+            return ()
+        frames = RecordedFrames(entry[RELEASE], rows)
+        from_A = float(entry["states/current"][states - 1])
+        period_s = float(np.median(np.diff(frames.elapsed_s))) if len(frames) > 1 else 0.0
+        lost = int(np.maximum(np.diff(frames.numbers) - 1, 0).sum())
+        begun_s = float(frames.time_s[0] - frames.elapsed_s[0])
+        rate_Hz = 1.0 / period_s if period_s else 0.0
+        return ((RingDownStep(0, from_A, 0.0, begun_s, period_s, len(frames), lost, rate_Hz), frames),)
+    if RING_DOWN not in entry:
+        return ()
+    rows = complete_rows(entry, RING_DOWN, states)
+    of_row = entry[RING_DOWN][BELONGS_TO[RING_DOWN]][()][rows]
+    return tuple((step, RecordedFrames(entry[RING_DOWN], rows[of_row == step.ring_down])) for step in read_steps(entry))
+
+
+def creep_frames(entry: h5py.Group, states: int, state: int) -> RecordedFrames | None:
+    """Return the frames between the set-point of a state and its end.
+
+    Returns
+    -------
+    RecordedFrames or None
+        None if the run did not store its set-points, or no frame of the state.
+    """
+    if TRANSIENTS not in entry or SET_POINTS not in entry:
+        return None
+    rows = complete_rows(entry, TRANSIENTS, states)
+    rows = rows[entry[TRANSIENTS][BELONGS_TO[TRANSIENTS]][()][rows] == state]
+    return RecordedFrames(entry[TRANSIENTS], rows) if len(rows) else None
