@@ -2,7 +2,8 @@
 
 evidence             read a dataset as the states, edges or points, and loads of a fit
 measured_conditions  the measured field in place of the stated coil constant
-measured_remarks     sentences on the measured field and temperature
+measured_record      the measured field and temperatures of a dataset, as a result file holds them
+measured_remarks     sentences on them, and on their differences between datasets
 states_used          the states that a fit uses, and the flags of those that it leaves out
 perspective          detect in the edges that the lens sees the depth of the beam in perspective
 before_search        check a dataset for errors that no material could explain
@@ -16,6 +17,7 @@ bootstrap_record     the part of a result file on bootstrap replicates
 residuals            distances of measured places from simulated ones, by state, edge and arc length
 records              the fits of a result file
 fits_file            compare the laws of several fits; write and read fits.json
+grades               grade the support of a fit
 fit_summary          print a fit and the comparison of laws
 assumptions          the bulk modulus and the nuisances that a fit assumes for a dataset
 simulated_fit        simulate a fit on a dataset, and compute its error
@@ -24,6 +26,9 @@ predicted_error      compute the interval of the error of a fit on a dataset
 validation           the errors of a fit on a dataset, and validation.json
 validation_tables    print validations
 planning             plan the states, the mounting and the specimen of the next run
+recorded_motions     read the ring-downs and the creep of a dataset
+time_records         the part of a result file for ring-downs alone, and the lines on a law of time
+time_fits            fit a law of time to motions, with or without static states
 tensile_files        read tensile tests
 tensile_fits         fit a law to a tensile test
 export               write fits as material cards of other programs

@@ -19,6 +19,7 @@ from eimi_fitting.inference.planning.section_bias import expected_bias
 from eimi_fitting.laws import LAWS
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.time_records import RingDownRecord
 
 Array = NDArray[np.float64]
 
@@ -99,7 +100,7 @@ def compressibility_remark(evidence: Evidence) -> str | None:
     )
 
 
-def assumptions_of(fit: FitRecord | TensileRecord, evidence: Evidence, candidates: int) -> Assumptions:
+def assumptions_of(fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence, candidates: int) -> Assumptions:
     """Return what a fit assumes for a dataset, the same for all candidates."""
     if not isinstance(fit, FitRecord):
         return Assumptions()

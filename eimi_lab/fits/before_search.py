@@ -154,7 +154,7 @@ def check_width(dataset: Dataset) -> None:
     beam, calibration = dataset.specimen.specimen, dataset.calibration
     if calibration is None:
         return
-    width_mm = apparent_width_mm(grey(state_mean(dataset.images(0))), BeamFrame(calibration), beam.length_mm)
+    width_mm = apparent_width_mm(grey(state_mean(dataset.each_image(0))), BeamFrame(calibration), beam.length_mm)
     rows = rows_of(beam.width_mm)
     stated_mm = rows[0][1] if rows else beam.width_mm  # the picture shows the width near the clamp
     if width_mm is None or 1 / _WIDTH < width_mm / stated_mm < _WIDTH:

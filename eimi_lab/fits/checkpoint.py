@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import os
 import weakref
-from dataclasses import astuple, dataclass
+from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,6 +24,7 @@ from eimi_lab.config.json_text import parse_json
 from eimi_lab.fits.bootstrap_record import ReplicateRecord
 from eimi_lab.fits.fits_file import first_fault
 from eimi_lab.fits.law_record import Record
+from eimi_lab.fits.options import FitOptions
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import refuse_existing
@@ -226,7 +227,7 @@ def _check_same(path: Path, stored: Head, wanted: Head) -> None:
     for what, there, here in (
         ("fits", stored.fits, wanted.fits),
         ("datasets (sha256)", stored.datasets, wanted.datasets),
-        *_pairs("", stored.options, wanted.options),
+        *_pairs("", asdict(FitOptions()) | stored.options, wanted.options),  # an older file lacks newer options
         *_pairs("version of ", stored.versions, wanted.versions),
     ):
         if there != here:

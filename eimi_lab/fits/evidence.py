@@ -25,6 +25,7 @@ from eimi_lab.config.rig_uncertainty import stated_by_rig
 from eimi_lab.config.specimen import MEASURED
 from eimi_lab.config.uncertainty import missing_keys
 from eimi_lab.dataset.measured_field import FieldLine
+from eimi_lab.dataset.measured_heating import MeasuredHeating, coil_heating
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.state import State
 from eimi_lab.fits.before_search import check_width
@@ -74,6 +75,8 @@ class Evidence:
         The measured field; None if it follows from the stated coil constant.
     typed_mT_per_A : float or None
         The stated coil constant.
+    heating : MeasuredHeating or None
+        The measured temperature of the coil, compared with the model of its heat.
     """
 
     path: Path
@@ -87,6 +90,7 @@ class Evidence:
     poisson_ratio: float = 0.5
     field_line: FieldLine | None = None
     typed_mT_per_A: float | None = None
+    heating: MeasuredHeating | None = None
 
     def plot(self) -> Any:
         """Return a matplotlib figure of the measured edges or points of the used states, in the beam frame."""
@@ -157,6 +161,8 @@ def load_evidence(
 
 def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bool) -> Evidence:
     """Return the evidence of a dataset that holds edges or tracked points. Raises InputError."""
+    if not dataset.states and (dataset.ring_downs() or dataset.creeps()):
+        raise InputError(f"{path}: holds a recorded motion and no states; fit it with --time prony")
     specimen = dataset.specimen.mechanics()
     if section:
         specimen = dataclasses.replace(specimen, section=section)
@@ -171,7 +177,7 @@ def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bo
             raise InputError(f"{path}: {error}") from error
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    experiment = Experiment(model, _loads(dataset, states), observed, stated=_stated(dataset))
+    experiment = Experiment(model, loads_of_states(dataset, states), observed, stated=sources_of(dataset))
     rest_shape = _measured_rest_shape(dataset, experiment)
     return Evidence(
         path,
@@ -179,12 +185,13 @@ def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bo
         rest_shape.applied(experiment, f"states without load of {digest[:16]}") if rest_shape else experiment,
         states,
         _states_used(dataset, used),
-        _taken_as_exact(dataset),
+        taken_as_exact(dataset),
         _lens_doubts(dataset, observed),
         rest_shape,
         dataset.specimen.specimen.poisson_ratio,
         dataset.field_line,
         dataset.calibration.coil_constant_mT_per_A if dataset.calibration else None,
+        coil_heating(dataset),
     )
 
 
@@ -218,15 +225,15 @@ def experiment_so_far(dataset: Dataset, edges: Sequence[EdgeSet]) -> Experiment 
     specimen = dataset.specimen.mechanics()
     experiment = Experiment(
         BeamModel(specimen, plane=specimen.planar_section),
-        _loads(dataset, states),
+        loads_of_states(dataset, states),
         _edge_observation(dataset, edges, used),
-        stated=_stated(dataset),
+        stated=sources_of(dataset),
     )
     rest_shape = _measured_rest_shape(dataset, experiment)
     return rest_shape.applied(experiment) if rest_shape else experiment
 
 
-def _loads(dataset: Dataset, states: Sequence[State]) -> Loads:
+def loads_of_states(dataset: Dataset, states: Sequence[State]) -> Loads:
     """Return the loads of some states. Raises InputError."""
     loads = Loads.along(
         [s.field_mT for s in states],
@@ -246,19 +253,20 @@ def _loads(dataset: Dataset, states: Sequence[State]) -> Loads:
     return with_measured_offset(in_field, dataset)
 
 
-def _stated(dataset: Dataset) -> tuple[StatedSource, ...]:
+def sources_of(dataset: Dataset) -> tuple[StatedSource, ...]:
     """Return the stated uncertainties of specimen, calibration and rig. Raises InputError."""
     sources = dataset.specimen.stated_sources()
     if dataset.calibration is not None:
         sources += dataset.calibration.stated_sources()
         rig = dataset.text("rig")
         if rig is not None:
-            sources += stated_by_rig(rig, f"{dataset.path}: rig", dataset.calibration.coil_constant_mT_per_A)
+            sources += stated_by_rig(rig, f"{dataset.path}: rig", dataset.calibration.mT_per_A)
     measured = stated_by_measurement(dataset, dataset.states)
     return (*(source for source in sources if not measured or source.source not in REPLACED), *measured)
 
 
-def _taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
+def taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
+    """Return the keys of specimen and calibration without a stated uncertainty; a whole file if it states none."""
     specimen, calibration = dataset.specimen, dataset.calibration
     keys = missing_keys(WHOLE_FILES[0], specimen.uncertainty, specimen.uncertain_keys())
     if calibration is not None:
@@ -302,10 +310,11 @@ def _used(dataset: Dataset, edges: Sequence[EdgeSet], flagged: bool) -> list[int
 
 
 def _edge_observation(dataset: Dataset, edges: Sequence[EdgeSet], used: Sequence[int]) -> EdgeObservation:
-    return EdgeObservation.from_edges(
-        [_widened(edges[i], _widening_mm(dataset, edges, i)) for i in used],
-        _view(dataset),
+    widened, alone = (
+        EdgeObservation.from_edges([_widened(edges[i], by_mm) for i, by_mm in zip(used, widening, strict=True)])
+        for widening in ([_widening_mm(dataset, edges, i) for i in used], [0.0] * len(used))
     )
+    return dataclasses.replace(widened, view=_view(dataset), noise_mm=alone.sigma_mm)
 
 
 def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> float:

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.cards import SOLVERS, Material, NotInSolver, material_card
+from eimi_fitting.laws.prony import Prony
 from eimi_lab.fits.law_record import HELD
 from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.process.errors import InputError
 
-AnyFit = FitRecord | TensileRecord
+AnyFit = FitRecord | TensileRecord | RingDownRecord
 
 
 def check_solver(solver: str) -> str:
@@ -89,6 +92,14 @@ def card(path: Path, fit: AnyFit, solver: str, bulk_Pa: float) -> str:
         re.sub(r"[^A-Za-z0-9_-]", "_", f"EIMI_{fit.model}").upper().replace("-", "_"),
         tuple(_origin(path, fit)),
     )
+    time = None if isinstance(fit, TensileRecord) else fit.time
+    if time is not None:
+        # The proportions of the parameters are those of the fit, their size is that of the instantaneous modulus.
+        factor = time.instantaneous_shear_modulus.value / fit.initial_shear_modulus.value
+        is_modulus = np.array([unit == "Pa" for unit in material.law.units])
+        series = Prony(np.array([term.g for term in time.prony]), np.array([term.tau_s for term in time.prony]))
+        parameters = np.where(is_modulus, factor * material.parameters, material.parameters)
+        material = replace(material, parameters=parameters, relaxation=series)
     try:
         return material_card(solver, material)
     except (NotInSolver, ValueError) as error:
@@ -106,6 +117,8 @@ def _origin(path: Path, fit: AnyFit) -> list[str]:
     if isinstance(fit, TensileRecord):
         lines.append(f"fitted to uniaxial tension up to an engineering strain of {fit.max_stretch - 1:.4g}")
         lines.append(f"from {fit.source.path} (sha256 {fit.source.sha256}), window {fit.window()}")
+    elif isinstance(fit, RingDownRecord):
+        lines += [f"from {d.in_words()} (sha256 {d.sha256}), {d.section}" for d in fit.datasets]
     else:
         lines.append(f"fitted to bending up to a largest principal stretch of {fit.max_stretch:.4g}")
         lines += [f"from {d.in_words()} (sha256 {d.sha256}), {d.section}" for d in fit.datasets]

@@ -13,16 +13,29 @@ from eimi_fitting.inference.planning.choice_of_law import Choice
 from eimi_fitting.laws.search_space import BULK_NAME
 from eimi_lab.fits.assumptions import compressibility_remark, rest_shape_remark, section_remark
 from eimi_lab.fits.evidence import WHOLE_FILES, Evidence
+from eimi_lab.fits.grades import grade
 from eimi_lab.fits.law_record import LawRecord
-from eimi_lab.fits.measured_remarks import measured_field_remark, temperature_differences, temperature_remark
-from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.measured_remarks import (
+    heating_remark,
+    measured_differences,
+    measured_field_remark,
+    temperature_remark,
+)
+from eimi_lab.fits.records import DatasetReference, FitRecord, TensileRecord
 
-_LARGEST = 5  # sources with a line each; the smaller ones share a line
+_LARGEST = 5  # each of the five largest sources has its own line; all smaller sources share one line
 
 
 def remarks(fit: FitRecord) -> list[str]:
     """Return the lines on one fit: what the data determine, the budget, nuisances, curves, causes and doubts."""
-    return [*what_is_fixed(fit), *budget_lines(fit), *what_was_fitted_beside(fit), *cause_lines(fit), *_doubts(fit)]
+    lines = [*what_is_fixed(fit), *budget_lines(fit), *what_was_fitted_beside(fit), *cause_lines(fit)]
+    return [*lines, *_grade_lines(fit), *_doubts(fit)]
+
+
+def _grade_lines(fit: FitRecord) -> list[str]:
+    """Return one line with the grade of a fit, and with its reason if there are no doubts (`_doubts` lists them)."""
+    support = grade(fit)
+    return [f"verdict: {support.name}" + ("" if fit.doubts_in_words() else f". {support.words}")]
 
 
 def cause_lines(fit: FitRecord) -> list[str]:
@@ -76,16 +89,17 @@ def tensile_remarks(fit: TensileRecord) -> list[str]:
 
 
 def evidence_remarks(evidence: Sequence[Evidence]) -> list[str]:
-    """Return the lines on section, shape at rest, compressibility, measured field and temperature of the datasets."""
+    """Return the lines on section, shape at rest, compressibility, measured field and temperatures of the datasets."""
     remarks_of = (
         section_remark,
         rest_shape_remark,
         compressibility_remark,
         measured_field_remark,
         temperature_remark,
+        heating_remark,
     )
     remarks = [remark for one in evidence for say in remarks_of if (remark := say(one))]
-    return [*remarks, *temperature_differences(evidence)]
+    return [*remarks, *measured_differences([DatasetReference.of(one) for one in evidence])]
 
 
 def budget_lines(fit: FitRecord) -> list[str]:
@@ -125,7 +139,7 @@ def entry_words(entry: BudgetEntry, fit: FitRecord) -> str:
 
 
 def next_sentence(fit: FitRecord) -> str:
-    """Return a sentence on the quantity to measure better next, and on the interval to be expected then."""
+    """Return a sentence on the quantity to measure better next, and on the interval expected after that."""
     low, high = fit.measure_next.initial_shear_modulus_interval_95_Pa
     interval = f"the interval would be [{low:.0f}, {high:.0f}] Pa"
     if fit.measure_next.source is None:
@@ -147,7 +161,7 @@ def comparison_table(choices: Sequence[Choice]) -> list[str]:
         weight = "-" if choice.weight is None else f"{choice.weight:.3f}"
         left_out = held_out_in_words(choice)
         lines.append(f"{choice.model:16s} {choice.unknowns:8d} {aicc} {choice.bic:7.1f} {weight:>8s}   {left_out}")
-    return [*lines, *too_few_in_words(choices)]
+    return [*lines, points_in_words(choices), *too_few_in_words(choices)]
 
 
 def held_out_in_words(choice: Choice) -> str:
@@ -155,16 +169,24 @@ def held_out_in_words(choice: Choice) -> str:
     return "-" if choice.held_out_error_mm is None else f"{1e3 * choice.held_out_error_mm:.2f} µm"
 
 
+def points_in_words(choices: Sequence[Choice]) -> str:
+    """Return a sentence on the number of independent points that AICc and BIC count."""
+    return (
+        f"AICc and BIC count the data as {choices[0].independent_points:.1f} independent points, estimated from the "
+        f"correlation of the residuals of the law that fits best."
+    )
+
+
 def too_few_in_words(choices: Sequence[Choice]) -> list[str]:
-    """Return a sentence on the laws that have no AICc; no lines if all laws have one."""
+    """Return a sentence on the laws that have no AICc; an empty list if all laws have one."""
     without_aicc = [choice.model for choice in choices if choice.aicc is None]
     if not without_aicc:
         return []
     has_weights = any(choice.weight is not None for choice in choices)
     weights = "the weights compare only the others" if has_weights else "there are no weights"
     return [
-        f"These data are worth {choices[0].independent_points:.0f} independent points, too few for an AICc of "
-        f"{', '.join(without_aicc)}; {weights}."
+        f"These are too few for an AICc of {', '.join(without_aicc)}, which needs two more points than unknowns, the "
+        f"level of the noise included; {weights}."
     ]
 
 
@@ -173,7 +195,7 @@ def _kPa(pascal: float) -> str:
 
 
 def signed(value: float, unit: str) -> str:
-    """Return a deviation with its sign and unit; a share in per cent."""
+    """Return a deviation with its sign and unit; a deviation without a unit (unit "1") in per cent."""
     return f"{100 * value:+.2g} %" if unit == "1" else f"{value:+.2g} {unit}"
 
 

@@ -15,6 +15,7 @@ from eimi_lab.config.json_text import parse_json
 from eimi_lab.config.toml import is_dataset, read_text
 from eimi_lab.fits.law_record import Record
 from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import write_file
 from eimi_lab.showing.tables import installed
@@ -25,7 +26,10 @@ def _kind(fit: Any) -> str:
 
 
 AnyFit = Annotated[
-    Annotated[FitRecord, Tag("bending")] | Annotated[TensileRecord, Tag("tensile")], Discriminator(_kind)
+    Annotated[FitRecord, Tag("bending")]
+    | Annotated[TensileRecord, Tag("tensile")]
+    | Annotated[RingDownRecord, Tag("ring-down")],
+    Discriminator(_kind),
 ]
 
 
@@ -40,7 +44,7 @@ class Fits(Record):
     comparison: tuple[Choice, ...] = ()
 
     @staticmethod
-    def of(fits: Sequence[FitRecord | TensileRecord]) -> Fits:
+    def of(fits: Sequence[FitRecord | TensileRecord | RingDownRecord]) -> Fits:
         """Return the fits with the comparison of their laws."""
         return Fits(fits=tuple(fits), comparison=_comparison(fits))
 
@@ -53,11 +57,11 @@ class Fits(Record):
         """Return the number of fits."""
         return len(self.fits)
 
-    def __iter__(self) -> Iterator[FitRecord | TensileRecord]:  # type: ignore[override]
+    def __iter__(self) -> Iterator[FitRecord | TensileRecord | RingDownRecord]:  # type: ignore[override]
         """Iterate over the fits."""
         return iter(self.fits)
 
-    def __getitem__(self, which: int | str) -> FitRecord | TensileRecord:
+    def __getitem__(self, which: int | str) -> FitRecord | TensileRecord | RingDownRecord:
         """Return a fit by its index, or the first fit of a law. Raises InputError if there is no fit of the law."""
         if isinstance(which, int):
             return self.fits[which]
@@ -81,7 +85,7 @@ class Fits(Record):
         return installed("pandas").concat(tables, names=["fit"])
 
 
-def _comparison(fits: Sequence[FitRecord | TensileRecord]) -> tuple[Choice, ...]:
+def _comparison(fits: Sequence[FitRecord | TensileRecord | RingDownRecord]) -> tuple[Choice, ...]:
     """Compare the laws; return nothing for a single law, for a repeated law, or for fits to different data."""
     bending = [fit for fit in fits if isinstance(fit, FitRecord)]
     data = {

@@ -1,4 +1,4 @@
-"""Sentences on the measured field and on the measured temperature of datasets that are fitted."""
+"""Sentences on the measured field and temperatures of datasets, and on their differences between datasets."""
 
 from __future__ import annotations
 
@@ -8,44 +8,65 @@ from itertools import combinations
 import numpy as np
 
 from eimi_lab.fits.evidence import Evidence
+from eimi_lab.fits.measured_record import MeasuredField, MeasuredTemperature
+from eimi_lab.fits.records import DatasetReference
 
 DIFFERENT_K = 2.0
 """Datasets that are fitted together and whose specimens differ by more than this are reported."""
 
+DIFFERENT_SIGMA = 3.0
+"""Measured coil constants that differ by more than this number of standard uncertainties are reported."""
+
 
 def measured_field_remark(evidence: Evidence) -> str | None:
     """Return a sentence on the measured field that a fit uses; None if the field follows from the current."""
-    line = evidence.field_line
-    if line is None:
-        return None
-    typed = evidence.typed_mT_per_A
-    percent = "" if typed is None else f" ({100 * (line.mT_per_A / typed - 1):+.1f} %)"
-    exact = "" if line.shared_is_stated else "; its scale is taken as exact, because no uncertainty_share is stated"
-    return (
-        f"{evidence.path}: the field is the one that {line.probe} measured at {line.currents} currents, "
-        f"{line.in_words}, in place of coil_constant_mT_per_A = {typed:g}{percent}{exact}"
-    )
+    measured = MeasuredField.of(evidence)
+    return None if measured is None else f"{evidence.path}: the field is the one that {measured.in_words}"
 
 
 def temperature_remark(evidence: Evidence) -> str | None:
     """Return a sentence on the measured temperature of the specimen; None if it was not measured."""
-    temperatures = _temperatures(evidence)
-    if not temperatures:
-        return None
-    span = f", from {min(temperatures):.1f} to {max(temperatures):.1f}" if len(temperatures) > 1 else ""
-    return f"{evidence.path}: the specimen was at {np.mean(temperatures):.1f} °C{span}"
+    measured = MeasuredTemperature.of(evidence)
+    return None if measured is None else f"{evidence.path}: the specimen was at {measured.in_words}"
 
 
-def temperature_differences(evidence: Sequence[Evidence]) -> list[str]:
-    """Return a line for each two datasets whose specimens differ by more than `DIFFERENT_K`."""
-    means = [(one.path, float(np.mean(_temperatures(one)))) for one in evidence if _temperatures(one)]
+def heating_remark(evidence: Evidence) -> str | None:
+    """Return a sentence on the measured temperature of the coil; None if it was not measured."""
+    return None if evidence.heating is None else f"{evidence.path}: the coil was at {evidence.heating.in_words}"
+
+
+def measured_lines(datasets: Sequence[DatasetReference]) -> list[str]:
+    """Return the lines on the measured field and temperature of the datasets of a fit, and on their differences."""
+    fields = [f"{d.path}: the field is the one that {d.measured_field.in_words}" for d in datasets if d.measured_field]
+    warm = [f"{d.path}: the specimen was at {d.temperature.in_words}" for d in datasets if d.temperature]
+    return [*fields, *warm, *measured_differences(datasets)]
+
+
+def measured_differences(datasets: Sequence[DatasetReference]) -> list[str]:
+    """Return a line for each two datasets whose temperatures or measured coil constants differ."""
+    lines = []
+    for first, second in combinations(datasets, 2):
+        if first.temperature and second.temperature:
+            one, other = first.temperature.mean_degC, second.temperature.mean_degC
+            if abs(one - other) > DIFFERENT_K:
+                lines.append(
+                    f"{first.path} was measured at {one:.1f} °C and {second.path} at {other:.1f} °C: they differ by "
+                    f"more than {DIFFERENT_K:g} K, and the fit takes the material as the same"
+                )
+        if first.measured_field and second.measured_field:
+            lines += _field_difference(first, first.measured_field, second, second.measured_field)
+    return lines
+
+
+def _field_difference(
+    first: DatasetReference, one: MeasuredField, second: DatasetReference, other: MeasuredField
+) -> list[str]:
+    difference = other.mT_per_A - one.mT_per_A
+    sigma = float(np.hypot(one.mT_per_A_sigma, other.mT_per_A_sigma))
+    if abs(difference) <= DIFFERENT_SIGMA * sigma:
+        return []
     return [
-        f"{first} was measured at {first_degC:.1f} °C and {second} at {second_degC:.1f} °C: they differ by more than "
-        f"{DIFFERENT_K:g} K, and the fit takes the material as the same"
-        for (first, first_degC), (second, second_degC) in combinations(means, 2)
-        if abs(first_degC - second_degC) > DIFFERENT_K
+        f"{first.path} has {one.mT_per_A:.5g} mT/A and {second.path} {other.mT_per_A:.5g} mT/A: they differ by "
+        f"{100 * difference / one.mT_per_A:+.1f} %, more than {DIFFERENT_SIGMA:g} standard uncertainties; is it the "
+        "same coil, with the probe at the same place?"
     ]
-
-
-def _temperatures(evidence: Evidence) -> list[float]:
-    return [state.temperature_degC for state in evidence.states if state.temperature_degC is not None]

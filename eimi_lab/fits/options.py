@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _WINDOW = "50"  # percent: larger than the strains of bent beams
 _BULK = "bulk"
+_LAWS_OF_TIME = ("none", "prony")
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,17 @@ class FitOptions:
         int, typer.Option(help="restarts of the search, each with twice the population", min=0, max=9)
     ] = 0
     bipop: Annotated[bool, typer.Option("--bipop", help="between restarts, also search with small populations")] = False
+    time: Annotated[
+        str,
+        typer.Option(metavar="none|prony", help="law of time, from the recorded ring-downs and creep of the datasets"),
+    ] = "none"
+
+    @property
+    def has_law_of_time(self) -> bool:
+        """Whether a law of time is to be fitted. Raises InputError for an unknown one."""
+        if self.time not in _LAWS_OF_TIME:
+            raise InputError(f"--time {self.time}: should be one of {', '.join(_LAWS_OF_TIME)}")
+        return self.time != "none"
 
     def for_identify(self) -> dict[str, Any]:
         """Return the keyword arguments of `eimi_fitting.identify`.

@@ -237,7 +237,7 @@ def _currents(rig: Rig, protocol: Protocol) -> Array:
 
 
 def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states: int) -> PlannedRun | None:
-    constant = rig.calibration.coil_constant_mT_per_A
+    constant = rig.calibration.mT_per_A
     if mounting.both_polarities:
         currents_A, states = currents_A[currents_A > 0], states // 2
     loads = Loads.along(

@@ -23,6 +23,7 @@ from eimi_fitting.laws import LAWS
 from eimi_lab.fits.assumptions import assumptions_of
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.records import DatasetReference, FitRecord, TensileRecord
+from eimi_lab.fits.time_records import RingDownRecord
 
 Array = NDArray[np.float64]
 
@@ -31,7 +32,7 @@ _TIMES = 25  # draws of the independent sources for each draw of the parameters
 
 
 def error_interval_mm(
-    fit: FitRecord | TensileRecord, evidence: Evidence, residuals_mm: Array
+    fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence, residuals_mm: Array
 ) -> tuple[float, float | None] | None:
     """Return the 95 % interval of the mean error of a fit on a dataset.
 
@@ -67,7 +68,10 @@ def error_interval_mm(
 
 
 def predicted_errors_mm(
-    fit: FitRecord | TensileRecord, evidence: Evidence, misfit: Misfit, near: Configuration | None = None
+    fit: FitRecord | TensileRecord | RingDownRecord,
+    evidence: Evidence,
+    misfit: Misfit,
+    near: Configuration | None = None,
 ) -> Array:
     """Return the mean errors (T, D) of D draws of a fit on a dataset, for T draws of the independent sources.
 
@@ -100,7 +104,9 @@ def predicted_errors_mm(
     return np.array(errors)
 
 
-def _uncertain_numbers(fit: FitRecord | TensileRecord, evidence: Evidence) -> list[tuple[StatedSource, int]]:
+def _uncertain_numbers(
+    fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence
+) -> list[tuple[StatedSource, int]]:
     """Return the uncertain inputs of a dataset that the fit did not identify as nuisances, with their part."""
     freed = {source for source, _, _ in _candidate(fit, evidence).freed}
     identified = freed.union(*(SOURCES[source].covers for source in freed))
@@ -112,7 +118,7 @@ def _uncertain_numbers(fit: FitRecord | TensileRecord, evidence: Evidence) -> li
     ]
 
 
-def _candidate(fit: FitRecord | TensileRecord, evidence: Evidence) -> Candidate:
+def _candidate(fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence) -> Candidate:
     """Return the fit as a candidate, with the nuisances that it identified for this dataset."""
     places = [i for i, reference in enumerate(_datasets(fit)) if reference.sha256 == evidence.sha256]
     freed = fit.freed if isinstance(fit, FitRecord) and places else ()
@@ -124,11 +130,13 @@ def _candidate(fit: FitRecord | TensileRecord, evidence: Evidence) -> Candidate:
     )
 
 
-def _datasets(fit: FitRecord | TensileRecord) -> tuple[DatasetReference, ...]:
+def _datasets(fit: FitRecord | TensileRecord | RingDownRecord) -> tuple[DatasetReference, ...]:
     return fit.datasets if isinstance(fit, FitRecord) else ()
 
 
-def _shared_deviations(fit: FitRecord | TensileRecord, stated: StatedSource, part: int, draws: int) -> Array | None:
+def _shared_deviations(
+    fit: FitRecord | TensileRecord | RingDownRecord, stated: StatedSource, part: int, draws: int
+) -> Array | None:
     """Return the deviations (D,) of a shared source in standard uncertainties; None if the fit does not share it."""
     by_dataset = [reference.stated for reference in _datasets(fit)]
     for group in sources_shared(stated.source, by_dataset):

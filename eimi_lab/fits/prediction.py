@@ -18,13 +18,14 @@ from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.predicted_error import error_interval_mm
 from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.fits.simulated_fit import FittedLaw, Law, Prediction, simulate_alone, simulate_each
+from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.fits.validation import Validation
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.progress import silent
 from eimi_lab.process.workers import completed
 
 
-def validate(evidence: Evidence, fit: FitRecord | TensileRecord, path: Path, index: int) -> Validation:
+def validate(evidence: Evidence, fit: FitRecord | TensileRecord | RingDownRecord, path: Path, index: int) -> Validation:
     """Return the error of a fit on a dataset, with its interval.
 
     Parameters

@@ -23,9 +23,11 @@ from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_fitting.inference.evidence.tensile_curves import TensileEvidence
 from eimi_fitting.inference.fit import Fit, IdentifiedLaw
 from eimi_fitting.laws import LAWS
+from eimi_fitting.time.result import LawOfTime
 from eimi_lab.fits.bootstrap_record import BootstrapRecord
 from eimi_lab.fits.evidence import WHOLE_FILES, Evidence
 from eimi_lab.fits.law_record import STRICT, LawRecord, Record, Stability
+from eimi_lab.fits.measured_record import MeasuredField, MeasuredTemperature
 from eimi_lab.fits.residuals import Residuals
 from eimi_lab.fits.states_used import StatesUsed
 from eimi_lab.fits.tensile_files import FileCurve
@@ -118,13 +120,41 @@ class CurveRecord(Record):
 
 
 class DatasetReference(Record):
-    """A dataset of a fit: path, hash, section assumption, used states, and the stated uncertainties of its inputs."""
+    """A dataset of a fit: path, hash, section assumption, used states, and the stated uncertainties of its inputs.
+
+    Attributes
+    ----------
+    measured_field : MeasuredField or None
+        The measured field that replaces the stated coil constant.
+    temperature : MeasuredTemperature or None
+        The measured temperature of the specimen.
+    """
 
     path: str
     sha256: str
     section: str
     states: StatesUsed
     stated: tuple[StatedSource, ...] = ()
+    measured_field: MeasuredField | None = None
+    temperature: MeasuredTemperature | None = None
+
+    @staticmethod
+    def of(evidence: Evidence) -> DatasetReference:
+        """Return the reference to a dataset."""
+        return DatasetReference(
+            path=str(evidence.path),
+            sha256=evidence.sha256,
+            section=evidence.experiment.model.specimen.section,
+            states=evidence.used,
+            stated=evidence.experiment.stated,
+            measured_field=MeasuredField.of(evidence),
+            temperature=MeasuredTemperature.of(evidence),
+        )
+
+    @model_serializer(mode="wrap")
+    def _without_what_was_not_measured(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        written: dict[str, Any] = serialize(self)
+        return {key: value for key, value in written.items() if value is not None}
 
     def in_words(self) -> str:
         """Return the file with the number of used states, and the flags of the others."""
@@ -153,6 +183,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
     taken_as_exact: tuple[str, ...]
     datasets: tuple[DatasetReference, ...]
     bootstrap: BootstrapRecord | None = None
+    time: LawOfTime | None = None
     distances: Annotated[SkipValidation[tuple[Residuals, ...]], Field(exclude=True)] = field(default=(), compare=False)
 
     __repr__ = LawRecord.__repr__
@@ -229,16 +260,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
                 stable_up_to_stretch=fit.stable_to,
                 checked_up_to_stretch=fit.stability_checked_to,
             ),
-            datasets=tuple(
-                DatasetReference(
-                    path=str(e.path),
-                    sha256=e.sha256,
-                    section=e.experiment.model.specimen.section,
-                    states=e.used,
-                    stated=e.experiment.stated,
-                )
-                for e in evidence
-            ),
+            datasets=tuple(DatasetReference.of(e) for e in evidence),
             taken_as_exact=tuple(dict.fromkeys(word for e in evidence for word in e.taken_as_exact)),
             versions=package_versions(),
             distances=tuple(Residuals.of(e, r) for e, r in zip(evidence, fit.residuals_mm, strict=True)),
@@ -330,9 +352,14 @@ _ORDER = (
     *("kind", "mean_error_mm", "mean_deviation_mm", "by_state", "evaluations", "generations", "discarded", "polish"),
     *("stop", "wall_s", "identifiability", "bulk_modulus", "freed", "priors", "tensile", "mesh", "section_change"),
     *("held_out_error_mm", "taken_as_exact", "budget", "measure_next", "if_uncertain", "datasets", "seed", "runs"),
-    *("history", "bootstrap", "causes"),
+    *("history", "bootstrap", "causes", "time"),
 )
-_IF_ANY = ("priors", "if_uncertain", "causes")  # keys of later releases, which a file has only if they hold something
+_IF_ANY = (
+    "priors",
+    "if_uncertain",
+    "causes",
+    "time",
+)  # keys of later releases, which a file has only if they hold something
 
 
 def _with_dataset_index(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:

@@ -23,6 +23,7 @@ from eimi_fitting.inference.evidence.measurements import Misfit
 from eimi_lab.fits.assumptions import assumptions_of
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.records import FitRecord, StateError, TensileRecord
+from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.fits.validation import FitReference, Validation
 from eimi_lab.process.errors import InputError
 
@@ -40,7 +41,7 @@ class FittedLaw:
 
     path: Path
     index: int
-    fit: FitRecord | TensileRecord = field(compare=False)
+    fit: FitRecord | TensileRecord | RingDownRecord = field(compare=False)
 
     @property
     def label(self) -> str:
@@ -124,7 +125,9 @@ def simulate_alone(evidence: Evidence, fitted_law: Law) -> Prediction[Law]:
     return prediction
 
 
-def _planar_comparisons(evidence: Evidence, fits: Sequence[FitRecord | TensileRecord]) -> list[Comparison]:
+def _planar_comparisons(
+    evidence: Evidence, fits: Sequence[FitRecord | TensileRecord | RingDownRecord]
+) -> list[Comparison]:
     """Compare each fit with a dataset on the planar model from which its correction starts.
 
     Fits of one law without a bulk modulus and without freed nuisances are simulated as one batch.

@@ -14,6 +14,7 @@ from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_lab.fits.law_record import Record
 from eimi_lab.fits.records import FitRecord, StateError, TensileRecord
 from eimi_lab.fits.states_used import StatesUsed
+from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.showing.tables import data_frame, html_table
 
 
@@ -22,11 +23,11 @@ class FitReference(Record):
 
     path: str
     index: int
-    kind: Literal["bending", "bending and tensile", "tensile"]
+    kind: Literal["bending", "bending and tensile", "tensile", "ring-down"]
     window_percent: float | None
 
     @classmethod
-    def of(cls, fit: FitRecord | TensileRecord, path: Path, index: int) -> FitReference:
+    def of(cls, fit: FitRecord | TensileRecord | RingDownRecord, path: Path, index: int) -> FitReference:
         """Return the reference to the fit `index` of the file `path`."""
         return cls(
             path=str(path),
@@ -36,7 +37,7 @@ class FitReference(Record):
         )
 
     def kind_in_words(self) -> str:
-        """Return `bending`, `bending and tensile`, `tensile 50 %` or `tensile full`."""
+        """Return `bending`, `bending and tensile`, `ring-down`, `tensile 50 %` or `tensile full`."""
         if self.kind != "tensile":
             return self.kind
         return "tensile full" if self.window_percent is None else f"tensile {self.window_percent:g} %"

@@ -3,9 +3,11 @@
 laws          hyperelastic laws: energy, stability, tensile fits, material cards
 beam          the finite-element models: a specimen and its loads in, the bent shape out
 inference     from measured edges to a law with its uncertainty
+time          the law of time from ring-downs, creep and static states
 discovery     which terms a strain energy contains
 units         conversion between Pa and MPa
 correlation   the number of independent points among correlated residuals
+randomness    tests of residuals for randomness along an edge
 suggestion    the nearest name to a misspelt one
 
 The names below are public, and each is loaded when it is first used. This package reads no files and knows no

@@ -269,6 +269,9 @@ def test_residuals_ten_times_the_stated_noise_are_a_doubt(times: float, doubted:
     experiment = Experiment(MODEL, Loads.along(np.arange(5.0)), observed)
     final: Any = SimpleNamespace(misfits=(misfit,))
     assert bool(doubts(final, [experiment])) == doubted
+    # Flags that widen the points do not hide it.
+    widened = replace(observed, sigma_mm=np.hypot(observed.sigma_mm, 0.3), noise_mm=observed.sigma_mm)
+    assert bool(doubts(final, [replace(experiment, observed=widened)])) == doubted
     # One state with a far larger error is named by its number.
     one = np.full((1, 5, 2, 12), 0.002)
     one[:, 3] *= 6 * times

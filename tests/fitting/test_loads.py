@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,12 +11,14 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
+from eimi_fitting.beam.bending import Beam
 from eimi_fitting.beam.element import Batch
 from eimi_fitting.beam.equilibrium import Solid, SolidLoads, Status
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.mesh import mapped_mesh
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.pressure import FollowerPressure
+from eimi_fitting.beam.rest_modes import with_modes
 from eimi_fitting.beam.specimen import STANDARD_GRAVITY, Magnet, PressureFace, Specimen
 from eimi_fitting.laws import LAWS
 
@@ -131,6 +135,33 @@ def test_an_oblique_eccentric_tip_force_agrees_with_the_elastica(angle, place):
         return arm * force * (-np.sin(theta) * down[1] - np.cos(theta) * down[0])
 
     check(beam(loads, tip_load_mm=place), elastica(force=force * down, end_couple=couple))
+
+
+@pytest.mark.parametrize("section", ["plane-stress", "solid"])
+@pytest.mark.parametrize(("beyond_face", "across"), [(0.0, 0.0), (4.0, 0.0), (2.0, 1.0)])
+def test_a_tip_force_on_a_magnet_has_its_lever(section, beyond_face, across):
+    """A small force on the rigid magnet turns it by F l^2 / (2 E I) and by its moment about the inner face."""
+    magnet, free = Magnet(4.0, 3.0, 5.0, 1.0, 7500.0), 26.0
+    specimen = Specimen(30.0, 3.0, 5.0, 1070.0, section, magnet, (free + beyond_face, across))
+    stiffness = 3 * 46e3 * 1e-6 * 5.0 * 3.0**3 / 12  # E I in N mm2
+    for angle, moment in ((90.0, beyond_face), (0.0, -across)):
+        force = 1e-5  # N, so small that the response is linear
+        loads = Loads.along(0.0, gravity_angle_deg=None, tip_force_N=force, tip_force_angle_deg=angle)
+        turn = Beam(specimen, 20, 2).solve("neo-hookean", [46e3], loads).tip_angle_deg[0]
+        exact = (force * free**2 / 2 * np.sin(np.radians(angle)) + force * moment * free) / stiffness
+        assert turn == pytest.approx(np.degrees(exact), rel=0.03, abs=1e-4)  # the clamp stiffens the solid by 2.5 %
+
+
+def test_a_tip_force_on_a_beam_with_a_cast_bend_acts_at_the_end_of_its_centre_line():
+    straight = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", tip_load_mm=(30.0, 0.0))
+    bent = with_modes(straight, (3.0,))
+    loads = Loads.along(0.0, gravity_angle_deg=None, tip_force_N=1e-3, tip_force_angle_deg=90.0)
+    at_point, at_tip = (
+        Beam(specimen, 13, 1).solve("neo-hookean", [46e3], loads).tip_angle_deg[0]
+        for specimen in (bent, replace(bent, tip_load_mm=None))
+    )
+    assert at_point > 1
+    assert at_point == pytest.approx(at_tip, rel=1e-9)
 
 
 def cylinder(n):

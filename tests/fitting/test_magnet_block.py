@@ -165,7 +165,7 @@ def test_the_whole_tangent_is_the_derivative_of_the_forces():
 
     def linearise(free, rigid):
         displacement = np.zeros((1, len(solid.mesh.nodes), 2))
-        displacement.reshape(-1)[solid._free] = free
+        displacement.reshape(-1)[solid.free] = free
         body.carry(displacement, rigid)
         nodal = solid.by_element(displacement)
         ev = element.evaluate(solid.ops, batch, nodal, np.zeros((len(nodal), 1, 3)))

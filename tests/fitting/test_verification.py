@@ -40,7 +40,7 @@ def solve(solid: Solid, force: np.ndarray, mu: float, bulk: float, steps: int = 
 
 
 def cooks_membrane(n: int) -> tuple[Solid, np.ndarray]:
-    """Return the mesh with corners (0, 0), (48, 44), (48, 60), (0, 44), clamped on the left."""
+    """Return a mesh of Cook's membrane with corners (0, 0), (48, 44), (48, 60), (0, 44), clamped on the left."""
     mesh = mapped_mesh(n, n, lambda s, t: (48 * s, 44 * s + t * (44 * (1 - s) + 16 * s)))
     fixed = np.zeros((len(mesh.nodes), 2), bool)
     fixed[mesh.column(0)] = True
@@ -61,7 +61,7 @@ def quarter_cylinder(n: int) -> tuple[Solid, np.ndarray]:
 
 
 def inflate(n: int, stretch: float, pressure: float) -> tuple[Solid, Configuration]:
-    """Apply the internal pressure as a dead radial traction, pressure times stretch, which is exact at the solution."""
+    """Inflate the cylinder by a dead radial traction, pressure times stretch: the internal pressure at the solution."""
     solid, inner = quarter_cylinder(n)
     force = edge_forces(solid.mesh, inner, lambda x: pressure * stretch * x / np.linalg.norm(x))
     return solid, solve(solid, force, 1.0, 1e6, steps=6)
@@ -108,7 +108,7 @@ def test_convergence_orders_of_displacement_and_pressure():
 
 
 def exact_pressure(R: np.ndarray, stretch: float) -> np.ndarray:
-    """Return the pressure of the mixed form (mu = 1) at the reference radius R of the inflated cylinder 1..2."""
+    """Return the exact pressure (mu = 1) of the mixed form at the reference radius R of the cylinder of `inflate`."""
     lam = np.sqrt(R**2 + stretch**2 - 1) / R
     outer = np.sqrt((4 + stretch**2 - 1) / 4)
     # Radial equilibrium: sigma_r(R) = -(ln(lam/outer) + (outer^-2 - lam^-2)/2); sigma_r = lam^-2 - tr b/3 + p.

@@ -107,6 +107,9 @@ def test_information_criteria_follow_their_definition():
     assert worse.aicc == pytest.approx(60 * np.log(2))
     assert better.weight > 0.999
     assert choose([Candidate("a", 6, ((5.0, 0.02),))])[0].aicc is None
+    # six unknowns and a noise level need nine points: with fewer, the correction would be any number
+    assert choose([Candidate("a", 6, ((8.9, 0.02),))])[0].aicc is None
+    assert choose([Candidate("a", 6, ((9.0, 0.02),))])[0].aicc == 0.0
     # A law for which the data are too few has no weight, and one law alone has none either.
     few, *enough = choose([Candidate("a", 6, ((8.0, 0.02),)), *(Candidate(n, 1, ((8.0, 0.02),)) for n in "bc")])
     assert (few.aicc, few.weight) == (None, None)

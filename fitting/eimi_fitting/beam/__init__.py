@@ -26,6 +26,9 @@ equilibrium    Newton's method for a batch of candidates
 system         the linear system of a Newton step
 band           band matrices of a whole batch
 path           one state after another, or all at once
+inertia        masses of the silicone and of the magnet
+transient      the motion in time, with inertia and internal variables
+vibration      small vibrations about an equilibrium, and their complex frequencies
 outline        the edges that a camera sees
 view           the perspective of a camera
 """

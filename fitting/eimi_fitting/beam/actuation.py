@@ -153,10 +153,9 @@ class LoadedMesh:
             moment = 1e3 * magnet.moment_A_m2 * grid.per_specimen  # A m² = N m / T
             self.magnet_dipole = _turned(moment * np.array(magnet.direction), grid.turn_rad)
 
-    @property
-    def tip_mm(self) -> Array:
-        """The middle of the tip at rest, (2,)."""
-        return self._grid.strip.at_rest(np.array([[self.specimen.length_mm, 0.0]]))[0]
+    def at_rest(self, straight_mm: Array) -> Array:
+        """Return the place at rest (2,) of a point (2,) of the straight strip."""
+        return self._grid.strip.at_rest(straight_mm[None])[0]
 
     @property
     def has_pressure_face(self) -> bool:

@@ -48,6 +48,8 @@ class BandAssembly:
         self._cache: dict[int, list[tuple[Indices, Indices]]] = {}
 
     def _indices(self, batch: int) -> list[tuple[Indices, Indices]]:
+        if batch == 1:  # a solid's indices are large, and a copy of them would have the same values
+            return self._layers
         if batch not in self._cache:
             if len(self._cache) > 32:
                 self._cache.clear()

@@ -49,6 +49,9 @@ class SolidOptions:
         similar candidate is the same within ``accuracy_mm``, its depth effect is used without solving the solid.
     effect : DepthEffect or None
         The depth effect, if it is known already. Only the planar model is then solved.
+    earlier : DepthEffect or None
+        The depth effect of nearly the same candidate under some of the loads. Only states beyond its range are solved
+        and added to it.
     planar_shapes : Shapes or None
         Shapes of the planar model for the same candidate and loads, if they are known already. The planar model is then
         not solved.
@@ -58,6 +61,7 @@ class SolidOptions:
     accuracy_mm: float = ACCURACY_MM
     similar: tuple[DepthEffect, ...] = ()
     effect: DepthEffect | None = None
+    earlier: DepthEffect | None = None
     planar_shapes: Shapes | None = None
 
 
@@ -210,9 +214,13 @@ class SolidBeside:
         step = np.diff(turn[np.argsort(along, kind="stable")])
         by_turn = bool(((step >= 0).all() or (step <= 0).all()) and np.ptp(turn) > _LEAST_TURN)
         places = turn if by_turn else along
-        effect = DepthEffect((), (), by_turn, _base(places, by_turn, options.similar))
         same = _SAME * max(float(np.ptp(places)), _LEAST_TURN)
         unsolved = np.arange(len(places))
+        if options.earlier and options.earlier.by_turn == by_turn:
+            effect = options.earlier
+            unsolved = unsolved[~effect.reaches(places)]
+        else:
+            effect = DepthEffect((), (), by_turn, _base(places, by_turn, options.similar))
         for place in effect.places_of_base:
             unsolved = unsolved[np.abs(places[unsolved] - place) > same]
         while len(unsolved):

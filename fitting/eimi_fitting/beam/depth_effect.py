@@ -12,7 +12,7 @@ fewer states are enough.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import prod
 
@@ -139,10 +139,27 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether all places lie in the range of this effect, or so close to it that the polynomial is valid."""
-        solved = self.without_base.places
+        """Return whether this effect reaches all places."""
+        return bool(self.without_base.reaches(places).all())
+
+    def reaches(self, places: Array) -> NDArray[np.bool_]:
+        """Return which places (K,) lie between the solved states, or so close to them that the polynomial is valid."""
+        solved = (*self.places, *self.places_of_base)
         beyond = _EXTRAPOLATED * np.ptp(solved)
-        return bool(min(solved) - beyond <= places.min() and places.max() <= max(solved) + beyond)
+        return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
+
+    def thinned(self, most: int) -> DepthEffect:
+        """Return this effect, which has no base, with at most so many states: those that lie farthest apart.
+
+        A polynomial through many places at equal distances is inaccurate between them.
+        """
+        chosen = [int(np.argmax(np.abs(self.places)))]
+        places = np.array(self.places)
+        while len(chosen) < min(most, len(places)):
+            chosen.append(int(np.argmax(np.abs(places[:, None] - places[chosen]).prod(axis=1))))
+        return replace(
+            self, places=tuple(places[chosen].tolist()), differences=tuple(self.differences[i] for i in chosen)
+        )
 
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
         """Return this effect with the difference of one more solved state."""

@@ -194,12 +194,12 @@ class Solid:
         free = ~fixed
         if rigid_nodes is not None:
             free[rigid_nodes] = False
-        self._free = np.flatnonzero(free.ravel())  # into (N, d)
+        self.free = np.flatnonzero(free.ravel())  # places of the free unknowns in (N, d)
         number = np.full(free.size, -1, np.intp)
-        number[self._free] = np.arange(len(self._free))
+        number[self.free] = np.arange(len(self.free))
         d, self._unknowns = self.dimensions, self.dimensions * mesh.elements.shape[1]  # of an element
         dofs = number.reshape(-1, d)[mesh.elements].transpose(0, 2, 1).reshape(-1, self._unknowns)
-        self.system = System(dofs, len(self._free), None if self.body is None else self.body.elements)
+        self.system = System(dofs, len(self.free), None if self.body is None else self.body.elements)
         # Where the element arrays (E, ., d, nodes) find their values in (., N * d).
         self._gather = (mesh.elements[:, None, :] * d + np.arange(d)[:, None]).reshape(-1)
 
@@ -256,7 +256,7 @@ class Solid:
             scaled = coupling * modulus[:, :, None, :]
             K += np.matmul(scaled, coupling.swapaxes(-1, -2))
             effective = force + np.matmul(scaled, gap[..., None])[..., 0]
-        right = loads.nodal.reshape(len(loads.nodal), -1)[:, self._free]
+        right = loads.nodal.reshape(len(loads.nodal), -1)[:, self.free]
         tied = None
         if body:
             tie = body.matrix(now.rigid)
@@ -271,7 +271,7 @@ class Solid:
             tied = tie, stiffness, pull
         x, rigid, sound, indefinite = self.system.solve(K, effective, right, tied, ev.valid, symmetric, only_definite)
         flat = np.zeros((b, self.dimensions * len(self.mesh.nodes)))
-        flat[:, self._free] = x
+        flat[:, self.free] = x
         step = flat.reshape(now.displacement.shape)
         element_step = self.by_element(step).reshape(n, b, self._unknowns)
         if body:

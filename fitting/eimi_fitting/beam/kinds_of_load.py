@@ -97,9 +97,8 @@ class TipForce:
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
         """Add the force to the nodes about its point, or to the magnet if its point is on the magnet."""
-        specimen = mesh.specimen
-        point = mesh.tip_mm if specimen.tip_load_mm is None else np.array(specimen.tip_load_mm)
-        mesh.apply_force(numbers * mesh.share, point, total)
+        straight = mesh.specimen.tip_load_mm or (mesh.specimen.length_mm, 0.0)
+        mesh.apply_force(numbers * mesh.share, mesh.at_rest(np.array(straight)), total)
 
 
 @dataclass(frozen=True)

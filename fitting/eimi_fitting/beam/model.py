@@ -86,7 +86,7 @@ class BeamModel:
         fixed = np.zeros((len(self.mesh.nodes), 2), bool)
         fixed[self.mesh.column(0)] = True
         self.solid = Solid(self.mesh, fixed, self.grid.magnet_nodes, self.grid.face_mm, self.grid.pressure_face())
-        self._loaded = LoadedMesh(self.grid, self.solid)
+        self.loaded = LoadedMesh(self.grid, self.solid)
 
     def __reduce__(self) -> tuple[type[BeamModel], tuple[Specimen, int, int, Section]]:
         """Pickle the arguments alone, which are a thousandth of the model's arrays."""
@@ -206,10 +206,10 @@ class BeamModel:
         """
         chosen = candidates(law, parameters, self.plane, bulk_modulus_Pa, field_factor)
         if near is not None:
-            shapes = at_once(self.solid, self._loaded, chosen, loads, tolerance_mm, near, keep)
+            shapes = at_once(self.solid, self.loaded, chosen, loads, tolerance_mm, near, keep)
             if shapes is not None:
                 return shapes
-        return follow(self.solid, self._loaded, chosen, loads, tolerance_mm, start, keep)
+        return follow(self.solid, self.loaded, chosen, loads, tolerance_mm, start, keep)
 
     def element_stretch(self, shapes: Shapes) -> Array:
         """Return the largest principal stretch (P, K, E) at the Gauss points of each element."""

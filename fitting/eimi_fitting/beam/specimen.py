@@ -92,7 +92,8 @@ class Specimen:
         How the depth is taken: as it is, or by a planar assumption.
     magnet : Magnet or None
     tip_load_mm : tuple of float or None
-        Point at which a tip force acts; None: the middle of the tip.
+        Material point at which a tip force acts: the arc length from the clamp, and the distance from the centre line.
+        None: the middle of the tip.
     magnetisation_A_per_m : tuple of float
         Magnetisation of a silicone that was cast with magnetic powder, along and across the centre line at rest.
     pressure_face : PressureFace or None

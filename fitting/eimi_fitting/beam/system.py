@@ -70,6 +70,10 @@ class System:
                 self._corner_places = (n + _LOWER[1]) * w + _LOWER[0] - _LOWER[1]
         self._assembly = BandAssembly(dofs, n + 3 if self._in_band else n)
 
+    def assembled(self, force: Array) -> Array:
+        """Return the forces (B, n) on the nodes from those of the elements (E, B, d)."""
+        return self._assembly.vector(force)[:, : self.n]
+
     def solve(
         self,
         stiffness: Array,
@@ -97,7 +101,7 @@ class System:
         only_definite : bool
             See `factorise`.
         """
-        rest = right - self._assembly.vector(force)[:, : self.n]
+        rest = right - self.assembled(force)
         if body is None:
             factor = self._factor(
                 self._assembly.matrix(stiffness), stiffness, None, sound & bounded(rest), symmetric, only_definite
@@ -163,3 +167,53 @@ class System:
             return factorise(lower, sound, only_definite=only_definite)
         upper = self._assembly.matrix(np.ascontiguousarray(stiffness.swapaxes(-1, -2)))
         return factorise(lower, sound, self._put(upper, *body) if body else upper)
+
+
+class FactoredSystem:
+    """A factorised system, solved for many right-hand sides.
+
+    Parameters
+    ----------
+    structure : System
+    stiffness : ndarray, shape (E, B, d, d)
+        Symmetric matrices of the elements.
+    body : tuple of two ndarrays, or None
+        Derivatives (Et, B, d, 3) of the tied elements' unknowns by those of the body, and further stiffness (B, 3, 3)
+        of the body.
+    """
+
+    def __init__(self, structure: System, stiffness: Array, body: tuple[Array, Array] | None) -> None:
+        self._structure, self._body = structure, body
+        batch = stiffness.shape[1]
+        band = structure._assembly.matrix(stiffness)
+        if body is not None:
+            tie, further = body
+            tied_stiffness, follow = stiffness[structure._tied], tie.swapaxes(-1, -2)
+            rows = np.matmul(follow, tied_stiffness)
+            corner = np.matmul(rows, tie).sum(axis=0) + further
+            self._rows = structure._reach(rows)
+            if structure._in_band:
+                band = structure._put(band, self._rows, corner)
+        self._factor = factorise(band, np.ones(batch, bool))
+        self.sound = self._factor.sound & ~self._factor.indefinite
+        if body is not None and not structure._in_band:
+            sides = np.zeros((3, batch, structure.n))
+            sides[:, :, structure._columns] = self._rows.transpose(1, 0, 2)
+            self._moved = self._factor.solve(sides)  # K^-1 C
+            reached = self._moved[:, :, structure._columns].transpose(1, 2, 0)
+            schur = corner - np.matmul(self._rows, reached)
+            self.sound = self.sound & (np.linalg.eigvalsh(schur)[:, 0] > 0)
+            self._schur = np.where(self.sound[:, None, None], schur, np.eye(3))
+
+    def solve(self, nodes: Array, body: Array) -> tuple[Array, Array]:
+        """Return the nodes' unknowns (m, B, n) and the body's (m, B, 3) for right-hand sides of the same shapes."""
+        structure = self._structure
+        if self._body is None:
+            return self._factor.solve(nodes), np.zeros_like(body)
+        if structure._in_band:
+            both = self._factor.solve(np.concatenate([nodes, body], axis=2))
+            return both[..., : structure.n], both[..., structure.n :]
+        alone = self._factor.solve(nodes)
+        rest = body - np.einsum("brc,mbc->mbr", self._rows, alone[:, :, structure._columns])
+        rigid = np.linalg.solve(self._schur, rest[..., None])[..., 0]
+        return alone - np.einsum("rbn,mbr->mbn", self._moved, rigid), rigid

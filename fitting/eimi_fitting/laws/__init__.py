@@ -7,6 +7,7 @@ yeoh           the Yeoh law, three parameters
 ogden          the Ogden law of three terms, six parameters
 sum_of_terms   a law that is a sum of chosen terms and linear in its coefficients
 invariants     base classes for laws that are functions of the invariants I1 and I2
+prony          the relaxation of a quasi-linear viscoelastic material
 stability      Drucker's stability criterion and the largest stretch up to which a law fulfils it
 stable_cells   proof of stability over cells of stretches, for Ogden's law
 known_laws     the dictionary of the laws by their names

@@ -20,13 +20,14 @@ materials; FEBio User's Manual, uncoupled materials; SOFA, TetrahedronHyperelast
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.laws.law import CardConstants, Law, NotInSolver
+from eimi_fitting.laws.prony import Prony
 from eimi_fitting.units import MPA_PER_PA, moduli_in_MPa
 
 Array = NDArray[np.float64]
@@ -34,7 +35,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Material:
-    """An identified material, as a material card needs it.
+    """An identified material, with all values that a material card needs.
 
     Parameters
     ----------
@@ -48,6 +49,8 @@ class Material:
         Name of the material in the program: letters, digits, ``_`` and ``-``.
     origin
         Lines that state where the parameters came from and for which strains they are valid.
+    relaxation
+        Prony series of one material; ``parameters`` then belong to the instantaneous modulus. None without a series.
 
     Examples
     --------
@@ -61,6 +64,16 @@ class Material:
     bulk_modulus_Pa: float
     name: str
     origin: tuple[str, ...]
+    relaxation: Prony | None = None
+
+    @property
+    def long_term(self) -> Material:
+        """The same material with the parameters of its long-term modulus."""
+        if self.relaxation is None:
+            return self
+        is_modulus = np.array([unit == "Pa" for unit in self.law.units])
+        scaled = np.where(is_modulus, float(self.relaxation.long_term) * self.parameters, self.parameters)
+        return replace(self, parameters=scaled)
 
     def named_Pa(self) -> dict[str, float]:
         """Return the parameters by name, moduli in Pa."""
@@ -159,39 +172,62 @@ def _rows(constants: CardConstants, length: int) -> list[list[str]]:
     return [values[i : i + length] for i in range(0, len(values), length)]
 
 
-def _keyword_card(solver: str, material: Material, advice: str) -> str:
-    """Write *MATERIAL and *HYPERELASTIC for Abaqus and CalculiX, with eight values in a line."""
+_INSTANTANEOUS = "moduli are instantaneous ones, from which the Prony series relaxes the deviatoric stress"
+_WITHOUT_TIME = "this program takes no Prony series for a hyperelastic material: moduli are the long-term ones"
+
+
+def _keyword_card(solver: str, material: Material, advice: str, moduli: str = "", more: Sequence[str] = ()) -> str:
+    """Write *MATERIAL and *HYPERELASTIC for Abaqus or CalculiX, eight constants to a line; then append ``more``."""
     constants = material.constants_for(solver)
     volume = constants.volume or "(J - 1)^2/D1, D1 = 2/K"
     lines = [f"** {note}" for note in _notes(material, _MPA, volume, *constants.notes, advice)]
-    lines += [f"*MATERIAL, NAME={material.name}", f"*HYPERELASTIC, {constants.keyword}"]
-    return "\n".join(lines + [", ".join(row) for row in _rows(constants, 8)]) + "\n"
+    lines += [f"*MATERIAL, NAME={material.name}", f"*HYPERELASTIC, {constants.keyword}{moduli}"]
+    return "\n".join([*lines, *(", ".join(row) for row in _rows(constants, 8)), *more]) + "\n"
+
+
+def _terms(series: Prony) -> list[tuple[str, str]]:
+    """Return the formatted g and tau (in s) of each term of a Prony series."""
+    return [(_number(float(g)), _number(float(tau))) for g, tau in zip(series.g, series.tau_s, strict=True)]
 
 
 def _abaqus(material: Material) -> str:
-    return _keyword_card("abaqus", material, "use hybrid elements (C3D8H, C3D20RH)")
+    advice = "use hybrid elements (C3D8H, C3D20RH)"
+    if material.relaxation is None:
+        return _keyword_card("abaqus", material, advice)
+    rows = [f"{g}, 0., {tau}" for g, tau in _terms(material.relaxation)]
+    series = ["*VISCOELASTIC, TIME=PRONY", *rows]
+    return _keyword_card("abaqus", material, f"{_INSTANTANEOUS}; {advice}", ", MODULI=INSTANTANEOUS", series)
 
 
 def _calculix(material: Material) -> str:
     advice = "cards of this form were checked by running CalculiX 2.20 in uniaxial tension"
-    return _keyword_card("calculix", material, advice)
+    if material.relaxation is not None:
+        advice = f"{_WITHOUT_TIME}; {advice}"
+    return _keyword_card("calculix", material.long_term, advice)
 
 
 def _ansys(material: Material) -> str:
-    """Write the TB command, which is the law's keyword, and TBDATA commands with six constants each."""
+    """Write the law's TB command (its keyword), and TBDATA commands with six constants each, for ANSYS."""
     constants = material.constants_for("ansys")
     volume = constants.volume or "(J - 1)^2/d, d = 2/K"
-    lines = [f"! {note}" for note in _notes(material, _MPA, volume, *constants.notes)]
+    time = [] if material.relaxation is None else [_INSTANTANEOUS]
+    lines = [f"! {note}" for note in _notes(material, _MPA, volume, *constants.notes, *time)]
     lines.append(constants.keyword)
     lines += [f"TBDATA,{6 * i + 1},{','.join(row)}" for i, row in enumerate(_rows(constants, 6))]
+    if material.relaxation is not None:
+        pairs = [value for term in _terms(material.relaxation) for value in term]
+        lines.append(f"TB,PRONY,1,1,{len(pairs) // 2},SHEAR")
+        lines += [f"TBDATA,{i + 1},{','.join(pairs[i : i + 6])}" for i in range(0, len(pairs), 6)]
     return "\n".join(lines) + "\n"
 
 
 def _comsol(material: Material) -> str:
-    """Write a table for COMSOL's Parameters, Load from File: name, expression, description.
+    """Write a table for COMSOL's command Parameters, Load from File; its columns are name, expression, description.
 
-    The format has no comments, so the row ``eimi_origin`` holds them as its description.
+    The format has no comments, so the description of the row ``eimi_origin`` holds the notes.
     """
+    time = [] if material.relaxation is None else [_WITHOUT_TIME.replace("this program", "this card for COMSOL")]
+    material = material.long_term
     constants = material.law.card("comsol", material.named_Pa(), material.bulk_modulus_Pa)
     rows = [
         (name, _number(value) + ("" if name in constants.dimensionless else "[Pa]"), constants.meaning.get(name, name))
@@ -201,7 +237,7 @@ def _comsol(material: Material) -> str:
         ("kappa", f"{_number(material.bulk_modulus_Pa)}[Pa]", "bulk modulus, nearly incompressible formulation")
     )
     volume = constants.volume or "kappa/2 (J - 1)^2, the quadratic one"
-    notes = _notes(material, "with each value", volume, *constants.notes)
+    notes = _notes(material, "with each value", volume, *constants.notes, *time)
     rows.append(("eimi_origin", "1", ". ".join(notes).replace('"', "'")))
     return "".join(f'{name} {value} "{description}"\n' for name, value, description in rows)
 
@@ -212,23 +248,39 @@ def _comment(notes: Sequence[str]) -> str:
 
 
 def _febio(material: Material) -> str:
-    """Write a <material> element: its type is the law's keyword, and each constant is a child element."""
+    """Write a <material> element for FEBio: its type is the law's keyword, and each constant is a child element."""
+    series, material = material.relaxation, material.long_term
     constants = material.constants_for("febio")
     tags = {**constants.constants, "k": MPA_PER_PA * material.bulk_modulus_Pa, "pressure_model": "2"}
     lines = [f"  <{tag}>{_number(value)}</{tag}>" for tag, value in tags.items()]
     head = f'<material id="1" name="{escape(material.name)}" type="{constants.keyword}">'
     volume = constants.volume or "k/2 (J - 1)^2, which is pressure_model 2"
     notes = _notes(material, _MPA, volume, "for FEBio 4, uncoupled materials", *constants.notes)
+    if series is not None:
+        notes.append("the elastic moduli are the long-term ones; g1, g2, ... are relative to them")
+        shares = series.g / float(series.long_term)
+        terms = list(zip(shares, series.tau_s, strict=True))
+        outer = [f"  <g{i}>{_number(float(g))}</g{i}>" for i, (g, _) in enumerate(terms, 1)]
+        outer += [f"  <t{i}>{_number(float(tau))}</t{i}>" for i, (_, tau) in enumerate(terms, 1)]
+        volumetric = len(constants.constants)
+        inner = [f"  {line}" for line in lines[:volumetric]]
+        lines = [*outer, *lines[volumetric:], f'  <elastic type="{constants.keyword}">', *inner, "  </elastic>"]
+        head = f'<material id="1" name="{escape(material.name)}" type="uncoupled viscoelastic">'
     return _comment(notes) + "\n".join([head, *lines, "</material>"]) + "\n"
 
 
 def _sofa(material: Material) -> str:
-    """Write a force field: materialName is the law's keyword, ParameterSet holds all constants with the volume's."""
+    """Write a force field for SOFA.
+
+    materialName is the law's keyword. ParameterSet holds all constants, including those of the volume term.
+    """
+    time = [] if material.relaxation is None else [_WITHOUT_TIME]
+    material = material.long_term
     constants = material.constants_for("sofa")
     parameters = " ".join(_number(value) for value in constants.constants.values())
     name, keyword = escape(material.name), constants.keyword
     field = f'<TetrahedronHyperelasticityFEMForceField name="{name}" materialName="{keyword}"'
-    notes = _notes(material, _MPA, constants.volume or "k0/2 ln(J)^2", *constants.notes)
+    notes = _notes(material, _MPA, constants.volume or "k0/2 ln(J)^2", *constants.notes, *time)
     return _comment(notes) + f'{field} ParameterSet="{parameters}"/>\n'
 
 

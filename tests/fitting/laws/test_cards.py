@@ -19,6 +19,7 @@ from scipy import optimize
 
 from eimi_fitting.laws import LAWS, Law
 from eimi_fitting.laws.cards import SOLVERS, Material, NotInSolver, material_card
+from eimi_fitting.laws.prony import Prony
 from eimi_fitting.laws.tensile import engineering_stress
 from tests.patience import PATIENCE_S
 
@@ -230,3 +231,23 @@ def test_a_law_without_stiffness_is_refused(parameters: list[float]) -> None:
 def test_a_bulk_modulus_below_two_thirds_of_the_shear_modulus_is_refused() -> None:
     with pytest.raises(ValueError, match="should be above two thirds"):
         material_card("ansys", material("yeoh", ratio=0.6))
+
+
+@pytest.mark.parametrize(
+    ("solver", "lines"),
+    [
+        ("abaqus", ["*HYPERELASTIC, NEO HOOKE, MODULI=INSTANTANEOUS", "*VISCOELASTIC, TIME=PRONY", "0.2, 0., 1.5"]),
+        ("ansys", ["TB,PRONY,1,1,1,SHEAR", "TBDATA,1,0.2,1.5"]),
+        ("febio", ['type="uncoupled viscoelastic"', "<g1>0.25</g1>", "<t1>1.5</t1>", "<G>0.04</G>"]),
+        ("calculix", ["no Prony series", "0.02, "]),
+        ("comsol", ["no Prony series", "mu 40000[Pa]"]),
+        ("sofa", ["no Prony series", 'ParameterSet="0.04 ']),
+    ],
+)
+def test_a_card_holds_the_prony_series_or_states_that_the_program_takes_none(solver: str, lines: list[str]) -> None:
+    """Abaqus and ANSYS take instantaneous moduli, FEBio and programs without a series long-term ones."""
+    series = Prony(np.array([0.2]), np.array([1.5]))
+    material = Material(LAWS["neo-hookean"], np.array([50e3]), 50e6, "SILICONE", (), series)
+    card = material_card(solver, material)
+    for line in lines:
+        assert line in card

@@ -5,13 +5,14 @@ and C_a the signature of the cause a: the change of the residuals for its amplit
 causes of the hypothesis H,
 
     -r = J dx + sum_{a in H} C_a s_a + d + e
-    dx ~ N(0, inv(P)),   s_a ~ |s_a / size_a|^4 N(0, size_a^2),   d ~ N(0, eta^2 G),   e ~ N(0, sigma^2 tau)
+    dx ~ N(0, inv(P)),   s_a ~ h(s_a / size_a) N(0, size_a^2),   d ~ N(0, eta^2 G),   e ~ N(0, sigma^2 tau)
 
 P is the prior of the fit, and size_a the usual size of such a mistake. The prior of s_a vanishes at zero, so that a
-second cause of negligible size does not repair small errors of the model (moment prior: Johnson and Rossell 2010, J. R.
-Stat. Soc. B 72:143). It multiplies the evidence of the normal prior by m^2 / 3, where m is the mean of |s_a / size_a|^2
-over the amplitudes of the cause; this neglects the width of the posterior. The columns of J contain the remaining
-errors of the finer mesh and of the solid, too, as the interval does. The noise e has the level sigma and the
+second cause of negligible size does not repair small errors of the model (a non-local prior: Johnson and Rossell 2010,
+J. R. Stat. Soc. B 72:143). It multiplies the evidence of the normal prior by (m / (m + 0.3^2))^2, where m is the
+posterior mean of |s_a / size_a|^2, the largest of the amplitudes of the cause. Above a third of the usual size the
+factor is near one, so that two causes with the same signature share one probability. The columns of J contain the
+remaining errors of the finer mesh and of the solid, too, as the interval does. The noise e has the level sigma and the
 correlation tau of neighbouring points. The error d is what no listed cause explains; it is smooth along an edge and
 over the loads (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63:425). Everything is linear and Gaussian, so that the
 evidence has a closed form. With L = sigma^2 tau + eta^2 G, the columns A of J and C_a, each times
@@ -28,7 +29,10 @@ probability that the noise and d alone explain the residuals.
 Residuals are compared by their coefficients in orthonormal polynomials along each edge, which contain all that smooth
 signatures have; sigma and tau come from the remainder. A signature is linear only in small amplitudes. The probable
 hypotheses are therefore simulated at their amplitudes, and what differs from the linear model is added to r
-(Gauss-Newton). The error of these simulations, 1 per cent of each move, is added to the noise.
+(Gauss-Newton). The errors of the simulation are added to the noise under every hypothesis: 1 per cent of each move of
+the most probable hypothesis, and the remaining error of the finer mesh and of the solid. They are smooth along an edge
+and alike in states of similar loads, as d is. As independent errors they would be underestimated: many states would
+average them out, and a second cause would explain them with a probability near one.
 """
 
 from __future__ import annotations
@@ -45,6 +49,7 @@ from eimi_fitting.inference.doubts.marginal_likelihood import Posterior, weigh
 from eimi_fitting.inference.doubts.possible_causes import POSSIBLE_CAUSES, PossibleCause
 from eimi_fitting.inference.doubts.signatures import About, Column, columns_of
 from eimi_fitting.inference.evidence.objective import Evaluation, Problem
+from eimi_fitting.inference.evidence.quantity import NORMAL_95
 from eimi_fitting.inference.interval.noise import Effect
 from eimi_fitting.inference.searching.polish import Optimum
 
@@ -66,6 +71,7 @@ _CORNERS_MM = 0.01
 _POOR = 4.0  # misfit over the noise from which a single cause is fitted with renewed slopes
 _GAUSS_NEWTON = 5  # largest number of these steps
 _STEP, _LAW_STEP = 0.05, 3e-3  # of their finite differences, in prior standard deviations
+_NEGLIGIBLE = 0.3  # prior sizes below which a cause is improbable
 _LEAST = 1e-3  # probability below which a cause is left out of the result
 _MOST_SIZES = 5.0  # largest amplitude, in prior sizes
 NONE = "none"
@@ -166,7 +172,7 @@ def weighed_causes(
         if total < _LEAST:
             continue
         mean = probability[holds] @ posterior.means[holds] / total
-        amplitudes = mean[weighing.blocks[i]]
+        amplitudes = mean[weighing.blocks[i]][: weighing.shown(i)]
         size = float(np.copysign(np.linalg.norm(amplitudes), amplitudes[np.argmax(np.abs(amplitudes))]))
         before = none if cause.name in in_the_fit else 0.0
         shift = problem.unknowns.modulus_percent(float(alone[0]) - before)
@@ -201,7 +207,11 @@ class _Weighing:
             *(effect.correction.changes for effect in effects),
             *(column.changes for column in (*corners, *self._columns)),
         ]
+        changes_of_effects = [
+            effect.remaining_share / NORMAL_95 * self._project.of(effect.correction.changes) for effect in effects
+        ]
         slopes = [self._project.of(about.slopes), *(self._project.of(change)[None] for change in changes)]
+        self._remaining = np.array(changes_of_effects).reshape(len(effects), slopes[0].shape[-1])
         rows = np.concatenate([*slopes, np.zeros((1, slopes[0].shape[-1]))])
         self._rows = self._scale[:, None] * rows
         causes = range(len(self._causes))
@@ -221,10 +231,15 @@ class _Weighing:
                 if change is not None:
                     residual -= column.start * change
 
+    def shown(self, cause: int) -> int:
+        """Return the number of amplitudes of a cause that its value consists of."""
+        shown, columns = self._causes[cause].shown, [self._columns[row - self._common] for row in self.blocks[cause]]
+        return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
+
     def posterior(self) -> Posterior:
         """Return evidence and amplitudes of all hypotheses; the probable ones are simulated (Gauss-Newton)."""
         y = np.tile(-self._project.of(self._stated), (len(self.hypotheses), 1))
-        result = self._weigh(y, np.zeros(y.shape[1]))
+        result = self._weigh(y, self._model_error(np.zeros((1, y.shape[1]))))
         simulated_at = np.zeros_like(result.means)  # where the linear model is exact
         settled: set[int] = set()
         for index in range(_PASSES):
@@ -247,8 +262,16 @@ class _Weighing:
             if not rows:
                 break
             best = result.means[np.argmax(result.log_evidence + self.log_prior)] / self._scale
-            result = self._weigh(y, ((_OF_MOVE * best[:, None] * self._rows) ** 2).sum(axis=0))
+            result = self._weigh(y, self._model_error(best[:, None] * self._rows))
         return result
+
+    def _model_error(self, moves: Array) -> Array:
+        """Return the variance (N,) of the error of moves (C, N), of which a part is smooth along edges and loads.
+
+        The remaining error of the corrections is smooth, too.
+        """
+        of_moves = _OF_MOVE**2 * ((moves**2).sum(axis=0) + self._project.smooth(moves))
+        return np.asarray(of_moves + self._project.smooth(self._remaining))
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
         """Return the mean square of the residuals that remain with these amplitudes, over the variance of the noise."""
@@ -287,8 +310,8 @@ class _Weighing:
         noise = self._project.noise + of_move
         standard = weigh(self._rows, self._members, y, noise, self._project.error)
         # The factor of the moment prior, whose normal mean of |s_a / size_a|^4 is 3 for one amplitude.
-        factors = np.stack([standard.squares[:, block].mean(axis=1) for block in self.blocks], axis=1)
-        factors = np.log(np.where(self._holds, factors**2 / 3, 1.0)).sum(axis=1)
+        squares = np.stack([standard.squares[:, block].max(axis=1) for block in self.blocks], axis=1)
+        factors = 2 * np.log(np.where(self._holds, squares / (squares + _NEGLIGIBLE**2), 1.0)).sum(axis=1)
         law = np.arange(len(self._scale)) < self._common
         most = np.where(law, np.inf, _MOST_SIZES)
         means = np.clip(standard.means, -most, most) * self._scale

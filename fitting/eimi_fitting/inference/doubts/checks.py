@@ -9,7 +9,7 @@ a probable cause of the residuals that concerns the modulus (`causes`).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -42,8 +42,9 @@ _OF_NOISE = 10.0
 _OF_MEDIAN = 5.0
 _WITHIN_NOISE = 3.0  # times the stated uncertainty: a smaller residual does not contradict the law
 _OF_ERROR = 0.5  # if the residuals are noise, a cause explains almost none of them
+_NAMED = 0.1  # probability below which a cause beside those in the fit is no doubt
 _NONE_IMPROBABLE = 0.5
-_RIVAL = 0.1  # share of the probability of the first cause
+_RIVAL = 0.05  # share of the probability of the first cause
 _BOTH = 1.2  # sum of two probabilities from which both causes are present together
 _MOST_RIVALS = 2
 _CONTRADICTS = 3.0  # standard deviations
@@ -265,7 +266,7 @@ def cause_doubts(
             return (Doubt(words, dataset, kind="cause"),)
         return ()
     left = [c for c in weighed.causes if c.name != NONE and c.name not in weighed.in_the_fit]
-    if not left or not _concerns(left[0], weighed, estimate, final):
+    if not left or left[0].probability < _NAMED or not _concerns(left[0], weighed, estimate, final):
         return ()
     return (Doubt(_causes_in_words(left), dataset, kind="cause"),)
 
@@ -281,7 +282,7 @@ def _concerns(cause: Cause, weighed: Weighed, estimate: Estimate, final: Compari
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
     """Return the causes that the data do not distinguish from the first cause: all together have a probability of one.
 
-    At most two are returned, each with at least a tenth of the probability of the first. A second cause that is
+    At most two are returned, each with at least a twentieth of the probability of the first. A second cause that is
     probable beside the first is no rival.
     """
     first, *others = causes
@@ -335,7 +336,7 @@ def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequen
     result: list[Doubt] = []
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         result += [Doubt(words, index, kind="correction_missing") for words in missing]
-        error, stated = misfit.error_mm[0], _stated_mm(experiment, misfit)
+        error, stated = misfit.error_mm[0], _noise_mm(experiment, misfit)
         ratio = _noise_ratio(experiment, misfit)
         if ratio > _OF_NOISE:
             words = (
@@ -354,8 +355,16 @@ def _pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tup
 
 
 def _noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
-    """Return the median over the states of the residuals over their stated uncertainty."""
-    return float(np.median(misfit.error_mm[0] / np.maximum(_stated_mm(experiment, misfit), 1e-9)))
+    """Return the median over the states of the residuals over their noise."""
+    return float(np.median(misfit.error_mm[0] / np.maximum(_noise_mm(experiment, misfit), 1e-9)))
+
+
+def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
+    """Return what `_stated_mm` returns without the widening by flags, which could hide a wrong law (K,)."""
+    observed = experiment.observed
+    if isinstance(observed, EdgeObservation) and observed.noise_mm is not None:
+        observed = replace(observed, sigma_mm=observed.noise_mm)
+    return _stated_mm(replace(experiment, observed=observed), misfit)
 
 
 def _stated_mm(experiment: Experiment, misfit: Misfit) -> Array:

@@ -60,6 +60,14 @@ class Projection:
             parts.append(np.einsum("kl,gh,...kgd->...lhd", turn, mix, along).reshape(*lead, -1))
         return np.concatenate(parts, axis=-1)
 
+    def smooth(self, moves: Array) -> Array:
+        """Return the variance (N,) of smooth errors that have the mean square of moves (C, N), for each experiment."""
+        parts, first = [], 0
+        for basis in self.bases:
+            here = slice(first, first := first + basis.shape[0] * basis.shape[1] * basis.shape[3])
+            parts.append(self.error[here] * ((moves[:, here] ** 2).sum() / max(float((basis**2).sum()), 1e-9)))
+        return np.concatenate(parts)
+
 
 def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], used: Sequence[Array]) -> Projection:
     """Return the coefficients that describe residuals, with the variances of noise and of an unnamed error.
@@ -78,7 +86,7 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
         counts = is_used.sum(axis=-1)
         noise = _noise(experiment, remainder * is_used, is_used, counts)
         values, turn = np.linalg.eigh(_over_loads(experiment))
-        by_degree = 1.0 / (1 + np.arange(basis.shape[-1])) ** 4
+        by_degree = 1.0 / np.maximum(np.arange(basis.shape[-1]), 1) ** 4
         is_edges = isinstance(experiment.observed, EdgeObservation)
         mix, of_groups = (_SIDES, np.array([2 - _APART, _APART])) if is_edges else (np.eye(2), np.ones(2))
         errors.append((counts.mean() * values[:, None, None] * of_groups[:, None] * by_degree).ravel())

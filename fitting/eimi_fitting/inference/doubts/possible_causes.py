@@ -90,6 +90,8 @@ class PossibleCause:
         The key of `SOURCES` that frees or budgets it; empty if there is none.
     is_common : bool
         Whether all datasets share one amplitude.
+    shown : int or None
+        Number of the first amplitudes that its value consists of, if the others have another meaning; None: all.
     """
 
     name: str
@@ -100,6 +102,7 @@ class PossibleCause:
     decide_by: str
     source: str = ""
     is_common: bool = False
+    shown: int | None = None
 
 
 def _by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
@@ -125,12 +128,18 @@ def _of_source(
     return PossibleCause(name, entry.words, entry.unit, sizes, _by_sources(*parts), decide_by, source, is_common)
 
 
-def _by_picture(displacement: Callable[[Experiment, Array, Array], Array]) -> Change:
-    """Return the change by a displacement (..., 2) of measured places (..., 2) relative to the clamp in the picture."""
+def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift: int | None = None) -> Change:
+    """Return the change by a displacement (..., 2) of measured places (..., 2) relative to the clamp in the picture.
+
+    From the amplitude ``shift`` on, two amplitudes are the displacement of the clamp itself in mm, if its place in the
+    calibration was not taken from the same picture.
+    """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
         experiment, places = assumed.experiment, _measured(assumed.experiment)
         by = displacement(experiment, places, amplitudes) - displacement(experiment, np.zeros(2), amplitudes)
+        if shift is not None:
+            by = by + amplitudes[shift : shift + 2]
         # What was measured is displaced, so that the true places lie on the other side.
         key = "points_mm" if isinstance(experiment.observed, EdgeObservation) else "moved_mm"
         moved: dict[str, Any] = {key: places - by}
@@ -160,12 +169,18 @@ def _stand_off_mm(experiment: Experiment) -> float:
 
 
 def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacement by a radial distortion; its amplitude is the share at the farthest used place."""
-    centre = _centre(experiment)
+    """Return the displacement by a radial distortion.
+
+    The first amplitude is its share at the farthest used place. The next two are the same times the displacement of the
+    lens axis from the assumed centre, over the distance of the farthest place.
+    """
+    centre, radial, off_centre = _centre(experiment), amplitudes[0], amplitudes[1:3]
     used = _measured(experiment)[np.isfinite(experiment.observed.sigma_mm)] - centre
-    farthest = max(float((used**2).sum(axis=-1).max()), 1e-9)
-    from_centre = places - centre
-    return np.asarray(amplitudes[0] * (from_centre**2).sum(axis=-1, keepdims=True) / farthest * from_centre)
+    farthest_mm = max(float(np.sqrt((used**2).sum(axis=-1).max())), 1e-6)
+    share = (places - centre) / farthest_mm
+    square = (share**2).sum(axis=-1, keepdims=True)
+    by_axis = 2 * (share @ off_centre)[..., None] * share + square * off_centre
+    return np.asarray(farthest_mm * (radial * square * share - by_axis))
 
 
 def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
@@ -286,9 +301,10 @@ POSSIBLE_CAUSES: tuple[PossibleCause, ...] = (
         "distortion",
         "radial distortion of the lens",
         "1",
-        (0.01,),
-        _by_picture(_distorted),
+        (0.01, 0.005, 0.005, 0.1, 0.1),
+        _by_picture(_distorted, shift=3),
         "a calibration with a board over the whole picture",
+        shown=1,
     ),
     PossibleCause(
         "camera_pitch",

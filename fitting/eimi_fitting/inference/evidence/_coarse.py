@@ -31,5 +31,8 @@ def _thinned(observed: Observation) -> Observation:
         return observed
     stride = max(observed.points_mm.shape[2] // POINTS_OF_EDGE, 1)
     return dataclasses.replace(
-        observed, points_mm=observed.points_mm[:, :, ::stride], sigma_mm=observed.sigma_mm[:, :, ::stride]
+        observed,
+        points_mm=observed.points_mm[:, :, ::stride],
+        sigma_mm=observed.sigma_mm[:, :, ::stride],
+        noise_mm=None if observed.noise_mm is None else observed.noise_mm[:, :, ::stride],
     )

@@ -131,6 +131,8 @@ class EdgeObservation:
         Standard uncertainties in mm, infinite for points that are not used.
     view : View, optional
         Perspective of the lens; None if the lens is telecentric or its stand-off is not stated.
+    noise_mm : ndarray, shape (K, 2, n), optional
+        The part of ``sigma_mm`` that is noise, if flags have widened ``sigma_mm``. Doubts compare residuals with it.
 
     Examples
     --------
@@ -146,6 +148,7 @@ class EdgeObservation:
     points_mm: Array
     sigma_mm: Array
     view: View | None = None
+    noise_mm: Array | None = None
 
     @staticmethod
     def from_edges(edges: Sequence[tuple[Array, Array, Array, Array]], view: View | None = None) -> EdgeObservation:
@@ -175,7 +178,8 @@ class EdgeObservation:
 
     def of_states(self, states: NDArray[np.intp]) -> EdgeObservation:
         """Return the observation of the states with these indices."""
-        return replace(self, points_mm=self.points_mm[states], sigma_mm=self.sigma_mm[states])
+        noise = None if self.noise_mm is None else self.noise_mm[states]
+        return replace(self, points_mm=self.points_mm[states], sigma_mm=self.sigma_mm[states], noise_mm=noise)
 
     def misfit(self, model: Model, shapes: Shapes, setup: Setup | None = None, change: Array | None = None) -> Misfit:
         """Return the signed distances from the simulated edges, with their error and deviation by state.

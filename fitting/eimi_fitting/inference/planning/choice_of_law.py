@@ -11,7 +11,9 @@ square of its deviation in standard uncertainties. A law is therefore compared a
 the stated quantities; otherwise a wrong width would favour the law that imitates it.
 
 N and n are those of the law that fits best, for all laws: the residuals of a law that does not fit are correlated
-because the law is wrong (ibid., section 2.5, on taking the variance from the global model).
+because the law is wrong (ibid., section 2.5, on taking the variance from the global model). Both criteria use the sum.
+AICc divides by N - k - 1. Below 1 this difference is less than the error with which N is estimated, and AICc would
+depend on that error alone: the law then has no AICc.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+_LEAST_ROOM = 1.0  # independent points beyond the number of unknowns and one, as N = k + 2 for whole numbers
 
 
 @dataclass(frozen=True)
@@ -60,7 +64,7 @@ class Choice:
     independent_points : float
         Number of independent points of the edges and all curves.
     aicc : float or None
-        AICc minus the smallest AICc; None if the data are too few for the law.
+        AICc minus the smallest AICc; None if the data are too few for the law: N < k + 2.
     bic : float
         BIC minus the smallest BIC.
     weight : float or None
@@ -92,7 +96,7 @@ def choose(candidates: Sequence[Candidate]) -> tuple[Choice, ...]:
         deviance = float(2 * counts @ np.log(errors)) + candidate.stated_squares
         k = candidate.unknowns + len(counts)  # each noise level is an unknown too
         room = total - k - 1
-        aicc.append(deviance + 2 * k + 2 * k * (k + 1) / room if room > 0 else np.inf)
+        aicc.append(deviance + 2 * k + 2 * k * (k + 1) / room if room >= _LEAST_ROOM else np.inf)
         bic.append(deviance + k * np.log(total))
     above = np.array(aicc) - min(aicc) if np.isfinite(min(aicc)) else np.array(aicc)
     support = np.exp(-0.5 * above)

@@ -1,35 +1,68 @@
 """Estimate the modulus during a run, quickly enough to repeat the estimate after every state.
 
-The law is Neo-Hookean and the section planar; the expected bias of that section (`inference.planning.section_bias`) is
-divided out. A fit that starts at the estimate after the previous state needs only a few steps. The complete fit follows
-after the run.
+The law is Neo-Hookean. The residuals of the planar model are corrected to those of the solid, as in a whole fit
+(`inference.evidence.corrections`). The depth effect is a smooth function of the bending and hardly depends on the
+modulus (`beam.depth_effect`). It is therefore carried from state to state: the solid is solved only in a state that is
+bent farther than all states before it. A fit that starts at the estimate after the previous state needs only a few
+steps. The complete fit follows after the run.
+
+The remaining error of the solid is the same share of the depth effect as in a whole fit, but of the effect that is
+expected in the largest bending (`inference.planning.section_bias`), so that it does not grow during the run. If the
+solid cannot be interpolated, the expected bias of the planar section is divided out instead.
+
+A further state can widen the interval: some stated uncertainties have a larger effect on the modulus in a larger
+bending. An estimate whose interval is narrower is kept as long as the residuals stay at the level of the noise and the
+estimate from all states lies in that interval. Which estimate is narrower follows from the loads, hardly from the data,
+so that its interval remains one of 95 %.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.beam.beside import SolidOptions
+from eimi_fitting.beam.depth_effect import DepthEffect
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.inference.evidence._coarse import coarsened
-from eimi_fitting.inference.evidence.experiment import Experiment
-from eimi_fitting.inference.evidence.objective import Problem
+from eimi_fitting.inference.evidence.corrections import SOLID, correction, polished
+from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
+from eimi_fitting.inference.evidence.objective import Evaluation, Problem
 from eimi_fitting.inference.evidence.unknowns import Unknowns, nuisances
+from eimi_fitting.inference.interval.considered import considered
+from eimi_fitting.inference.interval.covariance import linearise
 from eimi_fitting.inference.interval.estimate import estimate
-from eimi_fitting.inference.interval.noise import linearise_noise
+from eimi_fitting.inference.interval.noise import Effect, Explained, Noise
 from eimi_fitting.inference.planning.section_bias import expected_bias
 from eimi_fitting.inference.searching.modulus_range import scanned, within
-from eimi_fitting.inference.searching.polish import polish
+from eimi_fitting.inference.searching.polish import Optimum, Polish, difference_batch, polish
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.search_space import search_space
 
 Array = NDArray[np.float64]
 
-_LAW = "neo-hookean"
+_LAW = LAWS["neo-hookean"]
 _POINTS_A_STATE = 20.0  # independent points in a state; a guess that only the scan uses
+_PASSES = 2  # the second correction is that at the optimum of the first
+_FIRST = np.zeros(1, np.intp)
+_MOST_SOLVED = 7  # states of the solid through which the depth effect is interpolated
+_CARRIED = 0.02  # relative change of the modulus up to which the depth effect is carried on
+_LEAST_PERCENT = 0.15  # smallest remaining error of the solid, in per cent of the modulus
+_WIDTH_GROWS = 1.05  # factor on the narrowest interval by which the noise may widen a later one
+_NOISE_GROWS = 1.25  # factor on the residuals up to which an earlier estimate is kept
+
+
+@dataclass(frozen=True)
+class _Depth:
+    """The depth effect that is carried from state to state, and the modulus in Pa for which it was first solved."""
+
+    effect: DepthEffect
+    modulus_Pa: float
 
 
 @dataclass(frozen=True)
@@ -41,17 +74,21 @@ class ModulusSoFar:
     value_Pa : float
         The estimate, Pa.
     interval_95_Pa : tuple of float
-        Its 95 % interval from noise and stated uncertainties, Pa.
+        Its 95 % interval from noise, stated uncertainties and the remaining error of the solid, Pa.
     error_mm : float
         Error of the fit over all states, mm.
     states : int
-        Number of states in the fit.
+        Number of states from which the estimate is.
     limited_by : str
         The source with the largest effect on the interval, in words: a stated uncertainty, or the noise of the edges.
     bounds_Pa : tuple of float
         Range of moduli that was searched, Pa; the next estimate uses it again.
     unit : ndarray, shape (1,)
         Place of the optimum in that range, from 0 to 1; the next estimate starts there.
+    narrowest_Pa : float
+        Width of the narrowest interval so far, Pa.
+    depth : object, optional
+        The depth effect, which the next estimate carries on; None in a planar section.
     """
 
     value_Pa: float
@@ -61,19 +98,22 @@ class ModulusSoFar:
     limited_by: str
     bounds_Pa: tuple[float, float]
     unit: Array
+    narrowest_Pa: float
+    depth: _Depth | None = field(default=None, repr=False)
+
+    @property
+    def width_Pa(self) -> float:
+        """The width of the interval, Pa."""
+        return self.interval_95_Pa[1] - self.interval_95_Pa[0]
 
 
-def modulus_so_far(
-    experiment: Experiment, section_bias: float = 0.0, before: ModulusSoFar | None = None
-) -> ModulusSoFar:
+def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -> ModulusSoFar:
     """Fit a Neo-Hookean beam to the states measured so far.
 
     Parameters
     ----------
     experiment : Experiment
         The states measured so far.
-    section_bias : float
-        The result of `section_bias_of` for the specimen.
     before : ModulusSoFar, optional
         The estimate after the previous state; the fit starts there.
 
@@ -89,12 +129,23 @@ def modulus_so_far(
     NothingConverged
         If no candidate modulus has an equilibrium.
     """
+    now = _estimated(experiment, before)
+    if before is None or now.error_mm > _NOISE_GROWS * before.error_mm:
+        return now
+    low, high = before.interval_95_Pa
+    if now.width_Pa <= _WIDTH_GROWS * before.narrowest_Pa or not low <= now.value_Pa <= high:
+        return replace(now, narrowest_Pa=min(now.narrowest_Pa, before.narrowest_Pa))
+    return replace(before, bounds_Pa=now.bounds_Pa, unit=now.unit, depth=now.depth)
+
+
+def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSoFar:
+    """Return the estimate from all states."""
     specimen = experiment.model.specimen
-    flat = replace(experiment, model=BeamModel(specimen, plane=specimen.planar_section), solid=None, change=None)
-    law = LAWS[_LAW]
-    problem = Problem(law, Unknowns(search_space(law), nuisances((), 1, [flat.stated])), (flat,), ())
+    flat = polished(replace(experiment, solid=None, change=None))
+    problem = Problem(_LAW, Unknowns(search_space(_LAW), nuisances((), 1, [flat.stated])), (flat,), ())
     if before is None:
-        scan = scanned(replace(problem, experiments=tuple(coarsened([flat]))), _POINTS_A_STATE * len(flat.loads))
+        on_coarse = replace(flat, model=BeamModel(specimen, plane=specimen.planar_section))
+        scan = scanned(replace(problem, experiments=tuple(coarsened([on_coarse]))), _POINTS_A_STATE * len(flat.loads))
         bounds = scan.searched()
         low, high = np.log(bounds)
         unit = np.array([np.clip((np.log(scan.best_Pa) - low) / (high - low), 0.0, 1.0)])
@@ -102,23 +153,69 @@ def modulus_so_far(
         bounds, unit = before.bounds_Pa, before.unit
     problem = within(problem, bounds)
     whole = problem.unknowns.whole(unit)[0]
-    optimum = polish(problem.nearby(1.0), whole)
-    noise = linearise_noise(problem, optimum)
-    fitted = estimate(problem, optimum, (), noise, (), 1)
+    is_solid = specimen.section == "solid"
+    corrected = _with_depth(problem, whole, before.depth if before else None) if is_solid else None
+    problem, optimum, effects, depth = corrected or (problem, polish(problem.nearby(1.0), whole), (), None)
+    planar_share = 1.0 if depth or not is_solid else 1.0 / (1.0 + _expected_bias(specimen))
+    fitted = estimate(problem, optimum, effects, _noise(problem, optimum), (), 1)
     modulus, first = fitted.initial_shear_modulus, fitted.measure_next
-    share = 1.0 / (1.0 + section_bias)
-    low_Pa, high_Pa = modulus.interval_95
+    low_Pa, high_Pa = (planar_share * end for end in modulus.interval_95)
     return ModulusSoFar(
-        value_Pa=share * modulus.value,
-        interval_95_Pa=(share * low_Pa, share * high_Pa),
+        value_Pa=planar_share * modulus.value,
+        interval_95_Pa=(low_Pa, high_Pa),
         error_mm=float(optimum.evaluation.objective_mm[0]),
         states=len(flat.loads),
         limited_by="the noise of the edges" if first.source is None else first.words,
         bounds_Pa=bounds,
         unit=np.asarray(optimum.unit)[: problem.unknowns.searched],
+        narrowest_Pa=high_Pa - low_Pa,
+        depth=depth,
     )
 
 
-def section_bias_of(specimen: Specimen) -> float:
-    """Return the expected bias of the planar section during a run; 0 if the specimen itself has a planar section."""
-    return expected_bias(specimen) if specimen.section == "solid" else 0.0
+def _with_depth(
+    problem: Problem, unit: Array, before: _Depth | None
+) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], _Depth] | None:
+    """Return the problem corrected by the solid, its optimum, the remaining error of the solid, and the depth effect.
+
+    None if the depth effect cannot be interpolated.
+    """
+    plain, depth, corrected = problem.experiments, before, problem
+    batch, distance = difference_batch(unit)
+    optimum = Optimum(unit, problem.evaluate(batch, 1.0, keep=True), distance, Polish(0.0, 0.0, 0))
+    effects: tuple[Effect, ...] = ()
+    percent = max(100 * SOLID.remaining_share * abs(_expected_bias(plain[0].model.specimen)), _LEAST_PERCENT)
+    for _ in range(_PASSES):
+        modulus_Pa = float(problem.unknowns.parameters(optimum.unit[None])[0, 0])
+        if depth and abs(modulus_Pa / depth.modulus_Pa - 1) > _CARRIED:
+            depth = None
+        options = SolidOptions("interpolate", earlier=depth.effect if depth else None)
+        at = partial(_alone, problem, optimum.unit)
+        here = problem.with_own_changes(optimum.evaluation, corrected).comparison.take(_FIRST)
+        change = correction(SOLID, plain, here, at, options=options)
+        effect = change.effects[0] if change else None
+        if change is None or effect is None:
+            return None
+        depth = _Depth(effect.thinned(_MOST_SOLVED), depth.modulus_Pa if depth else modulus_Pa)
+        now = replace(problem, experiments=change.added(plain))
+        start = now.with_own_changes(optimum.evaluation, corrected), optimum.distance
+        optimum, corrected = polish(now.nearby(1.0), optimum.unit, start), now
+        effects = (Effect(change.without_shapes(), np.zeros(len(unit)), 0.0, percent),)
+    return (corrected, optimum, effects, depth) if depth else None
+
+
+def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment]) -> Comparison:
+    return problem.evaluate(unit[None], 1.0, experiments).comparison
+
+
+def _noise(problem: Problem, optimum: Optimum[Evaluation]) -> Noise:
+    """Return the evidence at the optimum, with all residuals as noise, also those that a source would explain."""
+    about = linearise(problem, optimum)
+    explained = Explained(about.states, about.hessian, float((about.priors**2).sum()))
+    return Noise(about, explained, considered(problem, optimum.unit))
+
+
+@lru_cache(maxsize=8)
+def _expected_bias(specimen: Specimen) -> float:
+    """Return the expected bias of the planar section; computed once for a run."""
+    return expected_bias(specimen)

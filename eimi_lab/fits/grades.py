@@ -1,0 +1,71 @@
+"""Grade the support of a fit: by noise only, by a stated budget, by predicted states, or by a predicted specimen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.validation import Validation
+
+_PREDICTED = 1.5  # a prediction succeeds if its error is below this many times that of the fitted states
+
+
+@dataclass(frozen=True)
+class Grade:
+    """The grade of a fit (`name`), and the reason for it in sentences (`words`)."""
+
+    name: str
+    words: str
+
+
+def grade(fit: FitRecord, unseen: Iterable[Validation] = ()) -> Grade:
+    """Return the grade of a fit.
+
+    Parameters
+    ----------
+    fit : FitRecord
+    unseen : iterable of Validation
+        Errors of the fit on datasets of specimens to which it was not fitted.
+
+    Returns
+    -------
+    Grade
+        "not determined", "doubted", "noise only", "budget stated", "predicted unseen states", or "predicted an unseen
+        specimen". For "noise only", "budget stated" and "predicted unseen states", the words also name the specimens
+        that the law did not predict.
+    """
+    if "initial_shear_modulus" in fit.held_by_bounds():
+        return Grade("not determined", "The data do not determine the modulus.")
+    doubts = fit.doubts_in_words()
+    if doubts:
+        return Grade("doubted", f"Doubts: {'; '.join(doubts)}.")
+    on_unseen = [validation for validation in unseen if not validation.seen]
+    missed = [validation.dataset for validation in on_unseen if not _is_predicted(fit, validation)]
+    no_doubt = "No check raised a doubt."
+    if missed:
+        no_doubt += f" The law did not predict the specimen of {', '.join(missed)}."
+    elif on_unseen:
+        return Grade(
+            "predicted an unseen specimen",
+            f"{no_doubt} The law predicted the specimen of {', '.join(v.dataset for v in on_unseen)}, to which it was "
+            "not fitted.",
+        )
+    held_out = fit.held_out_error_mm
+    if not fit.budget:
+        words = "The interval contains noise and mesh: no uncertainty of the inputs is stated."
+        return Grade("noise only", f"{no_doubt} {words}")
+    if held_out is not None and held_out < _PREDICTED * fit.mean_error_mm:
+        words = "The interval contains the stated uncertainties, and the law predicted states that were left out."
+        untested = "" if missed else " It has not been tested on another specimen."
+        return Grade("predicted unseen states", f"{no_doubt} {words}{untested}")
+    words = "The interval contains the stated uncertainties; the law has not predicted unseen states."
+    return Grade("budget stated", f"{no_doubt} {words}")
+
+
+def _is_predicted(fit: FitRecord, validation: Validation) -> bool:
+    """Return whether the error on a specimen is near that of the fitted states, or due to uncertain inputs."""
+    if validation.mean_error_mm is None:
+        return False
+    least = validation.mean_error_interval_mm[0] if validation.mean_error_interval_mm else validation.mean_error_mm
+    return min(least, validation.mean_error_mm) < _PREDICTED * fit.mean_error_mm

@@ -1,0 +1,103 @@
+"""The measured field and temperatures of a dataset, as a result file stores them."""
+
+from __future__ import annotations
+
+from typing import Self
+
+import numpy as np
+
+from eimi_lab.fits.evidence import Evidence
+from eimi_lab.fits.law_record import Record
+
+
+class MeasuredField(Record):
+    """The straight line through the measured field against the current; the fit used it, not the stated coil constant.
+
+    Attributes
+    ----------
+    source : str
+        Name and identification of the gaussmeter.
+    mT_per_A, mT_per_A_sigma : float
+        Slope and its standard uncertainty.
+    offset_mT, offset_mT_sigma : float
+        Field without a current (remanence, background and the probe's zero) and its standard uncertainty.
+    scatter_mT : float
+        Standard deviation of the readings about the line.
+    currents : int
+        Number of different currents.
+    scale_is_stated : bool
+        Whether an uncertainty of the gaussmeter's scale is stated; otherwise the scale is taken as exact.
+    stated_mT_per_A : float or None
+        The coil constant that the calibration states.
+    """
+
+    source: str
+    mT_per_A: float
+    mT_per_A_sigma: float
+    offset_mT: float
+    offset_mT_sigma: float
+    scatter_mT: float
+    currents: int
+    scale_is_stated: bool
+    stated_mT_per_A: float | None = None
+
+    @classmethod
+    def of(cls, evidence: Evidence) -> Self | None:
+        """Return the record of a dataset; None if its field follows from the stated coil constant."""
+        line = evidence.field_line
+        if line is None:
+            return None
+        return cls(
+            source=line.probe,
+            mT_per_A=line.mT_per_A,
+            mT_per_A_sigma=line.mT_per_A_sigma,
+            offset_mT=line.offset_mT,
+            offset_mT_sigma=line.offset_mT_sigma,
+            scatter_mT=line.scatter_mT,
+            currents=line.currents,
+            scale_is_stated=line.shared_is_stated,
+            stated_mT_per_A=evidence.typed_mT_per_A,
+        )
+
+    @property
+    def in_words(self) -> str:
+        """Return slope and offset with their standard uncertainties, the gaussmeter and the stated coil constant."""
+        stated = self.stated_mT_per_A
+        percent = "" if not stated else f" ({100 * (self.mT_per_A / stated - 1):+.1f} %)"
+        replaced = "" if stated is None else f", in place of coil_constant_mT_per_A = {stated:g}{percent}"
+        exact = "" if self.scale_is_stated else "; its scale is taken as exact, because no uncertainty_share is stated"
+        return (
+            f"{self.source} measured at {self.currents} currents, "
+            f"{self.mT_per_A:.5g} ± {self.mT_per_A_sigma:.2g} mT/A, and {self.offset_mT:.3g} "
+            f"± {self.offset_mT_sigma:.2g} mT without a current{replaced}{exact}"
+        )
+
+
+class MeasuredTemperature(Record):
+    """The measured temperature of the specimen in the used states, °C.
+
+    Attributes
+    ----------
+    mean_degC, lowest_degC, highest_degC : float
+    states : int
+        Number of used states with a measured temperature.
+    """
+
+    mean_degC: float
+    lowest_degC: float
+    highest_degC: float
+    states: int
+
+    @classmethod
+    def of(cls, evidence: Evidence) -> Self | None:
+        """Return the record of a dataset; None if the temperature was not measured."""
+        degC = [state.temperature_degC for state in evidence.states if state.temperature_degC is not None]
+        if not degC:
+            return None
+        return cls(mean_degC=float(np.mean(degC)), lowest_degC=min(degC), highest_degC=max(degC), states=len(degC))
+
+    @property
+    def in_words(self) -> str:
+        """Return the mean temperature with its range."""
+        span = f", from {self.lowest_degC:.1f} to {self.highest_degC:.1f}" if self.states > 1 else ""
+        return f"{self.mean_degC:.1f} °C{span}"

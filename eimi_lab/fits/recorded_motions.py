@@ -1,0 +1,134 @@
+"""Read the ring-downs and the creep of a dataset as evidence for a law of time."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource
+from eimi_fitting.time.identification import RecordedMotion, StaticStates
+from eimi_fitting.time.measured import Motion
+from eimi_lab.dataset.reading import Dataset, open_dataset
+from eimi_lab.dataset.state import State
+from eimi_lab.fits.evidence import Evidence, loads_of_states, sources_of, taken_as_exact
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.process.errors import InputError
+
+Array = NDArray[np.float64]
+
+_LONG_S = 1e3  # assumed duration of a load that was present before the recording
+_DWELL_S = 30.0  # assumed time between states without a clock
+
+
+@dataclass(frozen=True)
+class MotionEvidence:
+    """The motions of one dataset.
+
+    Attributes
+    ----------
+    path : Path
+    sha256 : str
+    specimen : Specimen
+    motions : tuple of RecordedMotion
+    stated : tuple of StatedSource
+    taken_as_exact : tuple of str
+    has_states : bool
+        Whether the dataset also holds states.
+    """
+
+    path: Path
+    sha256: str
+    specimen: Specimen
+    motions: tuple[RecordedMotion, ...]
+    stated: tuple[StatedSource, ...]
+    taken_as_exact: tuple[str, ...]
+    has_states: bool
+
+
+def load_motions(path: Path) -> MotionEvidence:
+    """Read the motions of a dataset.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or if it states no direction of gravity for a hanging weight.
+    """
+    with open_dataset(path) as dataset:
+        motions = (*dataset.ring_downs(), *dataset.creeps())
+        recorded = tuple(_recorded(dataset, motion) for motion in motions)
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        return MotionEvidence(
+            path,
+            digest,
+            dataset.specimen.mechanics(),
+            recorded,
+            sources_of(dataset),
+            taken_as_exact(dataset),
+            bool(dataset.states),
+        )
+
+
+def _recorded(dataset: Dataset, motion: Motion) -> RecordedMotion:
+    """Return a motion with its loads and the loads before its step."""
+    loads = _loads(dataset, motion.to_A, motion.hanging_N)
+    if motion.tip_force_N:
+        before = ((-_LONG_S, _loads(dataset, motion.from_A, motion.hanging_N + motion.tip_force_N)),)
+        return RecordedMotion(motion, loads, before)
+    history = [(time, current) for time, current in motion.history if time < 0] or [(-_LONG_S, motion.from_A)]
+    if motion.from_A == motion.to_A and not any(current != motion.to_A for _, current in history):
+        return RecordedMotion(motion, loads)
+    return RecordedMotion(
+        motion,
+        loads,
+        tuple((float(time), _loads(dataset, current, motion.hanging_N)) for time, current in sorted(history)),
+    )
+
+
+def _loads(dataset: Dataset, current_A: float, hanging_N: float) -> Loads:
+    """Return the loads of one state with a current and a weight at the tip."""
+    field = current_A * dataset.calibration.mT_per_A if dataset.calibration and dataset.calibration.mT_per_A else 0.0
+    if dataset.field_line is not None:
+        field = current_A * dataset.field_line.mT_per_A
+    if hanging_N and not dataset.gravity:
+        raise InputError(
+            f"{dataset.path}: a weight of {hanging_N:g} N hangs from the tip, but the dataset leaves out gravity"
+        )
+    return loads_of_states(dataset, [State(0, current_A, None, field, hanging_N, ())])
+
+
+def static_states(evidence: Evidence, record: FitRecord) -> StaticStates:
+    """Return the static states of a dataset with the modulus of their fit.
+
+    A dataset without a clock is treated as if a state had been recorded every 30 s.
+    """
+    with open_dataset(evidence.path) as dataset:
+        clock_s = dataset.times_of_states()
+    indices: NDArray[np.intp] = np.array([state.index for state in evidence.states])
+    measured_s: Array = np.asarray(clock_s[indices] if len(clock_s) else np.full(len(indices), np.nan), float)
+    if not np.isfinite(measured_s).all() or (len(measured_s) > 1 and not (np.diff(measured_s) > 0).all()):
+        measured_s = np.asarray(_DWELL_S * (1.0 + np.arange(len(indices))), float)
+    first_s = max(float(measured_s[0]) - _DWELL_S, min(float(measured_s[0]), 0.0) - 1.0)
+    set_s = np.concatenate([[first_s], measured_s[:-1]])
+    modulus = record.initial_shear_modulus
+    low, high = modulus.interval_95_fit or modulus.interval_95
+    on_picture = {
+        entry.source: entry.effect_percent / 100
+        for entry in record.budget
+        if entry.source in SOURCES
+        and not (SOURCES[entry.source].specimen or SOURCES[entry.source].loads or SOURCES[entry.source].field)
+    }
+    return StaticStates(
+        evidence.experiment.loads,
+        set_s,
+        measured_s,
+        modulus.value,
+        max((high - low) / 3.92 / modulus.value, 1e-4),
+        on_picture,
+    )

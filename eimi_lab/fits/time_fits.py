@@ -1,0 +1,109 @@
+"""Fit a law of time to the motions of datasets, together with static states or without them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.stability import LARGEST_STRETCH_CHECKED, stable_up_to
+from eimi_fitting.time.identification import LawOfTime, NoEquilibrium, NoRingDown, StaticStates, identify_time
+from eimi_lab.fits.evidence import Evidence
+from eimi_lab.fits.law_record import Stability
+from eimi_lab.fits.recorded_motions import MotionEvidence, static_states
+from eimi_lab.fits.records import FitRecord, package_versions
+from eimi_lab.fits.time_records import MotionReference, RingDownRecord
+from eimi_lab.process.errors import InputError
+
+_ALONE = "neo-hookean"  # the law with one modulus as its only parameter
+
+
+def with_law_of_time(
+    record: FitRecord, evidence: Sequence[Evidence], motions: Sequence[MotionEvidence], seed: int
+) -> FitRecord:
+    """Return the record of a fit to states, with a law of time of all motions added.
+
+    The static states are those of the first dataset with states. Raises InputError.
+    """
+    static = static_states(evidence[0], record)
+    return replace(record, time=_identified(record.model, np.array(record.values()), motions, static, seed))
+
+
+def fit_motions(model: str, motions: Sequence[MotionEvidence], seed: int) -> RingDownRecord:
+    """Fit a law of time to motions without static states.
+
+    Raises
+    ------
+    InputError
+        If the law has more parameters than one modulus, or if no ring-down can be used.
+    """
+    law, paths = LAWS[model], ", ".join(str(dataset.path) for dataset in motions)
+    if len(law.parameter_names) > 1:
+        raise InputError(
+            f"{paths}: --model {model}: a ring-down determines one modulus; use --model {_ALONE}, or add a dataset "
+            "of static states"
+        )
+    time = _identified(model, np.ones(1), motions, None, seed)
+    modulus = time.dynamic_shear_modulus
+    scale = float(law.initial_shear_modulus(np.ones(1)))
+    (name,) = law.parameter_names
+    parameter = Quantity(
+        modulus.value / scale,
+        law.units[0],
+        (modulus.interval_95[0] / scale, modulus.interval_95[1] / scale),
+    )
+    return RingDownRecord(
+        model=model,
+        parameters={name: parameter},
+        initial_shear_modulus=modulus,
+        max_stretch=1.0,
+        stability=Stability(
+            criterion="Drucker",
+            stable_up_to_stretch=stable_up_to(law, np.array([parameter.value])),
+            checked_up_to_stretch=LARGEST_STRETCH_CHECKED,
+        ),
+        doubts=(),
+        versions=package_versions(),
+        time=time,
+        datasets=tuple(
+            MotionReference(
+                path=str(dataset.path),
+                sha256=dataset.sha256,
+                section=dataset.specimen.section,
+                motions=len(dataset.motions),
+                stated=dataset.stated,
+            )
+            for dataset in motions
+        ),
+        taken_as_exact=tuple(dict.fromkeys(word for dataset in motions for word in dataset.taken_as_exact)),
+        seed=seed,
+    )
+
+
+def _identified(
+    model: str,
+    shape: np.ndarray,
+    motions: Sequence[MotionEvidence],
+    static: StaticStates | None,
+    seed: int,
+) -> LawOfTime:
+    paths = ", ".join(str(dataset.path) for dataset in motions)
+    specimen = motions[0].specimen
+    for other in motions[1:]:
+        if other.specimen != specimen:
+            raise InputError(
+                f"{other.path}: its specimen is not that of {motions[0].path}; a law of time is fitted to one specimen"
+            )
+    recorded = [motion for dataset in motions for motion in dataset.motions]
+    if not recorded:
+        raise InputError(
+            f"{paths}: --time prony: there is no ring-down and no creep; record them with [ring_down] in the protocol, "
+            "or import a recording with `eimi import --ring-down`"
+        )
+    try:
+        return identify_time(LAWS[model], shape, specimen, recorded, motions[0].stated, static, seed=seed)
+    except (NoRingDown, NoEquilibrium) as error:
+        raise InputError(f"{paths}: --time prony: {error}") from error

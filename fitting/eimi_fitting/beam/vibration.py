@@ -1,0 +1,393 @@
+"""Small vibrations about a static equilibrium: the matrices of the reduced motion, and its complex frequencies.
+
+A small motion u(t) = Re(v exp(s t)) about an equilibrium satisfies
+
+    (r(s) K_m + K_g + s² M) v = 0,        r(s) = mu*(s) / mu,
+
+where mu is the modulus of the equilibrium, K_m the part of the tangent that comes from the tangent of the law, K_g the
+part that comes from stresses and loads (gravity, field), and M the mass. The problem is reduced to a few shapes, the
+lowest undamped modes of the candidates. Its roots s can then be computed quickly for any function r(s).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.equilibrium import Configuration, Solid, SolidLoads
+from eimi_fitting.beam.inertia import MM_PER_M, Inertia
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.path import Candidates, candidates
+from eimi_fitting.beam.rigid import dead_moment
+from eimi_fitting.beam.solid_model import SolidModel
+from eimi_fitting.beam.system import FactoredSystem
+from eimi_fitting.laws.law import Law
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_SHAPES = 8  # in the subspace iteration; the first four become accurate
+_PASSES = 40
+_SAME = 1e-9  # relative change of the wanted eigenvalues at which the iteration ends
+_ROOT_STEPS = 100
+_TOLERANCE_MM = 1e-5
+
+
+@dataclass(frozen=True)
+class ReducedMotion:
+    """The matrices of small motions of B candidates, reduced to r shapes.
+
+    Attributes
+    ----------
+    material, rest, mass : ndarray, shape (B, r, r)
+        K_m, K_g and M in N/mm and N s²/mm, for the share of the specimen that the mesh represents.
+    nodal : ndarray, shape (r, B, N, d)
+        Displacements of the nodes in the shapes, in mm.
+    rigid : ndarray, shape (r, B, 3)
+        Motion of the magnet in the shapes.
+    sound : ndarray of bool, shape (B,)
+        Which candidates have a stable equilibrium.
+    """
+
+    material: Array
+    rest: Array
+    mass: Array
+    nodal: Array
+    rigid: Array
+    sound: NDArray[np.bool_]
+
+    def frequencies_Hz(self, count: int = 3) -> Array:
+        """Return the undamped frequencies (B, count), with the modulus of the equilibrium also for the motion."""
+        square = _eigenvalues(self.mass, self.material + self.rest)
+        return np.asarray(np.sqrt(np.maximum(square[:, :count].real, 0.0)) / (2 * np.pi))
+
+    def roots(self, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3) -> ComplexArray:
+        """Return the complex rates s (B, count) of the lowest vibrations; see `complex_roots`."""
+        return complex_roots(self.material, self.rest, self.mass, ratio, count)
+
+    def take(self, rows: NDArray[np.intp]) -> ReducedMotion:
+        """Return the motion of the candidates in some rows."""
+        return ReducedMotion(
+            self.material[rows], self.rest[rows], self.mass[rows], self.nodal[:, rows], self.rigid[:, rows],
+            self.sound[rows],
+        )  # fmt: skip
+
+
+def complex_roots(
+    material: Array, rest: Array, mass: Array, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3
+) -> ComplexArray:
+    """Return the rates s of damped vibrations, det(r(s) K_m + K_g + s² M) = 0, with positive frequency.
+
+    In the undamped modes the matrices are Lambda + (r - 1) D with a diagonal Lambda. Mode k has the eigenvalue
+
+        lambda = Lambda_k + (r - 1) D_kk + sum_j (r - 1)² D_kj² / (lambda - Lambda_j - (r - 1) D_jj),
+
+    the series of Brillouin and Wigner to second order (Ziman 1969, Elements of Advanced Quantum Theory, section 3.1),
+    whose error is of third order in the products D_kj. It is solved together with s² = -lambda by fixed-point steps,
+    which Aitken's formula accelerates.
+
+    Parameters
+    ----------
+    material, rest, mass : ndarray, shape (B, r, r)
+    ratio : callable
+        Takes rates (B, count) and returns mu*(s) divided by the modulus of the equilibrium, (B, count).
+    count : int
+        Number of modes, at most r.
+
+    Returns
+    -------
+    ndarray of complex, shape (B, count)
+        NaN for a mode that does not vibrate.
+    """
+    return roots_of_modes(*coupled_modes(material, rest, mass), ratio, count)
+
+
+def coupled_modes(material: Array, rest: Array, mass: Array) -> tuple[Array, Array, Array]:
+    """Return Lambda (B, r), the diagonal of D (B, r) and the squares of its other elements (B, r, r), in 1/s²."""
+    sound = np.isfinite((material + rest).sum(axis=(1, 2)))
+    whole = np.where(sound[:, None, None], material + rest, np.eye(material.shape[-1]))
+    half = np.linalg.inv(np.linalg.cholesky(mass))
+    undamped, vectors = np.linalg.eigh(half @ whole @ half.swapaxes(-1, -2))
+    modes = half.swapaxes(-1, -2) @ vectors
+    coupled = modes.swapaxes(-1, -2) @ material @ modes
+    square = coupled**2
+    every = np.arange(square.shape[-1])
+    square[:, every, every] = 0.0
+    return np.where(sound[:, None], undamped, np.nan), np.einsum("bkk->bk", coupled), square
+
+
+def roots_of_modes(
+    undamped: Array, of_mode: Array, square: Array, ratio: Callable[[ComplexArray], ComplexArray], count: int
+) -> ComplexArray:
+    """Return the same rates s (B, count) as `complex_roots`, from the values of `coupled_modes`."""
+    count = min(count, undamped.shape[-1])
+    square = square[:, :count]
+
+    def next_root(s: ComplexArray) -> ComplexArray:
+        excess = ratio(s) - 1
+        value = -(s**2)
+        others = value[..., None] - undamped[:, None] - excess[..., None] * of_mode[:, None]
+        series = (square / np.where(square > 0, others, 1.0)).sum(axis=-1)
+        return np.asarray(1j * np.sqrt(undamped[:, :count] + excess * of_mode[:, :count] + excess**2 * series))
+
+    with np.errstate(all="ignore"):
+        s: ComplexArray = 1j * np.sqrt(undamped[:, :count].astype(complex))
+        for _ in range(_ROOT_STEPS):
+            first = next_root(s)
+            second = next_root(first)
+            bend = second - 2 * first + s
+            s_next = np.where(np.abs(bend) > 1e-14 * np.abs(s), s - (first - s) ** 2 / bend, second)
+            done = np.asarray(np.abs(s_next - s) <= 1e-12 * np.abs(s_next))
+            s = s_next
+            if np.all(done | ~np.isfinite(s)):
+                break
+    return np.where(done & (s.imag > 0), s, np.nan + 1j * np.nan)
+
+
+def _eigenvalues(mass: Array, stiffness: NDArray[Any]) -> ComplexArray:
+    """Return the eigenvalues of K v = lambda M v, the smallest modulus first."""
+    values = np.linalg.eigvals(np.linalg.solve(np.broadcast_to(mass, stiffness.shape), stiffness)).astype(complex)
+    order = np.argsort(np.abs(values), axis=-1)
+    return np.asarray(np.take_along_axis(values, order, axis=-1))
+
+
+class Vibration:
+    """The small vibrations of a specimen, for any number of candidates.
+
+    Parameters
+    ----------
+    model : BeamModel or SolidModel
+    tip_mass_kg : float
+        A point mass where a tip force acts: a weight that moves with the beam.
+
+    Raises
+    ------
+    ValueError
+        The specimen has a face under pressure. A pressure that follows its face has no potential.
+    """
+
+    def __init__(self, model: BeamModel | SolidModel, tip_mass_kg: float = 0.0) -> None:
+        if model.specimen.pressure_face is not None:
+            raise ValueError("vibrations under a pressure that follows its face are not computed")
+        self.model = model
+        self.inertia = Inertia(model, tip_mass_kg)
+        self._solid = model.solid
+
+    def about(
+        self,
+        law: Law,
+        parameters: Array,
+        loads: Loads,
+        *,
+        field_factor: Array | None = None,
+        basis: tuple[Array, Array] | None = None,
+        shapes: int = 4,
+    ) -> tuple[ReducedMotion, Configuration]:
+        """Return the reduced motion about the equilibria of B candidates in one state, and the equilibria.
+
+        Parameters
+        ----------
+        law : Law
+        parameters : ndarray, shape (B, n)
+            Moduli in Pa.
+        loads : Loads
+            The loads of one state.
+        field_factor : ndarray, shape (B,), or None
+            Factor on the magnetic loads of each candidate.
+        basis : tuple of ndarray, or None
+            Shapes of all nodes (r, N, d) and of the magnet (r, 3) to which the motion is reduced; None for the modes of
+            each candidate.
+        shapes : int
+            Number of modes, if ``basis`` is None.
+        """
+        section = self.model.plane if isinstance(self.model, BeamModel) else "solid"
+        chosen = candidates(law, parameters, section, None, field_factor)
+        equilibria = self.model.solve(law, parameters, loads, tolerance_mm=_TOLERANCE_MM, field_factor=field_factor)
+        reduced = self.near(chosen, loads, equilibria.last, basis=basis, shapes=shapes)
+        return replace(reduced, sound=reduced.sound & equilibria.converged), equilibria.last
+
+    def near(
+        self,
+        chosen: Candidates,
+        loads: Loads,
+        now: Configuration,
+        *,
+        basis: tuple[Array, Array] | None = None,
+        shapes: int = 4,
+    ) -> ReducedMotion:
+        """Return the reduced motion about configurations that are in equilibrium; see `about`."""
+        b = len(now.rigid)
+        batch, factor = chosen.take(np.arange(b))
+        on_mesh = loads.on(self.model.loaded)(loads.state(0), factor)
+        material, rest, tie, body_rest = _tangents(self._solid, batch, on_mesh, now)
+        body = None if tie is None else (tie, body_rest)
+        if basis is None:
+            factored = FactoredSystem(self._solid.system, material + rest, body)
+            free, rigid = self._modes(factored, material + rest, tie, body_rest, now)
+            free, rigid, sound = free[:shapes], rigid[:shapes], factored.sound
+        else:
+            nodal, moved = basis
+            flat = nodal.reshape(len(nodal), -1)[:, self._solid.free]
+            free = np.repeat(flat[:, None], b, axis=1)
+            rigid = np.repeat(moved[:, None], b, axis=1)
+            sound = np.ones(b, bool)
+        local = self._local(free, rigid, tie)
+        spring = np.einsum("mbi,bij,nbj->bmn", rigid, body_rest, rigid)
+        return ReducedMotion(
+            _quadratic(local, material),
+            _quadratic(local, rest) + spring,
+            self._mass(local, free, rigid, now),
+            self._nodal(free, rigid, now),
+            rigid,
+            sound,
+        )
+
+    def _modes(
+        self, factored: FactoredSystem, stiffness: Array, tie: Array | None, body_rest: Array, now: Configuration
+    ) -> tuple[Array, Array]:
+        """Return the lowest undamped modes by subspace iteration (Bathe 2014, Finite Element Procedures, section 11.6).
+
+        The modes are nodal (m, B, n) and rigid (m, B, 3), of unit mass.
+        """
+        b, places = len(now.rigid), self.model.mesh.nodes
+        along = 2 * places[:, 0] / np.ptp(places[:, 0]) - 1
+        across = _SHAPES - 2
+        start = np.zeros((_SHAPES, *places.shape))
+        start[:across, :, 1] = np.polynomial.chebyshev.chebvander(along, across - 1).T
+        start[across:, :, 0] = np.polynomial.chebyshev.chebvander(along, 1).T
+        weighted = (start * self.model.loaded.nodal_mass[:, None]).reshape(_SHAPES, -1)[:, self._solid.free]
+        nodes = np.repeat(weighted[:, None], b, axis=1)
+        body = np.zeros((_SHAPES, b, 3))
+        body[:across, :, 1] = body[across:, :, 0] = self.inertia.body_mass * MM_PER_M
+        previous = np.full((b, 3), np.inf)
+        for _ in range(_PASSES):
+            free, rigid = factored.solve(nodes, body)
+            local = self._local(free, rigid, tie)
+            stiff = _quadratic(local, stiffness) + np.einsum("mbi,bij,nbj->bmn", rigid, body_rest, rigid)
+            mass = self._mass(local, free, rigid, now)
+            scale = 1 / np.sqrt(np.einsum("bmm->bm", mass))
+            values, vectors = _symmetric_modes(
+                stiff * scale[:, :, None] * scale[:, None, :], mass * scale[:, :, None] * scale[:, None, :]
+            )
+            vectors = vectors * scale[:, :, None]
+            free, rigid = (np.einsum("mbi,bmk->kbi", part, vectors) for part in (free, rigid))
+            change = np.abs(values[:, :3] / previous - 1)
+            previous = values[:, :3]
+            if np.all(change[factored.sound] < _SAME):
+                break
+            nodes, body = self._times_mass(free, rigid, tie, now)
+        return free, rigid
+
+    def _local(self, free: Array, rigid: Array, tie: Array | None) -> Array:
+        """Return the unknowns (m, E, B, u) of the elements for nodes (m, B, n) and body (m, B, 3)."""
+        solid = self._solid
+        m, b = free.shape[:2]
+        flat = np.zeros((m * b, solid.mesh.nodes.size))
+        flat[:, solid.free] = free.reshape(m * b, -1)
+        of_elements = solid.by_element(flat.reshape(m * b, *solid.mesh.nodes.shape))
+        local = of_elements.reshape(len(of_elements), m, b, -1).swapaxes(0, 1)
+        if tie is not None and solid.body:
+            local = np.ascontiguousarray(local)
+            local[:, solid.body.elements] += np.einsum("ebur,mbr->mebu", tie, rigid)
+        return np.asarray(local)
+
+    def _nodal(self, free: Array, rigid: Array, now: Configuration) -> Array:
+        solid = self._solid
+        m, b = free.shape[:2]
+        flat = np.zeros((m, b, solid.mesh.nodes.size))
+        flat[..., solid.free] = free
+        nodal = flat.reshape(m, b, *solid.mesh.nodes.shape)
+        if solid.body:
+            c, s = np.cos(now.rigid[:, 2])[:, None], np.sin(now.rigid[:, 2])[:, None]
+            x, y = solid.body.arms.T
+            nodal[:, :, solid.body.nodes, 0] = rigid[..., 0:1] + (-s * x - c * y) * rigid[..., 2:3]
+            nodal[:, :, solid.body.nodes, 1] = rigid[..., 1:2] + (c * x - s * y) * rigid[..., 2:3]
+        return nodal
+
+    def _mass(self, local: Array, free: Array, rigid: Array, now: Configuration) -> Array:
+        """Return the mass matrices (B, m, m) of shapes."""
+        m, e, b, u = local.shape
+        d = self._solid.dimensions
+        by_direction = local.reshape(m, e, b, d, u // d)
+        weighted = np.matmul(by_direction, self.inertia.of_elements[:, None])
+        mass = np.einsum("mebu,nebu->bmn", local, weighted.reshape(local.shape), optimize=True)
+        mass += np.einsum("mbi,bij,nbj->bmn", rigid, self.inertia.of_body(now.rigid[:, 2]), rigid)
+        if self.inertia.point_mass:
+            at_point = self._at_point(self._nodal(free, rigid, now))
+            mass += self.inertia.point_mass * np.einsum("mbi,nbi->bmn", at_point, at_point)
+        return np.asarray(mass)
+
+    def _at_point(self, nodal: Array) -> Array:
+        """Return the motion (m, B, 2) of the point mass in nodal shapes (m, B, N, d)."""
+        return np.einsum("mbni,n->mbi", nodal[..., :2], self.inertia.point_shares)
+
+    def _times_mass(self, free: Array, rigid: Array, tie: Array | None, now: Configuration) -> tuple[Array, Array]:
+        """Return M times shapes, for the nodes (m, B, n) and the body (m, B, 3)."""
+        local = self._local(free, rigid, tie)
+        m, e, b, u = local.shape
+        d = self._solid.dimensions
+        force = np.matmul(local.reshape(m, e, b, d, u // d), self.inertia.of_elements[:, None]).reshape(local.shape)
+        joined = np.ascontiguousarray(force.swapaxes(0, 1).reshape(e, m * b, u))
+        nodes = self._solid.system.assembled(joined).reshape(m, b, -1)
+        body = np.einsum("bij,mbj->mbi", self.inertia.of_body(now.rigid[:, 2]), rigid)
+        if tie is not None and self._solid.body:
+            body = body + np.einsum("ebur,mebu->mbr", tie, force[:, self._solid.body.elements])
+        if self.inertia.point_mass:
+            at_point = self.inertia.point_mass * self._at_point(self._nodal(free, rigid, now))
+            flat = np.zeros((m, b, *self._solid.mesh.nodes.shape))
+            flat[..., :2] = at_point[:, :, None] * self.inertia.point_shares[:, None]
+            nodes = nodes + flat.reshape(m, b, -1)[..., self._solid.free]
+        return nodes, body
+
+
+def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
+    """Return eigenvalues (B, m) and vectors (B, m, m) of unit mass; linearly dependent shapes are held at rest.
+
+    The mass matrix has ones on its diagonal. A multiple of the rounding error is added to make it positive definite.
+    """
+    small = 1e-13 * np.eye(mass.shape[-1])
+    factor = np.linalg.cholesky(mass + small)
+    inverse = np.linalg.inv(factor)
+    values, vectors = np.linalg.eigh(inverse @ stiffness @ inverse.swapaxes(-1, -2))
+    return values, inverse.swapaxes(-1, -2) @ vectors
+
+
+def _quadratic(local: Array, matrices: Array) -> Array:
+    """Return the reduced matrices (B, m, m) of shapes (m, E, B, u) and element matrices (E, B, u, u)."""
+    turned = np.ascontiguousarray(local.transpose(1, 2, 0, 3))  # (E, B, m, u)
+    return np.asarray(np.matmul(np.matmul(turned, matrices), turned.swapaxes(-1, -2)).sum(axis=0))
+
+
+def _tangents(
+    solid: Solid, batch: Any, loads: SolidLoads, now: Configuration
+) -> tuple[Array, Array, Array | None, Array]:
+    """Return the element tangents of the law and of the stresses (E, B, u, u), the tie, and the body's (B, 3, 3)."""
+    kind, ops = solid.kind, solid.ops
+    b, e = len(now.rigid), len(solid.mesh.elements)
+    nodal = solid.by_element(now.displacement)
+    ev = kind.evaluate(ops, batch, nodal, now.pressure)
+    material = kind.stiffness(ops, ev, np.zeros_like(ev.S))
+    rest = kind.stiffness(ops, ev, ev.S) - material
+    force = ev.force.reshape(e, b, -1)
+    if kind.mixed(batch):
+        coupling = kind.volume_coupling(ops, ev)
+        modulus = batch.bulk[:, None] / ops.mass[:, None, :]
+        material += np.matmul(coupling * modulus[:, :, None, :], coupling.swapaxes(-1, -2))
+    if loads.silicone_in_coil:
+        of_field, field_stiffness = loads.silicone_in_coil.load(nodal)
+        force = force - of_field.reshape(force.shape)
+        rest += field_stiffness.reshape(rest.shape)
+    body_rest = np.zeros((b, 3, 3))
+    if not solid.body:
+        return material, rest, None, body_rest
+    tie = solid.body.matrix(now.rigid)
+    _, turning = dead_moment(loads.tensor, now.rigid)
+    body_rest[:, 2, 2] = turning + solid.body.stiffness_of_turning(force, now.rigid)
+    if loads.in_coil:
+        body_rest = body_rest + loads.in_coil.load(now.rigid)[1]
+    return material, rest, tie, body_rest

@@ -1,0 +1,15 @@
+"""Identify the law of time of a soft beam from ring-downs, creep and its static states.
+
+measured        `Motion`, a recorded ring-down or creep
+channels        the signals of a motion, cleaned of gaps and outliers
+decay           frequencies and losses of a ring-down
+ringing         the frequencies at which a specimen rings, for any modulus and relaxation
+slow_motion     the rotation of the tip after a step of the load
+loaded_creep    creep of a loaded beam for a given law of time
+terms           the unknowns of a law of time
+evidence        residuals of ring-downs, creep and static states
+law_of_time     search, polish, number of terms and draws
+small_effects   air, eddy currents, coil, shutter and clamp
+result          `LawOfTime`, the result as a file keeps it
+identification  the whole identification in order
+"""

@@ -1,0 +1,193 @@
+"""The signals of a recorded motion: cleaned of gaps and outliers, and reduced to a few independent ones.
+
+Every coordinate of every point is a channel. A linear vibration has few degrees of freedom, so that the channels of one
+recording are sums of a few signals. Gaps are filled with these sums (Beckers and Rixen 2003, J. Atmos. Oceanic Technol.
+20:1839).
+
+A rolling shutter reads a point at a time that differs from that of the frame. A constant difference changes the phase
+of a channel. The fit leaves this phase free. While a point moves over the rows, the difference changes. This change is
+corrected to first order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.time.measured import Motion
+
+Array = NDArray[np.float64]
+
+_LEAST_SEEN = 0.4  # share of the frames in which a point has to be seen
+_FILLS = 30  # largest number of iterations that fill the gaps
+_MOST_SIGNALS = 6
+_OUTLIER = 7.0  # robust standard deviations
+_NOT_DETERMINED = 1e-9  # mm: smaller stated noise is raised to this
+
+
+class TooFewFrames(Exception):
+    """A recording has too few frames or points for the analysis."""
+
+
+@dataclass(frozen=True)
+class Signals:
+    """The cleaned channels of a motion.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (n,)
+        Times of the frames.
+    channels_mm : ndarray, shape (n, c)
+        Displacement of each channel from its median.
+    sigma_mm : ndarray, shape (c,)
+        Noise of each channel.
+    points : ndarray of int, shape (c,)
+        The point of each channel.
+    axis : ndarray of int, shape (c,)
+        0 for x, 1 for y.
+    reduced : ndarray, shape (n, r)
+        Independent signals with a noise of about 1.
+    patterns : ndarray, shape (r, c)
+        The reduced signals times the patterns are the channels divided by their noise.
+    filled : float
+        Share of the values that were missing or outliers and were filled in.
+    """
+
+    time_s: Array
+    channels_mm: Array
+    sigma_mm: Array
+    points: NDArray[np.intp]
+    axis: NDArray[np.intp]
+    reduced: Array
+    patterns: Array
+    filled: float
+
+    def between(self, first_s: float, last_s: float) -> Signals:
+        """Return the signals in the frames between two times."""
+        rows = (self.time_s >= first_s) & (self.time_s <= last_s)
+        return Signals(
+            self.time_s[rows], self.channels_mm[rows], self.sigma_mm, self.points, self.axis, self.reduced[rows],
+            self.patterns, self.filled,
+        )  # fmt: skip
+
+    def in_mm(self, reduced: Array) -> Array:
+        """Convert reduced signals (..., r) to channels (..., c) in mm."""
+        return np.asarray(reduced @ self.patterns * self.sigma_mm)
+
+
+def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
+    """Return the signals of a motion.
+
+    Parameters
+    ----------
+    motion : Motion
+    after_s : float
+        Frames before this time are left out.
+
+    Raises
+    ------
+    TooFewFrames
+        Fewer than 8 frames can be used, or no point is seen often enough.
+    """
+    frame_s = _frame_times(motion)
+    chosen = np.flatnonzero(np.isfinite(frame_s) & (frame_s >= after_s))
+    chosen = chosen[np.argsort(frame_s[chosen], kind="stable")]
+    chosen = chosen[np.append(True, np.diff(frame_s[chosen]) > 0)] if len(chosen) else chosen
+    seen = motion.seen[chosen]
+    points = np.flatnonzero(seen.mean(axis=0) >= _LEAST_SEEN) if len(chosen) else np.zeros(0, np.intp)
+    enough = len(points) > 0
+    if enough:
+        rows = seen[:, points].any(axis=1)
+        chosen, seen = chosen[rows], seen[rows]
+    if not enough or len(chosen) < 8:
+        raise TooFewFrames(
+            f"{motion.label or 'the recording'}: {len(chosen) if enough else 0} frames show a point that is seen in "
+            f"{_LEAST_SEEN:.0%} of them; at least 8 are needed"
+        )
+    time = frame_s[chosen]
+    places = motion.points_mm[np.ix_(chosen, points)]
+    late = motion.time_s[np.ix_(chosen, points)] - time[:, None]
+    late = late - np.nanmean(np.where(seen[:, points], late, np.nan), axis=0)
+    sigma = np.where(seen[:, points], motion.sigma_mm[np.ix_(chosen, points)], np.nan)
+    noise = np.maximum(np.nanmedian(sigma, axis=0), _NOT_DETERMINED)
+    values = np.where(seen[:, points, None], places, np.nan).reshape(len(chosen), -1)
+    of_channel = np.repeat(noise, 2)
+    values = values - np.nanmedian(values, axis=0)
+    filled, missing = _filled(values / of_channel)
+    late_of_channel = np.repeat(np.where(np.isfinite(late), late, 0.0), 2, axis=1)
+    if np.any(late_of_channel):
+        rate = np.gradient(filled, time, axis=0)
+        filled = filled - rate * late_of_channel
+    reduced, patterns = _reduced(filled)
+    return Signals(
+        time,
+        filled * of_channel,
+        of_channel,
+        np.repeat(points, 2),
+        np.tile(np.arange(2), len(points)),
+        reduced,
+        patterns,
+        float(missing.mean()),
+    )
+
+
+def _frame_times(motion: Motion) -> Array:
+    """Return one time for each frame (n,): the mean over its points, with a constant lag of each point removed."""
+    times = np.where(np.isfinite(motion.time_s), motion.time_s, np.nan)
+    if not times.size:
+        return np.zeros(len(times))
+    some = np.isfinite(times).any(axis=1)
+    middle = np.full(len(times), np.nan)
+    if not some.any():
+        return middle
+    middle[some] = np.nanmedian(times[some], axis=1)
+    lag = np.nanmedian(times[some] - middle[some, None], axis=0)
+    middle[some] = np.nanmean(times[some] - lag, axis=1)
+    return middle
+
+
+def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Replace gaps and outliers of values (n, c) by sums of a few signals; return the values and the mask of both."""
+    missing = ~np.isfinite(values)
+    time = np.arange(len(values))
+    start = values.copy()
+    for column in range(values.shape[1]):  # the first values in a gap lie on the straight line between its ends
+        gap = missing[:, column]
+        if gap.any():
+            start[gap, column] = np.interp(time[gap], time[~gap], values[~gap, column])
+    if len(values) < 3 * values.shape[1] and not missing.any():
+        return start, missing
+    for attempt in range(2):
+        if missing.any():
+            rank = min(4, values.shape[1] - 1)
+            for _ in range(_FILLS if rank > 0 else 0):
+                level = start.mean(axis=0)
+                u, s, v = np.linalg.svd(start - level, full_matrices=False)
+                modelled = (u[:, :rank] * s[:rank]) @ v[:rank] + level
+                change = np.abs(modelled - start)[missing].max()
+                start[missing] = modelled[missing]
+                if change < 0.1:
+                    break
+        if attempt or len(values) < 20 or values.shape[1] < 5:
+            break
+        level = start.mean(axis=0)
+        u, s, v = np.linalg.svd(start - level, full_matrices=False)
+        rest = start - level - (u[:, :4] * s[:4]) @ v[:4]
+        scale = 1.4826 * np.median(np.abs(rest), axis=0) + 1e-12
+        outliers = np.abs(rest) > _OUTLIER * np.maximum(scale, np.median(scale))
+        if not outliers.any() or outliers.mean() > 0.05:
+            break
+        missing = missing | outliers
+    return start, missing
+
+
+def _reduced(values: Array) -> tuple[Array, Array]:
+    """Return independent signals (n, r) and their patterns (r, c)."""
+    level = values.mean(axis=0)
+    _, s, v = np.linalg.svd(values - level, full_matrices=False)
+    noise = np.sqrt(len(values))  # singular value of white noise of unit variance, nearly
+    rank = int(np.clip(np.sum(s > 3 * noise), 1, _MOST_SIGNALS))
+    patterns = v[:rank]
+    return (values - level) @ patterns.T, patterns

@@ -1,0 +1,362 @@
+"""The evidence for a law of time: residuals of ring-downs, creep and static states.
+
+Each piece of evidence computes its residuals for a batch of candidates. A candidate is an instantaneous modulus, a
+Prony series, and the logarithm of a factor on the magnetic loads. Each residual is divided by its standard uncertainty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.inference.evidence.sources import SOURCES, loads_under
+from eimi_fitting.laws.prony import Prony
+from eimi_fitting.time.decay import Decay, RingMode
+from eimi_fitting.time.loaded_creep import LoadCurve, LoadStep, creep
+from eimi_fitting.time.measured import Motion
+from eimi_fitting.time.ringing import RingingBeam, RingTable
+
+Array = NDArray[np.float64]
+
+AT_REST_S = 1e4
+"""Time since the last change of the load after which a beam counts as being at rest."""
+MESH_ERROR = 3e-4  # relative error of a frequency after its correction to that of the solid
+_LOSS_ERROR = 3e-3  # relative error of a loss
+_SAME_MODE = 0.12  # relative difference within which a measured frequency belongs to a computed mode
+_MODULI = 7
+_LEAST_SAG = 0.02  # share of the length; a smaller sag is not used
+_REST_SHAPE = 0.005  # share of the length by which a beam that is stated as straight at rest may be bent or turned
+_SAG_ERROR = 0.02  # relative error of the modulus at rest, from the mesh and the places of the points
+_CREEP_ERROR = 0.02  # share of the range of a creep curve: error of the proportional curvature (`time.loaded_creep`)
+_STATIC_ERROR = 2e-3  # relative error of the modulus of static states, for the same reason
+
+
+class Evidence(Protocol):
+    """One piece of evidence with k residuals."""
+
+    def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
+        """Return the residuals (P, k) of P candidates, divided by their standard uncertainties."""
+
+    def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
+        """Return the change (parts, k) of the residuals if a part of a source changes by its standard uncertainty."""
+
+
+@dataclass(frozen=True)
+class RingEvidence:
+    """The vibrations of one ring-down.
+
+    Attributes
+    ----------
+    table : RingTable
+    decay : Decay
+    modes : tuple of (int, RingMode)
+        The number of each mode, from 0, and its measurement.
+    inflation : float
+        Factor on the uncertainties, from the scatter of repeated ring-downs.
+    """
+
+    table: RingTable
+    decay: Decay
+    modes: tuple[tuple[int, RingMode], ...]
+    inflation: float = 1.0
+
+    @staticmethod
+    def of(table: RingTable, decay: Decay) -> RingEvidence:
+        """Return the evidence of a decay; vibrations that match no planar mode of the beam are left out."""
+        computed = table.beam.undamped_Hz(table.middle_Pa) * table.solid_over_planar
+        modes = [(0, decay.modes[0])]
+        for mode in decay.modes[1:]:
+            ratio = mode.frequency_Hz / decay.modes[0].frequency_Hz
+            expected = computed[1:] / computed[0]
+            k = int(np.argmin(np.abs(ratio / expected - 1)))
+            # Higher modes have larger systematic errors: each measured one is matched to the nearest computed mode.
+            if abs(ratio / expected[k] - 1) < _SAME_MODE and k + 1 not in [number for number, _ in modes]:
+                modes.append((k + 1, mode))
+        return RingEvidence(table, decay, tuple(modes))
+
+    def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
+        """See `Evidence.residuals`."""
+        at_rest = instantaneous_Pa * series.ratio(np.array([AT_REST_S]))[:, 0]
+        relative = (instantaneous_Pa / at_rest)[:, None]
+        count = max(number for number, _ in self.modes) + 1
+        roots = self.table.roots(np.log(at_rest), lambda s: relative * series.complex_ratio(s), count)
+        rows = [
+            self._whitened(
+                mode,
+                np.stack(
+                    [
+                        np.log(roots[:, number].imag / (2 * np.pi * mode.frequency_Hz)),
+                        -2 * roots[:, number].real / roots[:, number].imag - mode.loss,
+                    ],
+                    axis=1,
+                ),
+            )
+            for number, mode in self.modes
+        ]
+        return np.concatenate(rows, axis=1)
+
+    def _whitened(self, mode: RingMode, gaps: Array) -> Array:
+        """Divide deviations (..., 2) of ln(frequency) and loss by their uncertainty; the results are uncorrelated."""
+        covariance = self.inflation**2 * mode.covariance + np.diag([MESH_ERROR**2, (_LOSS_ERROR * mode.loss) ** 2])
+        return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), gaps[..., None])[..., 0])
+
+    def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
+        """See `Evidence.effects`."""
+        return {
+            key: np.concatenate(
+                [
+                    self._whitened(mode, np.stack([change[:, number], np.zeros(len(change))], axis=1))
+                    for number, mode in self.modes
+                ],
+                axis=1,
+            )
+            for key, change in self.table.effects(sources).items()
+        }
+
+
+@dataclass(frozen=True)
+class LoadHistory:
+    """The loads of a beam over time, each as a curve of moment against the rotation of the tip.
+
+    Attributes
+    ----------
+    steps : tuple of LoadStep
+        Each load with the time at which it begins.
+    """
+
+    steps: tuple[LoadStep, ...]
+
+    @staticmethod
+    def of(beam: RingingBeam, middle_Pa: float, loads: Loads, begins_s: Sequence[float]) -> LoadHistory:
+        """Return the history of K loads that begin at the given times."""
+        model, moduli = beam.planar(), middle_Pa * np.geomspace(0.4, 2.5, _MODULI)
+        shapes = model.solve(beam.law, beam.parameters(moduli), loads)
+        rotation = np.radians(model.tip_angle_deg(shapes))
+        largest = np.abs(rotation).max()
+        gravity = _stiffness_of_gravity(beam, middle_Pa)
+        curves = []
+        for k in range(len(loads)):
+            theta, sound = rotation[:, k], shapes.status[:, k] == 0
+            if sound.sum() < 2 or np.ptp(theta[sound]) < 1e-3 * max(largest, 1e-6):
+                curves.append(LoadCurve.of_gravity(gravity))
+                continue
+            order = np.argsort(theta[sound])
+            curves.append(LoadCurve(theta[sound][order], (moduli * theta)[sound][order]))
+        return LoadHistory(tuple(LoadStep(float(t), curve) for t, curve in zip(begins_s, curves, strict=True)))
+
+
+def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
+    """Return the stiffness (Pa) of gravity against a rotation of the tip, from K_g / K_m of the lowest mode."""
+    motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
+    return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
+
+
+@dataclass(frozen=True)
+class CreepEvidence:
+    """The slow motion of the tip after a step of the load; a constant rotation is left free.
+
+    Attributes
+    ----------
+    history : LoadHistory
+    time_s, rotation, sigma : ndarray, shape (k,)
+        Rotation of the tip in rad at times after the step, and its standard uncertainty.
+    label : str
+    """
+
+    history: LoadHistory
+    time_s: Array
+    rotation: Array
+    sigma: Array
+    label: str
+
+    def predicted(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
+        """Return the rotations (P, k) of candidates."""
+        return creep(instantaneous_Pa, series, self.history.steps, self.time_s, np.exp(load_log))
+
+    def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
+        """See `Evidence.residuals`."""
+        gap = self.predicted(instantaneous_Pa, series, load_log) - self.rotation
+        sigma = np.hypot(self.sigma, _CREEP_ERROR * np.ptp(self.rotation))
+        weight = 1 / sigma**2
+        return np.asarray((gap - (gap * weight).sum(axis=1, keepdims=True) / weight.sum()) / sigma)
+
+    def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
+        """See `Evidence.effects`."""
+        return {key: np.zeros((len(SOURCES[key].parts), len(self.time_s))) for key in sources}
+
+
+@dataclass(frozen=True)
+class StaticEvidence:
+    """The modulus of the static states of a run, at the ages of these states.
+
+    Attributes
+    ----------
+    beam : RingingBeam
+    history : LoadHistory
+    loads : Loads
+        The loads of the states in ``history``.
+    seen_s : ndarray, shape (K,)
+        Time at which the edges of each state were measured.
+    modulus_Pa : float
+        Initial shear modulus of a fit that treats all states as elastic.
+    sigma : float
+        Its relative standard uncertainty from noise and mesh.
+    stated : dict of str to float
+        Relative effects on the modulus of sources that act only on the picture, by key.
+    """
+
+    beam: RingingBeam
+    history: LoadHistory
+    loads: Loads
+    seen_s: Array
+    modulus_Pa: float
+    sigma: float
+    stated: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def age_s(self) -> float:
+        """The median time between setting a state and measuring its edges."""
+        begins = np.array([step.time_s for step in self.history.steps])
+        return float(np.median(self.seen_s - begins))
+
+    def apparent_log(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
+        """Return the logarithm (P,) of the modulus that an elastic fit to the predicted states would have."""
+        order = np.argsort(self.seen_s)
+        theta = creep(instantaneous_Pa, series, self.history.steps, self.seen_s[order], np.exp(load_log))
+        total, weights = np.zeros(len(theta)), np.zeros(len(theta))
+        for column, k in enumerate(order):
+            curve = self.history.steps[k].curve
+            if len(curve.rotation) < 3:
+                continue
+            at = theta[:, column]
+            moment, _ = curve.at(at)
+            weight = at**2
+            total += weight * np.log(np.maximum(moment / np.where(at == 0, 1.0, at), 1e-6))
+            weights += weight
+        return total / np.maximum(weights, 1e-30)
+
+    def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
+        """See `Evidence.residuals`."""
+        gap = self.apparent_log(instantaneous_Pa, series, load_log) - np.log(self.modulus_Pa)
+        return np.asarray(gap[:, None] / np.hypot(self.sigma, _STATIC_ERROR))
+
+    def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
+        """See `Evidence.effects`."""
+        scale = np.hypot(self.sigma, _STATIC_ERROR)
+        before = self._rotations(self.beam, 1.0)
+        slope = (self._rotations(self.beam, 1.02) - self._rotations(self.beam, 1 / 1.02)) / (2 * np.log(1.02))
+        effects = {}
+        for key, sigma in sources.items():
+            source = SOURCES[key]
+            change = np.zeros((len(source.parts), 1))
+            if source.field and not (source.specimen or source.loads):
+                moved = self._rotations(self.beam, 1.0, 1 + sigma) - before
+                change[0] = (moved @ slope) / (slope @ slope)
+            elif source.specimen or source.loads:
+                for part in range(len(source.parts)):
+                    deviation = np.zeros(len(source.parts))
+                    deviation[part] = sigma
+                    under = self.beam.under({key: deviation})
+                    moved = self._rotations(under, 1.0, 1.0, {key: deviation}) - before
+                    change[part] = (moved @ slope) / (slope @ slope)
+            else:
+                change[0] = self.stated.get(key, 0.0)
+            effects[key] = change / scale
+        return effects
+
+    def _rotations(
+        self,
+        beam: RingingBeam,
+        factor: float,
+        field_factor: float = 1.0,
+        deviations: Mapping[str, Array] | None = None,
+    ) -> Array:
+        model = BeamModel(beam.specimen, plane=beam.specimen.planar_section)
+        loads = loads_under(self.loads, deviations) if deviations else self.loads
+        parameters = beam.parameters(np.array([factor * self.modulus_Pa]))
+        shapes = model.solve(beam.law, parameters, loads, field_factor=np.array([field_factor]))
+        return np.asarray(np.radians(model.tip_angle_deg(shapes))[0])
+
+
+@dataclass(frozen=True)
+class RestEvidence:
+    """The modulus at which the computed sag of the beam at rest equals the measured mean sag of its points.
+
+    Attributes
+    ----------
+    modulus_Pa : float
+    sigma : float
+        Relative standard uncertainty.
+    """
+
+    modulus_Pa: float
+    sigma: float
+
+    @staticmethod
+    def of(table: RingTable, motion: Motion, decay: Decay) -> RestEvidence | None:
+        """Return the evidence of a recorded ring-down.
+
+        None if the weight hardly bends the beam, or if no modulus near that of the ring-down gives the measured sag.
+        """
+        late = (motion.time_s >= decay.from_s) & motion.seen
+        count = late.sum(axis=0)
+        points = count > 0.3 * late.shape[0]
+        if not points.any():
+            return None
+        places = np.where(late[..., None], motion.points_mm, 0.0).sum(axis=0)[points] / count[points, None]
+        moved = (places - motion.rest_mm[points])[:, 1]
+        beam, model = table.beam, table.beam.planar()
+        moduli = table.middle_Pa * np.geomspace(0.3, 3.0, 2 * _MODULI)
+        shapes = model.solve(beam.law, beam.parameters(moduli), beam.loads)
+        sound = shapes.status[:, 0] == 0
+        half = 0.5 * model.grid.strip.straight.width_mm
+        rest = np.clip(motion.rest_mm[points], [0.0, -half], [beam.specimen.length_mm, half])
+        sag = (model.positions(shapes, rest)[:, 0] - rest)[sound, :, 1]
+        middle = sag[np.argmin(np.abs(moduli[sound] - table.middle_Pa))]
+        if np.abs(middle).max() < _LEAST_SAG * beam.specimen.length_mm:
+            return None
+        along = sag @ middle / (middle @ middle)
+        measured = float(moved @ middle / (middle @ middle))
+        order = np.argsort(along)
+        if not along[order[0]] < measured < along[order[-1]]:
+            return None
+        log_modulus = np.interp(measured, along[order], np.log(moduli[sound])[order])
+        slope = np.abs(np.gradient(np.log(moduli[sound])[order], along[order]))
+        at = float(np.interp(measured, along[order], slope))
+        straight = _REST_SHAPE * beam.specimen.length_mm / np.abs(middle).max()
+        modulus = float(np.exp(log_modulus)) / table.planar_over_solid_modulus
+        return RestEvidence(modulus, float(np.hypot(_SAG_ERROR, at * straight)))
+
+    def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
+        """See `Evidence.residuals`."""
+        at_rest = instantaneous_Pa * series.ratio(np.array([AT_REST_S]))[:, 0]
+        return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
+
+    def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
+        """See `Evidence.effects`; all are 0, because the sources add little to the uncertainty of this modulus."""
+        return {key: np.zeros((len(SOURCES[key].parts), 1)) for key in sources}
+
+
+def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:
+    """Increase the uncertainties of repeated ring-downs if their scatter is larger (Birge ratio)."""
+    widened = []
+    for ring in rings:
+        alike = [other for other in rings if other.table is ring.table]
+        if len(alike) < 2:
+            widened.append(ring)
+            continue
+        values = np.array([[np.log(r.modes[0][1].frequency_Hz), r.modes[0][1].loss] for r in alike])
+        spread = np.array(
+            [np.sqrt(np.diag(r.modes[0][1].covariance) + np.square([MESH_ERROR, _LOSS_ERROR * r.modes[0][1].loss]))
+             for r in alike]
+        )  # fmt: skip
+        mean = (values / spread**2).sum(axis=0) / (1 / spread**2).sum(axis=0)
+        ratio = np.sqrt((((values - mean) / spread) ** 2).sum(axis=0) / (len(alike) - 1)).max()
+        widened.append(RingEvidence(ring.table, ring.decay, ring.modes, float(max(ratio, 1.0))))
+    return tuple(widened)

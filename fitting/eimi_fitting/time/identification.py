@@ -1,0 +1,334 @@
+"""Identify the law of time from the motions of a beam, and from its static states if there are any."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource
+from eimi_fitting.laws.law import Law
+from eimi_fitting.laws.prony import Prony
+from eimi_fitting.time.channels import TooFewFrames, signals_of
+from eimi_fitting.time.decay import Decay, NoVibration, decay_of
+from eimi_fitting.time.evidence import (
+    CreepEvidence,
+    Evidence,
+    LoadHistory,
+    RestEvidence,
+    RingEvidence,
+    StaticEvidence,
+    with_scatter,
+)
+from eimi_fitting.time.law_of_time import (
+    EXACT_LOAD,
+    FREE_LOAD,
+    Problem,
+    TimeOptimum,
+    best_number_of_terms,
+    drawn,
+)
+from eimi_fitting.time.measured import Motion
+from eimi_fitting.time.result import LawOfTime, result_of
+from eimi_fitting.time.ringing import NoEquilibrium, RingingBeam, RingTable
+from eimi_fitting.time.slow_motion import displacement_per_rad, slow_rotations
+from eimi_fitting.time.terms import Terms
+
+Array = NDArray[np.float64]
+
+_MOST_TERMS = 4
+_MOST_CREEP_ROWS = 6  # the records of creep with the largest rotations are used, at most this many
+_LONGEST_S = 30.0  # the relaxation times reach at least this far, because silicones relax for so long
+_MOST_STEPS = 3  # changes of the load before a motion that are used
+
+
+class NoRingDown(Exception):
+    """No recorded motion shows a decaying vibration; only a vibration gives the modulus without the magnetic moment."""
+
+
+@dataclass(frozen=True)
+class RecordedMotion:
+    """A motion with the loads under which it took place.
+
+    Attributes
+    ----------
+    motion : Motion
+    loads : Loads
+        The loads after the step, one state.
+    before : tuple of (float, Loads)
+        Earlier loads, one state each, with the time at which each began, relative to the step.
+    """
+
+    motion: Motion
+    loads: Loads
+    before: tuple[tuple[float, Loads], ...] = ()
+
+    @property
+    def is_stepped(self) -> bool:
+        """Whether a known change of the load begins the motion."""
+        return bool(self.before) and not _same(self.before[-1][1], self.loads)
+
+
+@dataclass(frozen=True)
+class StaticStates:
+    """The static states of the same specimen, and the modulus of a fit that treats them as elastic.
+
+    Attributes
+    ----------
+    loads : Loads
+        The K states in the order in which they were set.
+    set_s, seen_s : ndarray, shape (K,)
+        When each load was set, and when its edges were measured.
+    modulus_Pa : float
+        Initial shear modulus of the elastic fit.
+    sigma : float
+        Its relative standard uncertainty from noise and mesh.
+    of_picture : mapping of str to float
+        Relative effects on the modulus of sources that act only on the picture, by key.
+    """
+
+    loads: Loads
+    set_s: Array
+    seen_s: Array
+    modulus_Pa: float
+    sigma: float
+    of_picture: Mapping[str, float]
+
+
+def identify_time(
+    law: Law,
+    shape: Array,
+    specimen: Specimen,
+    motions: Sequence[RecordedMotion],
+    stated: Sequence[StatedSource] = (),
+    static: StaticStates | None = None,
+    *,
+    seed: int = 1,
+    free_times: bool = True,
+    most_terms: int = _MOST_TERMS,
+) -> LawOfTime:
+    """Identify a Prony series and the modulus from ring-downs, creep and static states.
+
+    Parameters
+    ----------
+    law : Law
+    shape : ndarray, shape (n,)
+        Parameters of the law; only their ratios are used.
+    specimen : Specimen
+    motions : sequence of RecordedMotion
+        At least one with a decaying vibration.
+    stated : sequence of StatedSource
+        Stated standard uncertainties of the inputs.
+    static : StaticStates, optional
+        Static states of the same specimen.
+    seed : int
+        Seed of the random numbers.
+    free_times : bool
+        Whether the relaxation times are fitted; otherwise they are spaced evenly in the logarithm over the range of the
+        data.
+    most_terms : int
+        Largest number of terms.
+
+    Returns
+    -------
+    LawOfTime
+
+    Raises
+    ------
+    NoRingDown
+        No motion shows a decaying vibration.
+    NoEquilibrium
+        No modulus gives the beam the measured frequency.
+    """
+    began = time.perf_counter()
+    is_modulus = np.array([unit == "Pa" for unit in law.units])
+    modulus = float(law.initial_shear_modulus(shape))
+    unit_shape = np.where(is_modulus, shape / modulus, shape)
+    analysed, doubts = _analysed(motions, specimen)
+    ringing = [(recorded, decay) for recorded, decay in analysed if decay is not None]
+    # Ring-downs without a field come first: their modulus does not depend on the moment, and the result states it.
+    ringing.sort(key=lambda one: bool(np.any(one[0].loads.field_T)))
+    if not ringing:
+        raise NoRingDown("; ".join(doubts) or "there is no recorded motion")
+    tables: list[RingTable] = []
+    rings = []
+    for recorded, decay in ringing:
+        table = _table_for(recorded, decay, tables, RingingBeam(
+            specimen, recorded.loads, law, unit_shape, recorded.motion.hanging_N
+        ))  # fmt: skip
+        rings.append(RingEvidence.of(table, decay))
+        doubts += decay.doubts
+    rings = list(with_scatter(rings))
+    middle_Pa = rings[0].table.middle_Pa
+    creeps = _creeps(analysed, specimen, law, unit_shape, middle_Pa)
+    evidence: list[Evidence] = [*rings, *creeps]
+    of_states = _static_evidence(static, specimen, law, unit_shape)
+    if of_states:
+        evidence.append(of_states)
+    evidence += [rest for table in tables if (rest := _at_rest(ringing, table, rings)) is not None]
+    load_sigma = FREE_LOAD if specimen.magnet and (of_states or creeps) else EXACT_LOAD
+    data_s = _range_s(rings, creeps, of_states)
+    range_s = data_s[0], max(data_s[1], _LONGEST_S)
+    problems = [
+        Problem(Terms(count, range_s, middle_Pa, free_times), tuple(evidence), load_sigma)
+        for count in range(1, most_terms + 1)
+    ]
+    best, optima = best_number_of_terms(problems, seed)
+    sources = {s.source: s.standard_uncertainty for s in stated if s.standard_uncertainty}
+    steps = best.steps(sources)
+    omegas = 2 * np.pi * np.unique([mode.frequency_Hz for ring in rings for _, mode in ring.modes])
+    if not best.converged:
+        doubts.append(
+            "the final least-squares fit of the law of time did not converge; its values may not be the optimum"
+        )
+    return result_of(
+        specimen=specimen,
+        optimum=best,
+        optima=optima,
+        rings=tuple(rings),
+        creeps=creeps,
+        static=of_states,
+        data_s=data_s,
+        sources=sources,
+        steps=steps,
+        draws=drawn(best, steps, seed, omegas),
+        draws_fit=drawn(best, steps, seed, omegas, of_sources=False),
+        doubts=tuple(dict.fromkeys(doubts)),
+        exposure_s=ringing[0][0].motion.exposure_s,
+        wall_s=time.perf_counter() - began,
+    )
+
+
+def _same(one: Loads, other: Loads) -> bool:
+    """Return whether two loads have the same field and the same force at the tip."""
+    return bool(np.allclose(one.field_T, other.field_T) and np.allclose(one.tip_force_N, other.tip_force_N))
+
+
+def _analysed(
+    motions: Sequence[RecordedMotion], specimen: Specimen
+) -> tuple[list[tuple[RecordedMotion, Decay | None]], list[str]]:
+    """Return each motion with its decay or None, and the doubts about the recordings."""
+    analysed: list[tuple[RecordedMotion, Decay | None]] = []
+    doubts = []
+    for recorded in motions:
+        motion, decay = recorded.motion, None
+        try:
+            signals = signals_of(motion, 0.0 if recorded.is_stepped else -np.inf)
+            decay = decay_of(
+                signals,
+                motion.label or motion.kind.replace("_", "-"),
+                specimen.length_mm,
+                is_stepped=recorded.is_stepped,
+                hangs=motion.hanging_N > 0,
+            )
+        except (NoVibration, TooFewFrames) as error:
+            if motion.kind == "ring_down":
+                doubts.append(str(error))
+        if motion.lost_frames:
+            lost = "1 frame was" if motion.lost_frames == 1 else f"{motion.lost_frames} frames were"
+            doubts.append(f"{motion.label}: {lost} lost")
+        analysed.append((recorded, decay))
+    return analysed, doubts
+
+
+def _table_for(recorded: RecordedMotion, decay: Decay, tables: list[RingTable], beam: RingingBeam) -> RingTable:
+    """Return the table of a beam under these loads from `tables`, to which a missing one is added."""
+    for table in tables:
+        if _same(table.beam.loads, recorded.loads) and table.beam.hanging_N == recorded.motion.hanging_N:
+            return table
+    middle = beam.modulus_at(decay.modes[0].frequency_Hz)
+    table = RingTable(beam, middle)
+    # The solid has a higher frequency than the planar model: the middle modulus is corrected for it.
+    corrected = beam.modulus_at(decay.modes[0].frequency_Hz / float(table.solid_over_planar[0]))
+    tables.append(RingTable(beam, corrected) if abs(np.log(corrected / middle)) > 0.3 else table)
+    return tables[-1]
+
+
+def _creeps(
+    analysed: Sequence[tuple[RecordedMotion, Decay | None]],
+    specimen: Specimen,
+    law: Law,
+    shape: Array,
+    middle_Pa: float,
+) -> tuple[CreepEvidence, ...]:
+    """Return the creep after known steps of the load, from the records with the largest rotations."""
+    evidence = []
+    for recorded, decay in analysed:
+        if not recorded.is_stepped:
+            continue
+        motion, beam = recorded.motion, RingingBeam(specimen, recorded.loads, law, shape, recorded.motion.hanging_N)
+        try:
+            signals = signals_of(motion, 0.0)
+        except TooFewFrames:
+            continue
+        before = recorded.before[-_MOST_STEPS:]
+        per_rad = displacement_per_rad(beam, middle_Pa, recorded.loads, before[-1][1], motion.rest_mm)
+        slow = slow_rotations(motion, signals, decay, per_rad)
+        if slow is None:
+            continue
+        loads = _stacked([load for _, load in before] + [recorded.loads])
+        history = LoadHistory.of(beam, middle_Pa, loads, [*(begin for begin, _ in before), 0.0])
+        evidence.append(CreepEvidence(history, *slow, label=motion.label))
+    evidence.sort(key=lambda one: -float(np.ptp(one.rotation)))
+    return tuple(evidence[:_MOST_CREEP_ROWS])
+
+
+def _at_rest(
+    ringing: Sequence[tuple[RecordedMotion, Decay]], table: RingTable, rings: Sequence[RingEvidence]
+) -> RestEvidence | None:
+    """Return the evidence of the sag at rest from the first ring-down without a step; None if there is none."""
+    for (recorded, _), ring in zip(ringing, rings, strict=True):
+        if ring.table is table and not recorded.is_stepped:
+            return RestEvidence.of(table, recorded.motion, ring.decay)
+    return None
+
+
+def _stacked(parts: Sequence[Loads]) -> Loads:
+    """Join loads of one state each into loads of several states."""
+    return replace(
+        parts[0],
+        field_T=np.concatenate([part.field_T for part in parts]),
+        gravity=np.concatenate([part.gravity for part in parts]),
+        tip_force_N=np.concatenate([part.tip_force_N for part in parts]),
+    )
+
+
+def _static_evidence(static: StaticStates | None, specimen: Specimen, law: Law, shape: Array) -> StaticEvidence | None:
+    if static is None:
+        return None
+    beam = RingingBeam(specimen, static.loads.take(np.arange(1)), law, shape)
+    history = LoadHistory.of(beam, static.modulus_Pa, static.loads, list(static.set_s))
+    return StaticEvidence(
+        beam, history, static.loads, static.seen_s, static.modulus_Pa, static.sigma, dict(static.of_picture)
+    )
+
+
+def _range_s(
+    rings: Sequence[RingEvidence], creeps: Sequence[CreepEvidence], static: StaticEvidence | None
+) -> tuple[float, float]:
+    """Return the range of times that the evidence covers, widened by half a decade."""
+    shortest = min(1 / (2 * np.pi * mode.frequency_Hz) for ring in rings for _, mode in ring.modes)
+    longest = max(1 / (2 * np.pi * mode.frequency_Hz) for ring in rings for _, mode in ring.modes)
+    for creep in creeps:
+        longest = max(longest, float(creep.time_s[-1]))
+    if static:
+        longest = max(longest, static.age_s)
+    return shortest / 3, 3 * longest
+
+
+__all__ = [
+    "SOURCES",
+    "LawOfTime",
+    "NoEquilibrium",
+    "NoRingDown",
+    "Prony",
+    "RecordedMotion",
+    "StaticStates",
+    "TimeOptimum",
+    "identify_time",
+]

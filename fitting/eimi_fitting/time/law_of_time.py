@@ -1,0 +1,295 @@
+"""The law of time of a material, fitted to all evidence together.
+
+CMA-ES searches the unknowns of `time.terms` and the factor on the magnetic loads; a least-squares fit starts from its
+best candidate. All errors and all priors are taken as normal. The maximum of the posterior then minimises
+
+    |r(x)|² + sum ((x - mean) / sigma)².
+
+The evidence for a number of terms is Laplace's approximation (MacKay 2003, Information Theory, chapter 27),
+
+    ln Z = -chi²/2 + ln det(posterior covariance)/2 - ln det(prior covariance)/2.
+
+The smallest number of terms is chosen whose evidence is near the largest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from eimi_fitting.inference.evidence.experiment import DISCARDED_MM
+from eimi_fitting.inference.searching.search import search
+from eimi_fitting.laws.prony import Prony
+from eimi_fitting.time.evidence import Evidence
+from eimi_fitting.time.terms import Terms
+
+Array = NDArray[np.float64]
+
+_SEARCHED = 2.0  # half-width of the searched range, in prior standard deviations
+_MODULUS_RANGE = np.log(2.0)
+_GENERATIONS = 20
+_ENOUGH = 0.02  # the search ends when a generation agrees to this in chi over the square root of the rows
+_POLISH_STEPS = 100
+_POLISHED_STARTS = 3
+_ADDED_SHARE = float(np.log(0.05))  # ln h of the term that is added to an optimum with fewer terms
+_STEP = 1e-4  # step of the finite differences, in units of the unknowns
+_FAILED = 1e3  # residual of a candidate without an equilibrium
+_NEAR_EVIDENCE = 1.0  # the fewest terms are taken whose ln Z is within this of the largest
+FREE_LOAD = 0.3
+"""Prior standard deviation of the logarithm of the factor on magnetic loads if the moment is to be identified."""
+EXACT_LOAD = 1e-4
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The evidence for a law of time with a number of terms.
+
+    Attributes
+    ----------
+    terms : Terms
+    evidence : tuple of Evidence
+    load_sigma : float
+        Standard deviation of the prior of the load factor's logarithm.
+    """
+
+    terms: Terms
+    evidence: tuple[Evidence, ...]
+    load_sigma: float
+
+    @property
+    def mean(self) -> Array:
+        """Means of the prior of all unknowns."""
+        return np.append(self.terms.mean, 0.0)
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviations of the prior of all unknowns."""
+        return np.append(self.terms.sigma, self.load_sigma)
+
+    def rows(self, unknowns: Array) -> Array:
+        """Return the residuals (P, k) of the evidence for candidates (P, m)."""
+        instantaneous, series = self.terms.split(unknowns[:, :-1])
+        with np.errstate(all="ignore"):
+            rows = [one.residuals(instantaneous, series, unknowns[:, -1]) for one in self.evidence]
+        return np.concatenate(rows, axis=1)
+
+    def residuals(self, unknowns: Array) -> Array:
+        """Return the residuals (P, k + m) of evidence and priors for candidates (P, m)."""
+        return np.concatenate([self.rows(unknowns), (unknowns - self.mean) / self.sigma], axis=1)
+
+    def chi(self, unknowns: Array) -> Array:
+        """Return the root (P,) of the sum of the squared residuals; infinite if a residual is not finite."""
+        residuals = self.residuals(unknowns)
+        total = np.sqrt((residuals**2).sum(axis=1))
+        return np.where(np.isfinite(total), total, np.inf)
+
+
+@dataclass(frozen=True)
+class _Values:
+    """The objective values of one generation, in the form that `search` needs."""
+
+    objective_mm: Array
+    unconverged: NDArray[np.bool_]
+    unstable: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class TimeOptimum:
+    """The optimum of one problem.
+
+    Attributes
+    ----------
+    problem : Problem
+    unknowns : ndarray, shape (m,)
+    jacobian : ndarray, shape (k + m, m)
+        Derivatives of the residuals of evidence and priors by the unknowns.
+    chi2 : float
+        Sum of squares of the evidence alone.
+    log_evidence : float
+    evaluations : int
+    converged : bool
+    """
+
+    problem: Problem
+    unknowns: Array
+    jacobian: Array
+    chi2: float
+    log_evidence: float
+    evaluations: int
+    converged: bool
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (m, m) of the unknowns from noise and priors."""
+        return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian))
+
+    def instantaneous_and_series(self) -> tuple[float, Prony]:
+        """Return the instantaneous modulus in Pa and the series."""
+        instantaneous, series = self.problem.terms.split(self.unknowns[None, :-1])
+        return float(instantaneous[0]), Prony(series.g[0], series.tau_s[0])
+
+    def steps(self, sources: Mapping[str, float]) -> dict[str, Array]:
+        """Return how the optimum moves (parts, m) if a part of a source changes by its standard uncertainty."""
+        gain = -self.covariance @ self.jacobian.T
+        m = len(self.unknowns)
+        effects = [one.effects(sources) for one in self.problem.evidence]
+        moves = {}
+        for key in sources:
+            rows = np.concatenate([effect[key] for effect in effects], axis=1)
+            moves[key] = np.concatenate([rows, np.zeros((len(rows), m))], axis=1) @ gain.T
+        return moves
+
+
+def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None) -> TimeOptimum:
+    """Return the optimum of a problem: the best of least-squares fits from several starts.
+
+    The starts are the best candidate of CMA-ES, the middle of the prior, and the optimum with one term fewer, to which
+    a term is added at each of the middle times of the prior.
+    """
+    starts, evaluations = [problem.mean], 0
+    if fewer is not None:
+        n = problem.terms.count
+        for time in problem.terms.mean[1 + n :]:
+            before = fewer.unknowns
+            h, tau = np.append(before[1:n], _ADDED_SHARE), np.append(before[n : 2 * n - 1], time)
+            order = np.argsort(tau)
+            starts.append(np.concatenate([before[:1], h[order], tau[order], before[-1:]]))
+    reach = np.minimum(_SEARCHED * problem.sigma, np.append(np.full(len(problem.mean) - 1, np.inf), 0.3))
+    reach[0] = _MODULUS_RANGE
+    low = problem.mean - reach
+
+    def objective(units: Array) -> _Values:
+        chi = problem.chi(low + 2 * reach * units)
+        failed = ~np.isfinite(chi)
+        return _Values(np.where(failed, DISCARDED_MM, chi), failed, np.zeros(len(chi), bool))
+
+    result = search(
+        objective, len(low), seed=seed, most_generations=_GENERATIONS, enough_mm=_ENOUGH * np.sqrt(len(low))
+    )
+    starts.append(low + 2 * reach * result.unit)
+    evaluations = result.evaluations
+    best = np.argsort(problem.chi(np.array(starts)))[:_POLISHED_STARTS]
+    polished = [_polished(problem, starts[int(k)]) for k in best]
+    unknowns, jacobian, spent, converged = min(polished, key=lambda one: float(problem.chi(one[0][None])[0]))
+    evaluations += sum(one[2] for one in polished) - spent
+    posterior = jacobian.T @ jacobian
+    chi2_all = float((problem.residuals(unknowns[None]) ** 2).sum())
+    log_evidence = -0.5 * (chi2_all + float(np.linalg.slogdet(posterior)[1])) - float(np.log(problem.sigma).sum())
+    chi2 = float((problem.rows(unknowns[None]) ** 2).sum())
+    return TimeOptimum(problem, unknowns, jacobian, chi2, log_evidence, evaluations + spent, converged)
+
+
+def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
+    """Run Levenberg-Marquardt (MINPACK); return optimum, Jacobian, number of evaluations, and whether it converged."""
+    m, scale = len(start), np.minimum(problem.sigma, 1.0)
+    moves = _STEP * np.concatenate([np.diag(scale), -np.diag(scale)])
+
+    def residuals(unknowns: Array) -> Array:
+        rows = problem.residuals(unknowns[None])[0]
+        return np.where(np.isfinite(rows), rows, _FAILED)
+
+    def jacobian(unknowns: Array) -> Array:
+        ends = problem.residuals(unknowns + moves)
+        slopes = (ends[:m] - ends[m:]) / (2 * _STEP * scale[:, None])
+        return np.ascontiguousarray(np.where(np.isfinite(slopes), slopes, 0.0).T)
+
+    solved = least_squares(
+        residuals, start, jac=jacobian, method="lm", x_scale=scale, max_nfev=_POLISH_STEPS, ftol=1e-6, xtol=1e-6
+    )
+    spent = int(solved.nfev + 2 * m * (solved.njev or 0))
+    return np.asarray(solved.x), jacobian(solved.x), spent, bool(solved.status > 0)
+
+
+def best_number_of_terms(problems: Sequence[Problem], seed: int = 1) -> tuple[TimeOptimum, tuple[TimeOptimum, ...]]:
+    """Return the optimum with the fewest terms whose evidence is near the largest, and all optima.
+
+    Terms are added as long as the evidence rises.
+    """
+    optima: list[TimeOptimum] = []
+    for problem in problems:
+        optima.append(optimum_of(problem, seed, optima[-1] if optima else None))
+        if len(optima) > 1 and optima[-1].log_evidence < optima[-2].log_evidence + _NEAR_EVIDENCE:
+            break
+    largest = max(one.log_evidence for one in optima)
+    return next(one for one in optima if one.log_evidence > largest - _NEAR_EVIDENCE), tuple(optima)
+
+
+_FEATURE_TIMES_S = np.geomspace(1e-3, 1e4, 29)
+_WALKERS, _MOVES, _THINNED = 96, 480, 60
+_STRETCH = 2.0
+
+
+def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
+    """Return quantities (P, f) in which the residuals are nearly linear: logarithms of moduli, losses, load factor."""
+    instantaneous, series = terms.split(unknowns[:, :-1])
+    ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))
+    moduli = instantaneous[:, None] * series.ratio(_FEATURE_TIMES_S)
+    return np.concatenate(
+        [
+            np.log(instantaneous[:, None] * ratio.real),
+            ratio.imag / ratio.real,
+            np.log(moduli),
+            unknowns[:, -1:],
+        ],
+        axis=1,
+    )
+
+
+def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: Array, of_sources: bool = True) -> Array:
+    """Return draws (D, m) of the unknowns from their posterior.
+
+    Where the data do not determine the terms, the posterior is far from normal. It is sampled by walkers that stretch
+    toward each other (Goodman and Weare 2010, Comm. App. Math. Comp. Sci. 5:65). The residuals are approximated as
+    linear in logarithms of moduli and in losses. The effects of the stated sources are then added to each draw.
+
+    Parameters
+    ----------
+    optimum : TimeOptimum
+    steps : mapping of str to ndarray
+        See `TimeOptimum.steps`.
+    seed : int
+    omegas : ndarray
+        Angular frequencies of the ring-downs.
+    of_sources : bool
+        Whether the effects of the stated sources are added.
+    """
+    problem, at = optimum.problem, optimum.unknowns
+    rng = np.random.default_rng(seed)
+    m = len(at)
+    rows_at = problem.rows(at[None])[0]
+    features_at = _features(problem.terms, at[None], omegas)[0]
+    moved = at + _STEP * np.concatenate([np.eye(m), -np.eye(m)])
+    ends = _features(problem.terms, moved, omegas)
+    slopes = ((ends[:m] - ends[m:]) / (2 * _STEP)).T
+    rows_by_features = optimum.jacobian[: len(rows_at)] @ np.linalg.pinv(slopes, rcond=1e-6)
+
+    def log_density(x: Array) -> Array:
+        rows = rows_at + (_features(problem.terms, x, omegas) - features_at) @ rows_by_features.T
+        prior = (x - problem.mean) / problem.sigma
+        return np.asarray(-0.5 * ((rows**2).sum(axis=1) + (prior**2).sum(axis=1)))
+
+    values, vectors = np.linalg.eigh(optimum.covariance)
+    walkers = at + 0.3 * rng.standard_normal((_WALKERS, m)) * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+    density, half = log_density(walkers), _WALKERS // 2
+    samples = []
+    for move in range(_MOVES):
+        for first in (slice(0, half), slice(half, None)):
+            others = walkers[half:] if first.start == 0 else walkers[:half]
+            z = ((_STRETCH - 1) * rng.random(half) + 1) ** 2 / _STRETCH
+            partner = others[rng.integers(half, size=half)]
+            trial = partner + z[:, None] * (walkers[first] - partner)
+            after = log_density(trial)
+            taken = np.log(rng.random(half)) < (m - 1) * np.log(z) + after - density[first]
+            walkers[first] = np.where(taken[:, None], trial, walkers[first])
+            density[first] = np.where(taken, after, density[first])
+        if move >= _MOVES // 3 and move % _THINNED == 0:
+            samples.append(walkers.copy())
+    draws = np.concatenate(samples)
+    if of_sources:
+        for moves in steps.values():
+            draws = draws + rng.standard_normal((len(draws), len(moves))) @ moves
+    return np.asarray(draws)

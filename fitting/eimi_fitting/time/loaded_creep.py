@@ -1,0 +1,137 @@
+"""Creep of a loaded beam: the rotation of its tip while its modulus relaxes.
+
+In a bent beam the moment of the material, the integral of mu(t - t') d theta(t'), balances the moment of the loads
+m(theta). The rotation theta of the tip stands for the curvature of the whole beam. The moment of the loads follows from
+static solutions with other moduli: with the modulus mu the tip turns by theta(mu) and m = mu theta. In zero field
+m = -rho mu theta, where rho is the stiffness of gravity divided by that of the material.
+
+The method assumes that the curvature keeps its distribution along the beam and changes only by a factor. Its error is
+measured in `tests/fitting/time` against finite elements with internal variables.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.laws.prony import Prony
+
+Array = NDArray[np.float64]
+
+_FIRST_STEP_S = 2e-3  # length of the first time step after a change of the load
+_STEPS_PER_DECADE = 8  # after the last change of the load
+_EARLIER_STEPS_PER_DECADE = 4
+_NEWTON_STEPS = 2
+
+
+@dataclass(frozen=True)
+class LoadCurve:
+    """The moment of the loads of one state as a function of the rotation of the tip, as the product mu theta.
+
+    Attributes
+    ----------
+    rotation : ndarray, shape (m,)
+        Rotations in rad, rising.
+    moment : ndarray, shape (m,)
+        m(theta) = mu theta in Pa rad.
+    """
+
+    rotation: Array
+    moment: Array
+
+    @staticmethod
+    def of_gravity(stiffness_Pa: float) -> LoadCurve:
+        """Return the curve of a beam in zero field, with the stiffness of gravity in Pa."""
+        ends = np.array([-3.0, 3.0])
+        return LoadCurve(ends, -stiffness_Pa * ends)
+
+    def at(self, rotation: Array) -> tuple[Array, Array]:
+        """Return moments and slopes (P,) at rotations (P,); beyond the ends the curve is straight."""
+        x, y, slopes = self.rotation, self.moment, self._slopes
+        i = np.searchsorted(x[1:-1], rotation)
+        return y[i] + slopes[i] * (rotation - x[i]), slopes[i]
+
+    @cached_property
+    def _slopes(self) -> Array:
+        return np.asarray(np.diff(self.moment) / np.diff(self.rotation))
+
+
+@dataclass(frozen=True)
+class LoadStep:
+    """A load that begins at a time and lasts until the next one."""
+
+    time_s: float
+    curve: LoadCurve
+
+
+def creep(
+    instantaneous_Pa: Array,
+    series: Prony,
+    steps: tuple[LoadStep, ...],
+    times_s: Array,
+    load_factor: Array,
+) -> Array:
+    """Return the rotation of the tip of P candidates at given times.
+
+    Internal variables integrate the series exactly for rotations that change linearly within a step (Simo and Hughes
+    1998, Computational Inelasticity, section 10.3). Inertia is left out.
+
+    Parameters
+    ----------
+    instantaneous_Pa : ndarray, shape (P,)
+    series : Prony
+        With terms (P, n).
+    steps : tuple of LoadStep
+        The loads in order of time; the beam is at rest before the first one.
+    times_s : ndarray, shape (m,)
+        Rising times after the first step.
+    load_factor : ndarray, shape (P,)
+        Factor on the moments of all loads.
+
+    Returns
+    -------
+    ndarray, shape (P, m)
+        Rotations in rad.
+    """
+    p, n = series.g.shape
+    terms, rates, ones = instantaneous_Pa[:, None] * series.g, 1 / series.tau_s, np.ones(n)
+    long_term = instantaneous_Pa * series.long_term
+    overstress, theta = np.zeros((p, n)), np.zeros(p)
+    result = np.empty((p, len(times_s)))
+    wanted = 0
+    for k, step in enumerate(steps):
+        end = steps[k + 1].time_s if k + 1 < len(steps) else float(times_s[-1])
+        last = k + 1 == len(steps)
+        inside = times_s[(times_s > step.time_s) & ((times_s <= end) if last else (times_s < end))]
+        now = step.time_s
+        for time in _moments(step.time_s, max(end, step.time_s + _FIRST_STEP_S), inside, last):
+            span = max(time - now, 1e-9)
+            fading = np.exp(-span * rates)
+            share = terms * (1 - fading) / (span * rates)
+            stiffness = long_term + share @ ones
+            overstress *= fading
+            remembered = (overstress - share * theta[:, None]) @ ones
+            new = theta.copy()
+            for _ in range(_NEWTON_STEPS):
+                moment, slope = step.curve.at(new)
+                gap = stiffness * new + remembered - load_factor * moment
+                new = new - gap / np.maximum(stiffness - load_factor * slope, 1e-3 * stiffness)
+            overstress += share * (new - theta)[:, None]
+            theta, now = new, time
+            while wanted < len(times_s) and times_s[wanted] <= time + 1e-8:
+                result[:, wanted] = theta
+                wanted += 1
+    result[:, wanted:] = theta[:, None]
+    return result
+
+
+def _moments(first: float, last: float, wanted: Array, is_last: bool) -> list[float]:
+    """Return the times of the steps: dense after a change of the load, and at every wanted time."""
+    decades = max(np.log10((last - first) / _FIRST_STEP_S), 0.1)
+    per_decade = _STEPS_PER_DECADE if is_last else _EARLIER_STEPS_PER_DECADE
+    regular = first + np.geomspace(_FIRST_STEP_S, last - first, int(np.ceil(decades * per_decade)) + 1)
+    # The load acts at once: after the short first step the beam has its elastic rotation.
+    return [float(time) for time in np.unique(np.concatenate([[first + 1e-6], regular, wanted]).round(9))]

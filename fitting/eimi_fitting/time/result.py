@@ -1,0 +1,345 @@
+"""The identified law of time, as a result file stores it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.inference.evidence.quantity import NORMAL_95, Quantity
+from eimi_fitting.inference.evidence.sources import SOURCES
+from eimi_fitting.inference.interval.budget import BudgetEntry
+from eimi_fitting.laws.prony import Prony
+from eimi_fitting.time.decay import Window
+from eimi_fitting.time.evidence import CreepEvidence, RingEvidence, StaticEvidence
+from eimi_fitting.time.law_of_time import FREE_LOAD, TimeOptimum
+from eimi_fitting.time.small_effects import SmallEffect, small_effects
+from eimi_fitting.time.terms import Terms
+
+Array = NDArray[np.float64]
+
+_KNOWN = 0.05  # mu(t) counts as determined if its 95 % half-width of ln mu(t), from noise alone, is at most this
+_CURVE = np.geomspace(1e-3, 1e3, 61)
+_MOST_FRAMES = 240  # of a decay that are stored for a figure
+_CONTRADICTION = 3.0  # standard deviations
+
+
+@dataclass(frozen=True)
+class PronyTerm:
+    """One term of the series: the share of the instantaneous modulus that it loses, and its relaxation time."""
+
+    g: float
+    tau_s: float
+
+
+@dataclass(frozen=True)
+class ModulusAt:
+    """The shear modulus a time after a sudden strain, in Pa, with its 95 % interval."""
+
+    time_s: float
+    value: float
+    interval_95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class RingDown:
+    """One ring-down: frequency and loss at small amplitude, windows of its decay, and the channel that moves most.
+
+    Attributes
+    ----------
+    label : str
+    frequency_Hz, frequency_sigma_Hz : float
+    decay_loss, decay_loss_sigma : float
+        Loss factor of the decay, 2 delta / omega. Gravity and field store a part of the energy without loss, so that
+        it differs from the loss factor of the material.
+    amplitude_mm : float
+        Amplitude at the start of the fitted part.
+    frequency_change, loss_change : float
+        Relative change of frequency, and change of loss, from small amplitude to ``amplitude_mm``.
+    higher_Hz : tuple of float
+        Frequencies of higher modes that were used.
+    windows : tuple of Window
+    time_s, displacement_mm, envelope_mm : tuple of float
+    """
+
+    label: str
+    frequency_Hz: float
+    frequency_sigma_Hz: float
+    decay_loss: float
+    decay_loss_sigma: float
+    amplitude_mm: float
+    frequency_change: float
+    loss_change: float
+    higher_Hz: tuple[float, ...]
+    windows: tuple[Window, ...]
+    time_s: tuple[float, ...]
+    displacement_mm: tuple[float, ...]
+    envelope_mm: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class CreepCurve:
+    """One record of creep: measured and fitted rotation of the tip, in degrees, each minus its mean."""
+
+    label: str
+    time_s: tuple[float, ...]
+    measured_deg: tuple[float, ...]
+    sigma_deg: tuple[float, ...]
+    fitted_deg: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class LawOfTime:
+    """The law of time of a material.
+
+    Attributes
+    ----------
+    frequency_Hz : float
+        Frequency of the first ring-down.
+    loss_factor : float
+        Loss factor of the material at this frequency, Im mu* / Re mu*.
+    loss_interval_95 : tuple of float
+    dynamic_shear_modulus : Quantity
+        Storage modulus Re mu* at this frequency. It does not depend on the magnet's moment if the field was zero.
+    prony : tuple of PronyTerm
+    instantaneous_shear_modulus, long_term_shear_modulus : Quantity
+    known_between_s : tuple of float
+        Times between which the data determine mu(t) to 5 %, without the stated sources.
+    moment : Quantity or None
+        Factor on the stated magnetic moment with which static and dynamic states agree.
+    static_age_s : float or None
+        Median age of the static states.
+    modulus_by_time : tuple of ModulusAt
+    ring_downs : tuple of RingDown
+    creep : tuple of CreepCurve
+    budget : tuple of BudgetEntry
+        Effects on the dynamic modulus, the largest first.
+    small_effects : tuple of SmallEffect
+    log_evidence : tuple of float
+        For one, two, ... terms.
+    chi2, rows : float, int
+        Sum of the squared residuals, each divided by its uncertainty, and their number.
+    doubts : tuple of str
+    evaluations : int
+    wall_s : float
+    """
+
+    frequency_Hz: float
+    loss_factor: float
+    loss_interval_95: tuple[float, float]
+    dynamic_shear_modulus: Quantity
+    prony: tuple[PronyTerm, ...]
+    instantaneous_shear_modulus: Quantity
+    long_term_shear_modulus: Quantity
+    known_between_s: tuple[float, float]
+    moment: Quantity | None
+    static_age_s: float | None
+    modulus_by_time: tuple[ModulusAt, ...]
+    ring_downs: tuple[RingDown, ...]
+    creep: tuple[CreepCurve, ...]
+    budget: tuple[BudgetEntry, ...]
+    small_effects: tuple[SmallEffect, ...]
+    log_evidence: tuple[float, ...]
+    chi2: float
+    rows: int
+    doubts: tuple[str, ...]
+    evaluations: int
+    wall_s: float
+
+
+def storage_modulus(terms: Terms, unknowns: Array, omega: float) -> Array:
+    """Return the storage moduli (P,) in Pa of candidates (P, m) at an angular frequency."""
+    instantaneous, series = terms.split(unknowns[:, :-1])
+    return np.asarray(instantaneous * series.complex_ratio(np.full((len(unknowns), 1), 1j * omega))[:, 0].real)
+
+
+def _loss(terms: Terms, unknowns: Array, omega: float) -> Array:
+    _, series = terms.split(unknowns[:, :-1])
+    value = series.complex_ratio(np.full((len(unknowns), 1), 1j * omega))[:, 0]
+    return np.asarray(value.imag / value.real)
+
+
+def result_of(
+    *,
+    specimen: Specimen,
+    optimum: TimeOptimum,
+    optima: Sequence[TimeOptimum],
+    rings: tuple[RingEvidence, ...],
+    creeps: tuple[CreepEvidence, ...],
+    static: StaticEvidence | None,
+    data_s: tuple[float, float],
+    sources: Mapping[str, float],
+    steps: Mapping[str, Array],
+    draws: Array,
+    draws_fit: Array,
+    doubts: tuple[str, ...],
+    exposure_s: float | None,
+    wall_s: float,
+) -> LawOfTime:
+    """Return the law of time of an optimum, with its intervals, its budget and its doubts."""
+    terms, at = optimum.problem.terms, optimum.unknowns[None]
+    frequency = rings[0].decay.modes[0].frequency_Hz
+    omega = 2 * np.pi * frequency
+    table = rings[0].table
+    gain = _gain(table.beam.undamped_Hz(table.middle_Pa)[0], table.beam.undamped_Hz(1.05 * table.middle_Pa)[0])
+    small = small_effects(specimen, table.beam.loads, frequency, rings[0].decay.modes[0].loss, gain, exposure_s)
+    factor = _factors(len(draws), small)
+    instantaneous, series = terms.split(at[:, :-1])
+    of_draws, series_of_draws = terms.split(draws[:, :-1])
+    of_fit, series_of_fit = terms.split(draws_fit[:, :-1])
+
+    def quantity(value: float, drawn: Array, of_noise: Array) -> Quantity:
+        return Quantity(value, "Pa", _interval(value, drawn * factor), _interval(value, of_noise))
+
+    dynamic = float(storage_modulus(terms, at, omega)[0])
+    loss = float(_loss(terms, at, omega)[0])
+    loss_of_draws = _loss(terms, draws, omega)
+    loss_of_draws = loss_of_draws + np.sqrt(sum(effect.loss**2 for effect in small)) * _standard(len(draws))
+    curve = instantaneous[:, None] * series.ratio(_CURVE)
+    curves = of_draws[:, None] * series_of_draws.ratio(_CURVE) * factor[:, None]
+    curves_of_fit = of_fit[:, None] * series_of_fit.ratio(_CURVE)
+    long_term = float((instantaneous * series.long_term)[0])
+    moment = None
+    doubts_found = list(doubts)
+    if optimum.problem.load_sigma == FREE_LOAD and static is not None:
+        value = float(np.exp(optimum.unknowns[-1]))
+        moment = Quantity(
+            value, "1", _interval(value, np.exp(draws[:, -1])), _interval(value, np.exp(draws_fit[:, -1]))
+        )
+        if not moment.interval_95[0] <= 1 <= moment.interval_95[1]:
+            doubts_found.append(
+                f"static and dynamic states agree only with {value:.3f} times the stated magnetic moment "
+                f"(95 % interval {moment.interval_95[0]:.3f} to {moment.interval_95[1]:.3f})"
+            )
+    rows = optimum.problem.rows(at).shape[1]
+    if optimum.chi2 > rows + _CONTRADICTION * np.sqrt(2 * rows) + 4:
+        doubts_found.append(
+            f"ring-downs, creep and static states do not agree within their uncertainties "
+            f"(chi-square {optimum.chi2:.0f} of {rows} rows): the material may not be quasi-linear, or a load is wrong"
+        )
+    order = np.argsort(series.tau_s[0])
+    return LawOfTime(
+        frequency_Hz=frequency,
+        loss_factor=loss,
+        loss_interval_95=_interval(loss, loss_of_draws),
+        dynamic_shear_modulus=quantity(
+            dynamic, storage_modulus(terms, draws, omega), storage_modulus(terms, draws_fit, omega)
+        ),
+        prony=tuple(PronyTerm(float(series.g[0, i]), float(series.tau_s[0, i])) for i in order),
+        instantaneous_shear_modulus=quantity(float(instantaneous[0]), of_draws, of_fit),
+        long_term_shear_modulus=quantity(
+            long_term, of_draws * series_of_draws.long_term, of_fit * series_of_fit.long_term
+        ),
+        known_between_s=_known_between(curves_of_fit, 1 / omega, data_s),
+        moment=moment,
+        static_age_s=static.age_s if static else None,
+        modulus_by_time=tuple(
+            ModulusAt(float(t), float(value), _interval(float(value), drawn))
+            for t, value, drawn in zip(_CURVE, curve[0], curves.T, strict=True)
+        ),
+        ring_downs=tuple(_ring_down(ring) for ring in rings),
+        creep=tuple(_creep_curve(one, instantaneous, series, optimum.unknowns[-1:]) for one in creeps),
+        budget=_budget(terms, optimum, omega, dynamic, draws_fit, sources, steps, small),
+        small_effects=small,
+        log_evidence=tuple(one.log_evidence for one in optima),
+        chi2=optimum.chi2,
+        rows=rows,
+        doubts=tuple(doubts_found),
+        evaluations=sum(one.evaluations for one in optima),
+        wall_s=wall_s,
+    )
+
+
+def _gain(before_Hz: float, after_Hz: float) -> float:
+    """Return the change of ln(modulus) for a change of ln(frequency)."""
+    return float(np.log(1.05) / np.log(after_Hz / before_Hz))
+
+
+def _standard(count: int) -> Array:
+    return np.asarray(np.random.default_rng(count).standard_normal(count))
+
+
+def _factors(count: int, small: Sequence[SmallEffect]) -> Array:
+    """Return draws (D,) of the factor by which the small effects change the modulus."""
+    total = np.sqrt(sum(effect.modulus_percent**2 for effect in small)) / 100
+    return np.asarray(1 + total * _standard(count + 1)[:count])
+
+
+def _interval(value: float, drawn: Array) -> tuple[float, float]:
+    """Return the 95 % interval of draws, widened to contain the value."""
+    low, high = np.quantile(drawn[np.isfinite(drawn)], [0.025, 0.975])
+    return float(min(low, value)), float(max(high, value))
+
+
+def _known_between(curves: Array, start_s: float, data_s: tuple[float, float]) -> tuple[float, float]:
+    """Return the range of times around ``start_s`` with data in which the draws (D, m) of mu(t) agree to 5 %."""
+    half_width = NORMAL_95 * np.log(np.maximum(curves, 1e-3)).std(axis=0)
+    here = int(np.argmin(np.abs(np.log(_CURVE / start_s))))
+    first = last = here
+    while first > 0 and half_width[first - 1] < _KNOWN:
+        first -= 1
+    while last < len(_CURVE) - 1 and half_width[last + 1] < _KNOWN:
+        last += 1
+    return max(float(_CURVE[first]), data_s[0]), min(float(_CURVE[last]), data_s[1])
+
+
+def _ring_down(ring: RingEvidence) -> RingDown:
+    decay, mode = ring.decay, ring.decay.modes[0]
+    sigma = ring.inflation * np.sqrt(np.diag(mode.covariance))
+    every = max(1, -(-len(decay.time_s) // _MOST_FRAMES))
+    shown = slice(0, None, every)
+    return RingDown(
+        decay.label,
+        mode.frequency_Hz,
+        float(mode.frequency_Hz * sigma[0]),
+        mode.loss,
+        float(sigma[1]),
+        decay.amplitude_mm,
+        decay.frequency_change,
+        decay.loss_change,
+        tuple(other.frequency_Hz for number, other in ring.modes if number),
+        decay.windows,
+        tuple(decay.time_s[shown].round(5).tolist()),
+        tuple(decay.displacement_mm[shown].round(6).tolist()),
+        tuple(decay.envelope_mm[shown].round(6).tolist()),
+    )
+
+
+def _creep_curve(one: CreepEvidence, instantaneous: Array, series: Prony, load_log: Array) -> CreepCurve:
+    predicted = np.degrees(one.predicted(instantaneous, series, load_log)[0])
+    measured = np.degrees(one.rotation)
+    return CreepCurve(
+        one.label,
+        tuple(one.time_s.tolist()),
+        tuple((measured - measured.mean()).tolist()),
+        tuple(np.degrees(one.sigma).tolist()),
+        tuple((predicted - predicted.mean()).tolist()),
+    )
+
+
+def _budget(
+    terms: Terms,
+    optimum: TimeOptimum,
+    omega: float,
+    dynamic: float,
+    draws_fit: Array,
+    sources: Mapping[str, float],
+    steps: Mapping[str, Array],
+    small: Sequence[SmallEffect],
+) -> tuple[BudgetEntry, ...]:
+    """Return the effect of each source, of the noise and of the small effects on the dynamic modulus."""
+    entries = []
+    for key, sigma in sources.items():
+        ends = [storage_modulus(terms, optimum.unknowns + sign * steps[key], omega) for sign in (1, -1)]
+        effect = 50 * np.sqrt(((ends[0] - ends[1]) ** 2).sum()) / dynamic
+        entries.append(BudgetEntry(key, SOURCES[key].words, sigma, SOURCES[key].unit, (0,), float(effect)))
+    noise = 100 * float(np.std(np.log(storage_modulus(terms, draws_fit, omega))))
+    entries.append(BudgetEntry("noise", "noise of the recordings, mesh and depth", noise / 100, "1", (0,), noise))
+    entries += [
+        BudgetEntry(effect.source, effect.words, effect.modulus_percent / 100, "1", (0,), effect.modulus_percent)
+        for effect in small
+    ]
+    return tuple(sorted(entries, key=lambda entry: -entry.effect_percent))

@@ -1,0 +1,250 @@
+"""The frequencies and losses of a specimen's vibrations, as a function of its relaxation.
+
+The modes (`beam.vibration`) are computed for a few moduli of the equilibrium and interpolated in the logarithm of the
+modulus. The ratio of the solid's frequency to that of the planar model is computed once, at the middle modulus.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from eimi_fitting.beam.beside import SolidBeside, SolidOptions
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.beam.path import candidates
+from eimi_fitting.beam.solid_model import SolidModel
+from eimi_fitting.beam.specimen import STANDARD_GRAVITY, Specimen
+from eimi_fitting.beam.vibration import Vibration, coupled_modes, roots_of_modes
+from eimi_fitting.inference.evidence.sources import SOURCES, loads_under, specimen_under
+from eimi_fitting.laws.law import Law
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+Ratio = Callable[[ComplexArray], ComplexArray]
+
+_MODULI = 5
+_SOLID_MM = 1e-4
+_LEAST_TURN_DEG = 1e-3
+_SPAN = np.log(2.0)  # natural logarithm: the moduli reach from half of the middle one to twice the middle one
+_STIFF_PA, _SOFTEST_PA = 1e6, 100.0
+_TRIES = 15
+_SAME_FREQUENCY = 1e-5
+_SHAPES = 4  # modes at each modulus
+_SOLID = (20, 2)  # elements along and across; the frequency is 0.02 % above that of finer ones
+
+
+class NoEquilibrium(Exception):
+    """The specimen has no stable equilibrium at a tried modulus, or no modulus gives its measured frequency."""
+
+
+@dataclass(frozen=True)
+class RingingBeam:
+    """A specimen under the loads during a ring-down.
+
+    Attributes
+    ----------
+    specimen : Specimen
+    loads : Loads
+        The loads of one state.
+    law : Law
+    shape : ndarray, shape (n,)
+        Parameters of the law with an initial shear modulus of 1 Pa.
+    hanging_N : float
+        Weight that hangs at the tip; its mass moves with the tip, and its force is part of ``loads``.
+    """
+
+    specimen: Specimen
+    loads: Loads
+    law: Law
+    shape: Array
+    hanging_N: float = 0.0
+
+    @property
+    def section(self) -> str:
+        """The section of the specimen."""
+        return self.specimen.section
+
+    def vibration(self, model: BeamModel | SolidModel) -> Vibration:
+        """Return the vibration of a model of the specimen."""
+        return Vibration(model, self.hanging_N / STANDARD_GRAVITY)
+
+    def planar(self) -> BeamModel:
+        """Return the planar model whose modes are interpolated."""
+        return BeamModel(self.specimen, plane=self.specimen.planar_section)
+
+    def parameters(self, modulus_Pa: Array) -> Array:
+        """Return the parameters (B, n) of candidates with initial shear moduli (B,)."""
+        is_modulus = np.array([unit == "Pa" for unit in self.law.units])
+        return np.where(is_modulus, np.asarray(modulus_Pa)[:, None] * self.shape, self.shape)
+
+    def undamped_Hz(self, modulus_Pa: float, count: int = 3) -> Array:
+        """Return the frequencies (count,) of the planar model with one modulus."""
+        motion, _ = self.vibration(self.planar()).about(self.law, self.parameters(np.array([modulus_Pa])), self.loads)
+        if not motion.sound.all():
+            raise NoEquilibrium(f"the specimen has no stable equilibrium at a shear modulus of {modulus_Pa:.3g} Pa")
+        return np.asarray(motion.frequencies_Hz(count)[0])
+
+    def under(self, deviations: Mapping[str, Array]) -> RingingBeam:
+        """Return the specimen and the loads with deviations of their sources."""
+        return RingingBeam(
+            specimen_under(self.specimen, deviations), loads_under(self.loads, deviations), self.law, self.shape,
+            self.hanging_N,
+        )  # fmt: skip
+
+    def modulus_at(self, frequency_Hz: float) -> float:
+        """Return the modulus (Pa) at which the lowest undamped frequency of the planar model equals ``frequency_Hz``.
+
+        Raises
+        ------
+        NoEquilibrium
+            No modulus has this frequency.
+        """
+        vibration, target = self.vibration(self.planar()), np.log(frequency_Hz)
+        # The search starts at a stiff beam and stays at moduli above the solution: without loads f² is proportional to
+        # mu, and with loads f² rises less. Below the solution the beam may have no equilibrium.
+        solved: list[tuple[float, float]] = []
+        log_modulus = float(np.log(_STIFF_PA))
+        for _ in range(_TRIES):
+            motion, _ = vibration.about(self.law, self.parameters(np.exp([log_modulus])), self.loads)
+            if not motion.sound[0]:
+                break
+            log_frequency = float(np.log(motion.frequencies_Hz(1)[0, 0]))
+            solved.append((log_frequency, log_modulus))
+            if abs(log_frequency - target) < _SAME_FREQUENCY:
+                return float(np.exp(log_modulus))
+            slope = 2.0
+            if len(solved) > 1 and solved[-1][0] != solved[-2][0]:
+                slope = float(np.clip((solved[-1][1] - solved[-2][1]) / (solved[-1][0] - solved[-2][0]), 1.0, 20.0))
+            log_modulus += slope * (target - log_frequency)
+            if not _SOFTEST_PA < np.exp(log_modulus) < 1e3 * _STIFF_PA:
+                break
+        raise NoEquilibrium(
+            f"no shear modulus gives the beam a frequency of {frequency_Hz:.4g} Hz: check its dimensions and weights, "
+            "the direction of gravity and the rate of the frames"
+        )
+
+
+class RingTable:
+    """The complex frequencies of a specimen for any equilibrium modulus near `middle_Pa`, and for any relaxation.
+
+    Parameters
+    ----------
+    beam : RingingBeam
+    middle_Pa : float
+        The middle modulus.
+
+    Raises
+    ------
+    NoEquilibrium
+        The specimen has no stable equilibrium at `middle_Pa`, or at a larger modulus of the table.
+    """
+
+    def __init__(self, beam: RingingBeam, middle_Pa: float) -> None:
+        self.beam, self.middle_Pa = beam, middle_Pa
+        logs = np.log(middle_Pa) + np.linspace(-_SPAN, _SPAN, _MODULI)
+        vibration = beam.vibration(beam.planar())
+        motion, _ = vibration.about(beam.law, beam.parameters(np.exp(logs)), beam.loads, shapes=_SHAPES)
+        if not motion.sound[_MODULI // 2 :].all():
+            raise NoEquilibrium(f"the specimen has no stable equilibrium at a shear modulus of {middle_Pa:.3g} Pa")
+        sound = np.flatnonzero(motion.sound)
+        undamped, of_mode, square = coupled_modes(motion.material[sound], motion.rest[sound], motion.mass[sound])
+        self._undamped = CubicSpline(logs[sound], np.log(undamped), axis=0)
+        self._of_mode = CubicSpline(logs[sound], of_mode / undamped, axis=0)
+        self._square = CubicSpline(logs[sound], square, axis=0)
+        self.range_Pa = (float(np.exp(logs[sound[0]])), float(np.exp(logs[sound[-1]])))
+
+    def roots(self, log_modulus: Array, ratio: Ratio, count: int = 3) -> ComplexArray:
+        """Return the complex rates (P, count) of P candidates, with the correction of the solid.
+
+        Parameters
+        ----------
+        log_modulus : ndarray, shape (P,)
+            Logarithm of the modulus of the equilibrium in Pa.
+        ratio : callable
+            Takes rates (P, count) and returns mu*(s) divided by the modulus of the equilibrium.
+        """
+        inside = np.clip(log_modulus, *np.log(self.range_Pa))
+        undamped = np.exp(self._undamped(inside))
+        square = np.maximum(self._square(inside), 0.0)
+        return self.solid_over_planar[:count] * roots_of_modes(
+            undamped, undamped * self._of_mode(inside), square, ratio, count
+        )
+
+    @property
+    def solid_over_planar(self) -> Array:
+        """Frequencies (3,) of the solid, or of a finer mesh if the section is planar, divided by the planar model's."""
+        return self._better[0]
+
+    @property
+    def planar_over_solid_modulus(self) -> float:
+        """The modulus at which the planar model bends as far as the solid with `middle_Pa`, divided by `middle_Pa`."""
+        return self._better[1]
+
+    @cached_property
+    def _better(self) -> tuple[Array, float]:
+        beam, parameters = self.beam, self.beam.parameters(np.array([self.middle_Pa]))
+        planar = beam.planar()
+        plain, _ = beam.vibration(planar).about(beam.law, parameters, beam.loads)
+        if beam.specimen.section != "solid":
+            finer, _ = beam.vibration(planar.refined()).about(beam.law, parameters, beam.loads)
+            return np.asarray(finer.frequencies_Hz()[0] / plain.frequencies_Hz()[0]), 1.0
+        beside = SolidBeside(beam.specimen, *_SOLID)
+        bent = beside.solve(
+            beam.law, parameters, beam.loads, tolerance_mm=_SOLID_MM, options=SolidOptions(method="follow")
+        )
+        if not bent.converged.all():
+            raise NoEquilibrium(f"the solid has no equilibrium at a shear modulus of {self.middle_Pa:.3g} Pa")
+        chosen = candidates(beam.law, parameters, "solid", None, None)
+        better = beam.vibration(beside.solid).near(chosen, beam.loads, bent.last)
+        of_solid = float(beside.tip_angle_deg(bent)[0, 0])
+        moduli = self.middle_Pa * np.array([1.0, 1.05])
+        of_planar = planar.tip_angle_deg(planar.solve(beam.law, beam.parameters(moduli), beam.loads))[:, 0]
+        change = float(of_planar[1] - of_planar[0])
+        stiffer = np.log(1.05) * (of_solid - of_planar[0]) / change if abs(change) > _LEAST_TURN_DEG else 0.0
+        return np.asarray(better.frequencies_Hz()[0] / plain.frequencies_Hz()[0]), float(np.exp(stiffer))
+
+    def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
+        """Return the change of ln(frequency) of each mode for one standard uncertainty of each source.
+
+        Parameters
+        ----------
+        sources : mapping of str to float
+            Standard uncertainties by the keys of `SOURCES`.
+
+        Returns
+        -------
+        dict of ndarray, shape (parts, 3)
+            A row for each part of the source; zero for a source that does not act on the specimen or its loads.
+        """
+        before = np.log(self.beam.undamped_Hz(self.middle_Pa))
+        return {key: self._effect(key, sigma, before) for key, sigma in sources.items()}
+
+    def _effect(self, key: str, sigma: float, before: Array) -> Array:
+        source = SOURCES[key]
+        effect = np.zeros((len(source.parts), 3))
+        if sigma and (source.specimen or source.loads):
+            for part in range(len(source.parts)):
+                deviation = np.zeros(len(source.parts))
+                deviation[part] = sigma
+                effect[part] = np.log(self.beam.under({key: deviation}).undamped_Hz(self.middle_Pa)) - before
+        if source.field and sigma and self.beam.loads.field_T.any():
+            changed = RingingBeam(
+                self.beam.specimen,
+                Loads(
+                    self.beam.loads.field_T * (1 + sigma),
+                    self.beam.loads.gravity,
+                    self.beam.loads.tip_force_N,
+                    coil=self.beam.loads.coil,
+                ),
+                self.beam.law,
+                self.beam.shape,
+                self.beam.hanging_N,
+            )
+            effect[0] = np.log(changed.undamped_Hz(self.middle_Pa)) - before
+        return effect

@@ -1,0 +1,114 @@
+"""The slow motion of a beam after a step of its load: the rotation of its tip, at logarithmically spaced times.
+
+The fitted vibrations are subtracted, and the remaining motion is averaged over at least one period. Displacements are
+converted to rotations with the displacement of each point for one rad of rotation, from two static solutions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.time.channels import Signals
+from eimi_fitting.time.decay import Decay
+from eimi_fitting.time.measured import Motion
+from eimi_fitting.time.ringing import RingingBeam
+
+Array = NDArray[np.float64]
+
+_MOST_BINS = 16
+_FEWEST_FRAMES = 2
+_RINGS_S = 3.0  # without a fitted vibration, the beam counts as ringing for this time
+_STEP = 1.05  # ratio of the two moduli or loads whose difference gives the displacement for a rotation
+
+
+def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, before: Loads, rest_mm: Array) -> Array:
+    """Return the displacement (p, 2) in mm of points for one rad of rotation of the tip.
+
+    If the shape depends on the modulus, the shapes at two moduli are compared. If it does not, as for a hanging beam in
+    zero field, the shapes with and without a small part of the earlier load are compared.
+    """
+    model = beam.planar()
+    inside = np.clip(rest_mm, [0.0, -np.inf], [beam.specimen.length_mm, np.inf])
+    straight = model.grid.straightened(inside)
+    half = 0.5 * model.grid.strip.straight.width_mm
+    places = model.grid.strip.at_rest(np.clip(straight, [0.0, -half], [beam.specimen.length_mm, half]))
+
+    def difference(
+        moduli: Array, of_loads: Loads, states: tuple[int, int], rows: tuple[int, int]
+    ) -> tuple[Array, float]:
+        shapes = model.solve(beam.law, beam.parameters(moduli), of_loads)
+        moved, angle = model.positions(shapes, places), np.radians(model.tip_angle_deg(shapes))
+        change = moved[rows[1], states[1]] - moved[rows[0], states[0]]
+        return change, float(angle[rows[1], states[1]] - angle[rows[0], states[0]])
+
+    change, turn = difference(modulus_Pa * np.array([_STEP, 1 / _STEP]), loads, (0, 0), (0, 1))
+    if abs(turn) < 1e-4:
+        field, force = loads.field_T[0], loads.tip_force_N[0]
+        small = Loads(
+            np.stack([field, field + 0.1 * (before.field_T[0] - field)]),
+            np.repeat(loads.gravity, 2, axis=0),
+            np.stack([force, force + 0.1 * (before.tip_force_N[0] - force)]),
+        )
+        change, turn = difference(np.array([modulus_Pa]), small, (0, 1), (0, 0))
+    return change / turn if abs(turn) > 1e-7 else np.zeros_like(change)
+
+
+def slow_rotations(
+    motion: Motion, signals: Signals, decay: Decay | None, per_rad_mm: Array
+) -> tuple[Array, Array, Array] | None:
+    """Return times after the step, rotations up to a constant, and their standard uncertainties.
+
+    Parameters
+    ----------
+    motion : Motion
+    signals : Signals
+        All frames after the step.
+    decay : Decay or None
+        The vibrations in the recording; None if it shows none.
+    per_rad_mm : ndarray, shape (p, 2)
+        See `displacement_per_rad`.
+
+    Returns
+    -------
+    tuple of ndarray, or None
+        None if there are fewer than three averages, or if no point moves.
+    """
+    gain = per_rad_mm[signals.points, signals.axis] / signals.sigma_mm
+    if not gain @ gain > 0:
+        return None
+    times, channels, shortest = signals.time_s, signals.channels_mm, 0.0
+    if decay is not None and len(decay.baseline_mm):
+        after = times > decay.to_s
+        times = np.concatenate([decay.time_s, times[after]])
+        channels = np.concatenate([decay.baseline_mm, channels[after]])
+        shortest = 1 / decay.modes[0].frequency_Hz
+    else:
+        is_used = times > _RINGS_S
+        times, channels = times[is_used], channels[is_used]
+    if len(times) < 3 or times[0] <= 0:
+        is_used = times > 0
+        times, channels = times[is_used], channels[is_used]
+    if len(times) < 3:
+        return None
+    rotation = (channels / signals.sigma_mm) @ gain / (gain @ gain)
+    ends = np.geomspace(times[0], times[-1] * (1 + 1e-9), _MOST_BINS + 1)
+    merged = [ends[0]]
+    for end in ends[1:]:
+        if end - merged[-1] >= shortest and np.sum((times >= merged[-1]) & (times < end)) >= _FEWEST_FRAMES:
+            merged.append(end)
+    merged[-1] = ends[-1]
+    place = np.clip(np.searchsorted(merged, times, side="right") - 1, 0, len(merged) - 2)
+    count = np.bincount(place, minlength=len(merged) - 1)
+    if len(count) < 3:
+        return None
+    mean_time = np.exp(np.bincount(place, np.log(times)) / count)
+    mean = np.bincount(place, rotation) / count
+    white = 1 / np.sqrt(gain @ gain)
+    scatter = np.sqrt(np.bincount(place, (rotation - mean[place]) ** 2) / np.maximum(count - 1, 1))
+    # Neighbouring frames share the rest of the vibration; a quarter of the frames count as independent.
+    sigma = np.hypot(
+        white / np.sqrt(count), 0.5 * np.minimum(scatter, np.ptp(mean)) / np.sqrt(np.maximum(count / 4, 1))
+    )
+    return mean_time, mean, np.asarray(sigma)

@@ -1,0 +1,89 @@
+"""Frequency and loss of recorded ring-downs: gaps, drift, higher modes, large amplitudes, hanging weights."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eimi_fitting.time.channels import TooFewFrames, signals_of
+from eimi_fitting.time.decay import Decay, NoVibration, decay_of
+from eimi_fitting.time.measured import Motion
+
+LENGTH_MM = 60.0
+
+
+def recorded(
+    frequency_Hz: float = 5.48,
+    loss: float = 0.1,
+    seconds: float = 6.0,
+    rate_Hz: float = 60.0,
+    amplitude_mm: float = 2.5,
+    sigma_mm: float = 0.01,
+    begins_s: float = 0.0,
+    drift_mm_s: float = 0.0,
+    hidden: float = 0.0,
+    row_s: float = 0.0,
+    rising_loss: float = 0.0,
+    seed: int = 0,
+) -> Motion:
+    """Return a motion of ten points in the first shape of a cantilever, released at ``begins_s``."""
+    rng, points = np.random.default_rng(seed), 10
+    x = np.linspace(6, LENGTH_MM, points)
+    omega = 2 * np.pi * frequency_Hz
+    frames = np.arange(int(seconds * rate_Hz)) / rate_Hz
+    time = frames[:, None] + row_s * np.linspace(0, 1, points)
+    since = np.maximum(time - begins_s, 0.0)
+    delta = 0.5 * omega * (loss + rising_loss * np.minimum(since, 2.0))
+    y = amplitude_mm * np.exp(-delta * since) * np.cos(omega * since) * (x / LENGTH_MM) ** 2
+    y = y + drift_mm_s * time
+    places = np.stack([x - 0.5 * y**2 / LENGTH_MM, y], axis=-1) + sigma_mm * rng.standard_normal((*y.shape, 2))
+    places[rng.random(y.shape) < hidden] = np.nan
+    return Motion("ring_down", places, np.column_stack([x, 0 * x]), time, np.full(y.shape, sigma_mm), label="recording")
+
+
+def decay(motion: Motion, hangs: bool = False) -> Decay:
+    return decay_of(signals_of(motion), "recording", LENGTH_MM, is_stepped=False, hangs=hangs)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {},
+        {"hidden": 0.15},
+        {"drift_mm_s": 0.1},
+        {"begins_s": 1.0, "amplitude_mm": 6.0},
+        {"row_s": 0.012},
+        {"loss": 0.02, "seconds": 12.0},
+    ],
+)
+def test_frequency_and_loss_are_found_within_their_uncertainty(change: dict[str, float]) -> None:
+    found = decay(recorded(**change)).modes[0]
+    sigma = np.sqrt(np.diag(found.covariance))
+    assert abs(np.log(found.frequency_Hz / 5.48)) < max(4 * sigma[0], 5e-4)
+    assert abs(found.loss - change.get("loss", 0.1)) < max(4 * sigma[1], 0.01 * found.loss)
+    assert sigma[0] < 1e-3
+    assert sigma[1] < 0.02 * found.loss
+
+
+def test_amplitudes_above_five_per_cent_of_the_length_are_left_out_and_reported() -> None:
+    found = decay(recorded(amplitude_mm=9.0))
+    assert found.amplitude_mm < 0.055 * LENGTH_MM
+    assert "above 5% of the length" in found.doubts[0]
+
+
+def test_a_hanging_weight_that_swings_leaves_only_the_first_windows() -> None:
+    found = decay(recorded(rising_loss=0.02, loss=0.04), hangs=True)
+    used = [window for window in found.windows if window.is_used]
+    assert 0 < len(used) < len(found.windows)
+    assert any("hanging weight swings like a pendulum" in words for words in found.doubts)
+    assert found.modes[0].loss < 0.1
+
+
+def test_noise_alone_is_no_vibration() -> None:
+    with pytest.raises(NoVibration):
+        decay(recorded(amplitude_mm=0.0))
+
+
+def test_a_recording_of_few_frames_is_refused() -> None:
+    with pytest.raises(TooFewFrames, match="at least 8 are needed"):
+        decay(recorded(seconds=0.1))
