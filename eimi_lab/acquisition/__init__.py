@@ -5,11 +5,14 @@ stepping          one state after another
 coil              ramps, and a measured current that agrees with the set-point
 settling          decide from consecutive frames whether the beam is at rest
 capture           the frames of one state and their flags
-transients        frames that are kept while the beam settles or rings
+transients        frames that are kept while the beam settles or creeps
+ring_downs        steps of the current to zero, of which every frame is recorded
 conditioning      load cycles before the run, and the change of the beam that they cause
 pausing           wait for a person
 polarity          swap the leads of a coil whose supply cannot reverse its current
 resuming          continue a run that ended early
+supply_trial      try a driver on a real supply without a coil
+trial_form        the form that reports such a trial
 supply_lock       one run at a time for each supply
 open_coil         open the supply and the sensors that a rig names
 coil_calibration  measure the field of the coil against its current

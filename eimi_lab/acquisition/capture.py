@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from eimi_drivers.interfaces import Camera, Clock, Frame, SensorReading
-from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S
+from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S, ignore_frame
 from eimi_lab.vision.check import Flag
 from eimi_lab.vision.frame_checks import frame_flags
 from eimi_lab.vision.settling_statistic import Noise
@@ -31,6 +31,7 @@ def capture(
     sense: Callable[[], Mapping[str, SensorReading]],
     noise: Noise,
     stop_if_asked: Callable[[], None],
+    see: Callable[[Frame, float], None] = ignore_frame,
 ) -> Capture:
     """Take `count` frames that are exposed after this call.
 
@@ -50,6 +51,8 @@ def capture(
         Noise of the camera, for the flags.
     stop_if_asked : callable
         Called before each frame; it may raise.
+    see : callable
+        Receives every frame and its time on the clock (s).
 
     Returns
     -------
@@ -62,6 +65,7 @@ def capture(
         stop_if_asked()
         frames.append(camera.grab(GRAB_TIMEOUT_S))
         times.append(clock.now())
+        see(frames[-1], times[-1])
         currents.append(measured_A())
         sensed.append(sense())
     return Capture(tuple(frames), tuple(currents), tuple(times), tuple(sensed), frame_flags(frames, noise))

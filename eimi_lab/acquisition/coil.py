@@ -7,6 +7,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 
 from eimi_drivers.interfaces import (
     Clock,
@@ -21,6 +22,7 @@ from eimi_drivers.interfaces import (
 from eimi_drivers.supplies.off import off_limit_A, switch_off
 from eimi_lab.acquisition.interlocks import BeyondInterlock, Interlocks, readings_of
 from eimi_lab.config.protocol import Ramp
+from eimi_lab.dataset.steps import SetPoint
 
 REACHED_WITHIN_S = 3.0
 """Longest time until the measured current reaches its set-point: supplies measure a few times a second."""
@@ -34,6 +36,9 @@ WATCH_EVERY_S = 1.5
 
 FOLLOWS_WITHIN_S = 1.5
 """The measured current lags behind a ramp by less than this time."""
+
+EXCHANGES_REMEMBERED = 3
+"""A step of the ramp down is expected to take as long as the longest of this many exchanges before it."""
 
 MEASURED_AGAIN_AFTER_S = 0.2
 """A wrong current is measured again after this time; only a second wrong value ends the run."""
@@ -79,6 +84,8 @@ class Coil:
     ----------
     asked_A : float
         Present set-point, A.
+    simulated : bool
+        See the parameter.
     changed_s : float
         Time at which the set-point last changed, s on the clock.
     leads_swapped : bool
@@ -105,7 +112,7 @@ class Coil:
         sense: Callable[[], Mapping[str, float]] = no_sensors,
     ) -> None:
         self.supply = supply
-        self._simulated = simulated
+        self.simulated = simulated
         self._interlocks = interlocks or Interlocks()
         self._sense = sense
         self._clock = clock
@@ -115,7 +122,10 @@ class Coil:
         self.leads_swapped = self.out_of_control = False
         self.unreachable = ""
         self._recent: deque[tuple[float, float]] = deque([(self.changed_s, asked_A)])
+        self._ends_since_s: float | None = None
+        self._took_s = deque([0.0], maxlen=EXCHANGES_REMEMBERED)
         self._stepping = threading.Lock()
+        self._set_points: list[SetPoint] = []
 
     def switch_off(self) -> Off | None:
         """Switch the supply off and measure the current, see `eimi_drivers.supplies.off.switch_off`."""
@@ -124,11 +134,20 @@ class Coil:
         self._interlocks.restart()
         return switch_off(self.supply, self._clock)
 
-    def watch(self) -> None:
+    def count_the_end(self, ago_s: float = 0.0) -> None:
+        """Count the time of the ramp down from now, or from `ago_s` (s) ago. Only the first call has an effect.
+
+        The handler of a signal calls this: an exchange that is under way then takes its time from the ramp.
+        """
+        if self._ends_since_s is None:
+            self._ends_since_s = self._clock.now() - ago_s
+
+    def watch(self, stop_if_asked: Callable[[], None] = never, early_s: float = 0.0) -> None:
         """Measure the current and check the supply for faults, at most once in `WATCH_EVERY_S`.
 
         The run calls this between its operations: during ramps, while the beam settles, and in a pause. The call
-        returns at once while another thread sets a current, because two exchanges on one line would mix.
+        returns at once while another thread sets a current, because two exchanges on one line would mix. Another thread
+        that calls it with ``early_s`` (s), by which the interval is shorter, leaves no measurement to the run.
 
         Raises
         ------
@@ -138,17 +157,17 @@ class Coil:
         BeyondInterlock
             If a reading is outside the bounds of its interlock in two measurements in a row, or did not come.
         """
-        measured = bool(self._interlocks) or not self._simulated
+        measured = bool(self._interlocks) or not self.simulated
         every_s = WATCH_EVERY_S
         if not measured:
             every_s = SIMULATED_CHECK_EVERY_S if self.asked_A else SIMULATED_CHECK_AT_ZERO_EVERY_S
-        if self._clock.now() - self._watched_s > every_s and self._stepping.acquire(blocking=False):
+        if self._clock.now() - self._watched_s > every_s - early_s and self._stepping.acquire(blocking=False):
             try:
                 self._watched_s = self._clock.now()
                 self.check()
                 if measured:
-                    with self._reaching():
-                        self._compare(self.supply.measure())
+                    stop_if_asked()
+                    self._compare(self._measure())
             finally:
                 self._stepping.release()
         with self._without_ramp():
@@ -158,7 +177,7 @@ class Coil:
         readings = self._readings(reading)
         if not (self._is_right(reading.current_A) and self._interlocks.hold(readings)):
             self._clock.sleep(MEASURED_AGAIN_AFTER_S)
-            reading = self.supply.measure()
+            reading = self._measure()
             readings = self._readings(reading)
             if not self._is_right(reading.current_A):
                 self.out_of_control = True
@@ -177,9 +196,11 @@ class Coil:
 
     @contextmanager
     def _reaching(self) -> Iterator[None]:
-        """Note that the supply does not answer, or not as it should: no time is lost with a ramp then."""
+        """Time an exchange. Note a supply that does not answer as it should: no time is lost with a ramp then."""
+        began_s = self._clock.now()
         try:
             yield
+            self._took_s.append(self._clock.now() - began_s)
         except (InstrumentTimeout, InstrumentDisconnected, ReplyNotUnderstood) as error:
             self.unreachable = str(error)
             raise
@@ -208,11 +229,19 @@ class Coil:
         return within_set_points and abs(current_A) <= self.supply.limits.current_A + margin_A
 
     def _set(self, current_A: float) -> None:
-        self.asked_A = current_A
-        self._recent.append((self._clock.now(), current_A))
+        self.asked_A, sent_s = current_A, self._clock.now()
+        self._recent.append((sent_s, current_A))
         with self._reaching():
             self.supply.set_current(self._swapped(current_A))
         self.changed_s = self._clock.now()
+        self._set_points.append(
+            SetPoint(0.5 * (sent_s + self.changed_s), current_A, (self.changed_s - sent_s) / math.sqrt(12.0))
+        )
+
+    def new_set_points(self) -> list[SetPoint]:
+        """Return the set-points since the last call, with times on the clock."""
+        new, self._set_points = self._set_points, []
+        return new
 
     def ramp_to(self, current_A: float, stop_if_asked: Callable[[], None] = never) -> None:
         """Ramp to a current. Raises the errors of `PowerSupply.set_current`."""
@@ -228,17 +257,22 @@ class Coil:
     def ramp_down(self, stop_if_asked: Callable[[], None] = never) -> None:
         """Ramp to zero within `ramp.down_within_s`; if the supply is slow, the steps are larger than in the protocol.
 
-        There is no ramp if `out_of_control` or `unreachable` is set. Raises the errors of `PowerSupply.set_current`.
+        The time counts from `count_the_end`, if that was called. The ramp ends early if the next step would probably
+        exceed the time, because switching off sends zero without waiting for an answer. There is no ramp if
+        `out_of_control` or `unreachable` is set. Raises the errors of `PowerSupply.set_current`.
         """
         if self.out_of_control or self.unreachable:
             return
-        start = self.asked_A
-        seconds = min(abs(start) / self._rule.rate_A_per_s, self._rule.down_within_s)
+        start, began = self.asked_A, self._clock.now()
+        within_s = self._rule.down_within_s - (0.0 if self._ends_since_s is None else began - self._ends_since_s)
+        seconds = min(abs(start) / self._rule.rate_A_per_s, within_s)
         pause = seconds / max(1, math.ceil(round(abs(start) / self._rule.step_A, 6)))
-        began = self._clock.now()
         while self.asked_A and (elapsed := self._clock.now() - began) < seconds:
             stop_if_asked()
-            self._set(round(start * max(0.0, 1 - (elapsed + pause) / seconds), 6))
+            step_s = max(pause, *self._took_s)
+            if step_s > pause and elapsed + step_s > seconds:
+                return
+            self._set(round(start * max(0.0, 1 - (elapsed + step_s) / seconds), 6))
             self._pause(began + elapsed + pause - self._clock.now(), stop_if_asked)
 
     def _pause(self, seconds: float, stop_if_asked: Callable[[], None]) -> None:
@@ -248,14 +282,29 @@ class Coil:
             stop_if_asked()
         self._clock.sleep(max(0.0, remaining_s))
 
-    def step_to(self, current_A: float) -> None:
-        """Set a current in one step, without a ramp.
+    def step_to(self, current_A: float) -> SetPoint:
+        """Set a current in one step, without a ramp, and measure until it is reached.
 
-        Another thread may call this. Raises the errors of `PowerSupply.set_current`.
+        Another thread may call this.
+
+        Returns
+        -------
+        SetPoint
+            The step. Its uncertainty includes the time in which the current of the coil followed: it was at the
+            set-point when the first measurement agreed with it.
+
+        Raises
+        ------
+        InstrumentError
+            If the current is not reached within `REACHED_WITHIN_S`, and the errors of `PowerSupply.set_current`.
         """
         with self._stepping:
             self._set(current_A)
-            self._watched_s = self.changed_s
+            step = self._set_points[-1]
+            self.wait_until_reached()
+            self._watched_s = self._clock.now()
+            followed_s = (self._watched_s - self.changed_s) / math.sqrt(12.0)
+            return replace(step, uncertainty_s=math.hypot(step.uncertainty_s, followed_s))
 
     def wait_until_reached(self, stop_if_asked: Callable[[], None] = never) -> None:
         """Wait until the measured current is at the set-point.
@@ -279,9 +328,12 @@ class Coil:
             raise self._off_target(measured)
         return measured
 
-    def _measure_A(self) -> float:
+    def _measure(self) -> Reading:
         with self._reaching():
-            return self._swapped(self.supply.measure().current_A)
+            return self.supply.measure()
+
+    def _measure_A(self) -> float:
+        return self._swapped(self._measure().current_A)
 
     def _off_target(self, measured: float) -> InstrumentError:
         return InstrumentError(

@@ -194,7 +194,7 @@ def with_measured_coil(calibration: Calibration, measured: CoilCalibration, toda
             f"{line.probe}: measured {line.mT_per_A:.4g} mT/A, but a positive current should give a positive field: "
             "turn the probe round and set at_magnet = -1 in its table, or swap the leads of the coil"
         )
-    angle = np.radians(calibration.field_angle_deg)
+    angle = np.radians(calibration.positive_field_deg)
     axis = np.array([np.cos(angle), np.sin(angle)])
     background = np.array(calibration.background_field_mT or (0.0, 0.0))
     background += (line.offset_mT - background @ axis) * axis

@@ -131,7 +131,7 @@ def dry_run(
     supply = supply_driver(language)(wire, Limits(limits.current_A, limits.voltage_V, rig.supply.off_below_A), clock)
 
     currents = protocol.currents_A
-    constant = rig.calibration.coil_constant_mT_per_A
+    constant = rig.calibration.mT_per_A
     say(f"{protocol.name} on {specimen.specimen.name} with rig {rig.name}: {len(currents)} states")
     say(f"limits: {limits.current_A:g} A, {limits.voltage_V:g} V; ramps of {protocol.ramp.rate_A_per_s:g} A/s")
     if rig.coil:
@@ -152,10 +152,16 @@ def dry_run(
         tell_state(f"state {index}: {current:g} A, {current * constant:.4g} mT, {protocol.frames_per_state} frames")
     if protocol.transients.frames_per_state:
         say(f"transients: at most {protocol.transients.frames_per_state} frames of each state while the beam settles")
-    if protocol.release:
-        say(f"release: to zero in one step, recorded for {protocol.release.seconds:g} s")
+    if rule := protocol.ring_down:
+        times = f", {rule.repeats} times" if rule.repeats > 1 else ""
+        rate = f" at {rule.rate_Hz:g} Hz" if rule.rate_Hz else ""
+        say(
+            f"ring-down: from {protocol.ring_down_from_A:g} A to zero in one step, recorded for {rule.seconds:g} s"
+            f"{rate}{times}"
+        )
     if not rig.virtual:
-        say(protection_in_words(without_contact(supply_driver(driver))))
+        readings = tuple(interlock.reading for interlock in rig.interlocks)
+        say(protection_in_words(without_contact(supply_driver(driver)), readings))
     if shows_messages:
         because = ", because the virtual supply exchanges no messages" if rig.simulated else ""
         detail(f"messages to the supply, in the language of {language}{because}:")

@@ -10,6 +10,7 @@ from eimi_lab.acquisition.events import (
     EmulatedSupplyGone,
     Event,
     Fault,
+    FramesLost,
     GuardianTookOver,
     InterlockOpened,
     OffConfirmed,
@@ -20,6 +21,7 @@ from eimi_lab.acquisition.events import (
     Paused,
     PauseRequested,
     Resumed,
+    RingDownStored,
     RunBegun,
     RunEnded,
     RunKilled,
@@ -45,7 +47,7 @@ _TAKEOVER: dict[Takeover, str] = {
 }
 
 
-_REMARKS = (ConditioningDone, PauseRequested, Paused, Resumed, SuspendRefused, PageGone, Warned)
+_REMARKS = (ConditioningDone, PauseRequested, Paused, Resumed, SuspendRefused, PageGone, Warned, FramesLost)
 
 
 def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = tell) -> OnEvent:
@@ -64,21 +66,28 @@ def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = t
         elif isinstance(event, OffConfirmed) and doubted:
             doubted = False
             remark(in_words(event))
-        elif isinstance(event, StateStored | StateStoredBefore):
+        elif isinstance(event, StateStored | StateStoredBefore | RingDownStored):
             report(in_words(event))
         elif isinstance(event, RunBegun) and event.guardian:
-            remark(protection_in_words(event.without_contact))
+            remark(protection_in_words(event.without_contact, event.interlocks))
         elif isinstance(event, _REMARKS) or _left_unfinished(event):
             remark(in_words(event))
 
     return listen
 
 
-def protection_in_words(without_contact: str) -> str:
-    """Say what protects the coil where no process of this program can. without_contact: the words of the driver."""
+def protection_in_words(without_contact: str, interlocks: tuple[str, ...] = ()) -> str:
+    """Say what protects the coil where the run cannot.
+
+    without_contact: the words of the driver. interlocks: the readings with interlocks.
+    """
+    checked = (
+        f"the run alone checks the interlocks ({', '.join(interlocks)}); if it stands still for {STILL_FOR_S:g} s or "
+        "ends, its guardian switches the coil off; "
+    )
     return (
-        "if the cable or the computer fails, or this program and its guardian are killed together: "
-        f"{without_contact}; see docs/why/safety.md"
+        f"{checked if interlocks else ''}if the cable or the computer fails, or this program and its guardian are "
+        f"killed together: {without_contact}; see docs/why/safety.md"
     )
 
 
@@ -96,6 +105,15 @@ def in_words(event: Event) -> str:
 def _(event: RunBegun) -> str:
     how = "continues" if event.resumes else "begins"
     return f"the run {how}: {event.protocol} on {event.specimen} with rig {event.rig}, {event.states} states"
+
+
+@in_words.register
+def _(event: RingDownStored) -> str:
+    flags = f", {', '.join(event.flags)}" if event.flags else ""
+    return (
+        f"ring-down {event.ring_down + 1} of {event.ring_downs} from {event.from_A:g} A: {event.frames} frames at "
+        f"{event.rate_Hz:.4g} Hz, {event.lost} lost{flags}"
+    )
 
 
 @in_words.register
@@ -179,6 +197,14 @@ def _(event: PageGone) -> str:
 @in_words.register
 def _(event: Warned) -> str:
     return f"warning: {event.message}"
+
+
+@in_words.register
+def _(event: FramesLost) -> str:
+    reasons = ", ".join(f"{count} with {reason}" for reason, count in event.reasons.items())
+    during = "" if event.state is None else f" during state {event.state + 1}"
+    frames = "1 frame was lost" if event.frames == 1 else f"{event.frames} frames were lost"
+    return f"{frames}{during} ({reasons}); none of them is stored"
 
 
 @in_words.register

@@ -42,7 +42,7 @@ class RunBegun(Event):
 
     without_contact: state of the coil after its cable is pulled, in the words of the driver; empty if the coil is
     simulated. hottest_share: largest predicted heat of the coil, as a fraction of the allowed heat; null if the rig
-    states no rating.
+    states no rating. interlocks: the readings with interlocks, which the run checks and its guardian does not.
     """
 
     event: ClassVar[str] = "run_begun"
@@ -56,6 +56,7 @@ class RunBegun(Event):
     guardian: bool
     without_contact: str
     hottest_share: float | None
+    interlocks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +110,26 @@ class StateStored(Event):
     state: int
     current_A: float
     waited_s: float
+    flags: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RingDownStored(Event):
+    """A ring-down was written to the dataset on the disk.
+
+    ring_down: its number, from 0, out of `ring_downs`. from_A: current before the step to zero. frames: number of
+    frames. lost: number of frames that the camera counted and that did not arrive. rate_Hz: frames per second.
+    step_uncertainty_s: standard uncertainty of the moment of the step. flags: names of the defects.
+    """
+
+    event: ClassVar[str] = "ring_down_stored"
+    ring_down: int
+    ring_downs: int
+    from_A: float
+    frames: int
+    lost: int
+    rate_Hz: float
+    step_uncertainty_s: float
     flags: tuple[str, ...]
 
 
@@ -178,6 +199,20 @@ class Warned(Event):
 
     event: ClassVar[str] = "warned"
     message: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class FramesLost(Event):
+    """Frames did not arrive completely, and none of them is stored. The run continues.
+
+    state: the state during which they were exposed; null before, between and after the states. frames: their number.
+    reasons: their number by the reason that the camera's driver states.
+    """
+
+    event: ClassVar[str] = "frames_lost"
+    state: int | None
+    frames: int
+    reasons: dict[str, int]
 
 
 @dataclass(frozen=True, kw_only=True)

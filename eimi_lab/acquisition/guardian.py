@@ -180,10 +180,14 @@ class Guardian:
                 f"{place}: the guardian process ended (status {self._process.returncode}); the run ends, because it "
                 "needs a guardian"
             )
-        if time.monotonic() - self._heard_s > SILENT_FOR_S:
+        if self.silent_s() > SILENT_FOR_S:
             raise InstrumentError(
                 f"{place}: the guardian process does not answer any more; the run ends, because it needs a guardian"
             )
+
+    def silent_s(self) -> float:
+        """Return the time (s) since the last report of the guardian."""
+        return time.monotonic() - self._heard_s
 
     def disarm(self) -> None:
         """Disarm the guardian, after the coil was confirmed off. A guardian that is gone raises no error."""

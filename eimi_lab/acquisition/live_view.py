@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -46,6 +47,7 @@ class WatchedCamera:
         self._first: Frame | None = None
         self._state: int | None = None
         self._current_A: float | None = None
+        self._reported_lost: Counter[str] = Counter()
 
     def at(self, state: int, current_A: float) -> None:
         """Set the state and current (A) to which the next frames belong."""
@@ -66,6 +68,12 @@ class WatchedCamera:
         self._first = self._first or frame
         self._show(Live(frame, self._state, self._current_A))
         return frame
+
+    def newly_lost(self) -> Counter[str]:
+        """Return the frames that were lost since the last call, by the reason; none if the camera does not count."""
+        lost = Counter(getattr(self.watched, "lost_frames", {}))
+        new, self._reported_lost = lost - self._reported_lost, lost
+        return new
 
     def close(self) -> None:
         """See `Camera.close`."""

@@ -56,6 +56,7 @@ def open_bench(
     *,
     on_event: OnEvent | None = None,
     guardian_events: int | None = None,
+    rate_Hz: float | None = None,
 ) -> Iterator[Bench]:
     """Open the instruments of a rig, and close them at the end of the context.
 
@@ -75,12 +76,15 @@ def open_bench(
         Receives a warning if the camera cannot be closed. By default the warning is printed.
     guardian_events : int or None
         File descriptor to which the guardian writes its events as lines of JSON; it also prints them on standard error.
+    rate_Hz : float or None
+        Frame rate of the camera, if the rig states none.
 
     Raises
     ------
     InstrumentError
         If an instrument cannot be opened, or if another run uses the supply.
     """
+    rig = rig.model_copy(update={"camera": rig.camera.at_rate(rate_Hz)})
     limited = rig.model_copy(
         update={"supply": rig.supply.model_copy(update={"limits": rig.supply.limits.stricter(limits)})}
     )
@@ -90,7 +94,15 @@ def open_bench(
         supply, camera, clock, truth = open_virtual_rig(limited, specimen)
         with closing(supply), closing(camera):
             emulated = open_virtual_sensors(rig, supply, camera.field_mT, clock)
-            yield Bench(supply, camera, clock, truth, relay=camera.swap_leads, sensors=emulated)
+            yield Bench(
+                supply,
+                camera,
+                clock,
+                truth,
+                camera_settings=camera.settings,
+                relay=camera.swap_leads,
+                sensors=emulated,
+            )
         return
     from eimi_drivers.cameras.timed import TimedCamera
     from eimi_drivers.interfaces import InstrumentDisconnected

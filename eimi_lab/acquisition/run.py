@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -35,16 +35,15 @@ from eimi_lab.acquisition.pausing import Pauses, no_input
 from eimi_lab.acquisition.playback import NOISE_FRAMES
 from eimi_lab.acquisition.polarity import Polarity, cannot_reverse, swaps_leads
 from eimi_lab.acquisition.resuming import UnfinishedRun, refuse_taken, take_up
+from eimi_lab.acquisition.ring_downs import record_ring_downs
 from eimi_lab.acquisition.sensing import Sensing
 from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S
 from eimi_lab.acquisition.stepping import Stepping
 from eimi_lab.acquisition.switching_off import switching_off
-from eimi_lab.acquisition.transients import record_release
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.dataset.layout import Header
-from eimi_lab.dataset.recordings import RELEASE, Moment
 from eimi_lab.dataset.writing import DatasetWriter
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.stopping import Stopped
@@ -95,6 +94,12 @@ def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
             f"protocol {protocol.name}: tip_force_N = {protocol.tip_force_N:g}, but a virtual beam has no weight at "
             "its tip; leave tip_force_N out"
         )
+    rate_Hz = protocol.rate_Hz
+    if rate_Hz and rig.camera.frame_rate_Hz and rig.camera.frame_rate_Hz < rate_Hz:
+        raise InputError(
+            f"protocol {protocol.name}: ring_down.rate_Hz = {rate_Hz:g}, but rig {rig.name} sets "
+            f"camera.frame_rate_Hz = {rig.camera.frame_rate_Hz:g}; raise the one or lower the other"
+        )
     if rig.coil:
         refuse_overheating(protocol, rig.coil)
 
@@ -144,7 +149,8 @@ def acquire(
     Returns
     -------
     Path
-        The path of the dataset: `path`, or a name beside it if `path` was taken away during the run.
+        The path of the dataset: `path`, or that of a copy beside it if `path` was deleted, moved or replaced during the
+        run.
 
     Raises
     ------
@@ -272,6 +278,7 @@ def _run_begun(
         guardian=bench.guardian is not None,
         without_contact="" if rig.simulated else without_contact(bench.supply),
         hottest_share=hottest(protocol, rig.coil).share if rig.coil else None,
+        interlocks=tuple(interlock.reading for interlock in rig.interlocks),
     )
 
 
@@ -301,14 +308,16 @@ def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEve
 def _step_through(
     run: Stepping, first: int, interruption: Interruption, pauses: Pauses, polarity: Polarity, ending: _Ending
 ) -> None:
-    """Switch the output on, carry out conditioning, the states from `first` on and the release, and switch off.
+    """Switch the output on, carry out conditioning, the states from `first` on and the ring-downs, and switch off.
 
     A resumed run leaves out the conditioning, because its first session carried it out.
     """
     protocol, states = run.protocol, len(run.protocol.currents_A)
-    released: list[Moment] = []
     try:
-        with switching_off(run.coil, run.guardian, interruption, run.on_event) as stop_if_asked:
+        with (
+            ExitStack() as unfinished,
+            switching_off(run.coil, run.guardian, interruption, run.on_event) as stop_if_asked,
+        ):
             stop_if_asked()
             run.coil.supply.set_output(True)
             run.on_event(OutputSwitched(on=True))
@@ -322,11 +331,10 @@ def _step_through(
                     pauses.wait(run, state, stop_if_asked)
                 polarity.prepare(run, state, stop_if_asked)
                 run.take(state, pauses.heeded_by(stop_if_asked))
-            if protocol.release:
-                released += record_release(run.camera, run.clock, run.coil, protocol.release.seconds, stop_if_asked)
+            if protocol.ring_down:
+                record_ring_downs(run, protocol.ring_down, unfinished, stop_if_asked)
     except Stopped as stopped:
-        run.store(RELEASE, [states - 1] * len(released), released)
         raise Stopped(stopped.number, left_behind(ending.off, ending.event("stopped"))) from stopped
     finally:
+        run.report_lost_frames(None)
         polarity.remind(run)
-    run.store(RELEASE, [states - 1] * len(released), released)

@@ -19,7 +19,7 @@ from eimi_lab.config.protocol import Settle
 from eimi_lab.vision.check import Flag
 from eimi_lab.vision.flags import CHECK_OF
 from eimi_lab.vision.intensity import mean_grey
-from eimi_lab.vision.settling_statistic import Noise
+from eimi_lab.vision.settling_statistic import Noise, edge_pixels
 
 GRAB_TIMEOUT_S = 5.0
 
@@ -49,12 +49,17 @@ def wait_until_settled(
     noise: Noise,
     stop_if_asked: Callable[[], None],
     see: Callable[[Frame, float], None] = ignore_frame,
+    not_before_s: float = 0.0,
 ) -> Settling:
     """Take frames until the beam is at rest or `rule.timeout_s` has passed. Raises the errors of `Camera.grab`.
 
     The beam is at rest if the difference ratio of consecutive frames was below `noise_ratio` for `pairs` pairs in a
     row, and the ratio of two frames `drift_window_s` apart is below it too. The second condition detects creep. A frame
     that equals the previous frame including its noise is a repetition by the camera and is not counted.
+
+    The band of pixels along the edges takes longer to find than all else. It is found in the first frame of a quiet
+    period and in the frame that ends the wait, and kept in between. A moving beam that has left the band looks quiet,
+    and is found to move as soon as the quiet period begins.
 
     Parameters
     ----------
@@ -70,6 +75,8 @@ def wait_until_settled(
         Called before each frame; it may raise.
     see : callable
         Receives every new frame and its time on the clock (s).
+    not_before_s : float
+        Time on the clock (s) before which the wait does not end.
 
     Returns
     -------
@@ -80,23 +87,34 @@ def wait_until_settled(
     began = clock.now()
     past: deque[tuple[float, NDArray[Any]]] = deque()
     quiet, ratio, drift = 0, float("inf"), float("inf")
-    while clock.now() - began <= rule.timeout_s:
+    band = None
+    while clock.now() <= max(began + rule.timeout_s, not_before_s):
         stop_if_asked()
         frame = camera.grab(GRAB_TIMEOUT_S)
         at, image = clock.now(), mean_grey(frame.image)
         if past:
-            if noise.exceeds_rounding and np.array_equal(past[-1][1], image):
+            previous = past[-1][1]
+            if noise.exceeds_rounding and np.array_equal(previous, image):
                 continue
-            ratio = noise.difference_ratio(past[-1][1], image)
+            band = edge_pixels(image) if band is None else band
+            ratio = noise.difference_ratio(previous, image, band)
+            if ratio <= rule.noise_ratio and not quiet:  # the beam may have left the band
+                band = edge_pixels(image)
+                ratio = noise.difference_ratio(previous, image, band)
             quiet = quiet + 1 if ratio <= rule.noise_ratio else 0
         see(frame, at)
         past.append((at, image))
         while len(past) > 1 and past[1][0] <= at - rule.drift_window_s:
             past.popleft()
-        if quiet >= rule.pairs and past[0][0] <= at - rule.drift_window_s:
-            drift = noise.difference_ratio(past[0][1], image)
-            if drift <= rule.noise_ratio:
-                return Settling(ratio, drift, at - began, ())
+        if quiet >= rule.pairs and past[0][0] <= at - rule.drift_window_s and at >= not_before_s:
+            drift = noise.difference_ratio(past[0][1], image, band)
+            if drift <= rule.noise_ratio:  # decide by the edges of the last frame
+                band = edge_pixels(image)
+                ratio = noise.difference_ratio(previous, image, band)
+                drift = noise.difference_ratio(past[0][1], image, band)
+                if max(ratio, drift) <= rule.noise_ratio:
+                    return Settling(ratio, drift, at - began, ())
+                quiet = quiet if ratio <= rule.noise_ratio else 0
     worst = ratio if not np.isfinite(drift) else max(ratio, drift)
     flag = CHECK_OF["settling_ratio"].flag(worst if np.isfinite(worst) else 0.0, rule.noise_ratio)
     return Settling(ratio, drift, clock.now() - began, (flag,))

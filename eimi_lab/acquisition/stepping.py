@@ -5,21 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from eimi_drivers.interfaces import Clock
+from eimi_drivers.interfaces import Clock, InstrumentError
 from eimi_lab.acquisition.capture import capture
 from eimi_lab.acquisition.coil import Coil
-from eimi_lab.acquisition.events import OnEvent, Settled, StateStored
+from eimi_lab.acquisition.events import FramesLost, OnEvent, Settled, StateStored
 from eimi_lab.acquisition.guardian import Guardian
 from eimi_lab.acquisition.live_view import WatchedCamera
 from eimi_lab.acquisition.sensing import Sensing
-from eimi_lab.acquisition.settling import wait_until_settled
+from eimi_lab.acquisition.settling import ignore_frame, wait_until_settled
 from eimi_lab.acquisition.transients import Transient
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.dataset.recordings import Moment
+from eimi_lab.dataset.steps import SetPoint
 from eimi_lab.dataset.writing import DatasetWriter
+from eimi_lab.vision.check import Flag
+from eimi_lab.vision.flags import judge
 from eimi_lab.vision.settling_statistic import Noise
+
+MISSING = "missing_frames"
+"""The finding of the flag DROPPED that counts missing frames."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,14 +57,38 @@ class Stepping:
             if current_A < 0 or not self.coil.leads_swapped:
                 self.coil.ramp_to(current_A, stop_if_asked)
 
+    def report_lost_frames(self, state: int | None) -> int:
+        """Send an event if the camera lost frames since the last call; return their number."""
+        reasons = self.camera.newly_lost()
+        if reasons:
+            self.on_event(FramesLost(state=state, frames=reasons.total(), reasons=dict(reasons)))
+        return reasons.total()
+
     def take(self, state: int, stop_if_asked: Callable[[], None]) -> None:
         """Take and store the next state. Raises InstrumentError, StorageFailed, Stopped."""
+        self.report_lost_frames(None)
+        try:
+            self._take(state, stop_if_asked)
+        except InstrumentError:
+            self.report_lost_frames(state)
+            raise
+
+    def _take(self, state: int, stop_if_asked: Callable[[], None]) -> None:
         current_A, protocol = self.protocol.currents_A[state], self.protocol
         self.camera.at(state, current_A)
         self.coil.ramp_to(current_A, stop_if_asked)
         self.coil.wait_until_reached(stop_if_asked)
-        transient = Transient(protocol.transients.frames_per_state, protocol.settle.timeout_s, self.coil)
-        settled = wait_until_settled(self.camera, self.clock, protocol.settle, self.noise, stop_if_asked, transient.see)
+        rule = protocol.settle
+        transient = Transient(protocol.transients.frames_per_state, rule.dwell_s or rule.timeout_s, self.coil)
+        settled = wait_until_settled(
+            self.camera,
+            self.clock,
+            rule,
+            self.noise,
+            stop_if_asked,
+            transient.see,
+            self.coil.changed_s + rule.dwell_s if rule.dwell_s else 0.0,
+        )
         self.on_event(Settled(state=state, waited_s=settled.waited_s, at_rest=not settled.flags))
         self.coil.check()
         taken = capture(
@@ -69,12 +99,13 @@ class Stepping:
             self.sensing.read,
             self.noise,
             stop_if_asked,
+            transient.see if protocol.creep else ignore_frame,
         )
-        flags = settled.flags + taken.flags
+        flags = settled.flags + _with_lost_frames(taken.flags, self.report_lost_frames(state))
         self.writer.append_state(
             taken.frames,
             current_A=current_A,
-            field_mT=current_A * self.calibration.coil_constant_mT_per_A,
+            field_mT=current_A * self.calibration.mT_per_A,
             measured_A=taken.measured_A,
             time_s=[at_s - self.began_s for at_s in taken.time_s],
             tip_force_N=self.protocol.tip_force_N,
@@ -84,6 +115,7 @@ class Stepping:
                 {name: replace(reading, time_s=reading.time_s - self.began_s) for name, reading in readings.items()}
                 for readings in taken.sensed
             ],
+            set_points=self.new_set_points(),
         )
         names = tuple(flag.name for flag in flags)
         self.on_event(StateStored(state=state, current_A=current_A, waited_s=settled.waited_s, flags=names))
@@ -93,5 +125,17 @@ class Stepping:
         if moments:
             self.writer.append_recording(recording, belongs_to, self._on_the_run(moments))
 
+    def new_set_points(self) -> list[SetPoint]:
+        """Return the set-points since the last call, on the clock of the run."""
+        return [replace(point, time_s=point.time_s - self.began_s) for point in self.coil.new_set_points()]
+
     def _on_the_run(self, moments: Sequence[Moment]) -> list[Moment]:
         return [replace(moment, time_s=moment.time_s - self.began_s) for moment in moments]
+
+
+def _with_lost_frames(flags: tuple[Flag, ...], lost: int) -> tuple[Flag, ...]:
+    """Return the flags with the frames that the camera lost in the whole state, while the beam settled and after."""
+    if not lost:
+        return flags
+    (dropped,) = judge({MISSING: lost})
+    return (*(flag for flag in flags if flag.name != dropped.name), dropped)

@@ -51,11 +51,12 @@ class _SignalsHeeded:
         self._fault: InstrumentError | None = None
 
     def note(self, number: int, frame: FrameType | None) -> None:
-        """Handle a signal: store its number and do nothing else."""
+        """Handle a signal: store its number and its time, and do nothing else."""
         if number == SUSPEND:
             self._suspended = True
         else:
             self._noted.append(number)
+            self._coil.count_the_end()
 
     def move_on(self) -> None:
         """Report to the guardian that the run is alive, and refuse Ctrl-Z."""
@@ -70,14 +71,21 @@ class _SignalsHeeded:
         self.move_on()
         self._refuse_a_gap()
         raise_if_asked()
-        if self._noted:
-            self._report_the_stop()
-            raise Stopped(self._noted[0])
+        self._raise_if_noted()
         if self._fault:
             raise self._fault
         if self._guardian:
-            self._guardian.check()
-        self._coil.watch()
+            try:
+                self._guardian.check()
+            except InstrumentError:
+                self._coil.count_the_end(ago_s=self._guardian.silent_s())
+                raise
+        self._coil.watch(self._raise_if_noted)
+
+    def _raise_if_noted(self) -> None:
+        if self._noted:
+            self._report_the_stop()
+            raise Stopped(self._noted[0])
 
     def _refuse_a_gap(self) -> None:
         """Raise StoodStill, and leave out the ramp down, if the computer slept or the process was stopped.

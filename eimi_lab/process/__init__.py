@@ -12,6 +12,7 @@ scope        a systemd scope of its own for a process
 console      lines typed on the terminal, and its closing
 detached     processes that outlive their terminal, and their priority
 pipes        pipes between processes
+paths        long paths on Windows, and symbolic links
 writer_lock  one writer at a time for each file
 log          the log for a maintainer, off by default
 limits       limits of memory and processor time

@@ -9,12 +9,13 @@ import sys
 import time
 from collections.abc import Callable
 
+_CLOSING = (2, 5, 6)
+"""CTRL_CLOSE_EVENT, CTRL_LOGOFF_EVENT and CTRL_SHUTDOWN_EVENT (Microsoft, consoleapi.h, HandlerRoutine)."""
+HELD_S = 60.0
+"""Time for which a handler waits after it acted; Windows ends the process earlier: 5 s after a console was closed."""
+
 if sys.platform == "win32":
     import msvcrt
-
-    _CLOSING = (2, 5, 6)
-    """CTRL_CLOSE_EVENT, CTRL_LOGOFF_EVENT and CTRL_SHUTDOWN_EVENT (Microsoft, consoleapi.h, HandlerRoutine)."""
-    _HELD_S = 60.0  # Windows ends the process earlier: 5 s after the closing of a console
 
     _handlers: list[object] = []  # ctypes does not keep them
     _unfinished: list[str] = []
@@ -51,6 +52,29 @@ def typed_line() -> str | None:
         return None
 
 
+def handled(event: int, act: Callable[[], None]) -> int:
+    """Handle a control event of a Windows console.
+
+    Parameters
+    ----------
+    event
+        The event: 0 is Ctrl-C and 1 is Ctrl-Break; 2, 5 and 6 are the closing of the console, a log-off and a shutdown.
+    act
+        Called if the event ends the process.
+
+    Returns
+    -------
+    int
+        1 after ``act`` and a wait of `HELD_S`, because Windows ends the process as soon as the handler returns. 0 for
+        Ctrl-C and Ctrl-Break, which Python's own handler turns into signals.
+    """
+    if event not in _CLOSING:
+        return 0
+    act()
+    time.sleep(HELD_S)
+    return 1
+
+
 def when_closed(act: Callable[[], None]) -> None:
     """Call a function when Windows closes the console, logs the user off or shuts the computer down.
 
@@ -61,11 +85,7 @@ def when_closed(act: Callable[[], None]) -> None:
 
         @ctypes.WINFUNCTYPE(ctypes.c_int, ctypes.c_ulong)
         def handle(event: int) -> int:
-            if event not in _CLOSING:
-                return 0
-            act()
-            time.sleep(_HELD_S)  # the process is ended as soon as this returns
-            return 1
+            return handled(event, act)
 
         _handlers.append(handle)
         ctypes.windll.kernel32.SetConsoleCtrlHandler(handle, 1)

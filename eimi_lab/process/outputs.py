@@ -14,8 +14,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.paths import followed
 from eimi_lab.process.replacing import remove, replace
-from eimi_lab.process.writer_lock import followed, only_writer
+from eimi_lab.process.writer_lock import only_writer
 
 
 def refuse_existing(path: Path, force: bool) -> None:

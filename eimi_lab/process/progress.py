@@ -86,6 +86,7 @@ def progress(title: str, total: int) -> Iterator[Report]:
         done, remaining = len(ends), total - len(ends)
         step_s = (ends[-1] - ends[0]) / (done - 1) if done > 1 else 0.0
         estimate = f", about {step_s * remaining:.0f} s left" if done > 1 and remaining else ""
-        print(f"{title} {done}/{total}: {words}{estimate}", file=sys.stderr, flush=True)
+        sys.stderr.write(f"{title} {done}/{total}: {words}{estimate}\n")  # `print` writes the line break separately
+        sys.stderr.flush()
 
     yield Report(line)

@@ -93,11 +93,24 @@ class NeverBlocking(io.TextIOBase):
     def _send(self) -> None:
         try:
             while self._waiting and select.select([], [self._descriptor], [], 0)[1]:
-                del self._waiting[: os.write(self._descriptor, self._waiting[:AT_ONCE_BYTES])]
+                self._send_a_piece()
         except BlockingIOError:
             return
         except OSError:  # the reader has closed its end
             self._waiting.clear()
+
+    def _send_a_piece(self) -> None:
+        """Write what can be written at once and drop it from the waiting text, even if a signal raises meanwhile.
+
+        The handler of a signal can raise after each call. `extend` writes and stores the number of the written bytes in
+        one call, and `finally` drops them without a call, so that no byte is written twice.
+        """
+        written_bytes: list[int] = []
+        try:
+            written_bytes.extend(map(os.write, (self._descriptor,), (self._waiting[:AT_ONCE_BYTES],)))
+        finally:
+            if written_bytes:
+                del self._waiting[: written_bytes[0]]
 
 
 class WrittenByThread(NeverBlocking):

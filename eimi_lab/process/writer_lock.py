@@ -22,17 +22,10 @@ from pathlib import Path
 from filelock import lock_descriptor, unlock_descriptor
 
 from eimi_lab.process.errors import InputError, tell
+from eimi_lab.process.paths import followed
 
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 """Flags of open(2): fail for a symbolic link, and do not wait for the other end of a pipe."""
-
-
-def followed(path: Path) -> Path:
-    """Return the path with all symbolic links resolved; the file need not exist. Raises InputError."""
-    try:
-        return path.resolve()
-    except (OSError, RuntimeError) as error:  # before Python 3.13, a loop of links raises RuntimeError
-        raise InputError(f"{path}: is a symbolic link that cannot be followed ({error})") from error
 
 
 @dataclass

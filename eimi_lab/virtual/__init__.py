@@ -3,7 +3,10 @@
 Its parameters are in the table [virtual] of the rig.
 
 virtual_rig      the supply and the camera of the simulated bench
+served_bench     the simulated bench over real protocols, for other programs
+client_rig       the rig file for a program that measures on the served bench
 virtual_sensors  the gaussmeter and the thermometers of the simulated bench
+swing            how the virtual beam moves between its equilibria
 beam             the finite-element shape of the virtual specimen in the field of the coil
 optics           the image of the beam in front of a back-light
 raster           the fraction of each pixel that a polygon covers

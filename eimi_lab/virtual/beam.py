@@ -26,8 +26,13 @@ from eimi_lab.config.materials import TrueMaterial
 
 Array = NDArray[np.float64]
 
-_SAME_FIELD_MT = 5e-5  # a change of field by less moves the tip by less than a thousandth of a pixel
+SAME_FIELD_MT = 5e-5  # a change of field by less moves the tip by less than a thousandth of a pixel
 _FIELDS = 17  # candidates for the fields in which the solid is solved
+_MESH_OF_INERTIA = (
+    16,
+    2,
+    1,
+)  # as `Virtual.mesh`; a finer one changes the frequency by less than Rayleigh's quotient errs
 _BACKWARD = 0.05  # the positive solution also serves for negative fields up to this fraction of the strongest one
 
 
@@ -94,7 +99,21 @@ class VirtualBeam:
 
     def moves(self, field_mT: float) -> bool:
         """Return whether the shape in this field differs visibly from the last one that was computed."""
-        return self._field_mT is None or abs(field_mT - self._field_mT) > _SAME_FIELD_MT
+        return self._field_mT is None or abs(field_mT - self._field_mT) > SAME_FIELD_MT
+
+    def middle_under_tip_force_mm(self, force_N: float) -> Array:
+        """Return the centre line (n, 2) without a current, under a force at the tip toward +y (ArithmeticError)."""
+        model = SolidBeside(self._specimen, *np.minimum(self._mesh, _MESH_OF_INERTIA).tolist())
+        loads = replace(self._loads.at(0.0), tip_force_N=np.array([[0.0, force_N]]))
+        shape = model.solve(LAWS[self._material.model], np.array([self._material.values]), loads)
+        if not shape.converged[0]:
+            raise ArithmeticError(f"no equilibrium of the virtual beam was found under {force_N:g} N at its tip")
+        left, right = points_on(outline(model, shape, None)[0, 0], 4)
+        return np.asarray(0.5 * (left + right))
+
+    def _solved(self, sign: float) -> tuple[SolidBeside, DepthEffect | None, float]:
+        material, strongest_mT = self._material, sign * self._strongest_mT
+        return _solved(self._specimen, material.model, tuple(material.values), self._mesh, self._loads, strongest_mT)
 
     def outlines_mm(self, field_mT: float) -> tuple[Array, Array | None]:
         """Return the outlines of the beam and of the magnet as the camera sees them, in mm.
@@ -112,14 +131,7 @@ class VirtualBeam:
         """
         sign = -1.0 if field_mT < -_BACKWARD * self._strongest_mT else 1.0
         material = self._material
-        model, effect, reach_mT = _solved(
-            self._specimen,
-            material.model,
-            tuple(material.values),
-            self._mesh,
-            self._loads,
-            sign * self._strongest_mT,
-        )
+        model, effect, reach_mT = self._solved(sign)
         options = SolidOptions(effect=effect if abs(field_mT) <= abs(reach_mT) else None)
         loads = self._loads.at(field_mT)
         shape = model.solve(LAWS[material.model], np.array([material.values]), loads, options=options)

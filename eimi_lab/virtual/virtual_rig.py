@@ -17,7 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 
 import eimi_fitting.beam.specimen as mechanics
-from eimi_drivers.cameras.settings import NO_SETTINGS
+from eimi_drivers.cameras.settings import CameraSettings
 from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.emulators.coil_line import RemoteCoil
 from eimi_drivers.emulators.korad import KoradDialect
@@ -31,12 +31,13 @@ from eimi_lab.config.materials import TrueBench, TrueMaterial
 from eimi_lab.config.rig import Rig, Virtual
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.process.errors import InputError
-from eimi_lab.virtual.beam import VirtualBeam, VirtualLoads
+from eimi_lab.virtual.beam import SAME_FIELD_MT, VirtualBeam, VirtualLoads
 from eimi_lab.virtual.optics import Scene, expose, make_scene
+from eimi_lab.virtual.swing import Outlines, OutlineTable, Swing, angular_frequency
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.field_at_beam import stated_background_T, stated_coil
 
-_FRAME_PERIOD_S = 0.1
+_FRAME_RATE_HZ = 10.0
 _CLAMP_HALF_WIDTH_MM, _CLAMP_HEIGHT_MM = 12.0, 40.0
 
 
@@ -48,7 +49,11 @@ class Coil(Protocol):
 
 
 class VirtualCamera:
-    """A camera that sees the virtual beam, with at most ten frames per second of its clock.
+    """A camera that sees the virtual beam.
+
+    With a frame rate it exposes at this rate, keeps the frames that were not yet taken, and sees the beam swing between
+    its equilibria. Without one it exposes on demand, at most ten times per second of its clock, and sees the beam take
+    each equilibrium at once.
 
     Parameters
     ----------
@@ -66,9 +71,13 @@ class VirtualCamera:
         The table [virtual] of the rig.
     background_mT
         Field along the coil's axis without a current.
+    frame_rate_Hz
+        Frames per second of the clock; None to expose on demand.
+    specimen
+        The true specimen, whose inertia determines how it swings.
+    strongest_mT
+        Largest field of the coil.
     """
-
-    settings = NO_SETTINGS
 
     def __init__(
         self,
@@ -79,14 +88,24 @@ class VirtualCamera:
         mT_per_A: float,
         virtual: Virtual,
         background_mT: float = 0.0,
+        frame_rate_Hz: float | None = None,
+        specimen: mechanics.Specimen | None = None,
+        strongest_mT: float = 0.0,
     ) -> None:
         self._beam, self._coil, self._clock, self._frame = beam, coil, clock, frame
         self._mT_per_A, self._virtual, self._background_mT = mT_per_A, virtual, background_mT
+        self.settings = CameraSettings(frame_rate_Hz=frame_rate_Hz)
+        self._period_s = 1.0 / (frame_rate_Hz or _FRAME_RATE_HZ)
+        self._runs_freely = frame_rate_Hz is not None
+        self._specimen, self._strongest_mT = specimen, strongest_mT
+        self._table: OutlineTable | None = None
+        self._swing: Swing | None = None
         self._rng = np.random.default_rng(virtual.seed)
         self._number = 0
         self._leads_swapped = False
         self._exposed_s = clock.now()
         self._scene: Scene | None = None
+        self._drawn_mT: float | None = None
         half, high = _CLAMP_HALF_WIDTH_MM, _CLAMP_HEIGHT_MM
         self._clamp_px = frame.to_px(np.array([[-high, -half], [0.0, -half], [0.0, half], [-high, half]]))
 
@@ -105,16 +124,22 @@ class VirtualCamera:
         return Identity("virtual", f"eimi-lab simulated camera {width} x {height}", "in-process")
 
     def flush(self) -> None:
-        """Do nothing, since no frames are buffered."""
+        """Discard the frames of a freely running camera that were not yet taken."""
+        if self._runs_freely:
+            missed = max(0, int((self._clock.now() - self._exposed_s) / self._period_s))
+            self._number += missed
+            self._exposed_s += missed * self._period_s
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return a frame of the beam in the present field of the coil; an error of the coil is passed on."""
-        self._clock.sleep(max(0.0, self._exposed_s + _FRAME_PERIOD_S - self._clock.now()))
-        self._exposed_s = self._clock.now()
-        current_A = self._coil.coil_current_A()
+        """Return the next frame of the beam in the field of the coil; an error of the coil is passed on."""
+        self._clock.sleep(max(0.0, self._exposed_s + self._period_s - self._clock.now()))
+        self._exposed_s = self._exposed_s + self._period_s if self._runs_freely else self._clock.now()
+        current_A = self._current_A(self._exposed_s)
         field_mT = self._mT_per_A * (-current_A if self._leads_swapped else current_A)
-        if self._scene is None or self._beam.moves(field_mT):
-            outline, magnet = self._beam.outlines_mm(field_mT)
+        if self._runs_freely:
+            field_mT = self._effective_field_mT(field_mT)
+        if self._scene is None or self._moves(field_mT):
+            outline, magnet = self._outlines_mm(field_mT)
             self._scene = make_scene(
                 self._virtual.optics,
                 self._virtual.frame_size_px,
@@ -124,6 +149,28 @@ class VirtualCamera:
             )
         self._number += 1
         return Frame(expose(self._scene, self._rng), self._number, self._exposed_s)
+
+    def _current_A(self, time_s: float) -> float:
+        """Return the current of the coil at the exposure of a frame, which may have waited in the buffer."""
+        if isinstance(self._coil, CoilSupply):
+            return self._coil.coil_current_at_A(time_s)
+        return self._coil.coil_current_A()
+
+    def _effective_field_mT(self, field_mT: float) -> float:
+        if self._table is None:
+            self._table = OutlineTable(self._beam.outlines_mm, self._strongest_mT)
+            if self._specimen:
+                self._swing = Swing(angular_frequency(self._beam.middle_under_tip_force_mm, self._specimen))
+        return self._swing.effective_field_mT(self._exposed_s, field_mT) if self._swing else field_mT
+
+    def _moves(self, field_mT: float) -> bool:
+        if self._table is None:
+            return self._beam.moves(field_mT)
+        return self._drawn_mT is None or abs(field_mT - self._drawn_mT) > SAME_FIELD_MT
+
+    def _outlines_mm(self, field_mT: float) -> Outlines:
+        self._drawn_mT = field_mT
+        return self._table.at(field_mT) if self._table else self._beam.outlines_mm(field_mT)
 
     def close(self) -> None:
         """Close the connection to the coil of another process."""
@@ -163,12 +210,16 @@ def open_virtual_coil(rig: Rig) -> tuple[PowerSupply, Callable[[], float], Clock
     InputError
         If the rig has no table [virtual].
     """
-    virtual = _virtual(rig)
-    supply, coil, clock = _virtual_coil(rig, virtual)
-    bench = virtual.materials.bench or TrueBench()
-    mT_per_A = bench.coil_constant_mT_per_A or rig.calibration.coil_constant_mT_per_A
+    supply, coil, clock = _virtual_coil(rig, _virtual(rig))
+    return supply, true_field_mT(rig, coil), clock
+
+
+def true_field_mT(rig: Rig, coil: Coil) -> Callable[[], float]:
+    """Return a function that returns the true field at the magnet along the coil's axis now, in mT."""
+    bench = _virtual(rig).materials.bench or TrueBench()
+    mT_per_A = bench.coil_constant_mT_per_A or rig.calibration.mT_per_A
     offset_mT = _along_axis_mT(rig.calibration, bench)
-    return supply, lambda: offset_mT + mT_per_A * coil.coil_current_A(), clock
+    return lambda: offset_mT + mT_per_A * coil.coil_current_A()
 
 
 def _virtual_coil(rig: Rig, virtual: Virtual) -> tuple[PowerSupply, CoilSupply, SimulatedClock]:
@@ -201,13 +252,15 @@ def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -
     view = frame.view(specimen.specimen.depth_mm, virtual.frame_size_px)
     gravity_deg = frame.gravity_deg if rig.calibration.gravity else None
     bench = virtual.materials.bench or TrueBench()
-    mT_per_A = bench.coil_constant_mT_per_A or rig.calibration.coil_constant_mT_per_A
+    mT_per_A = bench.coil_constant_mT_per_A or rig.calibration.mT_per_A
     strongest_mT = abs(mT_per_A) * rig.supply.limits.current_A
     true_beam, true_field = _as_it_is(specimen, rig.calibration, bench)
     x_T, y_T = stated_background_T(true_field).tolist()
     loads = VirtualLoads(gravity_deg, frame.field_deg, (x_T, y_T), stated_coil(true_field, true_beam))
     beam = VirtualBeam(true_beam, material, virtual.mesh, loads, strongest_mT, view)
-    return VirtualCamera(beam, coil, clock, frame, mT_per_A, virtual, _along_axis_mT(rig.calibration, bench))
+    offset_mT = _along_axis_mT(rig.calibration, bench)
+    rate_Hz = rig.camera.frame_rate_Hz
+    return VirtualCamera(beam, coil, clock, frame, mT_per_A, virtual, offset_mT, rate_Hz, true_beam, strongest_mT)
 
 
 def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from eimi_drivers.emulators.sensors import EmulatedQuantity, emulate_sensor
 from eimi_drivers.interfaces import Clock, Sensor
 from eimi_drivers.sensors.sensor_names import SENSORS
-from eimi_drivers.supplies.transport import InProcessTransport
+from eimi_drivers.supplies.transport import InProcessTransport, Responder
 from eimi_lab.config.sensor import UNITS, RigSensor
 
 ROOM_DEGC = 23.0
@@ -29,10 +29,19 @@ def open_virtual_sensor(rule: RigSensor, field_mT: Callable[[], float], clock: C
     clock
         The simulated clock.
     """
-    unit = UNITS[rule.measures]
+    instrument = emulated_instrument(rule, field_mT, clock)
+    return SENSORS[rule.driver](InProcessTransport(instrument, clock, f"emulated {rule.driver}"), clock)
+
+
+def emulated_instrument(rule: RigSensor, field_mT: Callable[[], float], clock: Clock) -> Responder:
+    """Return the emulated instrument of a sensor; the parameters are those of `open_virtual_sensor`.
+
+    A sensor of another quantity than a field shows the temperature of the room. Raises InstrumentError if the driver
+    has no emulator.
+    """
+    unit = UNITS.get(rule.measures, "degC")
 
     def true() -> float:
         return field_mT() / rule.at_magnet if unit == "mT" else ROOM_DEGC
 
-    instrument = emulate_sensor(rule.driver, EmulatedQuantity(clock, true, unit, NOISE[unit]))
-    return SENSORS[rule.driver](InProcessTransport(instrument, clock, f"emulated {rule.driver}"), clock)
+    return emulate_sensor(rule.driver, EmulatedQuantity(clock, true, unit, NOISE[unit]))

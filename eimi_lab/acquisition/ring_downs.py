@@ -1,0 +1,191 @@
+"""Switch the coil off in one step after the last state, and record every frame while the beam swings freely.
+
+A ramp would be slower than the beam and would suppress its oscillation. Another thread sets the current and watches the
+supply, because an exchange with the supply takes longer than a frame. The frames are compressed and written while the
+camera takes them (`eimi_lab.dataset.frame_stream`); a ring buffer of limited size holds them in memory.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from eimi_drivers.interfaces import Frame
+from eimi_lab.acquisition.events import RingDownStored, Warned
+from eimi_lab.acquisition.settling import GRAB_TIMEOUT_S, wait_until_settled
+from eimi_lab.acquisition.stepping import Stepping
+from eimi_lab.config.protocol import RingDown
+from eimi_lab.dataset.frame_stream import FrameStream
+from eimi_lab.dataset.recordings import Moment
+from eimi_lab.dataset.steps import RingDownStep, SetPoint
+from eimi_lab.vision.check import Check, Severity
+
+LOST = Check(
+    name="RING_DOWN_LOST",
+    finding="lost_frames",
+    quantity="number of frames of a ring-down that the camera counted and that did not arrive",
+    limit=0.0,
+    remedy="Lower the frame rate or the region of the camera, or remove other devices from its bus.",
+    severity=Severity.NOTE,
+)
+SLOW = Check(
+    name="RING_DOWN_SLOW",
+    finding="rate_share",
+    quantity="frames per second of a ring-down, as a share of ring_down.rate_Hz",
+    limit=0.95,
+    below=True,
+    remedy="Set frame_rate_Hz in [camera] of the rig, and an exposure that allows it.",
+    severity=Severity.NOTE,
+)
+_LOOK_EVERY_S, _EARLY_S = 0.1, 0.5  # the other thread checks the supply earlier than the thread of the run would
+_NO_IMAGE = np.zeros((0, 0), np.uint8)  # stored in place of the image, which would stay in memory
+_SAME_PACE = 0.02  # largest difference of a camera's clock from that of the run, as a share
+_WAITED_S = 1.0  # the first or the last frames may have waited in the camera's buffers for this time
+
+
+def record_ring_downs(run: Stepping, rule: RingDown, unfinished: ExitStack, stop_if_asked: Callable[[], None]) -> None:
+    """Record the ring-downs that the dataset does not hold yet.
+
+    If the run fails or is asked to stop, the frames are written when `unfinished` is closed, after the coil is off.
+    Sends `RingDownStored`. Raises InstrumentError, StorageFailed, Stopped.
+    """
+    stored = run.writer.ring_downs
+    if stored is None:
+        run.on_event(Warned(message="the dataset of an earlier version has no place for ring-downs; none is recorded"))
+        return
+    from_A = run.protocol.ring_down_from_A
+    for number in range(stored, rule.repeats):
+        run.coil.ramp_to(from_A, stop_if_asked)
+        run.coil.wait_until_reached(stop_if_asked)
+        wait_until_settled(run.camera, run.clock, run.protocol.settle, run.noise, stop_if_asked)
+        recorded = unfinished.enter_context(_recording(run, rule, number, from_A))
+        recorded.record(stop_if_asked)
+        unfinished.close()
+
+
+@contextmanager
+def _recording(run: Stepping, rule: RingDown, number: int, from_A: float) -> Iterator[_Recorded]:
+    """Yield a recorder; at the end, also after an error, store its frames and send the event."""
+    failure: BaseException | None = None
+    with run.writer.ring_down() as stream:
+        recorded = _Recorded(run, rule, stream)
+        try:
+            yield recorded
+        except BaseException as error:  # raised again when the frames are stored
+            failure = error
+    _store(run, rule, number, from_A, recorded)
+    if failure:
+        raise failure
+
+
+def _store(run: Stepping, rule: RingDown, number: int, from_A: float, recorded: _Recorded) -> None:
+    frames = recorded.frames
+    step = recorded.step or SetPoint(recorded.began_s, 0.0, 0.0)
+    times_s = frame_times([at_s for _, at_s in frames], [frame.timestamp_s for frame, _ in frames])
+    lost = sum(max(0, later.number - earlier.number - 1) for (earlier, _), (later, _) in pairwise(frames))
+    rate_Hz = float(1.0 / np.median(np.diff(times_s))) if len(times_s) > 1 else 0.0
+    flags = [LOST.flag(lost).name] if lost else []
+    if rule.rate_Hz and rate_Hz < SLOW.limit * rule.rate_Hz:
+        flags.append(SLOW.flag(rate_Hz / rule.rate_Hz).name)
+    run.writer.end_ring_down(
+        RingDownStep(number, from_A, 0.0, step.time_s - run.began_s, step.uncertainty_s, len(frames), lost, rate_Hz),
+        [
+            Moment(frame, at_s - run.began_s, at_s - step.time_s, 0.0 if at_s >= step.time_s else from_A)
+            for (frame, _), at_s in zip(frames, times_s, strict=True)
+        ],
+        run.new_set_points(),
+    )
+    run.on_event(
+        RingDownStored(
+            ring_down=number,
+            ring_downs=rule.repeats,
+            from_A=from_A,
+            frames=len(frames),
+            lost=lost,
+            rate_Hz=rate_Hz,
+            step_uncertainty_s=step.uncertainty_s,
+            flags=tuple(flags),
+        )
+    )
+
+
+class _Recorded:
+    """One ring-down while it is recorded: the step, and each frame (without its image) with its time of arrival."""
+
+    def __init__(self, run: Stepping, rule: RingDown, stream: FrameStream) -> None:
+        self._run, self._rule, self._stream = run, rule, stream
+        self.began_s = run.clock.now()
+        self.step: SetPoint | None = None
+        self.frames: list[tuple[Frame, float]] = []
+
+    def record(self, stop_if_asked: Callable[[], None]) -> None:
+        """Set the current to zero, and take every frame until the time of the protocol has passed."""
+        run, coil = self._run, self._run.coil
+        run.camera.flush()
+        self.began_s = run.clock.now()
+        if coil.simulated:  # with two threads on the simulated clock, runs could not be repeated exactly
+            self.step = coil.step_to(0.0)
+            self._take(lambda: run.clock.now() - coil.changed_s < self._rule.seconds, stop_if_asked)
+            return
+        over = threading.Event()
+
+        def switch_off_and_watch() -> None:
+            self.step = coil.step_to(0.0)
+            while not over.wait(_LOOK_EVERY_S):
+                coil.watch(early_s=_EARLY_S)
+
+        with ThreadPoolExecutor(1, "ring-down") as thread:
+            supply = thread.submit(switch_off_and_watch)
+            try:
+                self._take(
+                    lambda: (
+                        not supply.done()
+                        and (self.step is None or run.clock.now() - coil.changed_s < self._rule.seconds)
+                    ),
+                    stop_if_asked,
+                )
+            finally:
+                over.set()
+        supply.result()
+
+    def _take(self, goes_on: Callable[[], bool], stop_if_asked: Callable[[], None]) -> None:
+        while goes_on():
+            stop_if_asked()
+            frame = self._run.camera.grab(GRAB_TIMEOUT_S)
+            at_s = self._run.clock.now()
+            self._stream.put(frame.image, stop_if_asked)
+            self.frames.append((replace(frame, image=_NO_IMAGE), at_s))
+
+
+def frame_times(arrived_s: Sequence[float], stamped_s: Sequence[float]) -> list[float]:
+    """Return the times of frames on the clock of the run.
+
+    Differences between the time stamps of the camera are exact; those between arrivals are not. The time stamps are
+    shifted so that the frame with the shortest delay has the time of its arrival. If the camera has no clock that
+    agrees with that of the run (a recording, or a camera without time stamps), the arrivals are returned.
+
+    Parameters
+    ----------
+    arrived_s : sequence of float
+        Times of arrival on the clock of the run.
+    stamped_s : sequence of float
+        Time stamps of the camera.
+
+    Examples
+    --------
+    >>> frame_times([10.02, 10.05, 10.07], [1.0, 1.02, 1.04])
+    [10.02, 10.04, 10.06]
+    """
+    arrived, stamped = np.asarray(arrived_s, dtype=float), np.asarray(stamped_s, dtype=float)
+    if len(arrived) < 2 or not np.isfinite(stamped).all() or (np.diff(stamped) <= 0).any():
+        return arrived.tolist()
+    delay = arrived - stamped
+    if abs(np.ptp(arrived) - np.ptp(stamped)) > _SAME_PACE * np.ptp(arrived) + _WAITED_S:
+        return arrived.tolist()
+    return np.round(stamped + delay.min(), 9).tolist()

@@ -1,0 +1,60 @@
+"""Long paths on Windows, and paths without symbolic links."""
+
+from __future__ import annotations
+
+import ntpath
+import os
+import sys
+from pathlib import Path
+
+from eimi_lab.process.errors import InputError
+
+LONGEST_PLAIN = 160
+"""Longest absolute path (characters) that is passed to Windows without the prefix for long paths.
+
+Without LongPathsEnabled Windows takes at most 259 characters, and 247 for a folder (Microsoft, "Maximum Path Length
+Limitation"). This number is smaller, because files with longer paths are written beside and below a given path.
+"""
+
+_PREFIX, _UNC_PREFIX = "\\\\?\\", "\\\\?\\UNC\\"
+_UNRESOLVED = (206, 234)
+"""ERROR_FILENAME_EXCED_RANGE, and ERROR_MORE_DATA, which Wine reports for a path above 260 characters (winerror.h)."""
+
+
+def reachable(path: Path) -> Path:
+    r"""Return the path; on Windows, return a long one in the form ``\\?\C:\folder``, whose length is not limited."""
+    return Path(with_prefix(os.path.abspath(path), str(path))) if sys.platform == "win32" else path
+
+
+def with_prefix(absolute: str, short: str) -> str:
+    r"""Return a long absolute path of Windows with the prefix for long paths.
+
+    Parameters
+    ----------
+    absolute
+        The absolute path of Windows.
+    short
+        The result for a path that is not long.
+
+    Returns
+    -------
+    str
+        ``\\?\C:\folder``, ``\\?\UNC\server\share\folder``, or ``short``.
+    """
+    drive = ntpath.splitdrive(absolute)[0]
+    if len(absolute) <= LONGEST_PLAIN or absolute.startswith((_PREFIX, "\\\\.\\")):
+        return short
+    return _UNC_PREFIX + absolute[2:] if drive.startswith("\\\\") else _PREFIX + absolute
+
+
+def followed(path: Path) -> Path:
+    """Return the path with all symbolic links resolved; the file need not exist. Raises InputError.
+
+    On Windows, the links of a long path that the system cannot resolve are kept.
+    """
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError) as error:  # before Python 3.13, a loop of links raises RuntimeError
+        if getattr(error, "winerror", None) in _UNRESOLVED:
+            return Path(os.path.abspath(path))
+        raise InputError(f"{path}: is a symbolic link that cannot be followed ({error})") from error

@@ -1,0 +1,89 @@
+"""Write the rig file for the client of a served bench, and complete a rig that has no table [virtual]."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eimi_lab.config.rig import VIRTUAL, Rig, load_rig
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.config.toml import table_text
+from eimi_lab.process.outputs import write_file
+from eimi_lab.vision.beam_frame import BeamFrame
+
+DIALECT_OF_THE_VIRTUAL_SUPPLY = "korad"
+GIGE_DRIVER = "aravis"
+
+_ROUND_PX = 16
+_BESIDE = 0.7
+"""Half the height of the picture of a rig without a virtual table, as a fraction of the beam's length."""
+
+
+def with_virtual_table(rig: Rig, specimen: SpecimenFile) -> Rig:
+    """Return the rig with a table [virtual] and the virtual camera.
+
+    A rig without this table gets the table of the shipped virtual rig. Its frames then have the size of the camera's
+    region or, if there is no region, a size that shows the beam with a margin.
+    """
+    if rig.virtual is not None:
+        return rig
+    shipped = load_rig("virtual").virtual
+    assert shipped is not None
+    size_px = rig.camera.region[2:] if rig.camera.region else _size_that_shows(rig, specimen)
+    camera = rig.camera.model_copy(update={"driver": VIRTUAL})
+    return rig.model_copy(update={"virtual": shipped.model_copy(update={"frame_size_px": size_px}), "camera": camera})
+
+
+def _size_that_shows(rig: Rig, specimen: SpecimenFile) -> tuple[int, int]:
+    length_mm = specimen.specimen.length_mm
+    corners_mm = length_mm * np.array([[-0.1, -_BESIDE], [-0.1, _BESIDE], [1.1, -_BESIDE], [1.1, _BESIDE]])
+    farthest_px = BeamFrame(rig.calibration).to_px(corners_mm).max(axis=0)
+    width, height = (_ROUND_PX * int(np.ceil(max(px, _ROUND_PX) / _ROUND_PX)) for px in farthest_px)
+    return width, height
+
+
+def write_client_rig(
+    rig: Rig, path: Path, supply_address: str, camera_address: str, sensor_addresses: Mapping[str, str], force: bool
+) -> None:
+    """Write the rig of a served bench, and its calibration beside it.
+
+    The file does not contain the true material. The camera is a GigE camera, and its settings are those of the rig.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig that is served.
+    path : Path
+        The file to write. The calibration's name is that of the file with "_calibration" added.
+    supply_address, camera_address : str
+        Addresses of the served supply and camera.
+    sensor_addresses : mapping of str
+        Addresses of the served sensors, with the names of the sensors as keys.
+    force : bool
+        Replace existing files.
+
+    Raises
+    ------
+    InputError
+        If a file exists.
+    """
+    calibration = path.with_name(f"{path.stem}_calibration.toml")
+    stated = rig.model_dump(exclude_unset=True, exclude_none=True, exclude={"calibration", "virtual"})
+    supply = stated["supply"]
+    if supply["driver"] == VIRTUAL:
+        supply["driver"] = DIALECT_OF_THE_VIRTUAL_SUPPLY
+    supply["address"] = supply_address
+    camera = {**stated["camera"], "driver": GIGE_DRIVER, "source": camera_address}
+    camera.pop("playback", None)
+    sensors = [
+        {**sensor, "address": sensor_addresses.get(sensor["name"], sensor["address"])}
+        for sensor in stated.get("sensors", ())
+    ]
+    table: dict[str, Any] = {"name": stated.pop("name"), "calibration": calibration.name, **stated, "camera": camera}
+    if sensors:
+        table["sensors"] = sensors
+    write_file(calibration, rig.calibration.text, force)
+    write_file(path, f"# An emulated bench. The addresses are valid while it is served.\n{table_text(table)}", force)

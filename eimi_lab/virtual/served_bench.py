@@ -1,0 +1,191 @@
+"""Serve all instruments of a rig on one coil over real protocols: supply, camera and sensors."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_drivers.clock import WallClock
+from eimi_drivers.emulators.coil_line import ADDRESS, RemoteCoil, serve_coil
+from eimi_drivers.emulators.faults import Fault
+from eimi_drivers.emulators.gige_camera import LOOPBACK
+from eimi_drivers.emulators.gige_process import CameraProcess, gige_process
+from eimi_drivers.emulators.serve import serve_pty, serve_tcp
+from eimi_drivers.emulators.session import EmulatedSession
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.supplies.transport import Responder, split_address
+from eimi_lab.config.rig import VIRTUAL, Rig
+from eimi_lab.config.specimen import SpecimenFile
+from eimi_lab.virtual.client_rig import DIALECT_OF_THE_VIRTUAL_SUPPLY, with_virtual_table, write_client_rig
+from eimi_lab.virtual.virtual_rig import true_field_mT, truth_of, virtual_camera
+from eimi_lab.virtual.virtual_sensors import emulated_instrument
+
+TRIGGERS_PER_S = 10.0
+"""How often the camera looks for a software trigger; if it computed more pictures, the run would be slowed down."""
+
+_LOCAL_PORT = re.compile(r"(TCPIP\d*::|socket://)(127[.\d]*|localhost)::?(?P<port>\d+)(::SOCKET)?", re.IGNORECASE)
+_NETWORK = re.compile(r"(TCPIP|socket://|GPIB|USB)", re.IGNORECASE)
+
+
+def port_of(address: str) -> int | None:
+    """Return the TCP port on which an instrument is served; None for a pseudo-terminal.
+
+    An address of this computer gives its port. Another network, GPIB or USB address, and every address on Windows,
+    which has no pseudo-terminals, gives any free port (0).
+    """
+    place = split_address(address)[0]
+    if local := _LOCAL_PORT.fullmatch(place):
+        return int(local["port"])
+    return 0 if _NETWORK.match(place) or sys.platform == "win32" else None
+
+
+def pictures(rig: Rig, specimen: SpecimenFile, coil_line: str) -> Callable[[], NDArray[np.uint8]]:
+    """Return a function that takes an 8-bit picture of the virtual beam in the coil that is served at `coil_line`."""
+    # With a frame rate, the virtual camera would return its frames in order, and not the beam as it is now.
+    at_once = rig.model_copy(update={"camera": rig.camera.model_copy(update={"frame_rate_Hz": None})})
+    camera = virtual_camera(at_once, specimen, RemoteCoil(coil_line), WallClock())
+    left, top = rig.camera.region[:2] if rig.camera.region else (0, 0)
+
+    def picture() -> NDArray[np.uint8]:
+        image = camera.grab(1.0).image
+        if image.dtype != np.uint8:
+            bits = rig.virtual.optics.bits if rig.virtual else 16
+            image = (image >> bits - 8).astype(np.uint8)
+        return np.pad(image, ((top, 0), (left, 0)))
+
+    picture()  # the first picture takes longest
+    return picture
+
+
+class ServedBench:
+    """Serve the instruments of a rig on one emulated coil, and write the rig file of their client.
+
+    The camera runs in a separate process and follows the current of the supply. The supply and the sensors are served
+    on the ports of their addresses in the rig if these are ports of this computer, otherwise on any free port or on
+    pseudo-terminals.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig. If it has no table [virtual], the table of the shipped virtual rig is used.
+    specimen : SpecimenFile
+        The specimen in the coil.
+    path : Path
+        The rig file to write for the client.
+    say : callable
+        Called with each line of text for the user.
+    force : bool
+        Replace the rig file if it exists.
+    fault : Fault or None
+        A fault of the supply, its coil or its line.
+    after_s : float
+        Time (s) between switching the output on with a current and the fault.
+    packet_loss : float
+        The share of the camera's packets that are lost.
+
+    Raises
+    ------
+    InputError
+        If the rig or the specimen cannot be simulated.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        specimen: SpecimenFile,
+        path: Path,
+        say: Callable[[str], None],
+        *,
+        force: bool = False,
+        fault: Fault | None = None,
+        after_s: float = 5.0,
+        packet_loss: float = 0.0,
+    ) -> None:
+        self._rig, self._specimen = with_virtual_table(rig, specimen), specimen
+        truth_of(self._rig, specimen)
+        self._path, self._say, self._force = path, say, force
+        self._fault, self._after_s, self._packet_loss = fault, after_s, packet_loss
+
+    def serve(self) -> None:
+        """Serve until the program is interrupted.
+
+        Raises
+        ------
+        InstrumentError
+            If an instrument has no emulator, a port is in use, or the library Aravis is not installed.
+        InputError
+            If the rig file exists.
+        """
+        rig, virtual = self._rig, self._rig.virtual
+        assert virtual is not None
+        coil = CoilSupply(
+            WallClock(),
+            time_constant_s=virtual.coil_time_constant_s,
+            current_noise_A=virtual.current_noise_A,
+            seed=virtual.seed,
+        )
+        with ExitStack() as served:
+            source = str(rig.camera.source)
+            coil_line = served.enter_context(
+                serve_coil(coil, (port_of(source) if ADDRESS.fullmatch(source) else 0) or 0)
+            )
+            camera = served.enter_context(self._camera(coil_line))
+            camera.lose_packets(self._packet_loss)
+            field_mT = true_field_mT(rig, coil)
+            sensors = {
+                sensor.name: served.enter_context(
+                    _served(emulated_instrument(sensor, field_mT, WallClock()), sensor.address)
+                )
+                for sensor in rig.sensors
+                if not sensor.is_coil
+            }
+            simulated = rig.supply.driver == VIRTUAL
+            EmulatedSession(
+                DIALECT_OF_THE_VIRTUAL_SUPPLY if simulated else rig.supply.driver,
+                port_of(rig.supply.address),
+                self._fault,
+                self._after_s,
+                self._say,
+                coil=coil,
+                address=rig.supply.address,
+                announce=partial(self._announce, sensors),
+                look=camera.raise_failure,
+            ).serve()
+
+    def _camera(self, coil_line: str) -> AbstractContextManager[CameraProcess]:
+        rig = self._rig
+        assert rig.virtual is not None
+        left, top = rig.camera.region[:2] if rig.camera.region else (0, 0)
+        width, height = rig.virtual.frame_size_px
+        return gige_process(
+            partial(pictures, rig, self._specimen, coil_line),
+            (left + width, top + height),
+            address=LOOPBACK,
+            triggers_per_s=TRIGGERS_PER_S,
+        )
+
+    def _announce(self, sensors: dict[str, str], supply_address: str, coil_line: str) -> None:
+        channel = split_address(self._rig.supply.address)[1]
+        address = supply_address if channel is None else f"{supply_address}#{channel}"
+        write_client_rig(self._rig, self._path, address, LOOPBACK, sensors, self._force)
+        self._force = True  # if the supply returns at another address, the file is written again
+        listed = "".join(f", {name} at {place}" for name, place in sensors.items())
+        self._say(f"supply at {address}, GigE camera at {LOOPBACK}{listed}")
+        self._say(f"{self._path}: the rig of this bench, for `eimi acquire` in another terminal; Ctrl-C ends the bench")
+
+
+def _port_of_coil(source: str) -> int:
+    """Return the port on which the coil's current is served: that of a virtual camera's source, or any free one."""
+    return (port_of(source) or 0) if ADDRESS.fullmatch(source) else 0
+
+
+def _served(instrument: Responder, address: str) -> AbstractContextManager[str]:
+    port = port_of(address)
+    return serve_pty(instrument) if port is None else serve_tcp(instrument, port=port)
