@@ -17,6 +17,8 @@ eye            processes that compress frames and find the edges in them
 stored_runs    a dataset as the page shows it
 stored_fits    the fits of a result file as the page shows them
 fit_desk       the routes that fit a dataset, and the process of the fit
+phone_desk     the routes of "Weights and a phone"
+by_weights     photographs, clicks and typed numbers become a dataset
 picture_desk   the routes for pictures without instruments
 by_hand        edges with a calibration that a person drags into place
 report_links   links to reports that a new tab can open

@@ -47,6 +47,9 @@ HEADERS = {
 }
 SAFE = ("GET", "HEAD")
 MOST_BODY_BYTES = 1 << 16
+RECEIVED_PICTURE = "/api/phone/receive"
+"""The route whose body is a photograph."""
+MOST_PICTURE_BYTES = 1 << 26
 CLOSED_BY_POLICY = 1008  # RFC 6455, 7.4.1
 INTRODUCED_WITHIN_S = 10.0
 """Time that a WebSocket has to send the token."""
@@ -101,7 +104,7 @@ class Admission:
             )
         reads = scope["type"] == "http" and scope["method"] in SAFE
         if reads and scope["path"] == INDEX:  # also if a file, which has another origin, redirects to it
-            return _refused_length(headers)
+            return _refused_length(scope, headers)
         open_to_all = reads and (scope["path"] == REPORT or scope["path"].startswith(STATIC))
         if scope["type"] == "http" and not open_to_all and not self._is_token(headers.get(TOKEN_HEADER, "")):
             return PlainTextResponse("open the address that `eimi dashboard` printed when it began", 403)
@@ -110,7 +113,7 @@ class Admission:
         steers = scope["type"] == "websocket" or scope["method"] not in SAFE
         if steers and headers.getlist("origin") != [f"http://{headers['host']}"]:
             return PlainTextResponse("refused: the request comes from another site", 403)
-        return _refused_length(headers)
+        return _refused_length(scope, headers)
 
     async def _is_introduced(self, receive: Receive, send: Send) -> bool:
         """Accept a WebSocket and return whether its first message is the token."""
@@ -125,8 +128,9 @@ class Admission:
         return secrets.compare_digest(given.encode("utf-8", "replace"), self.token.encode())
 
 
-def _refused_length(headers: Headers) -> Response | None:
-    if int(headers.get("content-length", "0") or 0) > MOST_BODY_BYTES or "transfer-encoding" in headers:
+def _refused_length(scope: Scope, headers: Headers) -> Response | None:
+    most = MOST_PICTURE_BYTES if scope["path"] == RECEIVED_PICTURE else MOST_BODY_BYTES
+    if int(headers.get("content-length", "0") or 0) > most or "transfer-encoding" in headers:
         return PlainTextResponse("the request is too long", 413)
     return None
 

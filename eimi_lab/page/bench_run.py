@@ -27,6 +27,7 @@ from eimi_lab.acquisition.event_words import in_words, off_after
 from eimi_lab.acquisition.events import (
     ConditioningDone,
     Event,
+    FramesLost,
     OffConfirmed,
     OffNotConfirmed,
     OutputSwitched,
@@ -61,6 +62,7 @@ SAID = (
     Resumed,
     SuspendRefused,
     Warned,
+    FramesLost,
 )
 """The events that the page shows in words."""
 

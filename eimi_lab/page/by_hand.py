@@ -22,6 +22,7 @@ from eimi_lab.page.eye import edges_in
 from eimi_lab.page.stored_runs import jpeg
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import refuse_existing, write_file
+from eimi_lab.process.paths import followed
 from eimi_lab.showing.tables import csv_text
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.region import region_of
@@ -44,7 +45,7 @@ def folders(folder: DataFolder) -> list[str]:
     for path in sorted({folder.root, *folder.root.glob("*/"), *folder.root.glob("*/*/")})[:MOST_FOLDERS]:
         name = folder.name_of(path)
         hidden = any(part.startswith(".") for part in Path(name).parts)
-        if not hidden and path.resolve().is_relative_to(folder.root) and _has_pictures(path):
+        if not hidden and followed(path).is_relative_to(folder.root) and _has_pictures(path):
             names.append(name)
     return names
 
@@ -61,7 +62,7 @@ def opened(path: Path) -> dict[str, Any]:
     InputError
         If the folder holds no image, or if a file in it cannot be read.
     """
-    images = sorted(find_images(path), key=lambda file: natural_key(file.name))
+    images = _in_order(path)
     height, width = read_image(images[0]).shape[:2]
     return {
         "pictures": [image.name for image in images],
@@ -70,6 +71,10 @@ def opened(path: Path) -> dict[str, Any]:
         "calibration": _written_calibration(path / CALIBRATION) or _guess(width, height),
         "written": [name for name in (CALIBRATION, STATES) if (path / name).exists()],
     }
+
+
+def _in_order(path: Path) -> list[Path]:
+    return sorted(find_images(path), key=lambda file: natural_key(file.name))
 
 
 def _guess(width: int, height: int) -> dict[str, Any]:
@@ -131,6 +136,8 @@ def edges(path: Path, calibration: dict[str, Any], specimen: str) -> dict[str, A
     """
     stated = _stated(path.parent, calibration)
     beam = load_specimen(specimen)
+    if stated.picture is not None and path != _in_order(path.parent)[0]:  # the points lie on the first image
+        stated = stated.model_copy(update={"picture": stated.picture.model_copy(update={"along_px": None})})
     image = _image(path, path.stat().st_mtime_ns)
     region = region_of(stated, image.shape)
     cut, calibration_of_cut = (region.cut(image), region.calibration) if region else (image, stated)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.paths import followed
 from eimi_lab.vision.image_files import ENDINGS as PICTURES
 
 MOST_ENTRIES = 2000
@@ -61,8 +62,8 @@ class DataFolder:
         wrong = "\0" in name or "\\" in name or parts.is_absolute() or ".." in parts.parts or ":" in name
         if not wrong:
             try:
-                path = (self.root / parts).resolve()
-            except (OSError, RuntimeError):  # before Python 3.13 a loop of links raises RuntimeError
+                path = followed(self.root / parts)
+            except InputError:
                 wrong = True
             else:
                 wrong = not path.is_relative_to(self.root)

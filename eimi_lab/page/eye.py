@@ -79,7 +79,7 @@ def _described(frame: NewestFrame, calibration: Calibration) -> dict[str, Any]:
         "kind": "frame",
         "seen": frame.number,
         "size_px": [width * frame.kept, height * frame.kept],
-        "field_mT": current_A * calibration.coil_constant_mT_per_A,
+        "field_mT": current_A * calibration.mT_per_A,
         **light(frame.image),
         **frame.about,
     }

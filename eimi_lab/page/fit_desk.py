@@ -14,6 +14,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import BaseRoute, Route
 
+from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.laws import LAWS
 from eimi_lab.page import stored_fits
 from eimi_lab.page.data_folder import DataFolder
@@ -39,6 +40,8 @@ class Fitting:
         Number of the fit on this page, by which a tab distinguishes two fits of one dataset.
     dataset, model : str
         The dataset's name in the folder, and the law.
+    free : tuple of str
+        Uncertain quantities that the fit frees.
     phase : str
         "fitting", "reporting", "done" or "failed".
     generations : list of (int, float, float)
@@ -50,6 +53,7 @@ class Fitting:
     number: int
     dataset: str
     model: str
+    free: tuple[str, ...] = ()
     phase: str = "fitting"
     generations: list[tuple[int, float, float]] = field(default_factory=list)
     last_words: str = ""
@@ -100,11 +104,14 @@ class FitDesk:
             raise InputError(f"{name}: no such file")
         if model not in LAWS:
             raise InputError(f"model = {model!r} should be one of {', '.join(LAWS)}")
+        free = asked.get("free", [])
+        if not isinstance(free, list) or not all(name in SOURCES for name in free):
+            raise InputError(f"free = {free!r} should be a list of quantities such as axis and clamp")
         fits = dataset.with_suffix(FITS)
         if fits.exists() and asked.get("replace") is not True:
             raise InputError(f"{self._folder.name_of(fits)}: exists already; ask to fit again to replace it")
         self._number += 1
-        self.fitting = Fitting(self._number, self._folder.name_of(dataset), model)
+        self.fitting = Fitting(self._number, self._folder.name_of(dataset), model, tuple(free))
         self._task = asyncio.create_task(self._fit(dataset, self.fitting))
         return {}
 
@@ -134,10 +141,11 @@ class FitDesk:
     async def _fit_and_report(self, dataset: Path, log: Path, fitting: Fitting) -> bool:
         """Run both commands; return whether both succeeded."""
         fits, report = dataset.with_suffix(FITS), dataset.with_suffix(REPORT)
-        fit = (f"--model={fitting.model}", f"--output={fits}", f"--checkpoint={log}", "--force", "--", str(dataset))
+        freed = [f"--free={name}" for name in fitting.free]
+        fit = (f"--model={fitting.model}", *freed, f"--output={fits}", f"--checkpoint={log}", "--force")
         following = asyncio.create_task(self._follow(log, fitting))
         try:
-            if not await self._eimi(fitting, "fit", *fit):
+            if not await self._eimi(fitting, "fit", *fit, "--", str(dataset)):
                 return False
         finally:
             following.cancel()

@@ -25,12 +25,14 @@ from eimi_lab.page import stored_runs
 from eimi_lab.page.admission import REPORT_POLICY, Admission, new_token
 from eimi_lab.page.data_folder import DataFolder
 from eimi_lab.page.fit_desk import FitDesk
+from eimi_lab.page.phone_desk import PhoneDesk
 from eimi_lab.page.picture_desk import PictureDesk
 from eimi_lab.page.report_links import REPORT, ReportLinks
 from eimi_lab.page.run_desk import RunDesk
 from eimi_lab.page.tabs import Tabs
 from eimi_lab.page.worker import Worker
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.paths import followed, reachable
 from eimi_lab.process.stopping import TERMINATION, Stopped
 from eimi_lab.process.threads import one_thread_each
 
@@ -46,13 +48,14 @@ class Page:
         """Open a data folder; raise InputError if it is not a folder."""
         if not folder.is_dir():
             raise InputError(f"{folder}: is not a folder; give the folder with datasets and pictures")
-        self.folder = DataFolder(folder.resolve())
+        self.folder = DataFolder(followed(reachable(folder)))
         self.worker = Worker()
         self.tabs = Tabs(lambda: {**self.desk.as_json(), **self.fits.as_json()})
         self.desk = RunDesk(self.folder, self.worker, self.tabs)
         self.reports = ReportLinks()
         self.fits = FitDesk(self.folder, self.worker, self.tabs, self.reports)
         self.pictures = PictureDesk(self.folder, self.worker, self.tabs)
+        self.phone = PhoneDesk(self.folder, self.worker, self.tabs)
 
     def application(self) -> Starlette:
         """Return the routes as an application, without the check of requests (`Admission`)."""
@@ -67,6 +70,7 @@ class Page:
             Route(REPORT, self._report),
             *self.desk.routes(),
             *self.pictures.routes(),
+            *self.phone.routes(),
             *self.fits.routes(),
             Mount("/static", StaticFiles(directory=STATIC)),
         ]
@@ -141,7 +145,7 @@ def guarded(page: Page, hosts: frozenset[str], token: str) -> Admission:
     return Admission(page.application(), hosts, token)
 
 
-def serve(folder: Path, host: str, port: int, say: Callable[[str], None]) -> None:
+def serve(folder: Path, host: str, port: int, say: Callable[[str], None], view: str = "") -> None:
     """Serve the page until a signal comes.
 
     Parameters
@@ -154,6 +158,8 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None]) -> Non
         Port to listen on; 0 takes any free port.
     say : callable
         Receives the address to open in a browser.
+    view : str
+        The view that the address opens, such as "phone"; by default the first one.
 
     Raises
     ------
@@ -179,7 +185,7 @@ def serve(folder: Path, host: str, port: int, say: Callable[[str], None]) -> Non
         ws_per_message_deflate=False,
         timeout_graceful_shutdown=CLOSE_WITHIN_S,
     )
-    say(f"http://{_in_address(host)}:{bound}/#token={token}")
+    say(f"http://{_in_address(host)}:{bound}/#token={token}{'#' if view else ''}{view}")
     server = _Server(config)
     try:
         server.run(sockets=[listening])

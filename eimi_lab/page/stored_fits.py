@@ -23,8 +23,10 @@ def summaries(path: Path) -> list[dict[str, Any]]:
 
 
 def _summary(fit: FitRecord) -> dict[str, Any]:
+    modulus = fit.initial_shear_modulus
     return {
         "model": fit.model,
+        "modulus": [modulus.value, modulus.unit, *(modulus.interval_95 or (None, None))],
         "summary": fit.summary(),
         "parameters": {
             name: [quantity.value, quantity.unit, *(quantity.interval_95 or (None, None))]

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.inference.planning.modulus_so_far import ModulusSoFar, modulus_so_far, section_bias_of
+from eimi_fitting.inference.planning.modulus_so_far import ModulusSoFar, modulus_so_far
 from eimi_fitting.inference.searching.modulus_range import NothingActs, NothingConverged
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
@@ -80,7 +80,7 @@ def picture(path: Path, index: int) -> bytes:
     """
     with open_dataset(path) as dataset:
         _check_state(dataset, index)
-        return jpeg(state_mean(dataset.images(index)))
+        return jpeg(state_mean(dataset.each_image(index)))
 
 
 def edges(path: Path, index: int) -> Edges:
@@ -119,7 +119,6 @@ def _edges(path: Path, identity: Identity, index: int) -> EdgeSet:
 
 
 _last_estimate: dict[Identity, ModulusSoFar] = {}
-_section_bias = lru_cache(maxsize=8)(section_bias_of)
 
 
 def modulus(path: Path, states: int) -> dict[str, Any] | None:
@@ -148,12 +147,11 @@ def modulus(path: Path, states: int) -> dict[str, Any] | None:
         identity = _identity(dataset)
         edges = [_edges(path, identity, index) for index in range(min(states, len(dataset.states)))]
         experiment = experiment_so_far(dataset, edges)
-        section_bias = _section_bias(dataset.specimen.mechanics())  # slow only for the first state
     if experiment is None:
         return None
     began = time.process_time()
     try:
-        estimate = modulus_so_far(experiment, section_bias, _last_estimate.get(identity))
+        estimate = modulus_so_far(experiment, _last_estimate.get(identity))
     except (NothingActs, NothingConverged) as error:
         raise InputError(f"no modulus yet: {error}") from error
     _last_estimate[identity] = estimate

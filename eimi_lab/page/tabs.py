@@ -80,12 +80,16 @@ class Tabs:
         """Return whether the tab of this name is in control."""
         return self._steers is not None and secrets.compare_digest(self._steers.name.encode(), name.encode())
 
+    def check_control(self, request: Request) -> None:
+        """Raise InputError for a request that does not come from the tab in control."""
+        if not self.may_steer(request.headers.get(TAB_HEADER, "")):
+            raise InputError("this tab is not in control; take control first")
+
     def steered(self, act: Act) -> Callable[[Request], Awaitable[Response]]:
         """Return a route that calls `act` with the JSON object of a request, if the tab in control sent it."""
 
         async def answer(request: Request) -> Response:
-            if not self.may_steer(request.headers.get(TAB_HEADER, "")):
-                raise InputError("this tab is not in control; take control first")
+            self.check_control(request)
             return JSONResponse(await act(await body_of(request)))
 
         return answer

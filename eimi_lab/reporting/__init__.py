@@ -4,12 +4,15 @@ shown          read the fits of all files, and give each a label and a style
 sections       choose the section assumption of each fit
 contents       hold fits, datasets and predictions as the panels receive them
 findings       state the result in words: the modulus, its interval, what limits it, how reliable it is
+error_at_a_glance  error of the leading fit of each dataset against the field
+residual_noise   test whether the residuals of a fit look like noise
 panel          describe a panel: place, title, template and values
 panels         the panels, one in each module
 drawn_panels   draw each panel as soon as its contents are available
 elements       number figures and tables, and write them as HTML and as files
 frames         cut frames to the beam, and choose states to show
 stress         compute stress against strain of each fit in three modes of deformation
+published_moduli  published moduli of common silicones
 rounded        format a quantity and its interval
 citation       the references to cite
 page           fill page.html with the panels

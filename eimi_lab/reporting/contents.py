@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
+from eimi_fitting.time.result import LawOfTime
 from eimi_lab.dataset.reading import Dataset
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.records import FitRecord, TensileRecord
@@ -62,12 +63,13 @@ class DatasetContents:
 
 @dataclass(frozen=True)
 class ReportContents:
-    """The fits and datasets of a report, its date, and the command line that wrote it (empty if there was none)."""
+    """The fits and datasets of a report, its date, its command line (empty if there was none) and its laws of time."""
 
     fits: tuple[ShownFit, ...]
     datasets: tuple[DatasetContents, ...]
     written: datetime
     command: str = ""
+    laws_of_time: tuple[tuple[str, LawOfTime], ...] = ()
 
     @property
     def bending(self) -> list[ShownFit]:

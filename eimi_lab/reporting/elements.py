@@ -16,9 +16,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _RASTER_DPI = 220  # resolution of photographs: twice that of a common screen
-_WHOLE = 14  # a table of at most so many rows is printed on one page
+_WHOLE = 14  # a table of at most so many lines is printed on one page
 _SHORT = 18  # a cell of at most so many letters stays on one line
 _LONG = 24  # a word of more letters, such as a path, may be broken
+_PAGE_IN = 7.1  # width of a figure that fills the page, `eimi_lab.showing.drawing.WIDTH_IN`
+_NARROW = 0.75  # a figure of a smaller share of the page has its caption beside it
 _WEBP = {"quality": 82, "method": 2}
 
 
@@ -36,6 +38,8 @@ class Picture:
     caption : str or Markup
     photograph : bool
         Whether the figure contains frames; it is then embedded as pixels, otherwise as SVG.
+    of_half_width : bool
+        Whether the figure stands in one of two columns. A narrow figure elsewhere has its caption beside it.
     """
 
     name: str
@@ -43,6 +47,7 @@ class Picture:
     alternative: str
     caption: str | Markup
     photograph: bool = False
+    of_half_width: bool = False
 
     @cached_property
     def embedded(self) -> str:
@@ -106,10 +111,21 @@ class Elements:
         """Add a picture as the next figure of the page, and return its HTML."""
         self.pictures.append(picture)
         number = len(self.pictures)
+        source = picture.embedded
+        share = float(picture.figure.get_figwidth()) / _PAGE_IN
+        beside = Markup(' class="beside"') if not picture.of_half_width and share < _NARROW else ""
+        width = Markup(' style="width: {:.0f}%"').format(100 * share) if beside else ""
         return Markup(
-            '<figure id="figure-{number}"><img src="{source}" alt="{alternative}">'
+            '<figure id="figure-{number}"{beside}><img src="{source}" alt="{alternative}"{width}>'
             "<figcaption><b>Figure {number}.</b> {caption}</figcaption></figure>"
-        ).format(number=number, source=picture.embedded, alternative=picture.alternative, caption=picture.caption)
+        ).format(
+            number=number,
+            beside=beside,
+            width=width,
+            source=source,
+            alternative=picture.alternative,
+            caption=picture.caption,
+        )
 
     def table(self, table: Table) -> Markup:
         """Add the next table of the page, and return its HTML."""
@@ -118,7 +134,8 @@ class Elements:
         rows = Markup("").join(
             Markup("<tr>{}</tr>").format(Markup("").join(_cell(cell) for cell in row)) for row in table.rows
         )
-        kind = "table whole" if len(table.rows) <= _WHOLE else "table"
+        lines = sum(max((len(_lines(cell)) for cell in row), default=1) for row in table.rows)
+        kind = "table whole" if lines <= _WHOLE else "table"
         notes = Markup("").join(Markup('<p class="note">{}</p>').format(note) for note in table.notes)
         return Markup(
             '<div class="{kind}" id="table-{number}"><table><caption><b>Table {number}.</b> {caption}</caption>'

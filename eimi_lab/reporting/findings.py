@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,13 +10,15 @@ import numpy as np
 from eimi_fitting.laws import LAWS
 from eimi_lab.fits.evidence import WHOLE_FILES
 from eimi_lab.fits.fit_summary import all_together_percent, entry_words
+from eimi_lab.fits.grades import grade
 from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.validation import Validation
 from eimi_lab.reporting.contents import DatasetContents, ReportContents
+from eimi_lab.reporting.residual_noise import residual_noise
 from eimi_lab.reporting.rounded import value_and_interval
 from eimi_lab.reporting.shown import ShownFit, chosen
 
 _ALIKE = 2.0  # laws within this difference of AICc have substantial support (Burnham and Anderson 2002, section 2.6)
-_PREDICTED = 1.5  # error of states left out over that of all states, below which the law predicts them
 
 
 @dataclass(frozen=True)
@@ -99,14 +101,15 @@ def _finding(shown: ShownFit, report: ReportContents) -> Finding:
         return Finding(shown, fit.source.material or "", value, interval, how, "", (_reach(fit),))
     fitted_to = [c for c in report.datasets if c.evidence.sha256 in {d.sha256 for d in fit.datasets}]
     truths = (_truth(fit, contents) for contents in fitted_to)
-    verdicts = (_belief(fit, fitted_to), _next(fit), _law(shown), _reach(fit), *truths)
+    noise = (_noise(shown, contents) for contents in fitted_to)
+    verdicts = (_belief(fit, fitted_to, report), _next(fit), *noise, _law(shown), _reach(fit), *truths)
     return Finding(
         shown,
         _subject(fitted_to) or ", ".join(d.path for d in fit.datasets),
         value,
         interval,
         _how(fit),
-        _limit(fit),
+        _limit(fit, scatter_of(fitted_to)),
         tuple(verdict for verdict in verdicts if verdict is not None),
     )
 
@@ -128,9 +131,16 @@ def _how(fit: FitRecord) -> str:
     return f"{fit.model}{with_priors}, from {used} state{'s' * (used > 1)} of bending{several}{up_to}{curves}"
 
 
-def _limit(fit: FitRecord) -> str:
+def scatter_of(datasets: Sequence[DatasetContents]) -> str:
+    """Return what scatters about the simulated beam: the edges, the tracked points, or both."""
+    what = {"frames": "edges", "points": "tracked points"}
+    kinds = [words for kind, words in what.items() if any(c.dataset.kind == kind for c in datasets)]
+    return f"scatter of the {' and '.join(kinds) or 'measurements'}"
+
+
+def _limit(fit: FitRecord, scatter: str) -> str:
     if fit.measure_next.source is None or not fit.budget:
-        words = "The scatter of the edges and the error of the mesh limit the interval"
+        words = f"The {scatter} and the error of the mesh limit the interval"
     else:
         first, sources = fit.budget[0], len(fit.budget)
         words = f"The interval is limited most by {entry_words(first, fit)}, "
@@ -149,7 +159,7 @@ def _limit(fit: FitRecord) -> str:
     return f"{words}."
 
 
-def _belief(fit: FitRecord, fitted_to: Sequence[DatasetContents]) -> Verdict:
+def _belief(fit: FitRecord, fitted_to: Sequence[DatasetContents], report: ReportContents) -> Verdict:
     error = f"{1e3 * fit.mean_error_mm:.2g} µm"
     calibration = fitted_to[0].dataset.calibration if fitted_to else None
     if calibration is not None:
@@ -158,27 +168,18 @@ def _belief(fit: FitRecord, fitted_to: Sequence[DatasetContents]) -> Verdict:
     if fit.held_out_error_mm is not None:
         words += f", and {1e3 * fit.held_out_error_mm:.2g} µm in states left out of the fit"
     words += "."
-    doubts = fit.doubts_in_words()
-    if "initial_shear_modulus" in fit.held_by_bounds():
-        return Verdict("Can it be believed?", "no", f"The data do not determine the modulus. {words}")
-    if doubts:
-        return Verdict("Can it be believed?", "doubted", f"{words} Doubts: {'; '.join(doubts)}.")
-    grade, reason = _grade(fit)
-    return Verdict("Can it be believed?", grade, f"{words} No check raised a doubt. {reason}")
+    support = grade(fit, _on_unseen_specimens(fit, fitted_to, report))
+    return Verdict("Can it be believed?", support.name, f"{words} {support.words}")
 
 
-def _grade(fit: FitRecord) -> tuple[str, str]:
-    """Return what supports a fit without doubts, and a sentence on it."""
-    if not fit.budget:
-        return "noise only", "The interval contains noise and mesh: no uncertainty of the inputs is stated."
-    held_out = fit.held_out_error_mm
-    if held_out is not None and held_out < _PREDICTED * fit.mean_error_mm:
-        return (
-            "predicted unseen states",
-            "The interval contains the stated uncertainties, and the law predicted states that were left out of the "
-            "fit. It has not been tested on another specimen.",
-        )
-    return "budget stated", "The interval contains the stated uncertainties; the law has not predicted unseen states."
+def _on_unseen_specimens(
+    fit: FitRecord, fitted_to: Sequence[DatasetContents], report: ReportContents
+) -> Iterator[Validation]:
+    """Yield the errors of a fit on the datasets of the report whose specimens it was not fitted to."""
+    fitted_specimens = {contents.dataset.specimen.specimen.name for contents in fitted_to}
+    for contents in report.datasets:
+        if contents.dataset.specimen.specimen.name not in fitted_specimens:
+            yield from (v for shown, v in zip(report.fits, contents.validations, strict=True) if shown.fit is fit)
 
 
 def _next(fit: FitRecord) -> Verdict | None:
@@ -203,13 +204,20 @@ def _next(fit: FitRecord) -> Verdict | None:
     )
 
 
+def _noise(shown: ShownFit, contents: DatasetContents) -> Verdict | None:
+    simulated = contents.simulated_by(shown)
+    noise = residual_noise(simulated) if simulated else None
+    return Verdict("Do the residuals look like noise?", noise.answer, noise.words) if noise else None
+
+
 def _law(shown: ShownFit) -> Verdict:
     choices = shown.comparison
     if not choices:
         return Verdict("Which law?", "not compared", f"{shown.fit.model} alone was fitted to these data.")
     ranked = sorted((c for c in choices if c.aicc is not None), key=lambda c: c.aicc or 0.0)
+    points = f"{choices[0].independent_points:.1f} independent points"
     if not ranked:
-        return Verdict("Which law?", "too few data", "There are too few data to compare the laws.")
+        return Verdict("Which law?", "too few data", f"The data count as {points}, too few to compare the laws.")
     best, *others = ranked
     near = [c for c in others if c.aicc is not None and c.aicc < _ALIKE]
     weight = "" if best.weight is None else f" (Akaike weight {best.weight:.2f})"
@@ -217,9 +225,9 @@ def _law(shown: ShownFit) -> Verdict:
     if near:
         words += "; " + ", ".join(f"that of {c.model} is larger by {c.aicc:.1f}" for c in near)
         answer = f"{best.model}, or {' or '.join(c.model for c in near)}"
-        return Verdict("Which law?", answer, f"{words}. The data do not decide between them.")
+        return Verdict("Which law?", answer, f"{words}. The data, {points}, do not decide between them.")
     margin = f"; that of the next, {others[0].model}, is larger by {others[0].aicc:.1f}" if others else ""
-    return Verdict("Which law?", best.model, f"{words}{margin}.")
+    return Verdict("Which law?", best.model, f"{words}{margin}. The data count as {points}.")
 
 
 def _reach(fit: FitRecord | TensileRecord) -> Verdict:

@@ -22,7 +22,7 @@ from eimi_lab.reporting.contents import DatasetContents, ReportContents, short_n
 from eimi_lab.reporting.drawn_panels import AnyPanel, DrawnPanels, Values
 from eimi_lab.reporting.elements import Elements
 from eimi_lab.reporting.sections import evidence_for_fits
-from eimi_lab.reporting.shown import leading, read_shown
+from eimi_lab.reporting.shown import laws_of_time, leading, read_shown
 
 Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 
@@ -65,14 +65,15 @@ def write_report(
     InputError
         If a file cannot be read, or if an output exists and `force` is false.
     """
-    shown_fits, written = read_shown(fits), datetime.now().astimezone()
+    shown_fits, written, times = read_shown(fits), datetime.now().astimezone(), laws_of_time(fits)
+    datasets = [path for path in datasets if not (times and _has_motions_alone(path))]
     with ExitStack() as stack:
         folder = stack.enter_context(whole_folder(assets, force)) if assets is not None else None
         step_done = stack.enter_context(progress("report", len(datasets) * (2 + 2 * len(shown_fits)) + 1))
         names, shown, drawn = short_names(datasets), dict[int, DatasetContents](), DrawnPanels()
 
         def contents() -> ReportContents:
-            return ReportContents(shown_fits, tuple(shown[place] for place in sorted(shown)), written, command)
+            return ReportContents(shown_fits, tuple(shown[place] for place in sorted(shown)), written, command, times)
 
         def draw_fits() -> None:
             drawn.fits(contents())
@@ -95,12 +96,21 @@ def write_report(
             draw_fits()
             if len(shown) == len(datasets):
                 drawn.datasets(contents())
+        if not datasets:
+            draw_fits()
+            drawn.datasets(contents())
         page, elements = render(contents(), drawn)
         step_done("page written")
         if folder is not None:
             for name, content in elements.files().items():
                 write_whole(folder / name, content)
     write_file(output, page, force)
+
+
+def _has_motions_alone(path: Path) -> bool:
+    """Return whether a dataset holds no states; its motions are shown with the law of time."""
+    with open_dataset(path) as dataset:
+        return not dataset.states
 
 
 def render(report: ReportContents, drawn: DrawnPanels) -> tuple[str, Elements]:
@@ -112,6 +122,7 @@ def render(report: ReportContents, drawn: DrawnPanels) -> tuple[str, Elements]:
     page = template.render(
         title=_title(report),
         report=report,
+        summary=_filled(environment, drawn.summary()),
         before=_filled(environment, drawn.of_report(after_datasets=False)),
         sections=[
             {"name": shown.name, "slug": f"dataset-{number}", "panels": _filled(environment, drawn.of_dataset(shown))}

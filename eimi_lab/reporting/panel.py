@@ -41,6 +41,8 @@ class ReportPanel(_Panel):
     ----------
     values : callable
         Returns the values that fill the template, or None to omit the panel.
+    summary : bool
+        Whether the panel belongs to the first pages, which a reader can read alone; otherwise it is in the appendix.
     after_datasets : bool
         Whether the panel follows the sections of the datasets; otherwise it precedes them.
     of_fits : bool
@@ -50,6 +52,7 @@ class ReportPanel(_Panel):
     """
 
     values: Callable[[ReportContents], Mapping[str, Any] | None]
+    summary: bool = False
     after_datasets: bool = False
     of_fits: bool = False
     of_intervals: bool = False

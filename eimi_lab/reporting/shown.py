@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from eimi_fitting.inference.planning.choice_of_law import Choice
+from eimi_fitting.time.result import LawOfTime
 from eimi_lab.fits.fits_file import read_fits_file
 from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.fits.simulated_fit import FittedLaw
+from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.showing.palette import LINES, MARKERS, PALETTE
 
 
@@ -33,6 +35,7 @@ class ShownFit(FittedLaw):
         Matplotlib line style of the origin, the same throughout a report.
     """
 
+    fit: FitRecord | TensileRecord = field(compare=False)
     comparison: tuple[Choice, ...]
     origin: str
     colour: str = PALETTE[0]
@@ -60,6 +63,7 @@ def read_shown(paths: Sequence[Path]) -> tuple[ShownFit, ...]:
         ShownFit(path, index, fit, file.comparison, _origin(fit, several))
         for path, file in read
         for index, fit in enumerate(file.fits)
+        if isinstance(fit, FitRecord | TensileRecord)  # a fit of ring-downs alone has a panel of its own
     ]
     for distinction in (lambda s: s.path.name, lambda s: str(s.path), lambda s: f"fit {s.index}"):
         counts = Counter(shown.label for shown in fits)
@@ -67,6 +71,16 @@ def read_shown(paths: Sequence[Path]) -> tuple[ShownFit, ...]:
     laws = list(dict.fromkeys(shown.fit.model for shown in fits))
     origins = list(dict.fromkeys(shown.origin for shown in fits))
     return tuple(_styled(s, laws.index(s.fit.model), origins.index(s.origin)) for s in fits)
+
+
+def laws_of_time(paths: Sequence[Path]) -> tuple[tuple[str, LawOfTime], ...]:
+    """Return the laws of time of all files with the names of their fits. Raises InputError for another file."""
+    return tuple(
+        (f"{fit.model}, {path.name}", fit.time)
+        for path in paths
+        for fit in read_fits_file(path).fits
+        if isinstance(fit, FitRecord | RingDownRecord) and fit.time is not None
+    )
 
 
 def sections_of(fit: FitRecord) -> tuple[str, ...]:

@@ -64,6 +64,11 @@ export async function post(path, body = {}, tab = "") {
   return (await answer(path, { method: "POST", headers, body: JSON.stringify(body) })).json();
 }
 
+// A file as the body of a request.
+export async function send(path, file, tab) {
+  return (await answer(path, { method: "POST", headers: { "Content-Type": "application/octet-stream", "X-Tab": tab }, body: file })).json();
+}
+
 export async function askPicture(path, parameters) {
   return (await answer(address(path, parameters))).blob();
 }

@@ -2,10 +2,11 @@
 import { showBench } from "./bench.js";
 import { byId, tell } from "./dom.js";
 import "./outcome.js";
+import { showPhone } from "./phone.js";
 import { showPictures } from "./pictures.js";
 import { showFolder } from "./runs.js";
 
-const VIEWS = { bench: showBench, runs: showFolder, pictures: showPictures };
+const VIEWS = { bench: showBench, runs: showFolder, pictures: showPictures, phone: showPhone };
 
 function show() {
   const asked = location.hash.slice(1);

@@ -1,14 +1,16 @@
 // Pictures taken without instruments: drag clamp, axis and scale into place; the edges are found again at once.
+import { Clicks } from "./clicks.js";
 import { ask, askPicture, byId, el, flagList, number, post, svg, tell } from "./dom.js";
 import { steer } from "./live.js";
 import { Picture } from "./picture.js";
 import { openRun } from "./runs.js";
 
 const FIELDS = { scale: "pixels_per_mm", axis: "axis_angle_deg", gravity: "gravity_angle_deg", field: "field_angle_deg", "coil-constant": "coil_constant_mT_per_A" };
-const WAIT_MS = 120;
+const WAIT_MS = 120, MOST_ALONG = 6;
 const picture = new Picture(byId("by-hand"));
 const stated = svg("g", { "aria-hidden": "true" }), handles = svg("g");
 picture.over.append(stated, handles);
+const along_points = new Clicks(picture, () => isFirst() ? Array.from({ length: MOST_ALONG }, (_, index) => `point ${index + 1} along the beam`) : [], () => { tellPoints(); later(); });
 
 let folder = null; // { name, pictures, size_px, calibration, … }
 let shown = "", ruler = null, reach = 100, asked = 0, waiting = null, ready = false;
@@ -46,7 +48,17 @@ async function openFolder() {
   byId("ruler-mm").value = 10;
   ruler = [[0.08 * wide, 0.92 * high], [0.08 * wide + long, 0.92 * high]];
   listPictures();
+  points = folder.calibration.picture?.along_px ?? [];
   await showPicture(folder.pictures[0]);
+}
+
+const isFirst = () => shown === folder?.pictures[0]; // the points lie on the first picture
+let points = []; // of the first picture, while another one is shown
+
+function tellPoints() {
+  if (isFirst()) points = along_points.points;
+  byId("along-words").textContent = points.length === 1 ? "one more point is needed" : points.length ? `${points.length} points along the beam` : "";
+  byId("along-undo").disabled = !isFirst() || !points.length;
 }
 
 function listPictures() {
@@ -61,6 +73,8 @@ async function showPicture(name) {
   const of = folder, blob = await askPicture("/api/pictures/picture", { folder: of.name, picture: name });
   if (shown !== name || folder !== of) return;
   await picture.show(blob, folder.size_px, name);
+  along_points.begin(folder.size_px, isFirst() ? points : []);
+  tellPoints();
   drawHandles();
   await findEdges();
 }
@@ -74,7 +88,7 @@ function calibration() {
   const made = Object.fromEntries(Object.entries(FIELDS).map(([id, key]) => [key, value(id)]));
   made.clamp_midpoint_px = clamp();
   const help = Object.fromEntries(["channel", "polarity"].filter((id) => byId(id).value).map((id) => [id, byId(id).value]));
-  if (Object.keys(help).length) made.picture = help;
+  made.picture = { ...help, along_px: points.length > 1 ? points : null };
   return made;
 }
 
@@ -162,6 +176,7 @@ function currents() {
   return Object.fromEntries([...byId("picture-list").querySelectorAll("input")].map((input) => [input.name, input.value]));
 }
 
+byId("along-undo").addEventListener("click", () => along_points.undo());
 byId("picture-folder").addEventListener("change", tried(openFolder));
 byId("picture-specimen").addEventListener("change", later);
 byId("ruler-mm").addEventListener("input", () => { measure(); drawHandles(); later(); });

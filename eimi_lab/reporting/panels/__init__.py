@@ -1,11 +1,17 @@
 """The panels of the report, one in each module. The page shows them in the order of their places.
 
-Panels of the report:
+Panels of the first pages, which can be read alone:
 
-first_screen            the result in words, with a picture of the beam
+first_screen            the result in words, with a picture of the beam and its error by field
+causes                  possible causes of the residuals, with their probabilities
+published_values        published moduli of the same silicone
+
+Panels of the appendix:
+
 laws                    parameters, misfit and range of each fit, and the comparison of the laws
 uncertainty_budget      the share of each source of uncertainty in the interval
-causes                  possible causes of the residuals, with their probabilities
+causes_of_all_fits      causes of the residuals of the other fits
+law_of_time             ring-downs, the modulus against time, and creep
 parameter_correlation   correlation of the errors of the unknowns of a fit
 stress_strain           stress against strain of each law
 error_boxes             errors of the states, by law and specimen

@@ -1,7 +1,8 @@
-"""Show the possible causes of the residuals with their probabilities."""
+"""Show the possible causes of the residuals of the chosen fits with their probabilities."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from eimi_fitting.inference.doubts.causes import NONE
@@ -9,7 +10,9 @@ from eimi_lab.fits.fit_summary import signed
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.reporting.contents import ReportContents
 from eimi_lab.reporting.elements import Table
+from eimi_lab.reporting.findings import findings
 from eimi_lab.reporting.panel import ReportPanel
+from eimi_lab.reporting.shown import ShownFit
 
 _HEAD = ("law", "cause", "probability", "value", "change of the modulus", "decide by")
 _CAPTION = (
@@ -20,7 +23,8 @@ _NOTE = "Two causes may be present together, so that the probabilities may add u
 _LEAST = 0.01  # a cause of smaller probability has no row, except the first two
 
 
-def _values(report: ReportContents) -> dict[str, Any] | None:
+def table_of_causes(fits: Sequence[ShownFit]) -> Table | None:
+    """Return a table of the probable causes of the residuals of each fit; None if no fit weighs causes."""
     rows = [
         (
             shown.label,
@@ -30,18 +34,19 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
             "" if cause.name == NONE else f"{cause.shift_percent:+.2g} %",
             cause.decide_by,
         )
-        for shown in report.bending
+        for shown in fits
         if isinstance(shown.fit, FitRecord)
         for i, cause in enumerate(shown.fit.causes)
         if i < 2 or cause.probability >= _LEAST
     ]
-    return {"table": Table("causes", _CAPTION, _HEAD, rows, [_NOTE])} if rows else None
+    return Table("causes", _CAPTION, _HEAD, rows, [_NOTE]) if rows else None
+
+
+def _values(report: ReportContents) -> dict[str, Any] | None:
+    table = table_of_causes([finding.shown for finding in findings(report)])
+    return {"table": table} if table else None
 
 
 PANEL = ReportPanel(
-    place=16,
-    title="Causes of the residuals",
-    template="{{ table | table }}",
-    values=_values,
-    of_fits=True,
+    place=4, summary=True, title="Causes of the residuals", template="{{ table | table }}", values=_values
 )

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 
 _MOST = 48  # thumbnails
 _ABREAST = 8
+_FEWEST = 4  # columns in the width of a page; fewer thumbnails make a narrower figure
 _THUMB_PX = 180
 _GAP = 0.06  # between thumbnails, as a fraction of their width
 _LINE = 0.17  # height of a line of text, as a fraction of the width of a thumbnail
@@ -35,14 +36,15 @@ def contact_sheet(contents: DatasetContents, flags: dict[int, list[Flag]]) -> Dr
     crop = crop_of(contents)
     states = shown_states(contents)
     rows = -(-len(states) // _ABREAST)
-    columns = max(4, -(-len(states) // rows))
+    columns = -(-len(states) // rows)
     words = {
         s.index: textwrap.wrap(", ".join(dict.fromkeys(f.name for f in flags[s.index])), _FLAG_CHARACTERS)
         for s in states
     }
     above = _LINE * (1 + 0.8 * max(map(len, words.values())))
     tall = crop.height_over_width + above + _GAP
-    drawing = Drawing(WIDTH_IN / columns / (1 + _GAP) * rows * tall)
+    width = WIDTH_IN * min(1.0, len(states) / _FEWEST)
+    drawing = Drawing(width / columns / (1 + _GAP) * rows * tall, width)
     axes = drawing.subplots()
     edges: list[Array] = []
     left_out = {flagged.state for flagged in contents.evidence.used.left_out}

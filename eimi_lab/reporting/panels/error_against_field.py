@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
 from eimi_lab.fits.simulated_fit import Prediction
 from eimi_lab.reporting.contents import DatasetContents
@@ -17,6 +18,8 @@ from eimi_lab.reporting.panel import DatasetPanel
 from eimi_lab.reporting.shown import ShownFit
 from eimi_lab.showing.drawing import Drawing, by_field, label, plain_logarithm
 
+Array = NDArray[np.float64]
+
 _LOG_FROM = 20  # ratio of the largest to the smallest mean error from which the axis is logarithmic
 _SPREAD = 0.5  # width over which the fits of one state are spread, as a fraction of the smallest gap between states
 
@@ -24,7 +27,8 @@ _SPREAD = 0.5  # width over which the fits of one state are spread, as a fractio
 def drawn_errors(predictions: Sequence[Prediction[ShownFit]]) -> Drawing:
     """Draw the errors of all fits against the field, or against the state if the field is constant.
 
-    The bars extend one standard deviation of the distances along the edges to each side.
+    The bars extend one standard deviation of the distances along the edges to each side. With several fits, a panel
+    below shows the differences of their errors from that of the first one, since their curves may coincide.
     """
     states = predictions[0].evidence.states
     x, words = by_field([state.field_mT for state in states], [state.index for state in states])
@@ -32,8 +36,12 @@ def drawn_errors(predictions: Sequence[Prediction[ShownFit]]) -> Drawing:
     spread = _SPREAD * float(gaps.min()) if len(gaps) else 1.0
     means = [float(s.error_mm.mean()) for s in predictions]
     logarithmic = max(means) > _LOG_FROM * max(min(means), 1e-9)
-    drawing = Drawing(3.6)
-    axes: Axes = drawing.subplots()
+    several = len(predictions) > 1
+    drawing = Drawing(3.4 if several else 2.8)
+    axes: Axes
+    axes, *below_axes = np.atleast_1d(
+        drawing.subplots(1 + several, 1, sharex=True, height_ratios=[3, 2] if several else [1])
+    )
     for place, s in enumerate(predictions):
         error, deviation = 1e3 * s.error_mm, 1e3 * s.deviation_mm
         # On a logarithmic axis a bar that ends at zero would be infinitely long.
@@ -49,6 +57,8 @@ def drawn_errors(predictions: Sequence[Prediction[ShownFit]]) -> Drawing:
             elinewidth=0.8,
             capsize=1.5,
         )
+    for differences in below_axes:
+        _draw_differences(differences, predictions, x)
     if words == "state":
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     if logarithmic:
@@ -56,9 +66,20 @@ def drawn_errors(predictions: Sequence[Prediction[ShownFit]]) -> Drawing:
         plain_logarithm(axes)
     else:
         axes.set_ylim(bottom=0)
-    label(axes, words, "error, µm")
+    label(axes, "" if several else words, "error, µm")
+    for differences in below_axes:
+        label(differences, words, f"error minus that of\n{predictions[0].fitted_law.fit.model}, µm")
     legend_of_fits(drawing, [s.fitted_law for s in predictions])
     return drawing
+
+
+def _draw_differences(axes: Axes, predictions: Sequence[Prediction[ShownFit]], x: Array) -> None:
+    """Draw the error of each fit minus that of the first one, in µm."""
+    axes.axhline(0, color=predictions[0].fitted_law.colour, linewidth=1.1)
+    for s in predictions[1:]:
+        law = s.fitted_law
+        style = {"color": law.colour, "marker": law.marker, "linestyle": law.line, "linewidth": 1.1}
+        axes.plot(x, 1e3 * (s.error_mm - predictions[0].error_mm), **style)
 
 
 def legend_of_fits(drawing: Drawing, fits: Sequence[ShownFit]) -> None:
@@ -79,7 +100,11 @@ def _values(contents: DatasetContents) -> dict[str, Any] | None:
         "deviation of the distances."
     )
     if len(contents.simulated) > 1:
-        caption += " The fits of one state are drawn slightly apart, so that none hides another."
+        first = contents.simulated[0].fitted_law.label
+        caption += (
+            " The fits of one state are drawn slightly apart, so that none hides another. Below: the error of each fit "
+            f"minus that of {first}."
+        )
     return {"picture": Picture("error_against_field", drawn_errors(contents.simulated), "error by state", caption)}
 
 

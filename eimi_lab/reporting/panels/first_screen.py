@@ -12,6 +12,7 @@ from eimi_fitting.inference.evidence.measurements import PointObservation
 from eimi_lab.fits.simulated_fit import Prediction
 from eimi_lab.reporting.contents import DatasetContents, ReportContents
 from eimi_lab.reporting.elements import Picture
+from eimi_lab.reporting.error_at_a_glance import WIDTH_IN, error_at_a_glance
 from eimi_lab.reporting.findings import findings
 from eimi_lab.reporting.frames import Crop, crop_of, frame_of, load_words, measured_mm, some_states
 from eimi_lab.reporting.panel import ReportPanel
@@ -19,7 +20,6 @@ from eimi_lab.reporting.shown import ShownFit
 from eimi_lab.showing.drawing import Drawing, label
 from eimi_lab.showing.palette import MEASURED, PALETTE
 
-_WIDTH_IN = 4.4
 _POINTS = 18  # measured points drawn on each edge, so few that the frame remains visible
 _SIMULATED, _DOTS = PALETTE[1], PALETTE[0]
 _CLOSE = 0.62  # width over height of the close-up of the tip
@@ -34,7 +34,7 @@ def edges_over_frames(contents: DatasetContents, simulated: Prediction[ShownFit]
     crop = crop_of(contents)
     states = some_states(contents, 2)
     tall = crop.height_over_width
-    drawing = Drawing(_WIDTH_IN / (len(states) + tall * _CLOSE) * tall + 0.45, _WIDTH_IN)
+    drawing = Drawing(WIDTH_IN / (len(states) + tall * _CLOSE) * tall + 0.45, WIDTH_IN)
     grid = drawing.subplots(1, len(states) + 1, width_ratios=[*(1.0 for _ in states), tall * _CLOSE])
     for axes, k in zip(grid, [*states, states[-1]], strict=True):
         close = axes is grid[-1]
@@ -86,7 +86,7 @@ def points_over_outlines(contents: DatasetContents, simulated: Prediction[ShownF
     observed = contents.evidence.experiment.observed
     if not isinstance(observed, PointObservation):
         raise ValueError("frames have no tracked points")
-    drawing = Drawing(3.6, _WIDTH_IN)
+    drawing = Drawing(3.6, WIDTH_IN)
     axes = drawing.subplots()
     for k, marker in zip(some_states(contents, 3), "osD", strict=False):
         if simulated:
@@ -116,21 +116,25 @@ def picture_of(report: ReportContents) -> Picture | None:
             words = "measured and simulated" if simulated else "measured"
             caption = f"{contents.name}: the beam, {words}, at the smallest and the largest load"
             caption += ", and its tip at the largest load." if frames else "."
-            return Picture("result", drawn, "measured and simulated beam", caption, photograph=frames)
+            return Picture("result", drawn, "measured and simulated beam", caption, frames, of_half_width=True)
     return None
 
 
 def _values(report: ReportContents) -> dict[str, Any]:
-    return {"findings": findings(report), "picture": picture_of(report), "datasets": report.datasets}
+    return {
+        "findings": findings(report),
+        "picture": picture_of(report),
+        "error": error_at_a_glance(report),
+        "datasets": report.datasets,
+    }
 
 
 PANEL = ReportPanel(
     place=0,
+    summary=True,
     title="",
     template="""
-<div class="answer">
-{% if picture %}{{ picture | figure }}{% endif %}
-{% for f in findings %}
+{% macro result(f) %}
 <div>
 <p class="number">{% if f.subject %}{{ f.subject }}: initial{% else %}Initial{% endif %} shear modulus
 <b>{{ f.value }}</b> (95 % interval: {{ f.interval }}), {{ f.how }}. {{ f.limit }}</p>
@@ -139,10 +143,19 @@ PANEL = ReportPanel(
 {% endfor %}
 </dl>
 </div>
-{% endfor %}
+{% endmacro %}
+<div class="answer">
+<div class="pictures">
+{% if picture %}{{ picture | figure }}{% endif %}
+{% if error %}{{ error | figure }}{% endif %}
+</div>
+{% for f in findings[:1] %}{{ result(f) }}{% endfor %}
 {% if not findings %}<div>{% for d in datasets %}<p class="number">{{ d.name }}: {{ d.evidence.used.in_words() }}.
 No law was fitted.</p>{% endfor %}</div>{% endif %}
 </div>
+{% if findings | length > 1 %}
+<div class="further">{% for f in findings[1:] %}{{ result(f) }}{% endfor %}</div>
+{% endif %}
 """,
     values=_values,
 )

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from eimi_fitting.inference.planning.choice_of_law import Choice
-from eimi_lab.fits.fit_summary import too_few_in_words, what_is_fixed, what_was_fitted_beside
+from eimi_lab.fits.fit_summary import points_in_words, too_few_in_words, what_is_fixed, what_was_fitted_beside
 from eimi_lab.fits.law_record import LawRecord
+from eimi_lab.fits.measured_remarks import measured_lines
 from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.fits.validation_tables import micrometres
 from eimi_lab.reporting.contents import ReportContents
@@ -63,7 +64,7 @@ def table_of_choice(choices: Sequence[Choice]) -> Table:
         "Comparison of the laws: the difference of AICc and of BIC from the best law. The smaller, the better do the "
         "data support the law and the number of its parameters."
     )
-    return Table("comparison", caption, head, rows, too_few_in_words(choices))
+    return Table("comparison", caption, head, rows, [points_in_words(choices), *too_few_in_words(choices)])
 
 
 def _modulus(fit: FitRecord | TensileRecord) -> str | Cell:
@@ -97,7 +98,7 @@ def _remarks(report: ReportContents) -> list[tuple[str, list[str]]]:
             at_bound = fit.identifiability.at_bound
             bound = [f"On a bound of the search: {', '.join(at_bound)}."] if at_bound else []
             # the budget and the doubts have their own places in the report
-            lines = [*states, *what_is_fixed(fit), *what_was_fitted_beside(fit), *bound]
+            lines = [*states, *measured_lines(fit.datasets), *what_is_fixed(fit), *what_was_fitted_beside(fit), *bound]
         if lines:
             remarks_of_fits.append((shown.label, lines))
     return remarks_of_fits

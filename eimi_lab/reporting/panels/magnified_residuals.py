@@ -68,7 +68,7 @@ def drawn_residuals(contents: DatasetContents, simulated: Prediction[ShownFit]) 
     outlines = [contents.dataset.upright(simulated.edges_mm[k]) for k in chosen]
     everywhere = np.concatenate([outline.reshape(-1, 2) for outline in outlines])
     span = np.ptp(everywhere, axis=0) + 2 * width
-    drawing = Drawing(float(np.clip(7.1 / len(chosen) * span[1] / span[0] + 0.8, 2.0, 6.5)))
+    drawing = Drawing(float(np.clip(7.1 / len(chosen) * span[1] / span[0] + 0.8, 2.0, 3.6)))
     grid = np.atleast_1d(drawing.subplots(1, len(chosen), sharex=True, sharey=True))
     for axes, k, outline, (places, vectors) in zip(grid, chosen, outlines, residuals, strict=True):
         left, right = outline

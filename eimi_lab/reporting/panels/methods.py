@@ -9,7 +9,7 @@ from eimi_fitting.laws import LAWS
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.reporting.citation import METHOD, SUITE, bibtex
 from eimi_lab.reporting.contents import DatasetContents, ReportContents
-from eimi_lab.reporting.findings import findings
+from eimi_lab.reporting.findings import findings, scatter_of
 from eimi_lab.reporting.panel import ReportPanel
 
 _SECTIONS = {
@@ -24,7 +24,7 @@ def paragraph(report: ReportContents) -> str:
     sentences = [_measured(shown) for shown in report.datasets]
     bending = [shown.fit for shown in report.bending if isinstance(shown.fit, FitRecord)]
     if bending:
-        sentences += [_identified(bending), _intervals(bending)]
+        sentences += [_identified(bending, report.datasets), _intervals(bending, scatter_of(report.datasets))]
     if report.tensile:
         windows = ", ".join(dict.fromkeys(shown.origin.removeprefix("tensile ") for shown in report.tensile))
         sentences.append(
@@ -57,21 +57,24 @@ def _measured(shown: DatasetContents) -> str:
     return f"{words}; {shown.evidence.used.in_words()}.{virtual}"
 
 
-def _identified(bending: Sequence[FitRecord]) -> str:
+def _identified(bending: Sequence[FitRecord], datasets: Sequence[DatasetContents]) -> str:
     laws = ", ".join(f"{name} ({LAWS[name].formula})" for name in dict.fromkeys(fit.model for fit in bending))
     sections = " and ".join(_SECTIONS[s] for s in dict.fromkeys(d.section for fit in bending for d in fit.datasets))
     seeds = ", ".join(dict.fromkeys(str(fit.seed) for fit in bending))
+    has_edges = not datasets or any(shown.dataset.kind == "frames" for shown in datasets)
+    located = "Edges were located to a fraction of a pixel. " if has_edges else ""
+    simulated = "the outline of a finite-element simulation" if has_edges else "a finite-element simulation"
     return (
-        "Edges were located to a fraction of a pixel. The parameters of a hyperelastic law were searched by CMA-ES "
-        f"(seed {seeds}) and refined by Gauss-Newton, such that the outline of a finite-element simulation "
-        f"({sections}) matches the measured edges (Evolutionary Inverse Material Identification, {METHOD.short}). "
+        f"{located}The parameters of a hyperelastic law were searched by CMA-ES (seed {seeds}) and refined by "
+        f"Gauss-Newton, such that {simulated} ({sections}) matches the measured {'edges' if has_edges else 'points'} "
+        f"(Evolutionary Inverse Material Identification, {METHOD.short}). "
         f"The software was eimi-lab {bending[0].versions['eimi-lab']}. Laws: {laws}."
     )
 
 
-def _intervals(bending: Sequence[FitRecord]) -> str:
+def _intervals(bending: Sequence[FitRecord], scatter: str) -> str:
     sources = list(dict.fromkeys(entry.words for fit in bending for entry in fit.budget))
-    words = "The 95 % intervals include the scatter along the edges and the error of the mesh"
+    words = f"The 95 % intervals include the {scatter} and the error of the mesh"
     if sources:
         words += f", and these uncertainties: {', '.join(sources)}"
     exact = list(dict.fromkeys(word for fit in bending for word in fit.taken_as_exact))

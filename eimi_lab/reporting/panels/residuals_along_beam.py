@@ -13,6 +13,7 @@ from eimi_lab.fits.simulated_fit import Prediction
 from eimi_lab.reporting.contents import DatasetContents
 from eimi_lab.reporting.elements import Picture
 from eimi_lab.reporting.panel import DatasetPanel
+from eimi_lab.reporting.residual_noise import residual_noise
 from eimi_lab.reporting.shown import ShownFit
 from eimi_lab.showing.drawing import Drawing, by_field, colours_in_order, label
 
@@ -107,11 +108,13 @@ def _values(contents: DatasetContents) -> dict[str, Any] | None:
     best = contents.best
     if contents.dataset.kind != "frames" or best is None:
         return None
-    caption = f"Residuals of {best.fitted_law.label} along both edges. If the law is right, they look like noise."
+    caption = f"Residuals of {best.fitted_law.label} along both edges, a line for each state."
+    noise = residual_noise(best)
     if contents.dataset.specimen.magnet is not None:
         caption += " " + _AT_THE_MAGNET
     return {
         "best": best,
+        "noise": noise,
         "picture": Picture(
             "residual_along_beam", drawn_along_beam(contents, best), "residuals along the edges", caption
         ),
@@ -121,6 +124,9 @@ def _values(contents: DatasetContents) -> dict[str, Any] | None:
 PANEL = DatasetPanel(
     place=40,
     title="Residuals of {{ best.fitted_law.label }}",
-    template="{{ picture | figure }}",
+    template="""
+{{ picture | figure }}
+{% if noise %}<p><b>Do the residuals look like noise?</b> {{ noise.answer }}. {{ noise.words }}</p>{% endif %}
+""",
     values=_values,
 )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from numpy.typing import NDArray
 
 from eimi_lab.reporting.contents import ReportContents
 from eimi_lab.reporting.elements import Picture
@@ -18,6 +19,7 @@ from eimi_lab.reporting.stress import (
     BAND,
     MODES,
     UNIAXIAL,
+    Mode,
     StressCurve,
     TensilePoints,
     bending_strain,
@@ -28,7 +30,10 @@ from eimi_lab.reporting.stress import (
 )
 from eimi_lab.showing.drawing import Drawing, label
 
+Array = NDArray[np.float64]
+
 _STRAINS = 61
+_MOST_PERCENT = 50.0  # of difference in the panel of differences
 _HEADROOM = 1.5  # upper limit of the axis, relative to the largest measured stress
 
 
@@ -36,7 +41,8 @@ def drawn_stress(fits: Sequence[ShownFit], points: Sequence[TensilePoints], bent
     """Draw a column for each mode of deformation and a row for each origin of the fits.
 
     The lines are solid within the data of a fit, and thin and dashed beyond. Strains that no bent specimen reached are
-    shaded.
+    shaded. With several fits, the last row shows their stresses relative to that of the first fit, since their curves
+    may coincide.
 
     Parameters
     ----------
@@ -46,11 +52,19 @@ def drawn_stress(fits: Sequence[ShownFit], points: Sequence[TensilePoints], bent
         The largest strain of a bent specimen.
     """
     origins = list(dict.fromkeys(shown.origin for shown in fits))
-    drawing = Drawing(2.1 * len(origins) + 0.6)
-    grid = drawing.subplots(len(origins), len(MODES), sharex=True, sharey=True, squeeze=False)
+    several = len(fits) > 1
+    drawing = Drawing(2.1 * len(origins) + 1.5 * several + 0.6)
+    rows = len(origins) + several
+    heights = [1.0] * len(origins) + [0.7] * several
+    grid = drawing.subplots(rows, len(MODES), sharex=True, sharey="row", squeeze=False, height_ratios=heights)
+    comparison = grid[-1] if several else []
     strain = np.linspace(0, largest_strain(fits), _STRAINS)
     top = max((float(test.stress_Pa.max(initial=0)) for test in points), default=0.0)
-    for row, origin in zip(grid, origins, strict=True):
+    for axes, mode in zip(comparison, MODES, strict=False):
+        _draw_ratios(axes, fits, strain, mode)
+        label(axes, mode.strain + ", %", f"relative to\n{fits[0].fit.model}, %")
+        axes.label_outer()
+    for row, origin in zip(grid[: len(origins)], origins, strict=True):
         for axes, mode in zip(row, MODES, strict=True):
             if bent_to is not None and mode.at_stretch(1 + bent_to) < strain[-1]:
                 axes.axvspan(100 * mode.at_stretch(1 + bent_to), 100 * strain[-1], color="0.92", zorder=0)
@@ -70,7 +84,8 @@ def drawn_stress(fits: Sequence[ShownFit], points: Sequence[TensilePoints], bent
             axes.label_outer()
     for axes, mode in zip(grid[0], MODES, strict=True):
         axes.set_title(mode.words)
-    grid[0, 0].set_ylim(-0.02e-3 * top, _HEADROOM * 1e-3 * top if points else 1.1e-3 * top)
+    for row in grid[: len(origins)]:
+        row[0].set_ylim(-0.02e-3 * top, _HEADROOM * 1e-3 * top if points else 1.1e-3 * top)
     _legend(drawing, [axes for row in grid for axes in row])
     return drawing
 
@@ -86,6 +101,20 @@ def _draw(axes: Axes, curve: StressCurve, end: float) -> None:
         axes.add_collection(band, autolim=False)  # computing limits, which are set later, takes longer than drawing
     axes.plot(strain, stress, "--", color=shown.colour, linewidth=0.8)
     axes.plot(strain[within], stress[within], color=shown.colour, linewidth=1.8, label=shown.fit.model)
+
+
+def _draw_ratios(axes: Axes, fits: Sequence[ShownFit], strain: Array, mode: Mode) -> None:
+    """Draw the stress of each fit minus that of the first one, in per cent of the latter, up to `_MOST_PERCENT`."""
+    nonzero = strain[1:]
+    curves = [stress_curve(shown, nonzero, mode) for shown in fits]
+    for shown, curve in zip(fits, curves, strict=True):
+        percent = 100 * (curve.stress_Pa / curves[0].stress_Pa - 1)
+        within = nonzero <= reached(shown, mode) + 1e-9
+        axes.plot(100 * nonzero, percent, "--", color=shown.colour, linewidth=0.8)
+        axes.plot(100 * nonzero[within], percent[within], color=shown.colour, linewidth=1.8)
+    drawn = np.concatenate([line.get_ydata() for line in axes.lines])
+    largest = float(np.abs(drawn[np.isfinite(drawn)]).max(initial=0.1))
+    axes.set_ylim(-min(1.1 * largest, _MOST_PERCENT), min(1.1 * largest, _MOST_PERCENT))
 
 
 def _legend(drawing: Drawing, all_axes: Sequence[Axes]) -> None:
@@ -108,6 +137,8 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
             f" Shaded: beyond {100 * bent_to:.1f} % strain (or the shear with the same stretch), the largest in any "
             "bent specimen; there a law identified by bending is an extrapolation."
         )
+    if len(report.fits) > 1:
+        words += f" Last row: the stress minus that of {report.fits[0].label}, relative to it."
     caption = " ".join([words, BAND, *missing])
     drawn = drawn_stress(report.fits, points, bent_to)
     return {"picture": Picture("stress_strain", drawn, "stress against strain of each law", caption)}

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from eimi_lab.config.toml import parse_table
+from eimi_lab.fits.measured_record import MeasuredField, MeasuredTemperature
 from eimi_lab.reporting.contents import DatasetContents
 from eimi_lab.reporting.panel import DatasetPanel
 
@@ -22,6 +23,7 @@ def facts(contents: DatasetContents) -> Facts:
     rows = [*_of_specimen(contents), ("measured on", f"{start.day} {start:%B %Y, %H:%M %Z}")]
     rows += _of_rig(contents) + _of_protocol(contents) + _of_picture(contents)
     rows += [("gravity", gravity), ("states", states)]
+    rows += _measured(contents)
     note = dataset.text("user_note")
     rows += [("operator's note", note)] if note else []
     rows += [("corrected", words) for words in dataset.corrections()]
@@ -30,6 +32,15 @@ def facts(contents: DatasetContents) -> Facts:
     if contents.validations and not any(v.seen for v in contents.validations):
         rows.append(("unseen", "no law was fitted to this dataset: all errors here are those of predictions"))
     return [*rows, ("content", f"sha256 {contents.evidence.sha256}")]
+
+
+def _measured(contents: DatasetContents) -> Facts:
+    """Return the facts that sensors measured: field, temperature of the specimen, and heat of the coil."""
+    evidence = contents.evidence
+    field, specimen = MeasuredField.of(evidence), MeasuredTemperature.of(evidence)
+    rows = [("measured field", field.in_words)] if field else []
+    rows += [("temperature of the specimen", specimen.in_words)] if specimen else []
+    return rows + ([("temperature of the coil", evidence.heating.in_words)] if evidence.heating else [])
 
 
 def _of_specimen(contents: DatasetContents) -> Facts:
@@ -94,7 +105,9 @@ def _of_picture(contents: DatasetContents) -> Facts:
         else "stand-off not stated"
     )
     day = f", calibrated on {calibration.calibrated_on}" if calibration.calibrated_on else ""
-    coil = f"{calibration.coil_constant_mT_per_A:g}{uncertain('coil_constant_mT_per_A')} mT/A; {span}"
+    if calibration.coil_constant_mT_per_A is None:
+        return [("scale", f"{scale}{day}"), ("lens", lens), ("coil", "none")]
+    coil = f"{calibration.mT_per_A:g}{uncertain('coil_constant_mT_per_A')} mT/A; {span}"
     return [("scale", f"{scale}{day}"), ("lens", lens), ("coil constant", coil)]
 
 

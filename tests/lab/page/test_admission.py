@@ -191,7 +191,7 @@ def test_the_headers_forbid_the_browser_to_run_anything_but_the_page(served: Any
 
 def test_the_first_load_is_small(served: Any) -> None:
     static = Path(sys.modules["eimi_lab.page"].__path__[0]) / "static"
-    assert sum(len(served.ask(f"/static/{file.name}").body) for file in static.iterdir()) < 70_000
+    assert sum(len(served.ask(f"/static/{file.name}").body) for file in static.iterdir()) < 100_000
 
 
 @pytest.mark.parametrize("name", ["../secret.h5", "/etc/passwd", "frames/../../secret.h5", "link/secret.h5", "a%00b"])

@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from eimi_lab.config.calibration import load_calibration
@@ -53,6 +54,40 @@ def test_a_calibration_is_dragged_into_place_saved_and_used(served: Any, tab: An
     page.get_by_text("own/own.h5: 2 states").wait_for()
     with open_dataset(own / "own.h5") as dataset:
         assert [state.current_A for state in dataset.states] == [0.0, 0.2]
+
+
+def test_points_clicked_along_the_beam_are_stored_with_the_dataset(served: Any, tab: Any) -> None:
+    own = served.folder / "clicked"
+    shutil.copytree(served.folder / "frames", own)
+    (own / "calibration.toml").write_text((served.folder / "calibration.toml").read_text())
+    page = tab(f"{served.address}#pictures")
+    page.get_by_label("Folder of pictures").select_option("clicked")
+    page.get_by_label("Specimen (for length").select_option("specimen.toml")
+    page.locator("#by-hand-words:not(:empty)").wait_for()
+    for name in ("frame_1.png", "frame_2.png"):
+        page.get_by_label(f"current of {name}").fill("0,1")
+    box = page.locator("#by-hand svg").bounding_box()
+
+    def click(x: float, y: float) -> None:
+        page.mouse.click(box["x"] + (x + 0.5) / 128 * box["width"], box["y"] + (y + 0.5) / 96 * box["height"])
+
+    for place in ((64, 26), (64, 38), (80, 70)):
+        click(*place)
+    page.get_by_text("3 points along the beam").wait_for()
+    page.get_by_role("button", name="Undo the last point").locator("visible=true").click()
+    page.get_by_text("2 points along the beam").wait_for()
+    page.get_by_role("button", name="frame_2.png").click()
+    page.get_by_role("button", name="frame_2.png").and_(page.locator("[aria-current=true]")).wait_for()
+    click(70, 40)  # not on the first picture
+    page.locator("#replace").check()
+    page.get_by_role("button", name="Save", exact=True).click()
+    page.get_by_text("2 pictures have a current").wait_for()
+    page.get_by_role("button", name="Make a dataset").click()
+    page.get_by_text("clicked/clicked.h5: 1 states").wait_for()
+    with open_dataset(own / "clicked.h5") as dataset:
+        assert dataset.calibration is not None
+        assert dataset.calibration.picture is not None
+        assert np.allclose(dataset.calibration.picture.along_px or (), [(64, 26), (64, 38)], atol=0.6)
 
 
 @pytest.mark.parametrize(

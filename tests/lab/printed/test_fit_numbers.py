@@ -55,9 +55,10 @@ def test_the_remarks_of_a_fit_have_the_right_units(fit: FitRecord) -> None:
 
 
 def test_the_comparison_of_laws_has_each_criterion_in_its_column(choices: tuple[Choice, ...]) -> None:
-    _, first, second = comparison_table(choices)
+    _, first, second, points = comparison_table(choices)
     assert first.split() == ["neo-hookean", "1", "7.5", "3.2", "0.020", "12.30", "µm"]
     assert second.split() == ["yeoh", "3", "0.0", "0.0", "0.980", "4.50", "µm"]
+    assert "count the data as 55.0 independent points" in points
 
 
 def test_a_tensile_fit_s_misfit_is_in_kilopascal(tensile: TensileRecord) -> None:

@@ -18,6 +18,7 @@ from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import engineering_stress
 from eimi_lab.demonstration import Score
 from eimi_lab.fits.evidence import Evidence
+from eimi_lab.fits.grades import grade
 from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.fits.validation import Validation
 from eimi_lab.reporting import findings
@@ -128,19 +129,28 @@ def report_of(shown: Shown, validation: Judged) -> Reported:
     def report_of(fit: FitRecord, evidence: Evidence, truth: dict[str, Any] | None = None) -> Any:
         beam = SimpleNamespace(name="one", material="silicone")
         dataset = SimpleNamespace(
+            kind="points",
             specimen=SimpleNamespace(specimen=beam),
             calibration=SimpleNamespace(pixels_per_mm=25.0),
             truth=lambda: truth,
         )
         fitted_to = replace(evidence, sha256=fit.datasets[0].sha256)
-        contents = SimpleNamespace(dataset=dataset, evidence=fitted_to, name="beam.h5", validations=(validation(fit),))
+        contents = SimpleNamespace(
+            dataset=dataset,
+            evidence=fitted_to,
+            name="beam.h5",
+            validations=(validation(fit),),
+            simulated_by=lambda shown: None,
+        )
         one = shown(fit)
         return SimpleNamespace(fits=(one,), bending=[one], tensile=[], datasets=[contents], written=datetime.now(UTC))
 
     return report_of
 
 
-def test_the_first_screen_states_the_result_of_a_fit(fit: FitRecord, evidence: Evidence, report_of: Reported) -> None:
+def test_the_first_screen_states_the_result_of_a_fit(
+    fit: FitRecord, evidence: Evidence, report_of: Reported, validation: Callable[..., Validation]
+) -> None:
     (finding,) = findings.findings(report_of(fit, evidence))
     verdicts = {verdict.question: verdict for verdict in finding.verdicts}
     belief = verdicts["Can it be believed?"]
@@ -154,6 +164,17 @@ def test_the_first_screen_states_the_result_of_a_fit(fit: FitRecord, evidence: E
     for change, answer in (({"held_out_error_mm": 0.0130}, "predicted unseen states"), ({"budget": ()}, "noise only")):
         (graded,) = findings.findings(report_of(replace(fit, **change), evidence))
         assert graded.verdicts[0].answer == answer
+    of_other = validation(fit).model_copy(update={"dataset": "other.h5", "seen": False, "mean_error_interval_mm": None})
+    predicted, missed = (
+        of_other.model_copy(update={"mean_error_mm": share * fit.mean_error_mm}) for share in (1.2, 4.0)
+    )
+    assert grade(fit, [predicted]).name == "predicted an unseen specimen"
+    assert "other.h5" in grade(fit, [predicted]).words
+    assert grade(fit, [missed]).name == "budget stated"
+    assert "did not predict the specimen of other.h5" in grade(fit, [missed]).words
+    ends = (0.5 * fit.mean_error_mm, 5 * fit.mean_error_mm)
+    by_inputs = missed.model_copy(update={"mean_error_interval_mm": ends})
+    assert grade(fit, [by_inputs]).name == "predicted an unseen specimen"
     doubtful = replace(fit, doubts=(Doubt("the clamp moved", 0),))
     (finding,) = findings.findings(report_of(doubtful, evidence))
     assert finding.verdicts[0].answer == "doubted"
@@ -182,3 +203,13 @@ def test_the_smallest_error_on_a_specimen_is_bold(
     worse, best = (row[2] for row in table.rows)
     assert worse == "20.0 [15.0, 30.0]*"
     assert (best.text, best.mark) == ("10.0 [15.0, 30.0]", "best")  # type: ignore[union-attr]
+
+
+def test_the_interval_names_what_scatters(fit: FitRecord, evidence: Evidence, report_of: Reported) -> None:
+    """Tracked points have no edges."""
+    report = report_of(replace(fit, budget=()), evidence)
+    (finding,) = findings.findings(report)
+    assert finding.limit.startswith("The scatter of the tracked points and the error of the mesh limit the interval")
+    report.datasets[0].dataset.kind = "frames"
+    (finding,) = findings.findings(report)
+    assert finding.limit.startswith("The scatter of the edges and the error")

@@ -1,0 +1,283 @@
+"""Make the files of a dataset from photographs of a loaded beam, clicks and typed numbers.
+
+The functions serve the page "Weights and a phone" and run in its worker process.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Mapping
+from datetime import UTC, date, datetime
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from eimi_drivers.cameras.image_series import natural_key
+from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.specimen import SpecimenFile, load_specimen
+from eimi_lab.config.toml import check, parse, parse_table, read_text
+from eimi_lab.dataset.importing import import_frames
+from eimi_lab.page.eye import edges_in
+from eimi_lab.page.stored_runs import jpeg
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.outputs import refuse_existing, write_file
+from eimi_lab.process.replacing import replace as move
+from eimi_lab.showing.tables import csv_text
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.calibration.clicked_bench import ClickedBench, MeasuredBench, measure_bench
+from eimi_lab.vision.calibration.exif_lens import focal_length
+from eimi_lab.vision.edges.region import region_of
+from eimi_lab.vision.image_files import ENDINGS, read_image
+
+SPECIMEN, CALIBRATION, STATES = "specimen.toml", "calibration.toml", "states.csv"
+N_PER_GRAM = 9.80665e-3
+"""Weight of a gram at standard gravity (ISO 80000-4), N."""
+
+FREED = ("axis", "clamp")
+"""Inputs that a fit of clicked photographs frees: the pictures determine both better than clicks and a level."""
+
+DENSITY_SIGMA_KG_M3 = 10.0
+_SIZES = ("length_mm", "width_mm", "depth_mm")
+_TYPED = (*_SIZES, "density_kg_m3")
+
+
+def opened(path: Path) -> dict[str, Any]:
+    """Return the names of the photographs in a folder, and the values that its files already state.
+
+    Raises
+    ------
+    InputError
+        If the folder does not exist, or if the first photograph or a file cannot be read.
+    """
+    pictures = _pictures(path)
+    size, lens = [0, 0], None
+    if pictures:
+        height, width = _image(pictures[0], pictures[0].stat().st_mtime_ns).shape[:2]
+        size, lens = [width, height], focal_length(pictures[0], (width, height))
+    return {
+        "pictures": [picture.name for picture in pictures],
+        "size_px": size,
+        "lens": lens.source if lens else "",
+        "beam": _written_beam(path / SPECIMEN),
+        "grams": _written_grams(path / STATES),
+        "written": [name for name in (SPECIMEN, CALIBRATION, STATES) if (path / name).exists()],
+        "dataset": dataset_name(path),
+    }
+
+
+def dataset_name(path: Path) -> str:
+    """Return the name of the dataset of a folder."""
+    return f"{path.name or 'beam'}.h5"
+
+
+def _pictures(path: Path) -> list[Path]:
+    if not path.is_dir():
+        raise InputError(f"{path}: is not a folder")
+    images = [file for file in path.iterdir() if file.suffix.lower() in ENDINGS and not file.name.startswith(".")]
+    return sorted(images, key=lambda file: natural_key(file.name))
+
+
+@lru_cache(maxsize=6)
+def _image(path: Path, changed_ns: int) -> Any:
+    return read_image(path)
+
+
+def _written_beam(file: Path) -> dict[str, str]:
+    """Return the sizes, the density and their uncertainties in a specimen file, as text."""
+    if not file.is_file():
+        return {}
+    table = parse_table(read_text(file), file)
+    beam, sigma = table.get("specimen", {}), table.get("uncertainty", {})
+    values = {key: beam[key] for key in ("name", "material", *_TYPED) if key in beam}
+    values |= {f"{key}_sigma": sigma[key] for key in _SIZES if key in sigma}
+    if "tip_load" in table:
+        values["thread_mm"] = table["tip_load"].get("x_mm", "")
+    return {key: str(value) for key, value in values.items()}
+
+
+def _written_grams(file: Path) -> dict[str, str]:
+    if not file.is_file():
+        return {}
+    rows = csv.DictReader(io.StringIO(read_text(file)))
+    grams = {}
+    for row in rows:
+        try:
+            grams[row.get("frame") or ""] = f"{float(row.get('tip_force_N') or '') / N_PER_GRAM:.6g}"
+        except ValueError:  # the row states no force
+            continue
+    return grams
+
+
+def picture(path: Path) -> bytes:
+    """Return a photograph as JPEG in its full size, upright; raise InputError if it cannot be read."""
+    return jpeg(_image(path, path.stat().st_mtime_ns))
+
+
+def accepted(received: Path, target: Path) -> dict[str, Any]:
+    """Check a photograph that was received, and rename it to its own name.
+
+    Raises
+    ------
+    InputError
+        If it is not a photograph that can be read, or if another file has its name.
+    """
+    try:
+        height, width = read_image(received).shape[:2]
+        if target.exists() and target.read_bytes() != received.read_bytes():
+            raise InputError("another picture of this name is in the folder; rename one of them")
+        move(received, target)
+    except InputError as error:
+        words = str(error).removeprefix(f"{received}: ")
+        raise InputError(f"{target.name}: {words}") from error
+    finally:
+        received.unlink(missing_ok=True)
+    return {"picture": target.name, "size_px": [width, height]}
+
+
+def edges(path: Path, clicked: Mapping[str, Any], beam: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the edges of one photograph in its pixels, and the source of each number of the calibration.
+
+    Raises
+    ------
+    InputError
+        If a number is wrong or missing, or if the clicks contradict each other.
+    """
+    specimen = parse(SpecimenFile, _specimen_text(beam, path.parent), SPECIMEN)
+    measured = _measured(path.parent, clicked, specimen)
+    stated = measured.calibration
+    if path != _pictures(path.parent)[0] and stated.picture is not None:  # the points lie on the first photograph
+        stated = stated.model_copy(update={"picture": stated.picture.model_copy(update={"along_px": None})})
+    image = _image(path, path.stat().st_mtime_ns)
+    region = region_of(stated, image.shape)
+    cut, calibration = (region.cut(image), region.calibration) if region else (image, stated)
+    return {**edges_in(cut, calibration, specimen, BeamFrame(stated)), "sources": _shown(measured)}
+
+
+def _measured(folder: Path, clicked: Mapping[str, Any], specimen: SpecimenFile) -> MeasuredBench:
+    numbers = {key: clicked[key] for key in clicked if key not in ("ruler_mm", "stand_off_mm")}
+    numbers["ruler_mm"] = _number(clicked, "ruler_mm")
+    if _typed(clicked, "stand_off_mm"):
+        numbers["stand_off_mm"] = _number(clicked, "stand_off_mm")
+    first = _first(folder)
+    height, width = _image(first, first.stat().st_mtime_ns).shape[:2]
+    beam = specimen.specimen
+    return measure_bench(
+        check(ClickedBench, numbers, "", "clicks"),
+        (width, height),
+        beam.length_mm,
+        beam.depth_mm,
+        focal_length(first, (width, height)),
+        _day(first),
+    )
+
+
+def _first(folder: Path) -> Path:
+    pictures = _pictures(folder)
+    if not pictures:
+        raise InputError("there is no picture in the folder; drop the pictures of the beam first")
+    return pictures[0]
+
+
+def _day(file: Path) -> date:
+    return datetime.fromtimestamp(file.stat().st_mtime, UTC).date()
+
+
+def _shown(measured: MeasuredBench) -> list[list[str]]:
+    """Return key, value with its uncertainty, and source of each number of the calibration."""
+    table, sigma = measured.calibration.model_dump(), measured.calibration.uncertainty or {}
+    return [[key, f"{_words(table[key])} ± {sigma[key]:g}", source] for key, source in measured.sources.items()]
+
+
+def _words(value: float | tuple[float, float]) -> str:
+    return f"{value:g}" if isinstance(value, float) else ", ".join(f"{part:g}" for part in value)
+
+
+def _typed(table: Mapping[str, Any], key: str) -> str:
+    value = table.get(key)
+    return "" if value is None else str(value).strip()
+
+
+def _number(table: Mapping[str, Any], key: str) -> float:
+    """Return a typed number, which may have a decimal comma; raise InputError if it is missing or wrong."""
+    text = _typed(table, key)
+    if not text:
+        raise InputError(f"{key} is missing")
+    try:
+        value = float(text.replace(",", "."))
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{key} = {text!r} should be a number")
+    return value
+
+
+def _specimen_text(beam: Mapping[str, Any], folder: Path) -> str:
+    """Return specimen.toml with the typed numbers."""
+    sizes = {key: _number(beam, key) for key in _TYPED}
+    sigmas = {key: _number(beam, f"{key}_sigma") for key in _SIZES}
+    thread = [f"x_mm = {_number(beam, 'thread_mm'):g}"] if _typed(beam, "thread_mm") else []
+    name, material = (_typed(beam, key) for key in ("name", "material"))
+    lines = [
+        '# Written by the page "Weights and a phone". The length runs from the clamp to the tip, the width is seen by',
+        "# the camera, and the depth lies along its line of sight.",
+        "[specimen]",
+        f"name = {json.dumps(name or folder.name or 'beam')}",
+        f"material = {json.dumps(material or 'not stated')}",
+        *(f"{key} = {value:g}" for key, value in sizes.items()),
+        "",
+        "[tip_load]    # where the thread of the weights is attached",
+        *thread,
+        "y_mm = 0.0",
+        "",
+        "[uncertainty]    # standard uncertainties",
+        *(f"{key} = {value:g}" for key, value in sigmas.items()),
+        f"density_kg_m3 = {DENSITY_SIGMA_KG_M3:g}    # assumed",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def saved(
+    folder: Path, clicked: Mapping[str, Any], beam: Mapping[str, Any], grams: Mapping[str, Any], replace: bool
+) -> dict[str, Any]:
+    """Write specimen.toml, calibration.toml and states.csv beside the photographs, and make the dataset.
+
+    Photographs without a weight are left out; a picture of the beam alone has the weight 0.
+
+    Raises
+    ------
+    InputError
+        If a number is wrong or missing, or if a file exists and ``replace`` is false. Nothing is written then.
+    """
+    specimen_text = _specimen_text(beam, folder)
+    specimen = parse(SpecimenFile, specimen_text, SPECIMEN)
+    measured = _measured(folder, clicked, specimen)
+    names = [picture.name for picture in _pictures(folder)]
+    weighed = [(name, _number(grams, name)) for name in names if _typed(grams, name)]
+    if len({weight for _, weight in weighed}) < 2:
+        raise InputError("type the grams of at least two pictures with different weights; 0 is the beam alone")
+    calibration = measured.calibration
+    if weighed[0][0] != names[0] and calibration.picture is not None and calibration.picture.along_px:
+        raise InputError(f"{names[0]}: points along the beam were clicked on it, so it needs its weight in grams")
+    rows = [(name, f"{N_PER_GRAM * weight:.7g}") for name, weight in weighed]
+    texts = {
+        SPECIMEN: specimen_text,
+        CALIBRATION: calibration.text,
+        STATES: csv_text([("frame", "tip_force_N"), *rows]),
+    }
+    target = folder / dataset_name(folder)
+    for name in (*texts, target.name):
+        refuse_existing(folder / name, replace)
+    for name, text in texts.items():
+        write_file(folder / name, text, replace)
+    states = import_frames(
+        folder,
+        folder / STATES,
+        load_specimen(folder / SPECIMEN),
+        load_calibration(folder / CALIBRATION),
+        target,
+        replace,
+    )
+    return {"written": list(texts), "states": states, "dataset": target.name, "sources": _shown(measured)}

@@ -1,0 +1,67 @@
+"""Compare the identified modulus with published moduli of the same silicone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.reporting.contents import ReportContents
+from eimi_lab.reporting.elements import Table
+from eimi_lab.reporting.findings import Finding, findings
+from eimi_lab.reporting.panel import ReportPanel
+from eimi_lab.reporting.published_moduli import PublishedModulus, published_moduli
+from eimi_lab.reporting.rounded import format_quantity
+
+_HEAD = ("shear modulus", "over this one", "how", "source")
+_NOTE = (
+    "Silicones differ between lots, mixtures and cures, and a modulus depends on the strain at which it is taken: a "
+    "factor of two between sources is common."
+)
+
+
+def table_of_published(finding: Finding, material: str) -> Table | None:
+    """Return the published moduli of a material and their ratio to the modulus of a finding; None without any."""
+    published = published_moduli(material)
+    if not published:
+        return None
+    modulus = finding.shown.fit.initial_shear_modulus
+    here = (format_quantity(modulus), "1", f"this result: {finding.how}; 95 % interval", "this report")
+    rows = [here, *(_row(row, modulus) for row in published)]
+    return Table("published", f"Published shear moduli of {material} beside this result.", _HEAD, rows, [_NOTE])
+
+
+def _row(row: PublishedModulus, modulus: Quantity) -> tuple[str, str, str, str]:
+    ends = dict.fromkeys((row.low_Pa, row.high_Pa))
+    kPa = " to ".join(f"{1e-3 * end:.3g}" for end in ends)
+    ratio = " to ".join(f"{end / modulus.value:.2g}" for end in ends)
+    return f"{kPa} kPa", ratio, row.how.replace("`", ""), row.source
+
+
+def _values(report: ReportContents) -> dict[str, Any] | None:
+    tables = dict[str, Table]()
+    for finding in findings(report):
+        for material in _materials(finding, report):
+            table = table_of_published(finding, material)
+            if table is not None:
+                tables.setdefault(material, table)
+    return {"tables": list(tables.values())} if tables else None
+
+
+def _materials(finding: Finding, report: ReportContents) -> list[str]:
+    """Return the materials of the data of a finding."""
+    fit = finding.shown.fit
+    if not isinstance(fit, FitRecord):
+        return [fit.source.material] if fit.source.material else []
+    hashes = {reference.sha256 for reference in fit.datasets}
+    beams = [c.dataset.specimen.specimen for c in report.datasets if c.evidence.sha256 in hashes]
+    return list(dict.fromkeys(beam.material for beam in beams))
+
+
+PANEL = ReportPanel(
+    place=6,
+    summary=True,
+    title="Published values",
+    template="{% for published in tables %}{{ published | table }}{% endfor %}",
+    values=_values,
+)

@@ -1,0 +1,46 @@
+"""State whether the residuals of a fit look like noise along the edges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
+from eimi_fitting.randomness import Randomness, randomness_of
+from eimi_lab.fits.simulated_fit import Prediction
+from eimi_lab.reporting.shown import ShownFit
+
+
+@dataclass(frozen=True)
+class ResidualNoise:
+    """A short answer and its reason in sentences."""
+
+    answer: str
+    words: str
+
+
+def residual_noise(simulated: Prediction[ShownFit]) -> ResidualNoise | None:
+    """Test the residuals along the edges of all states; return None for tracked points, which have no order."""
+    if not isinstance(simulated.evidence.experiment.observed, EdgeObservation):
+        return None
+    tests = randomness_of(1e3 * simulated.residuals_mm)
+    if not tests.decided:
+        return ResidualNoise("too few points", f"Only {tests.pairs} pairs of neighbouring points could be tested.")
+    return ResidualNoise("yes" if tests.is_noise else "no", _words(tests))
+
+
+def _words(tests: Randomness) -> str:
+    words = (
+        f"Of {tests.pairs} pairs of neighbouring edge points, {100 * tests.sign_changes / tests.pairs:.0f} % differ in "
+        f"sign (noise: 50 %; runs test, {_probability(tests.runs_probability)}), and their correlation is "
+        f"{tests.autocorrelation:.2f} (noise: 0; {_probability(tests.autocorrelation_probability)})."
+    )
+    if tests.is_noise:
+        return f"{words} The random part is {tests.noise:.2g} µm (root mean square)."
+    return (
+        f"{words} The random part is {tests.noise:.2g} µm and the systematic part {tests.systematic:.2g} µm (root mean "
+        "squares): model, optics or inputs leave an error that the noise does not explain."
+    )
+
+
+def _probability(probability: float) -> str:
+    return "p < 0.001" if probability < 0.001 else f"p = {probability:.2g}"
