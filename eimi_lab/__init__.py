@@ -2,8 +2,8 @@
 
 `open`, `acquire`, `import_pictures`, `import_points` and `segment` lead from the bench or from pictures to a dataset
 with edges. `fit`, `open_fits`, `tensile`, `discover` and `Prior` lead from datasets to laws. `simulate`, `validate`,
-`plan`, `report` and `export` use a law. `LAWS`, `SUPPLIES` and `CAMERAS` list what there is by name, and
-`LAWS[name] = law` adds one. The other names are the classes of the results and of the errors.
+`plan`, `report` and `export` use a law, and `publish` archives it. `LAWS`, `SUPPLIES` and `CAMERAS` list what there is
+by name, and `LAWS[name] = law` adds one. The other names are the classes of the results and of the errors.
 
 process         tools of the process: errors, signals, workers, files
 showing         the style of figures and tables
@@ -15,6 +15,7 @@ acquisition     a run on the bench
 fits            from datasets to laws
 reporting       the report, one HTML file
 page            the live page on this computer
+publishing      an archive of runs and results for other people's programs
 study           the evaluation on virtual specimens and tensile data
 face            the public functions
 demonstration   the whole chain on the virtual rig
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     from eimi_lab.face.segmenting import segment as segment
     from eimi_lab.face.using import export as export
     from eimi_lab.face.using import plan as plan
+    from eimi_lab.face.using import publish as publish
     from eimi_lab.face.using import report as report
     from eimi_lab.face.using import simulate as simulate
     from eimi_lab.face.using import validate as validate
@@ -63,8 +65,10 @@ if TYPE_CHECKING:
     from eimi_lab.fits.records import TensileRecord as TensileRecord
     from eimi_lab.fits.residuals import Residuals as Residuals
     from eimi_lab.fits.simulated_fit import Prediction as Prediction
+    from eimi_lab.fits.time_records import RingDownRecord as RingDownRecord
     from eimi_lab.fits.validation import Validation as Validation
     from eimi_lab.process.errors import InputError as InputError
+    from eimi_lab.publishing.archive import Publication as Publication
     from eimi_lab.virtual.simulation import Simulation as Simulation
 
     __version__: str
@@ -83,9 +87,11 @@ _HOMES = {
     "Plan": "eimi_lab.face.results",
     "Prediction": "eimi_lab.fits.simulated_fit",
     "Prior": "eimi_fitting.inference.evidence.parameter_priors",
+    "Publication": "eimi_lab.publishing.archive",
     "Quantity": "eimi_fitting.inference.evidence.quantity",
     "Report": "eimi_lab.face.results",
     "Residuals": "eimi_lab.fits.residuals",
+    "RingDownRecord": "eimi_lab.fits.time_records",
     "SUPPLIES": "eimi_drivers.supplies.supply_names",
     "Simulation": "eimi_lab.virtual.simulation",
     "TensileRecord": "eimi_lab.fits.records",
@@ -100,6 +106,7 @@ _HOMES = {
     "open": "eimi_lab.face.acquiring",
     "open_fits": "eimi_lab.face.identifying",
     "plan": "eimi_lab.face.using",
+    "publish": "eimi_lab.face.using",
     "report": "eimi_lab.face.using",
     "segment": "eimi_lab.face.segmenting",
     "simulate": "eimi_lab.face.using",

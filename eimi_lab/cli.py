@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from eimi_lab.commands import beginning, bench, images, material_laws, next_run, showing, studying, watching
+from eimi_lab.commands import beginning, bench, images, material_laws, next_run, publishing, showing, studying, watching
 from eimi_lab.commands.examples import EXAMPLES, in_help
 from eimi_lab.commands.result import printing
 from eimi_lab.process.errors import InputError, OwnFault, tell
@@ -33,9 +33,9 @@ GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
         *(material_laws.fit, material_laws.tensile, studying.discover, material_laws.validate),
         *(material_laws.simulate, material_laws.export),
     ),
-    "Look": (showing.report, watching.dashboard, showing.demo, studying.study),
+    "Look": (showing.report, watching.dashboard, watching.phone, publishing.publish, showing.demo, studying.study),
 }
-SERVERS = (bench.emulate, watching.dashboard)
+SERVERS = (bench.emulate, watching.dashboard, watching.phone)
 """Commands that print by themselves, before they serve; all others return a `Result`."""
 
 _LONGEST_SUMMARY = 200

@@ -122,8 +122,8 @@ def demonstrate(
 
 def _acquire(protocol: Protocol, beam: SpecimenFile, rig: Rig, output: Path, force: bool, progress: Progress) -> None:
     with (
-        open_bench(rig, beam, protocol.limits) as bench,
-        progress("acquire", len(protocol.currents_A)) as step_done,
+        open_bench(rig, beam, protocol.limits, rate_Hz=protocol.rate_Hz) as bench,
+        progress("acquire", protocol.recordings) as step_done,
     ):
         acquire(protocol, beam, rig, bench, output, on_terminal(step_done), force)
 

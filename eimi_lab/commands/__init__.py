@@ -2,14 +2,18 @@
 
 beginning         init
 bench             instruments, emulate, acquire, recover
+trying            the questions of `eimi instruments --try`
 images            import, calibrate, segment
 material_laws     fit, validate, tensile, simulate, export
 next_run          plan
 showing           report, demo
+publishing        publish
 studying          discover, study
 watching          dashboard
 shared_options    options of several commands, and options that are fields of a dataclass
 picture_options   options for finding the beam in images
+motion_options    options of `eimi import` for a motion
+motions           read the motion that `eimi import` imports
 track_options     options for tracked points
 examples          the examples that --help shows
 result            the result of a command, and the options --json and --quiet

@@ -12,11 +12,40 @@ from eimi_lab.commands.result import Result
 from eimi_lab.commands.shared_options import Force, Output, Specimen
 from eimi_lab.process.errors import InputError
 
+BENCH = "bench"
+"""The name that `eimi emulate` takes for all instruments of a rig."""
 
-def instruments() -> Result:
-    """List the attached supplies and cameras and their drivers."""
+
+def instruments(
+    driver: Annotated[str | None, typer.Argument(help="with --try: driver of the supply", show_default=False)] = None,
+    address: Annotated[str | None, typer.Argument(help="with --try: its address", show_default=False)] = None,
+    try_: Annotated[
+        bool,
+        typer.Option("--try", help="try the driver on a supply without a coil, and write a report and a transcript"),
+    ] = False,
+    who: Annotated[
+        str | None, typer.Option(metavar="NAME", help="with --try: you and your laboratory, for the report")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="with --try: report to write (Markdown)")
+    ] = None,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="with --try: ask nothing; nothing is connected to the output")
+    ] = False,
+) -> Result:
+    """List the attached instruments and their drivers.
+
+    With --try, one supply is tried on its driver with nothing connected to its output, which is on at 1 V for a few
+    seconds. Without DRIVER and ADDRESS it is the listed supply, if there is only one.
+    """
     from eimi_drivers.discovery import discover
 
+    if try_:
+        from eimi_lab.commands.trying import try_one_supply
+
+        return try_one_supply(driver, address, who, output, yes)
+    if driver or address or who or output or yes:
+        raise InputError("DRIVER, ADDRESS, --who, -o and --yes: belong to --try")
     result = discover()
     lines = [
         f"{instrument.kind}: driver = {instrument.driver}, address or source = {instrument.address} ({instrument.text})"
@@ -41,8 +70,14 @@ def _list_faults(wanted: bool) -> None:
 def emulate(
     supply: Annotated[
         str,
-        typer.Argument(help="supply or sensor to emulate, by the name of its driver: korad, scpi, lakeshore-425, ..."),
+        typer.Argument(
+            help="supply or sensor to emulate, by the name of its driver: korad, scpi, lakeshore-425, ...; or bench, "
+            "for all instruments of RIG"
+        ),
     ],
+    rig: Annotated[
+        str | None, typer.Argument(help="for bench: rig.toml, or the name of a shipped rig such as virtual")
+    ] = None,
     tcp: Annotated[
         int | None,
         typer.Option(
@@ -70,23 +105,45 @@ def emulate(
             help="describe every fault and what a correct program does",
         ),
     ] = False,
+    without_coil: Annotated[
+        bool, typer.Option("--without-coil", help="nothing is connected to the output, as for `eimi instruments --try`")
+    ] = False,
     coil: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS", help="for a gaussmeter: address of the emulated coil whose field it measures"),
     ] = None,
     mT_per_A: Annotated[float, typer.Option("--mT-per-A", help="for a gaussmeter: true field per current")] = 4.7,
     offset_mT: Annotated[float, typer.Option("--offset-mT", help="for a gaussmeter: true field without current")] = 0.0,
+    specimen: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="for bench: specimen.toml, or the name of a shipped specimen such as type1"),
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="for bench: rig file to write for `eimi acquire`")
+    ] = Path("bench.toml"),
+    packet_loss: Annotated[
+        float, typer.Option(metavar="SHARE", min=0.0, max=1.0, help="for bench: share of the camera's packets to lose")
+    ] = 0.0,
+    force: Force = False,
 ) -> None:
-    """Serve an emulated supply or sensor until Ctrl-C.
+    """Serve an emulated instrument, or a whole bench, until Ctrl-C.
 
-    Programs reach it at the printed address with the same commands as the real supply. With a fault, the true current
-    in the coil is printed when it changes.
+    Programs reach a supply at the printed address with the same commands as the real supply. With a fault, the true
+    current in the coil is printed when it changes. `bench` serves the supply, the sensors and a GigE camera that sees
+    the virtual beam, all on one coil, and writes the rig file with their addresses.
     """
+    if supply == BENCH:
+        _serve_bench(rig, specimen, output, force, fault, after, packet_loss)
+        return
+    if rig is not None or specimen is not None:
+        raise InputError(f"RIG and --specimen belong to `eimi emulate {BENCH}`, not to {supply!r}")
+    from eimi_drivers.clock import WallClock
     from eimi_drivers.emulators.faults import Fault
     from eimi_drivers.emulators.sensor_session import SENSOR_FAULTS, EmulatedSensorSession
     from eimi_drivers.emulators.sensors import SENSOR_DIALECTS
     from eimi_drivers.emulators.serve import DIALECTS
-    from eimi_drivers.emulators.session import EmulatedSession
+    from eimi_drivers.emulators.session import OPEN_OHM, EmulatedSession
+    from eimi_drivers.emulators.supply import CoilSupply
 
     if supply in SENSOR_DIALECTS:
         if fault is not None and fault not in SENSOR_FAULTS:
@@ -101,7 +158,42 @@ def emulate(
     if fault is not None and fault not in by_word:
         raise InputError(f"--fault = {fault!r} should be one of {', '.join(by_word)}")
     chosen = by_word[fault] if fault is not None else None
-    EmulatedSession(supply, tcp, chosen, after, lambda text: print(text, flush=True)).serve()
+    coil_supply = CoilSupply(WallClock(), resistance_ohm=OPEN_OHM) if without_coil else None
+    EmulatedSession(supply, tcp, chosen, after, lambda text: print(text, flush=True), coil=coil_supply).serve()
+
+
+def _serve_bench(
+    rig: str | None,
+    specimen: str | None,
+    output: Path,
+    force: bool,
+    fault: str | None,
+    after_s: float,
+    packet_loss: float,
+) -> None:
+    from eimi_drivers.emulators.faults import Fault
+    from eimi_lab.config.rig import load_rig
+    from eimi_lab.config.specimen import load_specimen
+    from eimi_lab.process.outputs import check_distinct, refuse_existing
+    from eimi_lab.virtual.served_bench import ServedBench
+
+    if rig is None or specimen is None:
+        raise InputError(f"`eimi emulate {BENCH} RIG --specimen FILE` needs the rig and the specimen")
+    by_word = {each.word: each for each in Fault}
+    if fault is not None and fault not in by_word:
+        raise InputError(f"--fault = {fault!r} should be one of {', '.join(by_word)}")
+    check_distinct([Path(rig), Path(specimen)], [output])
+    refuse_existing(output, force)
+    ServedBench(
+        load_rig(rig),
+        load_specimen(specimen),
+        output,
+        lambda text: print(text, flush=True),
+        force=force,
+        fault=by_word[fault] if fault is not None else None,
+        after_s=after_s,
+        packet_loss=packet_loss,
+    ).serve()
 
 
 def acquire(
@@ -212,7 +304,7 @@ def calibrate_coil(
     measured = measure(bench_rig, calibration_currents(bench_rig, largest, steps), on_terminal(silent))
     calibration = with_measured_coil(bench_rig.calibration, measured, date.today())
     write_file(output, calibration.text, force)
-    before, line = bench_rig.calibration.coil_constant_mT_per_A, measured.line
+    before, line = bench_rig.calibration.mT_per_A, measured.line
     lines = [f"{a:8.4g} A {b:10.5g} mT" for a, b in zip(measured.current_A, measured.field_mT, strict=True)]
     lines += [
         f"at the magnet, by {line.probe}: {line.in_words}; the calibration of the rig states {before:g} mT/A",

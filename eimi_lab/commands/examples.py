@@ -23,6 +23,7 @@ EXAMPLES = {
     "recover": ("eimi recover crashed.h5 -o run.h5",),
     "import": (
         "eimi import pictures/ --states states.csv --specimen specimen.toml --calibration calibration.toml -o run.h5",
+        "eimi import run.mp4 --every 15 --states states.csv --specimen type1 --calibration calibration.toml -o run.h5",
         "eimi import points.csv --states states.csv --specimen specimen.toml --gravity-angle 0 -o run.h5",
     ),
     "calibrate": (
@@ -53,7 +54,12 @@ EXAMPLES = {
         "eimi discover run.h5 --tensile curve.csv --term i1 --term i2 --term gent=30 --term ogden=-4 -o discovery.json",
     ),
     "dashboard": ("eimi dashboard", "eimi dashboard my_runs"),
+    "phone": ("eimi phone my_beam",),
     "study": ("eimi study --quick", "eimi study --tensile-data published_curves -o study"),
+    "publish": (
+        "eimi publish eimi-demo -o demo.eln",
+        "eimi publish run.h5 fits.json report.html yeoh.inp --people people.toml --licence CC-BY-4.0 -o study.eln",
+    ),
     "report": ("eimi report run.h5 --fit fits.json -o report.html",),
 }
 

@@ -36,16 +36,17 @@ def import_(
             help="folder of images, image, video, points.csv or, with --format, the file of a tracking program"
         ),
     ],
+    specimen: Specimen,
+    output: Output,
     states: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             metavar="FILE",
             help="states.csv with the columns frame (or time_s, or state), current_A or field_mT and, if there is a "
-            "force, tip_force_N and tip_force_angle_deg",
+            "force, tip_force_N and tip_force_angle_deg; only a motion may be imported without it",
+            show_default=False,
         ),
-    ],
-    specimen: Specimen,
-    output: Output,
+    ] = None,
     calibration: Annotated[Path | None, typer.Option(metavar="FILE", help="calibration.toml; images need it")] = None,
     gravity_angle: Annotated[
         float | None,
@@ -60,22 +61,58 @@ def import_(
     average: Annotated[
         bool, typer.Option("--average", help="store the mean frame of each state instead of every frame")
     ] = False,
+    every: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="of a video: import every N-th frame; each load of states.csv acts from its time_s or frame until the "
+            "next row, or until the column until_s",
+            min=1,
+        ),
+    ] = None,
     dark: Dark = None,
     flat: Flat = None,
     *,
     options: ImportOptions,
     force: Force = False,
 ) -> Result:
-    """Make a dataset from images, a video or tracked points."""
+    """Make a dataset from images, a video or tracked points.
+
+    The source shows states at rest (--states), or a motion (--ring-down or --creep), or both.
+    """
+    from eimi_lab.commands.motions import read_motion
+    from eimi_lab.config.calibration import load_calibration
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.dataset.listing import is_image, is_video
+    from eimi_lab.dataset.moving.motion_import import add_motion, write_motion_dataset
     from eimi_lab.dataset.tracked.points_csv import import_points
-    from eimi_lab.process.outputs import check_distinct
+    from eimi_lab.process.outputs import check_distinct, refuse_existing
 
+    facts = options.motion_facts()
     _check_source(source, states)
     inputs = (source, states, Path(specimen), calibration, dark, flat)
     check_distinct([path for path in dict.fromkeys(inputs) if path], [output])
-    tables = _Tables(source, states, load_specimen(specimen), output, force)
+    beam, motion = load_specimen(specimen), None
+    if facts is not None:
+        refuse_existing(output, force)
+        changes = options.changes() if is_video(source) else {}
+        in_pictures = load_calibration(calibration, changes) if calibration else None
+        motion = read_motion(source, beam, options, facts, in_pictures, gravity_angle is not None or no_gravity)
+        frames = f"{len(motion.time_s)} frames of {motion.kind.replace('_', '-')}"
+        content = {"dataset": output, "states": 0, "frames": len(motion.time_s), "lost": motion.lost_frames}
+        if states is None:
+            write_motion_dataset(output, motion, beam, in_pictures, gravity_angle, not no_gravity, force)
+            return Result([f"{output}: {frames}"], content)
+        if options.format is None and not is_video(source):
+            raise InputError(
+                f"{source}: --states: a table of a motion holds no states; import them into a dataset of "
+                "their own, and fit both datasets together"
+            )
+    if states is None:
+        raise InputError("--states: is missing; give states.csv, or --ring-down or --creep for a motion")
+    tables = _Tables(source, states, beam, output, force)
+    if every is not None and (options.format is not None or not is_video(source)):
+        raise InputError(f"--every {every}: is for a video; {source} is none")
     if options.format is not None:
         if dark or flat or average:
             raise InputError("--dark, --flat and --average: are for images, not for tracked points")
@@ -88,7 +125,7 @@ def import_(
                     f"{source}: images need --calibration, and neither --gravity-angle nor --no-gravity: the "
                     "calibration states the direction of gravity"
                 )
-            count = _import_pictures(tables, options, str(calibration), average, (dark, flat))
+            count = _import_pictures(tables, options, str(calibration), average, every, (dark, flat))
         else:
             has_none = gravity_angle is None and not no_gravity
             if has_none or calibration or dark or flat or options.changes():
@@ -97,7 +134,11 @@ def import_(
                     "--calibration, --dark, --flat or --clamp; the file of a tracking program needs --format"
                 )
             count = import_points(source, states, tables.beam, gravity_angle, output, force, not no_gravity)
-    return Result([f"{output}: {count} state{'s' if count > 1 else ''}"], {"dataset": output, "states": count})
+    line = f"{output}: {count} state{'s' if count > 1 else ''}"
+    if motion is not None:
+        add_motion(output, motion, beam)
+        return Result([f"{line}, {frames}"], {**content, "states": count})
+    return Result([line], {"dataset": output, "states": count})
 
 
 @dataclass(frozen=True)
@@ -116,6 +157,7 @@ def _import_pictures(
     options: ImportOptions,
     calibration: str,
     average: bool,
+    every: int | None,
     dark_and_flat: tuple[Path | None, Path | None],
 ) -> int:
     from eimi_lab.config.calibration import load_calibration, missing_places
@@ -128,10 +170,12 @@ def _import_pictures(
     refuse_existing(output, tables.force)
     changes = options.changes()
     if missing := missing_places(calibration, changes):
-        raise ask_where(missing, source, states, calibration, output)
+        raise ask_where(missing, source, states, calibration, output, every)
     changed = load_calibration(calibration, changes)
     correction = read_correction_images(*dark_and_flat)
-    return import_frames(source, states, tables.beam, changed, output, tables.force, average, progress, correction)
+    return import_frames(
+        source, states, tables.beam, changed, output, tables.force, average, progress, correction, every
+    )
 
 
 def _import_tracks(
@@ -148,11 +192,11 @@ def _import_tracks(
     return import_tracks(source, tool, states, tables.beam, placing, gravity_angle, output, tables.force, gravity)
 
 
-def _check_source(source: Path, states: Path) -> None:
+def _check_source(source: Path, states: Path | None) -> None:
     """Raise InputError if the source does not exist, or is a file that belongs to another argument."""
     if not source.exists():
         raise InputError(f"{source}: no such file or folder; give a folder of images, an image, a video or points.csv")
-    if states.exists() and source.samefile(states):
+    if states is not None and states.exists() and source.samefile(states):
         raise InputError(
             f"{source}: is the file given as --states; the first argument is the images, the video or the points"
         )
@@ -211,7 +255,9 @@ def calibrate(
         typer.Option(metavar="X Y X Y", help="both ends of a known length in the image, in px"),
     ] = None,
     ruler_mm: Annotated[float, typer.Option(help="known length between the ends in --ruler-px")] = 0.0,
-    coil_constant: Annotated[float | None, typer.Option(help="field per current at the specimen, in mT/A")] = None,
+    coil_constant: Annotated[
+        float | None, typer.Option(help="field per current at the specimen, in mT/A", show_default="no coil")
+    ] = None,
     clamp_midpoint_px: Annotated[
         tuple[float, float] | None,
         typer.Option(metavar="X Y", help="middle of the line where the beam leaves its clamp, in px"),
@@ -272,10 +318,10 @@ def calibrate(
     pattern = _board(board, columns, rows, square_mm) if board else None
     if not images or (pattern is None and len(images) > 1):
         raise InputError("IMAGES: give the images of the board, or one image of the beam or of the ruler")
-    if coil_constant is None or coil_constant <= 0 or clamp_midpoint_px is None:
-        raise InputError(
-            "--coil-constant (greater than 0) and --clamp-midpoint-px: give both, because no image shows them"
-        )
+    if clamp_midpoint_px is None:
+        raise InputError("--clamp-midpoint-px: give the middle of the clamp line, because no image shows it")
+    if coil_constant is not None and coil_constant <= 0:
+        raise InputError(f"--coil-constant {coil_constant:g}: should be greater than 0; leave it out without a coil")
     gravity = axis_angle if gravity_angle is None else gravity_angle
     field = axis_angle - 90.0 if field_angle is None else field_angle
     setup = calibration_file.BenchSetup(coil_constant, clamp_midpoint_px, axis_angle, gravity, field, telecentric)
@@ -358,7 +404,7 @@ def segment(
     """
     from eimi_lab.dataset.reading import open_dataset
     from eimi_lab.face.segmenting import find_edges
-    from eimi_lab.vision.check import leaves_out
+    from eimi_lab.vision.check import Severity, leaves_out
 
     edge_sets, restated = find_edges(
         dataset,
@@ -375,15 +421,17 @@ def segment(
         force=force,
     )
     total = len(edge_sets)
-    flagged = sum(bool(edge_set.flags) for edge_set in edge_sets)
+    flagged = sum(any(flag.severity is not Severity.NOTE for flag in edge_set.flags) for edge_set in edge_sets)
     unusable = sum(leaves_out(edge_set.flags) for edge_set in edge_sets)
     with open_dataset(dataset) as opened:
-        colours = opened.projection()
+        colours, ring_downs, creeps = opened.projection(), len(opened.ring_downs()), len(opened.creeps())
     lines = list(restated)
     lines += [] if colours is None else [f"colours seen as one: {colours}"]
     lines.append(
         f"{dataset}: edges of {total} state{'s' if total > 1 else ''}, {flagged} with flags, {unusable} unusable"
     )
+    if ring_downs or creeps:
+        lines.append(f"{dataset}: points of {ring_downs} ring-downs and {creeps} creep records")
     flags = [[flag.name for flag in edge_set.flags] for edge_set in edge_sets]
     return Result(
         lines,
@@ -393,6 +441,8 @@ def segment(
             "flagged": flagged,
             "unusable": unusable,
             "flags": flags,
+            "ring_downs": ring_downs,
+            "creeps": creeps,
             "restated": restated,
         },
     )

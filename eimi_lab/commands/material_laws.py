@@ -51,6 +51,7 @@ def fit(
     from eimi_lab.face.identifying import identify_laws
     from eimi_lab.fits.fit_summary import comparison_table, evidence_remarks, remarks
     from eimi_lab.fits.records import FitRecord
+    from eimi_lab.fits.time_records import RingDownRecord, time_lines
 
     content, evidence = identify_laws(
         datasets,
@@ -70,6 +71,11 @@ def fit(
     lines = list(dict.fromkeys(dataset.in_words() for record in fits for dataset in record.datasets))
     for record in fits:
         lines += [record.summary(), *(f"  {line}" for line in remarks(record))]
+        if record.time is not None:
+            lines += [f"  {line}" for line in time_lines(record.time)]
+    for motion_record in (record for record in content if isinstance(record, RingDownRecord)):
+        lines += [dataset.in_words() for dataset in motion_record.datasets]
+        lines += [motion_record.summary(), *(f"  {line}" for line in time_lines(motion_record.time)[1:])]
     return Result(
         [*lines, *comparison_table(content.comparison), *evidence_remarks(evidence)], content.model_dump(mode="json")
     )

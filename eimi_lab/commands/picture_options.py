@@ -93,7 +93,9 @@ def _points(option: str, text: str) -> tuple[tuple[float, ...], ...]:
     return points
 
 
-def ask_where(missing: tuple[str, ...], source: Path, states: Path, calibration: str, output: Path) -> InputError:
+def ask_where(
+    missing: tuple[str, ...], source: Path, states: Path, calibration: str, output: Path, every: int | None = None
+) -> InputError:
     """Write an image with rulers, and return an error that asks the user to read the missing values from it.
 
     Parameters
@@ -106,6 +108,8 @@ def ask_where(missing: tuple[str, ...], source: Path, states: Path, calibration:
         Name of the calibration file, for the message.
     output : Path
         The dataset; the image is written beside it.
+    every : int or None
+        Only every n-th frame of a video is imported.
 
     Returns
     -------
@@ -123,7 +127,7 @@ def ask_where(missing: tuple[str, ...], source: Path, states: Path, calibration:
     from eimi_lab.process.outputs import write_file
     from eimi_lab.vision.ruled_picture import ruled_picture
 
-    listing = list_frames(source, states)
+    listing = list_frames(source, states, every)
     picture = output.with_name(f"{output.stem}_where.png")
     write_file(picture, cv2.imencode(".png", ruled_picture(next(listing.images())))[1].tobytes(), force=True)
     options = " and ".join({"clamp_midpoint_px": "--clamp X,Y", "axis_angle_deg": "--axis DEG"}[key] for key in missing)

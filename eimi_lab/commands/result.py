@@ -6,9 +6,12 @@ import inspect
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from eimi_lab.process.paths import reachable
 
 _OPTIONS = {
     "as_json": Annotated[bool, typer.Option("--json", help="print the result as JSON")],
@@ -32,6 +35,13 @@ class Result:
     content: Mapping[str, Any]
 
 
+def _reachable(argument: Any) -> Any:
+    """Return an argument of a command with every path in it as `eimi_lab.process.paths.reachable` returns it."""
+    if isinstance(argument, Path):
+        return reachable(argument)
+    return [_reachable(item) for item in argument] if isinstance(argument, list) else argument
+
+
 def printing(command: Callable[..., Result]) -> Callable[..., None]:
     """Return the command with the options --json and --quiet; it prints its result."""
     parameters = inspect.signature(command, eval_str=True).parameters.values()
@@ -43,11 +53,12 @@ def printing(command: Callable[..., Result]) -> Callable[..., None]:
     def run(*, as_json: bool, quiet: bool, **arguments: Any) -> None:
         from eimi_lab.process.progress import unseen
 
+        reached = {name: _reachable(argument) for name, argument in arguments.items()}
         if quiet:
             with unseen():
-                result = command(**arguments)
+                result = command(**reached)
         else:
-            result = command(**arguments)
+            result = command(**reached)
         if as_json:
             print(json.dumps(result.content, indent=1, default=str, ensure_ascii=False))
         elif result.lines and not quiet:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eimi_lab.commands.picture_options import PictureOptions
+from eimi_lab.commands.motion_options import MotionOptions
 from eimi_lab.process.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class ImportOptions(PictureOptions):
+class ImportOptions(MotionOptions):
     """Options for finding the beam, and facts that the file of a tracking program does not state."""
 
     format: Annotated[

@@ -1,4 +1,4 @@
-"""The command `dashboard`, which serves the live page."""
+"""The commands `dashboard` and `phone`, which serve the live page."""
 
 from __future__ import annotations
 
@@ -31,11 +31,37 @@ def dashboard(
 
     The page runs protocols, shows runs and images, and fits laws.
     """
+    _serve(folder, host, port, open_to_network, browser)
+
+
+def phone(
+    folder: Annotated[Path, typer.Argument(help="folder with the photographs; it may be empty at first")],
+    port: Annotated[int, typer.Option(help="port to listen on; 0 takes any free port", min=0, max=65535)] = 0,
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="address of this machine to listen on")] = "127.0.0.1",
+    open_to_network: Annotated[
+        bool,
+        typer.Option(
+            "--open-to-network",
+            help="allow a --host that other machines reach, such as the phone; the connection is not encrypted",
+        ),
+    ] = False,
+    browser: Annotated[bool, typer.Option(help="open the page in the browser")] = True,
+) -> None:
+    """Serve a page for photographs of a beam with weights.
+
+    The command opens the page "Weights and a phone" in the browser, and serves it until Ctrl-C. On the page you click
+    clamp, tip and two ticks of a ruler, and type dimensions and grams. The page writes specimen, calibration and states
+    files and a dataset into the folder, and fits it.
+    """
+    _serve(folder, host, port, open_to_network, browser, "phone")
+
+
+def _serve(folder: Path, host: str, port: int, open_to_network: bool, browser: bool, view: str = "") -> None:
     try:
         from eimi_lab.page.redirect_file import redirect_file
         from eimi_lab.page.server import check_host, serve
     except ModuleNotFoundError as error:
-        raise InputError(f"eimi dashboard needs {error.name}: pip install 'eimi-lab[page]'") from error
+        raise InputError(f"eimi {view or 'dashboard'} needs {error.name}: pip install 'eimi-lab[page]'") from error
 
     with ExitStack() as until_the_end:
 
@@ -48,4 +74,4 @@ def dashboard(
                 webbrowser.open(until_the_end.enter_context(redirect_file(address)).as_uri())
 
         check_host(host, open_to_network)
-        serve(folder, host, port, say)
+        serve(folder, host, port, say, view)

@@ -12,6 +12,7 @@ sensor            the table [[sensors]] of a rig: gaussmeters, thermometers and 
 interlock         the table [[interlocks]] of a rig: bounds of a reading that keep the coil on
 calibration       calibration.toml: scale, orientation and lens of the camera, and the coil constant
 coil_shape        the table [field] of a calibration: the coil's field as a function of the place
+people            people.toml: the authors of an archive
 materials         materials.toml: the true materials of a virtual rig's specimens
 simulated_optics  the table [virtual.optics] of a rig: back-light, lens and sensor of the virtual camera
 uncertainty       the table [uncertainty] of specimens, calibrations and rigs

@@ -72,8 +72,8 @@ class Calibration(Document):
 
     pixels_per_mm: float = Field(gt=0)
     """Scale of the image in the middle plane of the beam."""
-    coil_constant_mT_per_A: float = Field(gt=0)
-    """Field per current at the magnet, measured with a Hall probe; 1.0 without a coil."""
+    coil_constant_mT_per_A: float | None = Field(default=None, gt=0)
+    """Field per current at the magnet, measured with a Hall probe; leave it out if there is no coil."""
     clamp_midpoint_px: Pair
     """Middle of the line where the beam leaves its clamp; x to the right, y down."""
     axis_angle_deg: Angle
@@ -82,8 +82,9 @@ class Calibration(Document):
     """Direction of gravity, clockwise from the image's +x; 90 points down in the picture."""
     gravity: bool = True
     """false if the weight does not act, as for a beam that bends in a horizontal plane; tip forces keep the angle."""
-    field_angle_deg: Angle
-    """Direction of the field of a positive current, across the beam; clockwise from the image's +x."""
+    field_angle_deg: Angle | None = None
+    """Direction of the field of a positive current, across the beam; clockwise from the image's +x. A calibration with
+    a coil constant needs it."""
     background_field_mT: Pair | None = None
     """Field at the magnet without a current, such as that of the earth: to the right and down in the image."""
     field: CoilShapeTable | None = None
@@ -105,10 +106,12 @@ class Calibration(Document):
 
     @model_validator(mode="after")
     def _consistent(self) -> Calibration:
-        across = math.sin(math.radians(self.field_angle_deg - self.axis_angle_deg))
+        if self.coil_constant_mT_per_A is not None and self.field_angle_deg is None:
+            raise ValueError("field_angle_deg is missing: a coil_constant_mT_per_A needs the direction of the field")
+        across = math.sin(math.radians(self.positive_field_deg - self.axis_angle_deg))
         if abs(across) < 0.5 - _ROUNDING:
             raise ValueError(
-                f"field_angle_deg = {self.field_angle_deg:g} must lie across the beam, at least 30 degrees from "
+                f"field_angle_deg = {self.positive_field_deg:g} must lie across the beam, at least 30 degrees from "
                 f"axis_angle_deg = {self.axis_angle_deg:g}"
             )
         if (self.camera_matrix is None) != (self.distortion is None):
@@ -123,6 +126,16 @@ class Calibration(Document):
         )  # a lens calibrated from few views has a poorly known stand-off
         return self
 
+    @property
+    def positive_field_deg(self) -> float:
+        """Direction of the field of a positive current, which is also that of +y; without a coil, across the beam."""
+        return self.axis_angle_deg - 90.0 if self.field_angle_deg is None else self.field_angle_deg
+
+    @property
+    def mT_per_A(self) -> float:
+        """The coil constant; 0 without a coil."""
+        return self.coil_constant_mT_per_A or 0.0
+
     def uncertain_keys(self) -> tuple[str, ...]:
         """Return the keys that have a value here and may have an uncertainty."""
         return tuple(key for key in keys_of("calibration") if getattr(self, key, None) is not None)
@@ -132,14 +145,15 @@ class Calibration(Document):
 
         Datasets with the same calibration share its errors. Datasets with the same coil constant share its error.
         """
-        coil = f"coil of {self.coil_constant_mT_per_A:g} mT/A"
+        coil = f"coil of {self.mT_per_A:g} mT/A"
         numbers = self._as_json({"picture"})
         this_calibration = f"calibration {hashlib.sha256(numbers.encode()).hexdigest()[:16]}"
         in_units = {
             "pixels_per_mm": 1 / self.pixels_per_mm,
-            "coil_constant_mT_per_A": 1 / self.coil_constant_mT_per_A,
             "clamp_midpoint_px": 1 / self.pixels_per_mm,
         }
+        if self.coil_constant_mT_per_A is not None:
+            in_units["coil_constant_mT_per_A"] = 1 / self.coil_constant_mT_per_A
 
         def shared_by(key: str) -> str:
             return coil if key.startswith("coil") else this_calibration

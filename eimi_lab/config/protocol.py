@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from decimal import Decimal
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, field_validator, model_validator
 
@@ -119,6 +119,8 @@ class Settle(Table):
     """Number of successive pairs of frames that must be below the limit."""
     drift_window_s: float = Field(gt=0)
     """Two frames this far apart in time must also be below the limit, because silicone creeps."""
+    dwell_s: float = Field(default=0.0, ge=0, le=3600)
+    """Shortest time that a state lasts, from the moment at which its current was set; creep needs a minute."""
     timeout_s: float = Field(gt=0)
     """If the beam is not at rest after this time, the frames are taken and the state is flagged NOT_SETTLED."""
 
@@ -158,11 +160,24 @@ class Conditioning(Table):
         return current_A
 
 
-class Release(Table):
-    """A step of the current to zero after the last state, recorded by the camera."""
+class RingDown(Table):
+    """Steps of the current to zero after the last state, each recorded by the camera while the beam swings freely."""
 
     seconds: float = Field(gt=0, le=600)
-    """Duration of the recording."""
+    """Duration of each recording."""
+    from_A: float | None = None
+    """Current from which the coil is switched to zero; if it is absent, the last current of the run."""
+    rate_Hz: float | None = Field(default=None, gt=0)
+    """Frames per second that the camera must reach. If the rig states no frame_rate_Hz, the camera is set to it."""
+    repeats: int = Field(default=1, ge=1, le=100)
+    """Number of ring-downs."""
+
+    @field_validator("from_A")
+    @classmethod
+    def _moves(cls, from_A: float | None) -> float | None:
+        if from_A == 0:
+            raise ValueError("does not move the beam; use a current of the run, or omit it for the last one")
+        return from_A
 
 
 class Protocol(Document):
@@ -188,8 +203,26 @@ class Protocol(Document):
     """Frames that are stored while the beam settles, at logarithmically spaced times."""
     conditioning: Conditioning | None = None
     """Cycles of the current before the run, because silicone softens when it is first stretched."""
-    release: Release | None = None
-    """A step of the current to zero after the last state, of which every frame is stored."""
+    ring_down: RingDown | None = None
+    """Steps of the current to zero after the last state, of which every frame is stored."""
+    creep: bool = False
+    """Whether frames at logarithmic times are stored through the whole of each state, from the moment at which its
+    current was set; transients.frames_per_state is their number, and settle.dwell_s makes the states longer."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_release(cls, content: Any) -> Any:
+        """Read the table `release` of earlier versions, which recorded one ring-down from the last current."""
+        if isinstance(content, dict) and "release" in content and "ring_down" not in content:
+            content = {**content, "ring_down": content["release"]}
+            del content["release"]
+        return content
+
+    @model_validator(mode="after")
+    def _records_creep(self) -> Protocol:
+        if self.creep and not self.transients.frames_per_state:
+            raise ValueError("creep = true needs transients.frames_per_state of 1 or more, such as 30")
+        return self
 
     @model_validator(mode="after")
     def _within_limits(self) -> Protocol:
@@ -202,10 +235,28 @@ class Protocol(Document):
 
     @property
     def extremes_A(self) -> tuple[tuple[str, float], ...]:
-        """The extreme currents of the run and the current of the conditioning, each with its key in the file."""
+        """The extreme currents of the run, of the conditioning and of the ring-downs, each with its key in the file."""
         ends = [(f"current.{self.current.key_of(end)}", end) for end in (min(self.currents_A), max(self.currents_A))]
         conditioning = [("conditioning.current_A", self.conditioning.current_A)] if self.conditioning else []
-        return (*ends, *conditioning)
+        from_A = self.ring_down.from_A if self.ring_down else None
+        ring_down = [("ring_down.from_A", from_A)] if from_A is not None else []
+        return (*ends, *conditioning, *ring_down)
+
+    @property
+    def recordings(self) -> int:
+        """The number of states and ring-downs of a run."""
+        return len(self.currents_A) + (self.ring_down.repeats if self.ring_down else 0)
+
+    @property
+    def rate_Hz(self) -> float | None:
+        """The frames per second that the ring-downs need; None if they need none."""
+        return self.ring_down.rate_Hz if self.ring_down else None
+
+    @property
+    def ring_down_from_A(self) -> float:
+        """The current from which the ring-downs begin."""
+        stated = self.ring_down.from_A if self.ring_down else None
+        return self.currents_A[-1] if stated is None else stated
 
     @property
     def currents_A(self) -> tuple[float, ...]:

@@ -91,19 +91,27 @@ class Camera(Table):
     """The side camera. If a setting is absent, the camera keeps its present value."""
 
     driver: str
-    """opencv, basler, virtual, or the name of a driver from another package."""
+    """opencv, basler, aravis, gentl, virtual, or the name of a driver from another package."""
     source: int | str
-    """The number of a device, a path, or the address of an emulated coil."""
+    """The number of a device, a path, a serial number, the IP address of a GigE camera, or the address of an emulated
+    coil."""
     exposure_s: float | None = Field(default=None, gt=0)
     """Exposure time. A setting is written to the camera and read back; an absent one is left unchanged."""
     gain: float | None = None
-    """Gain: in dB for Basler cameras, in the device's own unit through OpenCV."""
+    """Gain: in dB for Basler and GenICam cameras, in the device's own unit through OpenCV."""
     gamma: float | None = Field(default=None, gt=0)
-    """Gamma: the exponent for Basler cameras, in the device's own unit through OpenCV."""
+    """Gamma: the exponent for Basler and GenICam cameras, in the device's own unit through OpenCV."""
     region: Annotated[tuple[int, int, int, int], Field(strict=False)] | None = None
     """Left, top, width and height in pixels; pixels of the calibration count from its upper left corner."""
     bit_depth: int | None = Field(default=None, ge=8, le=16)
     """Bits per pixel, 8 to 16."""
+    frame_rate_Hz: float | None = Field(default=None, gt=0)
+    """Frames per second of a camera that runs freely; needed to record the swing of a beam at a constant rate. If it is
+    absent, the driver chooses when the camera exposes."""
+    pixel_format: str | None = None
+    """Pixel format of a GenICam camera by its name there, such as "Mono12Packed" or "BayerRG8"."""
+    trigger: str | None = None
+    """Of a GenICam camera: "software", which is the default without a frame rate, or an input such as "Line1"."""
     playback: Playback = NO_PLAYBACK
     """How a folder of pictures or a video replaces the camera."""
 
@@ -121,8 +129,18 @@ class Camera(Table):
 
     @model_validator(mode="after")
     def _no_settings_of_a_virtual_camera(self) -> Camera:
-        if self.driver == VIRTUAL and (names := ", ".join(self.settings.chosen())):
+        fixed = [name for name in self.settings.chosen() if name != "frame_rate_Hz"]
+        if self.driver == VIRTUAL and (names := ", ".join(fixed)):
             raise ValueError(f"has no {names} to set with driver = 'virtual'; [virtual] describes that camera")
+        return self
+
+    @model_validator(mode="after")
+    def _one_pace(self) -> Camera:
+        if self.trigger is not None and self.frame_rate_Hz is not None:
+            raise ValueError(
+                f"trigger = {self.trigger!r} and frame_rate_Hz = {self.frame_rate_Hz:g} exclude each other: leave one "
+                "of them out"
+            )
         return self
 
     @model_validator(mode="after")
@@ -131,10 +149,26 @@ class Camera(Table):
             raise ValueError(f"playback is for recordings, with driver = {PLAYER!r} and a folder or a file as source")
         return self
 
+    def at_rate(self, rate_Hz: float | None) -> Camera:
+        """Return the camera with a frame rate, unless it has one or a trigger, or plays a recording."""
+        plays = self.driver == PLAYER and not str(self.source).isdecimal()
+        if rate_Hz is None or self.frame_rate_Hz is not None or self.trigger is not None or plays:
+            return self
+        return self.model_copy(update={"frame_rate_Hz": rate_Hz})
+
     @property
     def settings(self) -> CameraSettings:
         """The settings to write to the camera before the first frame."""
-        return CameraSettings(self.exposure_s, self.gain, self.gamma, self.region, self.bit_depth)
+        return CameraSettings(
+            exposure_s=self.exposure_s,
+            gain=self.gain,
+            gamma=self.gamma,
+            region=self.region,
+            bit_depth=self.bit_depth,
+            frame_rate_Hz=self.frame_rate_Hz,
+            pixel_format=self.pixel_format,
+            trigger=self.trigger,
+        )
 
 
 class Virtual(Table):
@@ -207,6 +241,12 @@ class Rig(Document):
             )
         if virtual_camera != (self.virtual is not None):
             raise ValueError("the table [virtual] belongs with camera.driver = 'virtual', and only there")
+        return self
+
+    @model_validator(mode="after")
+    def _calibrated_coil(self) -> Rig:
+        if self.calibration.coil_constant_mT_per_A is None:
+            raise ValueError("the calibration of a rig needs coil_constant_mT_per_A and field_angle_deg of its coil")
         return self
 
     @model_validator(mode="after")

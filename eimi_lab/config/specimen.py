@@ -123,12 +123,12 @@ class Magnet(Table):
 
 
 class TipLoad(Table):
-    """The point at which a tip force acts, in the beam frame."""
+    """The material point at which a tip force acts; it moves with the beam."""
 
-    x_mm: float
-    """Position along the beam at rest, from the clamp."""
-    y_mm: float
-    """Position across the beam at rest, from its middle."""
+    x_mm: float | None = None
+    """Distance from the clamp along the beam; without this key the tip, wherever ``length_mm`` puts it."""
+    y_mm: float = 0.0
+    """Distance across the beam from its middle."""
 
 
 class SpecimenFile(Document):
@@ -167,7 +167,7 @@ class SpecimenFile(Document):
                 if inner > outer:
                     raise ValueError(f"magnet.{side} = {inner:g} must not exceed specimen.{side} = {outer:g}")
         if self.tip_load:
-            if not 0 < self.tip_load.x_mm <= beam.length_mm:
+            if self.tip_load.x_mm is not None and not 0 < self.tip_load.x_mm <= beam.length_mm:
                 raise ValueError(
                     f"tip_load.x_mm = {self.tip_load.x_mm:g} must lie on the beam, "
                     f"above 0 and up to specimen.length_mm = {beam.length_mm:g}"
@@ -247,10 +247,17 @@ class SpecimenFile(Document):
             density_kg_m3=beam.density_kg_m3,
             section=beam.section,
             magnet=mechanics.Magnet(**self.magnet.model_dump()) if self.magnet else None,
-            tip_load_mm=(self.tip_load.x_mm, self.tip_load.y_mm) if self.tip_load else None,
+            tip_load_mm=self._tip_load_mm(),
             magnetisation_A_per_m=(1e3 * along, 1e3 * across),
             rest_shape=self._rest_shape(),
         )
+
+    def _tip_load_mm(self) -> tuple[float, float] | None:
+        """Return the point at which a tip force acts; None: the middle of the tip."""
+        load = self.tip_load
+        if load is None:
+            return None
+        return self.specimen.length_mm if load.x_mm is None else load.x_mm, load.y_mm
 
     def _rest_shape(self) -> RestShape | None:
         """Return the stated shape of the unloaded beam; None for a straight beam of one width and depth."""

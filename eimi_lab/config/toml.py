@@ -15,6 +15,7 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError
 
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.paths import reachable
 
 
 class Table(BaseModel):
@@ -60,8 +61,8 @@ def locate(name: str | Path, folder: str = "") -> Path:
         If there is no such file; the message lists the shipped files.
     """
     path = Path(name)
-    if path.is_file():
-        return path
+    if reachable(path).is_file():
+        return reachable(path)
     shipped = Path(str(files("eimi_lab.protocols"))) / folder
     if path.name == str(name) and path.suffix in ("", ".toml"):
         candidate = shipped / f"{path.stem}.toml"
@@ -125,17 +126,30 @@ def parse(model: type[AnyDocument], text: str, origin: str | Path) -> AnyDocumen
 
 def to_toml(document: Document) -> str:
     """Write a document as TOML text; keys with default values that were not set are omitted."""
-    table = document.model_dump(exclude_unset=True, exclude_none=True)
+    return table_text(document.model_dump(exclude_unset=True, exclude_none=True))
+
+
+def table_text(table: dict[str, Any]) -> str:
+    """Write a dictionary of numbers, texts, lists, tables and lists of tables as TOML text."""
     return "\n".join(_lines(table, "")) + "\n"
 
 
-def _lines(table: dict[str, Any], name: str) -> list[str]:
-    lines = [f"[{name}]"] if name else []
-    lines += [f"{key} = {_toml(value)}" for key, value in table.items() if not isinstance(value, dict)]
-    for key, value in table.items():
+def _lines(table: dict[str, Any], header: str) -> list[str]:
+    name = header.strip("[]")
+    lines = [header] if header else []
+    tables = {key: value for key, value in table.items() if isinstance(value, dict) or _is_list_of_tables(value)}
+    lines += [f"{key} = {_toml(value)}" for key, value in table.items() if key not in tables]
+    for key, value in tables.items():
+        path = f"{name}.{key}" if name else key
         if isinstance(value, dict):
-            lines += ["", *_lines(value, f"{name}.{key}" if name else key)]
+            lines += ["", *_lines(value, f"[{path}]")]
+        else:
+            lines += [line for row in value for line in ("", *_lines(row, f"[[{path}]]"))]
     return lines
+
+
+def _is_list_of_tables(value: Any) -> bool:
+    return isinstance(value, list | tuple) and bool(value) and all(isinstance(row, dict) for row in value)
 
 
 def _toml(value: Any) -> str:

@@ -249,10 +249,16 @@ def run_protocol(
     events_descriptor = page.events if page else STANDARD_OUTPUT if events else None
     with (
         only_writer(output),
-        progress("acquire", len(protocol.currents_A)) as report,
+        progress("acquire", protocol.recordings) as report,
         sending_events(_to_both(on_terminal(report), on_event), events_descriptor) as send,
         open_bench(
-            rig, specimen, protocol.limits, transcript, on_event=send, guardian_events=events_descriptor
+            rig,
+            specimen,
+            protocol.limits,
+            transcript,
+            on_event=send,
+            guardian_events=events_descriptor,
+            rate_Hz=protocol.rate_Hz,
         ) as bench,
         watched(page, bench, rig, send) as watched_run,
     ):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeAlias, overload
+from typing import TYPE_CHECKING, Literal, TypeAlias, overload
 
 from eimi_fitting.inference.evidence.parameter_priors import Prior
 from eimi_lab.face.given import AnyDataset, AnyPath, SectionName, closed_meanwhile, named_options, output_of, several
@@ -16,12 +16,16 @@ from eimi_lab.fits.fitting import check_models, check_section
 from eimi_lab.fits.options import FitOptions
 from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.fits.simulated_fit import FittedLaw
+from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import check_distinct, refuse_existing
 from eimi_lab.process.progress import progress
 from eimi_lab.process.stopping import Stopped
 
-AnyFit: TypeAlias = AnyPath | FitRecord | TensileRecord | Fits
+if TYPE_CHECKING:
+    from eimi_lab.fits.recorded_motions import MotionEvidence
+
+AnyFit: TypeAlias = AnyPath | FitRecord | TensileRecord | RingDownRecord | Fits
 """Path of a fits.json, the fits of such a file, or one fit."""
 
 IN_MEMORY = Path("(in memory)")
@@ -54,7 +58,7 @@ def fits_of(given: AnyFit | Sequence[AnyFit]) -> list[FittedLaw]:
     """Return all fits, each with the path of its file and its index in the file. Raises InputError."""
     laws: list[FittedLaw] = []
     for source in several(given):
-        if isinstance(source, FitRecord | TensileRecord):
+        if isinstance(source, FitRecord | TensileRecord | RingDownRecord):
             laws.append(FittedLaw(IN_MEMORY, len(laws), source))
         elif isinstance(source, Fits):
             laws += [FittedLaw(IN_MEMORY, len(laws) + index, fit) for index, fit in enumerate(source.fits)]
@@ -78,6 +82,7 @@ def fit(
     tensile_weight: float | None = None,
     restarts: int = 0,
     bipop: bool = False,
+    time: Literal["none"] = "none",
     seed: int = 1,
     bootstrap: int = 0,
     workers: int = 1,
@@ -87,6 +92,30 @@ def fit(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> FitRecord: ...
+@overload
+def fit(
+    datasets: AnyDataset | Sequence[AnyDataset],
+    model: str,
+    *,
+    prior: Prior | str | Sequence[Prior | str] = (),
+    section: SectionName | None = None,
+    include_flagged: bool = False,
+    free: str | Sequence[str] = (),
+    tensile: AnyPath | Sequence[AnyPath] = (),
+    tensile_window: float | str | None = None,
+    tensile_weight: float | None = None,
+    restarts: int = 0,
+    bipop: bool = False,
+    time: Literal["prony"],
+    seed: int = 1,
+    bootstrap: int = 0,
+    workers: int = 1,
+    scheduler: str | None = None,
+    checkpoint: AnyPath | None = None,
+    resume: bool = False,
+    output: AnyPath | None = None,
+    force: bool = False,
+) -> FitRecord | RingDownRecord: ...
 @overload
 def fit(
     datasets: AnyDataset | Sequence[AnyDataset],
@@ -101,6 +130,7 @@ def fit(
     tensile_weight: float | None = None,
     restarts: int = 0,
     bipop: bool = False,
+    time: Literal["none", "prony"] = "none",
     seed: int | Sequence[int] = 1,
     each: bool = False,
     bootstrap: int = 0,
@@ -125,6 +155,7 @@ def fit(
     tensile_weight: float | None = None,
     restarts: int = 0,
     bipop: bool = False,
+    time: Literal["none", "prony"] = "none",
     seed: int | Sequence[int] = 1,
     each: bool = False,
     bootstrap: int = 0,
@@ -134,7 +165,7 @@ def fit(
     resume: bool = False,
     output: AnyPath | None = None,
     force: bool = False,
-) -> FitRecord | Fits:
+) -> FitRecord | RingDownRecord | Fits:
     """Identify the parameters of one or several laws from one or several datasets.
 
     A dataset of frames without edges is segmented first.
@@ -166,6 +197,9 @@ def fit(
         Number of restarts of the search, each with twice the population of the one before.
     bipop : bool
         Insert searches with a small population between the restarts.
+    time : {"none", "prony"}
+        Law of time: ``"prony"`` identifies a Prony series from the recorded ring-downs and creep of the datasets,
+        together with their states. A dataset of motions alone gives the dynamic modulus.
     seed : int, or with a list of laws a sequence of int
         Seed of the search.
     each : bool
@@ -187,7 +221,7 @@ def fit(
 
     Returns
     -------
-    FitRecord
+    FitRecord, or RingDownRecord for a dataset of motions alone
         The fit of one law: parameters and initial shear modulus with their intervals; ``residuals()``,
         ``to_pandas()``, ``to_xarray()`` and ``plot()``. For a list of laws, `Fits` with one record for each law.
 
@@ -208,6 +242,7 @@ def fit(
         tensile_weight=tensile_weight,
         restarts=restarts,
         bipop=bipop,
+        time=time,
     )
     with closed_meanwhile(several(datasets)) as paths:
         fits, _ = identify_laws(
@@ -225,7 +260,7 @@ def fit(
             force=force,
         )
     first = fits[0]
-    return first if isinstance(model, str) and isinstance(first, FitRecord) else fits
+    return first if isinstance(model, str) and isinstance(first, FitRecord | RingDownRecord) else fits
 
 
 def _prior_text(prior: Prior | str) -> str:
@@ -265,7 +300,11 @@ def identify_laws(
     executor = executor_for(workers, scheduler)
     if output:
         refuse_existing(output, force)
-    evidence = [options.load(path) for path in datasets]
+    motions = _motions_of(datasets) if options.has_law_of_time else []
+    with_states = [path for path, one in zip(datasets, motions, strict=True) if one.has_states] if motions else datasets
+    if motions and not with_states:
+        return _fits_of_motions(laws, motions, seeds, output, force), []
+    evidence = [options.load(path) for path in with_states]
     options.check(evidence)
     tasks = grid(laws, evidence, seeds, each=each, bootstrap=bootstrap)
     log = None
@@ -287,10 +326,34 @@ def identify_laws(
             report=report,
             underway=report.underway,
         )
+    if motions:
+        from eimi_lab.fits.time_fits import with_law_of_time
+
+        motions = _motions_of(datasets)  # the edges of recorded frames may have been found just now
+        fits = [with_law_of_time(record, evidence, motions, record.seed) for record in fits]
     content = Fits.of(fits)
     if output:
         content.write(output, force)
     return content, evidence
+
+
+def _motions_of(datasets: Sequence[Path]) -> list[MotionEvidence]:
+    """Return the recorded motions of the datasets. Raises InputError."""
+    from eimi_lab.fits.recorded_motions import load_motions
+
+    return [load_motions(path) for path in datasets]
+
+
+def _fits_of_motions(
+    laws: Sequence[str], motions: Sequence[MotionEvidence], seeds: Sequence[int], output: Path | None, force: bool
+) -> Fits:
+    """Return the fits to datasets without states, and write them if there is an output. Raises InputError."""
+    from eimi_lab.fits.time_fits import fit_motions
+
+    content = Fits.of([fit_motions(law, motions, seed) for law in laws for seed in seeds])
+    if output:
+        content.write(output, force)
+    return content
 
 
 @contextmanager

@@ -25,6 +25,7 @@ def import_pictures(
     output: AnyPath,
     *,
     average: bool = False,
+    every: int | None = None,
     dark: AnyPath | None = None,
     flat: AnyPath | None = None,
     clamp: tuple[float, float] | None = None,
@@ -50,6 +51,9 @@ def import_pictures(
         The dataset to write.
     average : bool
         Store the mean frame of each state instead of every frame.
+    every : int
+        Of a video, import every n-th frame. Each load of the table acts from its time_s or frame until the next row, or
+        until its until_s.
     dark : str or Path
         Image without light, subtracted from every frame. The dataset stores it.
     flat : str or Path
@@ -96,7 +100,7 @@ def import_pictures(
     correction = read_correction_images(_path(dark), _path(flat))
     beam = specimen_of(specimen)
     import_frames(
-        Path(source), Path(states), beam, used_calibration, Path(output), force, average, progress, correction
+        Path(source), Path(states), beam, used_calibration, Path(output), force, average, progress, correction, every
     )
     return open_dataset(Path(output))
 
@@ -295,7 +299,8 @@ def find_edges(
     from eimi_lab.process.workers import executor_for
 
     with open_dataset(dataset) as opened:
-        total = len(opened.states)
+        creeping = sum(opened.creep_frames(state.index) is not None for state in opened.states)
+        total = len(opened.states) + len(opened.recorded_ring_downs()) + creeping
     correction = read_correction_images(dark, flat)
     if uncorrected and correction:
         raise InputError("--uncorrected: removes the dark frame and the flat field; leave out --dark and --flat")

@@ -1,4 +1,4 @@
-"""Use a law or a fit: simulate, validate, plan the next run, write a report, export a material card."""
+"""Use a law or a fit: simulate, validate, plan the next run, write a report, export a material card, publish."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from eimi_fitting.laws import LAWS
 from eimi_fitting.suggestion import suggestion
+from eimi_lab.config.people import load_people
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.face.given import (
     AnyDataset,
@@ -37,9 +38,12 @@ from eimi_lab.fits.fitting import check_models, check_section
 from eimi_lab.fits.prediction import predict
 from eimi_lab.fits.records import FitRecord, TensileRecord
 from eimi_lab.fits.simulated_fit import FittedLaw, Prediction
+from eimi_lab.fits.time_records import RingDownRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import check_distinct, write_file
 from eimi_lab.process.progress import progress
+from eimi_lab.publishing.archive import Publication
+from eimi_lab.publishing.archive import publish as archive_of
 from eimi_lab.virtual.simulation import Simulation, keys_of, parse_parameters
 from eimi_lab.virtual.simulation import simulate as simulated
 
@@ -313,6 +317,50 @@ def report(
 
 
 @named_options
+def publish(
+    runs: AnyPath | Sequence[AnyPath],
+    output: AnyPath,
+    *,
+    title: str | None = None,
+    people: AnyPath | None = None,
+    licence: str | None = None,
+    force: bool = False,
+) -> Publication:
+    """Write datasets, results and other files as an RO-Crate 1.1 in a zip file, and check every hash in it.
+
+    Parameters
+    ----------
+    runs : str, Path or sequence of them
+        Files, or folders that contain them.
+    output : str or Path
+        The archive; its name ends in ``.eln``.
+    title : str
+        Name of the archive; by default the name of the file without its ending.
+    people : str or Path
+        people.toml, the authors.
+    licence : str
+        SPDX identifier such as ``"CC-BY-4.0"``, or a URL.
+    force : bool
+        Replace an existing file.
+
+    Returns
+    -------
+    Publication
+        The archive, its files, and what a reader of it would miss.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, is given twice or belongs to a run that is not complete.
+    OSError
+        If a file changed while it was written, or if the disk takes no more data.
+    """
+    authors = load_people(people) if people is not None else None
+    paths = [Path(runs)] if isinstance(runs, str | Path) else [Path(run) for run in runs]
+    return archive_of(paths, Path(output), title=title, people=authors, licence=licence, force=force)
+
+
+@named_options
 def export(
     fits: AnyFit,
     model: str | None = None,
@@ -369,7 +417,7 @@ def card_of(
     index: int | None,
     bulk_modulus_kPa: float | None,
     bulk_ratio: float | None,
-) -> tuple[str, FitRecord | TensileRecord]:
+) -> tuple[str, FitRecord | TensileRecord | RingDownRecord]:
     """Return the card that `export` returns, and the fit that it contains. Raises InputError."""
     solver, fitted_laws = check_solver(to), fits_of(fits)
     records = [fitted_law.fit for fitted_law in fitted_laws]

@@ -121,19 +121,21 @@ def parameters(findings: Findings, key: str) -> Table:
 
 @dataclass(frozen=True)
 class Advantage:
-    """Mean errors over the unseen types, of laws by bending and of tensile fits.
+    """The mean errors of laws fitted to bending and of laws fitted to a tensile curve, for one material and section.
+
+    The means are over types of specimen to which no law was fitted.
 
     Attributes
     ----------
     material, section : str
     bending_um : tuple of float
-        Smallest and largest error of the laws by bending, in µm.
+        Smallest and largest error of the laws fitted to bending, in µm.
     bending_modulus_Pa : tuple of float
-        Smallest and largest initial shear modulus of the laws by bending, in Pa.
+        Smallest and largest initial shear modulus of the laws fitted to bending, in Pa.
     tension_um, median_tension_um : float
-        Smallest and median error of the tensile fits, in µm.
+        Smallest and median error of the laws fitted to a tensile curve, in µm.
     tension : Route
-        The tensile fit with the smallest error.
+        The law with the smallest error of all laws fitted to a tensile curve.
     """
 
     material: str
@@ -151,15 +153,15 @@ class Advantage:
 
 
 def advantages(findings: Findings, kinds: Sequence[str], source: str = "own") -> list[Advantage]:
-    """Compare bending with tension for each material and section.
+    """Compare the laws fitted to bending with those fitted to a tensile curve, for each material and section.
 
     Parameters
     ----------
     findings : Findings
     kinds : sequence of str
-        The types over which the errors are averaged.
+        The types of specimen over which the errors are averaged.
     source : {"own", "published"}
-        The tensile curve.
+        The tensile curve: that of the hidden material, or a published one.
     """
     compared = []
     for key, section in findings.bending:
@@ -189,7 +191,7 @@ def advantages(findings: Findings, kinds: Sequence[str], source: str = "own") ->
 
 
 def untwisted(findings: Findings) -> list[str]:
-    """Return the unseen types that do not twist; all unseen types if there is no such type."""
+    """Return the types of specimen to which no law was fitted; leave out those that twist, unless all of them do."""
     unseen = findings.inputs.extent.unseen
     return [kind for kind in unseen if kind != TWISTED] or list(unseen)
 

@@ -2,6 +2,7 @@
 
 edges                find the edges in one image
 following            follow the beam from its clamp in a photograph without a back-light
+tracking             follow the beam from frame to frame of a recording
 calibration          measure the scale, the clamp, the axis and the direction of gravity
 image_files          list the images of a folder, and read them
 image_sizes          read the size of an image from its header, before it is decoded

@@ -79,7 +79,7 @@ class BeamFrame:
 
     def __init__(self, calibration: Calibration) -> None:
         axis = math.radians(calibration.axis_angle_deg)
-        to_field = math.radians(calibration.field_angle_deg) - axis
+        to_field = math.radians(calibration.positive_field_deg) - axis
         self.hand = -1.0 if math.sin(to_field) < 0.0 else 1.0
         self._scale = calibration.pixels_per_mm
         along = (math.cos(axis), math.sin(axis))
@@ -89,7 +89,7 @@ class BeamFrame:
         self._distortion = np.array(calibration.distortion or ())
         self._origin = self._undistort(np.array([calibration.clamp_midpoint_px], dtype=np.float64))[0]
         self._stand_off_mm = None if calibration.telecentric else calibration.stand_off_mm
-        self.field_deg = self._in_beam_frame(calibration.field_angle_deg - calibration.axis_angle_deg)
+        self.field_deg = self._in_beam_frame(calibration.positive_field_deg - calibration.axis_angle_deg)
         self.gravity_deg = self._in_beam_frame(calibration.gravity_angle_deg - calibration.axis_angle_deg)
 
     def to_mm(self, points_px: ArrayLike) -> Array:

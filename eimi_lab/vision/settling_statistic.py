@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -47,12 +48,32 @@ class Noise:
         """Whether there is noise beyond rounding to whole grey levels; a video file or a drawn frame may have none."""
         return bool(self.variances.max() > QUANTISATION)
 
-    def difference_ratio(self, earlier: NDArray[Any], later: NDArray[Any]) -> float:
-        """Return the settling ratio of two frames (H, W), in a band along the edges of the later one."""
-        band = edge_band(later)
-        before, after = earlier[band].astype(np.float64), later[band].astype(np.float64)
+    def difference_ratio(
+        self, earlier: NDArray[Any], later: NDArray[Any], pixels: NDArray[np.int64] | None = None
+    ) -> float:
+        """Return the settling ratio of two frames.
+
+        Parameters
+        ----------
+        earlier, later : ndarray, shape (H, W)
+            The frames.
+        pixels : ndarray of int, shape (n,), optional
+            Indices of the compared pixels in the flattened frames; by default the `edge_pixels` of the later frame.
+        """
+        chosen = edge_pixels(later) if pixels is None else pixels
+        before, after = earlier.ravel()[chosen], later.ravel()[chosen]
+        if before.dtype == after.dtype == np.uint8:  # a table gives the same values in less time
+            expected = 2 * self._of_sums[before.astype(np.intp) + after]
+            difference = after.astype(np.int32) - before
+            return float(np.mean(difference * difference) / np.mean(expected))
+        before, after = before.astype(np.float64), after.astype(np.float64)
         expected = 2 * np.interp((before + after) / 2, self.levels, self.variances)
         return float(np.mean((after - before) ** 2) / np.mean(expected))
+
+    @cached_property
+    def _of_sums(self) -> NDArray[np.float64]:
+        """The variance at half of each sum of two 8-bit grey levels, (511,)."""
+        return np.interp(np.arange(2 * np.iinfo(np.uint8).max + 1) / 2, self.levels, self.variances)
 
 
 def measure_noise(frames: Sequence[NDArray[Any]]) -> Noise:
@@ -96,3 +117,8 @@ def edge_band(image: NDArray[Any]) -> NDArray[np.bool_]:
     steep = (steepness >= EDGE_SHARE * steepness.max()).astype(np.uint8)
     side = 2 * EDGE_BAND_PX + 1
     return cv2.dilate(steep, np.ones((side, side), np.uint8)).astype(bool)
+
+
+def edge_pixels(image: NDArray[Any]) -> NDArray[np.int64]:
+    """Return the indices of the pixels of the `edge_band` in the flattened image, (n,)."""
+    return np.flatnonzero(edge_band(image))

@@ -28,7 +28,7 @@ def test_files_to_fill_in(run: Run, tmp_path: Path, frame: Callable[..., np.ndar
     load_protocol(tmp_path / "protocol.toml")
     with pytest.raises(InputError, match=r"length_mm, .*width_mm, .*depth_mm, .*density_kg_m3 are missing"):
         load_specimen(tmp_path / "specimen.toml")
-    with pytest.raises(InputError, match=r"pixels_per_mm, coil_constant_mT_per_A, .* are missing"):
+    with pytest.raises(InputError, match=r"pixels_per_mm, .* are missing"):
         load_calibration(tmp_path / "calibration.toml")
     answers = {
         **{"length_mm": 10.0, "width_mm": 2.0, "depth_mm": 2.0, "density_kg_m3": 1070.0, "section": '"plane-stress"'},

@@ -27,6 +27,7 @@ gain = 6
 gamma = 1.0
 region = [320, 0, 640, 1024]
 bit_depth = 12
+frame_rate_Hz = 120.0
 """
 
 
@@ -43,7 +44,7 @@ supply = {{ driver = "scpi", address = "{address}", limits = {{ current_A = 1.0,
 
 def test_settings_are_read_from_the_rig(files: Path) -> None:
     rig = rig_with(files, f'driver = "basler"\nsource = "40012345"{ALL}')
-    assert rig.camera.settings == CameraSettings(0.008, 6, 1.0, (320, 0, 640, 1024), 12)
+    assert rig.camera.settings == CameraSettings(0.008, 6, 1.0, (320, 0, 640, 1024), 12, 120.0)
     assert rig_with(files, 'driver = "opencv"\nsource = 0').camera.settings == NO_SETTINGS
     assert load_rig("bench_example").camera.settings == NO_SETTINGS
 
@@ -59,6 +60,11 @@ def test_settings_are_read_from_the_rig(files: Path) -> None:
         ("region = [0, 0, 640, 0]", "camera.region = [0, 0, 640, 0] should be left, top, width and height in pixels"),
         ("region = [-1, 0, 640, 5]", "camera.region = [-1, 0, 640, 5] should be left, top, width and height"),
         ("bit_depth = 4", "camera.bit_depth = 4 should be greater than or equal to 8"),
+        ("frame_rate_Hz = 0", "camera.frame_rate_Hz = 0 should be greater than 0"),
+        (
+            'trigger = "Line1"\nframe_rate_Hz = 9.0',
+            "[camera] trigger = 'Line1' and frame_rate_Hz = 9 exclude each other",
+        ),
         ("bit_depth = 12.0", "camera.bit_depth = 12.0 should be a valid integer"),
     ],
 )

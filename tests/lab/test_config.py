@@ -99,6 +99,14 @@ def test_the_specimen_of_the_real_beam_loads(measured: Path) -> None:
     assert (mechanics.length_mm, mechanics.section, mechanics.tip_load_mm) == (100.0, "plane-stress", (100.0, 15.0))
 
 
+@pytest.mark.parametrize(
+    ("table", "point"), [("", (30.0, 0.0)), ("y_mm = 1.0", (30.0, 1.0)), ("x_mm = 28", (28.0, 0.0))]
+)
+def test_without_its_place_along_the_beam_a_tip_load_is_at_the_tip(table: str, point: tuple[float, float]) -> None:
+    text = load_specimen("type1").text.replace("[magnet]", f"[tip_load]\n{table}\n[magnet]")
+    assert parse(SpecimenFile, text, "a.toml").mechanics().tip_load_mm == point
+
+
 def test_a_model_keeps_its_text(files: Path) -> None:
     path = files / "specimen.toml"
     assert load_specimen(path).text == path.read_text()
@@ -263,3 +271,11 @@ def test_any_text_gives_a_model_or_one_line(text: str) -> None:
         with pytest.raises(InputError) as caught:
             parse(model, text, "some.toml")
         assert "\n" not in str(caught.value)
+
+
+def test_the_calibration_of_a_rig_needs_a_coil_constant(tmp_path: Path) -> None:
+    for name in ("virtual.toml", "virtual_materials.toml", "virtual_calibration.toml"):
+        text = (SHIPPED / "rigs" / name).read_text() if (SHIPPED / "rigs" / name).is_file() else ""
+        (tmp_path / name).write_text(text.replace("coil_constant_mT_per_A = ", "# "))
+    with pytest.raises(InputError, match="the calibration of a rig needs coil_constant_mT_per_A"):
+        load_rig(tmp_path / "virtual.toml")

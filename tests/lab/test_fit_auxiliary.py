@@ -149,10 +149,12 @@ def test_a_curve_from_a_notebook_is_recorded_and_counts(tmp_path: Path, run) -> 
 
 def test_a_law_with_too_few_data_has_no_weight_in_the_table() -> None:
     laws = choose([Candidate("ogden", 6, ((8.0, 0.02),), 0.02), Candidate("neo-hookean", 1, ((8.0, 0.02),))])
-    _, few, alone, sentence = comparison_table(laws)
+    _, few, alone, points, sentence = comparison_table(laws)
     assert few.split()[2:] == ["too", "few", few.split()[4], "-", "20.00", "µm"]
     assert alone.split()[4:] == ["-", "-"]
-    assert "worth 8 independent points, too few for an AICc of ogden; there are no weights." in sentence
+    assert "count the data as 8.0 independent points" in points
+    assert sentence.startswith("These are too few for an AICc of ogden,")
+    assert sentence.endswith("there are no weights.")
 
 
 def test_an_undetermined_parameter_is_marked_wherever_it_is_shown(tmp_path: Path, run) -> None:

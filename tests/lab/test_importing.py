@@ -398,3 +398,33 @@ def test_the_installed_module_imports_pictures(pictures: Path) -> None:
     )
     assert done.returncode == 2
     assert done.stderr == "eimi: frames/frame_10.png: is truncated or damaged; copy it again\n"
+
+
+def without_coil(files: Path) -> None:
+    """Remove the coil constant and the direction of the field from calibration.toml."""
+    lines = (files / "calibration.toml").read_text().splitlines(keepends=True)
+    coil = ("coil_constant_mT_per_A", "field_angle_deg")
+    (files / "calibration.toml").write_text("".join(line for line in lines if not line.startswith(coil)))
+
+
+def test_weights_need_neither_a_current_nor_a_coil(run: Run, pictures: Path) -> None:
+    without_coil(pictures)
+    (pictures / "states.csv").write_text("frame,tip_force_N\nframe_1.png,0\nframe_2.png,0.01\n")
+    assert import_frames(run, pictures)[0] == 0
+    with open_dataset(pictures / "out.h5") as dataset:
+        assert [state.tip_force_N for state in dataset.states] == [0.0, 0.01]
+        assert [state.field_mT for state in dataset.states] == [0.0, 0.0]
+
+
+def test_a_current_without_a_coil_constant_is_refused(run: Run, pictures: Path) -> None:
+    without_coil(pictures)
+    status, said = import_frames(run, pictures)
+    assert status == 2
+    assert "current_A = '0.1' should be 0, because the calibration has no coil_constant_mT_per_A" in said
+
+
+def test_a_coil_constant_needs_the_direction_of_the_field(run: Run, pictures: Path) -> None:
+    text = (pictures / "calibration.toml").read_text()
+    (pictures / "calibration.toml").write_text(text.replace("field_angle_deg", "# field_angle_deg"))
+    status, said = import_frames(run, pictures)
+    assert (status, "field_angle_deg is missing" in said) == (2, True)

@@ -95,6 +95,35 @@ def test_frames_of_a_video_are_imported_by_time(run: Run, files: Path, frame: Dr
         assert (status, expected in said) == (2, True)
 
 
+def test_every_nth_frame_of_a_video_has_the_load_that_acts_on_it(run: Run, files: Path, frame: Draw) -> None:
+    """Twelve frames at 10 Hz, two loads by time: each is typed once, and the second ends before the video does."""
+    writer = cv2.VideoWriter(str(files / "run.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (128, 96))
+    for number in range(12):
+        writer.write(cv2.cvtColor(frame(number), cv2.COLOR_GRAY2BGR))
+    writer.release()
+    (files / "states.csv").write_text("time_s,until_s,current_A\n0.1,,0\n0.55,0.95,0.2\n")
+    assert imported(run, files, "run.avi", "--every", "2") == (0, "")
+    with open_dataset(files / "out.h5") as dataset:
+        assert [state.current_A for state in dataset.states] == [0.0, 0.2]
+        assert [len(dataset.images(k)) for k in (0, 1)] == [2, 2]  # frames 2 and 4; 6 and 8
+        assert dataset.last_time_s() == pytest.approx(0.8)
+    (files / "states.csv").write_text("frame,current_A\n0,0\n6,0.2\n")
+    assert imported(run, files, "run.avi", "--every", "3", "--force") == (0, "")
+    with open_dataset(files / "out.h5") as dataset:
+        assert [len(dataset.images(k)) for k in (0, 1)] == [2, 2]  # frames 0 and 3; 6 and 9
+    for table, every, expected in (
+        ("time_s,current_A\n0.5,0\n0.2,1\n", "2", "row 3: time_s = '0.2' should be later than in the row before it"),
+        ("time_s,current_A\n0,0\n0.11,1\n0.15,2\n", "2", "row 3: time_s = '0.11' should be the beginning of a load"),
+        ("time_s,current_A\n0,0\n", "0", "--every"),
+    ):
+        (files / "states.csv").write_text(table)
+        status, said = imported(run, files, "run.avi", "--every", every, "--force")
+        assert (status, expected in said) == (2, True)
+    fill(files, {"f_0.png": frame(0)}, [0])
+    status, said = imported(run, files, "frames", "--every", "2", "--force")
+    assert (status, "--every 2: is for a video" in said) == (2, True)
+
+
 def test_colour_is_kept(run: Run, files: Path, frame: Draw) -> None:
     """Colours are kept if only the second image has any, and if the dark frame has none."""
     red = np.dstack([frame(1) // 3, frame(1) // 2, frame(2)])

@@ -56,7 +56,7 @@ def test_the_checker_reports_faults(setup: Any) -> None:
 def test_an_acquired_dataset_has_no_fault(setup: Any) -> None:
     settings = CameraSettings(exposure_s=0.01, gain=6.0, gamma=1.0, region=(0, 0, 128, 96), bit_depth=8)
     setup.bench = replace(setup.bench, camera_settings=settings)
-    between = "release = { seconds = 0.1 }\nconditioning = { cycles = 2, current_A = 0.3 }\n"
+    between = "ring_down = { seconds = 0.1 }\nconditioning = { cycles = 2, current_A = 0.3 }\n"
     setup.protocol = parse(Protocol, between + setup.protocol.text, "p")
     setup.run(note="first cast")
     assert faults(setup.path) == NO_FAULT

@@ -35,6 +35,7 @@ OTHERS: dict[str, Any] = {
     "tensile_weight": 0.5,
     "restarts": 2,
     "bipop": True,
+    "time": "prony",
 }
 
 

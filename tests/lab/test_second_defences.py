@@ -18,9 +18,9 @@ from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.emulators.korad import KoradDialect
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import Frame, Identity, InstrumentError, Limits, Reading
-from eimi_drivers.supplies.base import WATCHDOG_S
 from eimi_drivers.supplies.interruptible import InterruptibleTransport
 from eimi_drivers.supplies.korad import KoradSupply
+from eimi_drivers.supplies.scpi_profiles import KEYSIGHT_WATCHDOG
 from eimi_drivers.supplies.transport import InProcessTransport
 from eimi_lab.acquisition.capture import capture
 from eimi_lab.acquisition.coil import Coil, never
@@ -180,7 +180,7 @@ def test_the_run_sends_a_message_before_the_watchdog_of_the_supply_expires(asked
     for _ in range(600):
         clock.sleep(0.1)
         coil.watch()
-    assert max(np.diff([0.0, *supply.asked_s])) < 0.9 * WATCHDOG_S
+    assert max(np.diff([0.0, *supply.asked_s])) < 0.9 * KEYSIGHT_WATCHDOG.seconds
     assert max(np.diff([0.0, *supply.asked_s])) < 2.0
 
 
@@ -198,6 +198,9 @@ class Watcher:
     def expect(self, identity: Identity) -> None: ...
 
     def refuse_a_gap(self) -> None: ...
+
+    def silent_s(self) -> float:
+        return 0.0
 
     def allow(self, seconds: float) -> None:
         self.did.append("allow")
@@ -268,8 +271,11 @@ class Interrupting(KoradDialect):
 
 
 def a_korad(clock: SimulatedClock, interruption: Interruption, signals: int = 0) -> tuple[KoradSupply, list[bytes]]:
-    """Return a Korad supply on an emulator, and a list that collects every message sent to it."""
-    dialect = Interrupting(CoilSupply(clock))
+    """Return a Korad supply whose output is on, on an emulator, and a list that collects every message sent to it."""
+    coil = CoilSupply(clock)
+    coil.set_voltage(5.0)
+    coil.switch(True)
+    dialect = Interrupting(coil)
     dialect.signals = signals
     wire = InProcessTransport(dialect, clock)
     line = InterruptibleTransport(wire, interruption.between_messages)

@@ -44,7 +44,7 @@ def content(path: Path) -> dict[str, bytes]:
 
     def keep(name: str, item: h5py.Group | h5py.Dataset) -> None:
         if isinstance(item, h5py.Dataset) and name != "entry/segmentation/date":
-            found[name] = item[()].tobytes()
+            found[name] = np.asarray(item[()]).tobytes()
 
     with h5py.File(path, "r") as file:
         file.visititems(keep)
@@ -105,6 +105,5 @@ def test_a_signal_to_all_of_them_ends_all_workers_with_one_line(
     said = process.communicate(timeout=PATIENCE_S)[1].splitlines()  # to the end of the last of its processes
     assert process.returncode == 128 + number
     assert said[-1] == f"eimi: stopped by {number.name}"
-    # A signal that arrives within a write may send the line break of a progress line twice.
-    assert [line for line in said[:-1] if line and not line.startswith("segment ")] == []
+    assert [line for line in said[:-1] if not line.startswith("segment ")] == []
     assert path.read_bytes() == before

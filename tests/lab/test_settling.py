@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eimi_lab.vision.settling_statistic import edge_band, measure_noise
+from eimi_drivers.interfaces import Frame
+from eimi_lab.acquisition.settling import wait_until_settled
+from eimi_lab.config.protocol import Settle
+from eimi_lab.vision.settling_statistic import edge_band, edge_pixels, measure_noise
 
 
 def camera(rng: np.random.Generator, shift_px: float, electrons: float = 10_000.0) -> np.ndarray:
@@ -49,6 +52,47 @@ def test_the_band_lies_along_the_edges() -> None:
     columns = np.flatnonzero(band.mean(axis=0) > 0.5)
     assert set(columns) <= {*range(105, 122), *range(179, 196)}
     assert {113, 187} <= set(columns)
+
+
+def test_a_kept_band_gives_the_same_value() -> None:
+    rng = np.random.default_rng(5)
+    noise = measure_noise([camera(rng, 0.0) for _ in range(8)])
+    earlier, later = camera(rng, 0.0), camera(rng, 0.1)
+    exact = noise.difference_ratio(earlier, later)
+    assert noise.difference_ratio(earlier, later, edge_pixels(later)) == exact
+    assert noise.difference_ratio(earlier.astype(np.float32), later.astype(np.float32)) == pytest.approx(
+        exact, rel=1e-12
+    )
+
+
+class Swinging:
+    """A camera and its clock: the beam moves far from its first place, stands there, and is then at rest."""
+
+    def __init__(self, shifts_px: list[float]) -> None:
+        self._rng, self._shifts_px, self.taken = np.random.default_rng(6), shifts_px, 0
+
+    def now(self) -> float:
+        return self.taken * 0.1
+
+    def flush(self) -> None:
+        """Forget nothing: every frame is new."""
+
+    def grab(self, timeout_s: float) -> Frame:
+        shift_px = self._shifts_px[min(self.taken, len(self._shifts_px) - 1)]
+        self.taken += 1
+        return Frame(camera(self._rng, shift_px), self.taken, self.now())
+
+
+def test_a_beam_that_left_the_kept_band_is_not_taken_for_one_at_rest() -> None:
+    rng = np.random.default_rng(7)
+    noise = measure_noise([camera(rng, 0.0) for _ in range(8)])
+    moving = [0.0, 5.0, *(60.0 + 0.6 * step for step in range(30))]
+    bench = Swinging([*moving, *[moving[-1]] * 20])
+    rule = Settle(noise_ratio=1.3, pairs=3, drift_window_s=0.5, timeout_s=30.0)
+    settled = wait_until_settled(bench, bench, rule, noise, lambda: None)
+    assert bench.taken >= len(moving) + 5
+    assert max(settled.ratio, settled.drift_ratio) <= 1.3
+    assert not settled.flags
 
 
 def test_noise_needs_two_frames() -> None:

@@ -23,7 +23,7 @@ from tests.patience import PATIENCE_S
 
 
 def planar(name: str) -> SpecimenFile:
-    """A shipped specimen under the published method's assumption."""
+    """Return a shipped specimen in plane strain, which the published method assumes, instead of the solid section."""
     text = load_specimen(name).text
     return parse(SpecimenFile, re.sub(r'section = "solid"', 'section = "plane-strain"', text), name)
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -52,6 +55,38 @@ def test_a_closed_pipe_is_not_an_error() -> None:
     stream.write("nobody hears this\n")
     stream.finish()
     os.close(writes)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no timers that send signals")
+def test_a_signal_that_raises_within_a_write_sends_no_line_twice() -> None:
+    class Interrupted(Exception):
+        pass
+
+    def interrupt(number: int, frame: object) -> None:
+        raise Interrupted
+
+    reads, writes = os.pipe()
+    os.set_blocking(reads, False)
+    stream = NeverBlocking(writes)
+    received = bytearray()
+    before = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        for number in range(2000):
+            with suppress(Interrupted):
+                signal.setitimer(signal.ITIMER_REAL, (1 + number % 40) * 1e-6)  # before, within and after the write
+                stream.write(f"{number}\n")
+                time.sleep(1e-3)
+                signal.setitimer(signal.ITIMER_REAL, 0)
+            with suppress(BlockingIOError):
+                received += os.read(reads, 65536)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    lines = received.decode().splitlines()
+    assert len(lines) > 1000
+    assert lines == sorted(set(lines), key=int)
+    for end in (reads, writes):
+        os.close(end)
 
 
 def test_the_message_of_a_command_reaches_a_late_reader() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import signal
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from eimi_drivers.emulators.faults import Fault
-from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentError
+from eimi_drivers.interfaces import InstrumentDisconnected
 from eimi_lab.acquisition.dry_run import dry_run
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
@@ -20,7 +18,6 @@ from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.dataset.recordings import Recording
 from eimi_lab.dataset.recovery import recover
 from eimi_lab.dataset.segmentation import segment
-from eimi_lab.process.stopping import Stopped
 
 
 def asked(setup: Any, lines: str) -> None:
@@ -76,60 +73,6 @@ def test_a_beam_that_never_comes_to_rest_stores_at_most_the_budget_of_frames(set
     assert kept.elapsed_s[-1] == pytest.approx(5.0, rel=0.35)  # spread over the whole time-out
 
 
-def test_the_release_is_recorded_at_the_rate_of_the_camera(setup: Any) -> None:
-    asked(setup, "release = { seconds = 0.5 }")
-    setup.run()
-    assert setup.is_off()
-    with open_dataset(setup.path) as dataset:
-        release = dataset.release()
-        assert len(dataset.states) == 4
-    assert release is not None
-    # The camera's period is 5 ms; the supply's exchange advances the same simulated clock.
-    assert 100 <= len(release.images) <= 200
-    assert 0.5 <= release.elapsed_s[-1] < 1.5
-    assert np.median(np.diff(release.elapsed_s)) == pytest.approx(0.005)
-    assert set(release.set_A.tolist()) == {0.0}
-    assert middle(release.images[-1]) == pytest.approx(64.0, abs=0.5)
-
-
-def test_a_supply_that_cannot_be_set_to_zero_ends_the_release_and_the_run(setup: Any) -> None:
-    asked(setup, "release = { seconds = 500 }")
-
-    def deaf(data: bytes) -> bool:
-        return data.startswith(b"ISET1:0.000") and setup.coil.state.set_current_A == 0.3
-
-    setup.line.inject(Fault.SILENCE, deaf)
-    with pytest.raises(InstrumentError):
-        setup.run()
-    assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
-    assert not setup.coil.state.output
-
-
-def test_ctrl_c_keeps_the_recorded_frames_of_the_release(setup: Any) -> None:
-    asked(setup, "release = { seconds = 500 }")
-    let_go: list[int] = []
-
-    def ask(number: int) -> None:
-        if setup.stored_all and setup.coil.state.set_current_A == 0.0:
-            let_go.append(number)
-            if len(let_go) == 20:
-                signal.raise_signal(signal.SIGINT)
-
-    setup.stored_all = False
-    setup.camera.event = ask
-
-    def watch(live: Any) -> None:
-        setup.stored_all |= live.state == 3
-
-    with pytest.raises(Stopped):
-        setup.run(show=watch)
-    assert setup.is_off()
-    with open_dataset(setup.path) as dataset:
-        release = dataset.release()
-    assert release is not None
-    assert len(release.images) >= 20
-
-
 def test_a_crash_loses_no_transient_of_a_state_that_was_acknowledged(setup: Any) -> None:
     copies: list[Path] = []
 
@@ -175,7 +118,7 @@ def test_recovery_leaves_out_only_the_damaged_frames_of_the_transients(setup: An
 
 
 def test_segmentation_leaves_the_transients_as_they_were(setup: Any) -> None:
-    asked(setup, "release = { seconds = 0.2 }")
+    asked(setup, "ring_down = { seconds = 0.2 }")
     setup.run()
     before = transients(setup.path)
     segment(setup.path, lambda words: None)
@@ -184,15 +127,15 @@ def test_segmentation_leaves_the_transients_as_they_were(setup: Any) -> None:
         assert other is not None
         np.testing.assert_array_equal(one.images, other.images)
     with open_dataset(setup.path) as dataset:
-        assert dataset.release() is not None
+        assert len(dataset.recorded_ring_downs()) == 1
 
 
-def test_a_dry_run_prints_the_number_of_transient_frames_and_counts_the_release(setup: Any) -> None:
+def test_a_dry_run_prints_the_number_of_transient_frames_and_counts_the_ring_down(setup: Any) -> None:
     told: list[str] = []
-    asked(setup, "release = { seconds = 100 }\ntransients = { frames_per_state = 7 }")
+    asked(setup, "ring_down = { seconds = 100 }\ntransients = { frames_per_state = 7 }")
     dry_run(setup.protocol, setup.specimen, setup.rig, told.append)
     assert "transients: at most 7 frames of each state while the beam settles" in told
-    assert "release: to zero in one step, recorded for 100 s" in told
+    assert "ring-down: from 0.3 A to zero in one step, recorded for 100 s" in told
     assert int(told[-1].split()[1]) > 100
 
 

@@ -51,6 +51,15 @@ def test_equal_seeds_give_equal_frames_and_readings_and_other_seeds_others(speci
     assert read != read_other
 
 
+def test_the_virtual_camera_takes_frames_at_its_frame_rate(specimen: SpecimenFile) -> None:
+    shipped = rig()
+    at_50_Hz = shipped.model_copy(update={"camera": shipped.camera.model_copy(update={"frame_rate_Hz": 50.0})})
+    _, camera, _, _ = open_virtual_rig(at_50_Hz, specimen)
+    assert camera.settings.frame_rate_Hz == 50.0
+    times_s = [camera.grab(1.0).timestamp_s for _ in range(4)]
+    assert np.diff(times_s) == pytest.approx([0.02, 0.02, 0.02])
+
+
 def middle_px(image: NDArray[Any]) -> float:
     """Return the middle of the magnet, which is opaque, in the last rows of the picture that show the beam."""
     dark = image[80:92] < 0.25 * np.percentile(image, 90)

@@ -5,8 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from eimi_fitting import Loads, Magnet, Specimen
+from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.outline import outline, points_on
+from eimi_fitting.laws import LAWS
+from eimi_lab.dataset.segmentation import clamp_judged_when_straight
 from eimi_lab.vision.calibration.lens import fit_board_pose
-from eimi_lab.vision.edges.dimensions import width_deviation
+from eimi_lab.vision.edges.dimensions import anticlastic_bow, local_widths, width_deviation
+from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 from eimi_lab.vision.flags import judge
 from eimi_lab.vision.intensity import FieldCorrection
 
@@ -38,6 +44,32 @@ def test_a_tenth_of_a_beam_may_have_another_width() -> None:
     widths[:20] = 4.5
     assert width_deviation(widths, 3.0) == pytest.approx(0.5)
     assert width_deviation(np.full(100, 2.7), 3.0) == pytest.approx(0.1)
+
+
+def test_the_anticlastic_bow_of_a_deep_strip_is_no_deviation_of_its_width():
+    magnet = Magnet(4.0, 3.0, 6.0, 1.2, 7500.0)
+    solid = SolidBeside(Specimen(30.0, 3.0, 15.0, 1070.0, "solid", magnet), 13, 1, 1)
+    shapes = solid.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along([9.0]), tolerance_mm=1e-2)
+    left, right = points_on(outline(solid, shapes)[0], 4)[0]
+    widths, bow = local_widths(left, right), anticlastic_bow(left, right, 3.0, 15.0)
+    assert width_deviation(widths, 3.0) > 0.1
+    assert width_deviation(widths, 3.0, bow) < 0.02
+    assert width_deviation(0.9 * widths, 3.0, 0.9 * bow) > 0.05  # a strip that is narrower is still flagged
+    assert anticlastic_bow(left * [1, 0] - [0, 1.5], right * [1, 0] + [0, 1.5], 3.0, 15.0) == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("straight_offset_mm", [0.0, 0.3])
+def test_the_place_of_the_clamp_is_judged_in_the_straight_state(straight_offset_mm: float):
+    def edge_set(turn_deg: float, offset_mm: float) -> EdgeSet:
+        arc, turn = np.linspace(0.0, 30.0, 40), np.radians(turn_deg)
+        edge = EdgePoints(np.column_stack([arc, 0.5 * turn * arc**2 / 30.0]), np.full(40, 0.01))
+        return EdgeSet(edge, edge, judge({"clamp_offset_mm": offset_mm, "blur_px": 4.0}), np.zeros((4, 2)))
+
+    straight, bent = clamp_judged_when_straight([edge_set(1.0, straight_offset_mm), edge_set(60.0, 0.32)])
+    values = {flag.name: flag.value for flag in bent.flags}
+    assert values.pop("DEFOCUS") == 4.0
+    assert values == ({"CALIBRATION_STALE": 0.3} if straight_offset_mm else {})
+    assert len(straight.flags) == len(bent.flags)
 
 
 @pytest.mark.parametrize("finding", ["settling_ratio", "motion_ratio"])

@@ -124,3 +124,49 @@ def test_after_a_wrong_current_in_a_state_no_ramp_precedes_the_switching_off(set
     assert supply.state.set_current_A == 0.5
     coil.switch_off()
     assert not supply.state.output
+
+
+def coil_with_current(setup: Any, exchange_s: float = 0.0) -> tuple[CoilSupply, Coil]:
+    """Return an emulated supply and its coil at 0.5 A; each set-point then takes a time (s) to read back."""
+    clock = SimulatedClock()
+    supply = CoilSupply(clock)
+    coil = Coil(open_in_process("scpi", supply, Limits(1.0, 10.0)), clock, setup.protocol.ramp)
+    coil.supply.set_voltage(10.0)
+    coil.supply.set_output(True)
+    set_current = coil.supply.set_current
+
+    def read_back_late(current_A: float) -> None:
+        set_current(current_A)
+        clock.sleep(exchange_s)
+
+    coil.supply.set_current = read_back_late  # type: ignore[method-assign]
+    coil.step_to(0.5)
+    return supply, coil
+
+
+def slow_ramp(setup: Any) -> None:
+    text = setup.protocol.text.replace("rate_A_per_s = 10.0", "rate_A_per_s = 0.05")
+    setup.protocol = parse(Protocol, text.replace("step_A = 0.1\ntol", "step_A = 0.02\ndown_within_s = 2.0\ntol"), "p")
+
+
+@pytest.mark.parametrize(("late_s", "least_s", "most_s"), [(0.0, 1.9, 2.01), (1.5, 0.4, 0.51), (5.0, 0.0, 0.0)])
+def test_the_time_since_a_signal_counts_as_a_part_of_the_ramp_down(
+    setup: Any, late_s: float, least_s: float, most_s: float
+) -> None:
+    slow_ramp(setup)
+    supply, coil = coil_with_current(setup)
+    coil.count_the_end(late_s)
+    began_s = supply.clock.now()
+    coil.ramp_down()
+    assert least_s <= supply.clock.now() - began_s <= most_s
+    assert (supply.state.set_current_A == 0.0) == (late_s < 2.0)
+
+
+@pytest.mark.parametrize("exchange_s", [0.3, 0.7, 1.0, 1.9, 3.0])
+def test_the_ramp_down_does_not_begin_a_step_that_would_end_too_late(setup: Any, exchange_s: float) -> None:
+    slow_ramp(setup)
+    supply, coil = coil_with_current(setup, exchange_s)
+    began_s = supply.clock.now()
+    coil.ramp_down()
+    assert supply.clock.now() - began_s <= 2.01
+    assert supply.state.set_current_A < 0.5 or exchange_s > 2.0

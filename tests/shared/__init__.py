@@ -9,6 +9,7 @@ solid_cases           cases of the solid with known solutions
 virtual_measurements  measurements with every stated uncertainty drawn; planned_states, before and after a plan
 hidden_laws           laws of terms drawn at random
 mutated_files         datasets and TOML files changed at random
+emulated_gige         an emulated GigE camera in a process of its own
 processes             wait for processes and their effects
 outside               a package outside of this project, with a supply and a camera
 """

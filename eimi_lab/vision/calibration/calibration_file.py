@@ -35,8 +35,8 @@ class BenchSetup:
 
     Attributes
     ----------
-    coil_constant_mT_per_A : float
-        Field at the magnet per ampere.
+    coil_constant_mT_per_A : float or None
+        Field at the magnet per ampere; None without a coil.
     clamp_midpoint_px : tuple of float
         Middle of the line where the beam leaves its clamp.
     axis_angle_deg, gravity_angle_deg, field_angle_deg : float
@@ -46,7 +46,7 @@ class BenchSetup:
         Whether the lens is telecentric.
     """
 
-    coil_constant_mT_per_A: float
+    coil_constant_mT_per_A: float | None
     clamp_midpoint_px: tuple[float, float]
     axis_angle_deg: float
     gravity_angle_deg: float
@@ -76,15 +76,16 @@ class BenchSetup:
         """
         table = {
             "pixels_per_mm": pixels_per_mm,
-            "coil_constant_mT_per_A": self.coil_constant_mT_per_A,
             "clamp_midpoint_px": self.clamp_midpoint_px,
             "axis_angle_deg": self.axis_angle_deg + turned_deg,
             "gravity_angle_deg": self.gravity_angle_deg + turned_deg,
-            "field_angle_deg": self.field_angle_deg + turned_deg,
             "telecentric": self.telecentric,
             "calibrated_on": on,
             "uncertainty": uncertainty,
         }
+        if self.coil_constant_mT_per_A is not None:
+            table["coil_constant_mT_per_A"] = self.coil_constant_mT_per_A
+            table["field_angle_deg"] = self.field_angle_deg + turned_deg
         return check(Calibration, table, "", "calibrate")
 
 
@@ -385,12 +386,13 @@ def write_calibration(calibration: Calibration, path: Path, force: bool) -> None
     uncertain = calibration.uncertainty
     lines = [
         f"pixels_per_mm = {calibration.pixels_per_mm:.6f}",
-        f"coil_constant_mT_per_A = {calibration.coil_constant_mT_per_A!r}",
         f"clamp_midpoint_px = {_listed(calibration.clamp_midpoint_px)}",
         f"axis_angle_deg = {calibration.axis_angle_deg:.5f}       # clockwise from the image's +x, like all angles",
         f"gravity_angle_deg = {calibration.gravity_angle_deg:.5f}",
-        f"field_angle_deg = {calibration.field_angle_deg:.5f}",
     ]
+    if calibration.coil_constant_mT_per_A is not None:
+        lines.append(f"coil_constant_mT_per_A = {calibration.coil_constant_mT_per_A!r}")
+        lines.append(f"field_angle_deg = {calibration.positive_field_deg:.5f}")
     if not calibration.gravity:
         lines.append("gravity = false")
     if calibration.camera_matrix is not None and calibration.distortion is not None:

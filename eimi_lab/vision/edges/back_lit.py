@@ -13,7 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.clamp_line import ClampLine, find_clamp_line
-from eimi_lab.vision.edges.dimensions import even_turn_deg, length_deviation, local_widths, twist_deg, width_deviation
+from eimi_lab.vision.edges.dimensions import (
+    anticlastic_bow,
+    even_turn_deg,
+    length_deviation,
+    local_widths,
+    twist_deg,
+    width_deviation,
+)
 from eimi_lab.vision.edges.edge_set import EdgePoints
 from eimi_lab.vision.edges.passes import PassResult, Side, SiliconeMargin, first_pass, scatter_scale, second_pass
 from eimi_lab.vision.edges.profiles import AVERAGED_PX, sample
@@ -212,7 +219,9 @@ class BackLitSearch:
         even = self.shape.even_widths(left, local_widths(left, right), corners_px[:2])
         width_px, depth_px = self.width_mm * self.pixels_per_mm, self.depth_mm * self.pixels_per_mm
         edge_length_px = self.shape.edge_length_mm * self.pixels_per_mm
-        self.findings["width_deviation"] = width_deviation(even, width_px)
+        away_from_steps = ~self.shape.near_step(left, corners_px[:2], 0)  # where `even_widths` states a width
+        bow = anticlastic_bow(left, right, width_px, depth_px)[away_from_steps]
+        self.findings["width_deviation"] = width_deviation(even, width_px, bow)
         if self.findings["width_deviation"] > _ABSURD_WIDTH:
             return False
         self.even_turn_deg = even_turn_deg(even, width_px, depth_px)

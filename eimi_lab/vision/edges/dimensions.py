@@ -10,6 +10,8 @@ from scipy.spatial import cKDTree
 
 Array = NDArray[np.float64]
 
+_BENDING_DEGREE = 5  # of the polynomial for the direction of an edge
+
 
 def local_widths(left: Array, right: Array) -> Array:
     """Return the distance of each point of the left edge from the right edge.
@@ -33,9 +35,46 @@ def local_widths(left: Array, right: Array) -> Array:
     return np.asarray(np.abs(chord[:, 0] * gap[:, 1] - chord[:, 1] * gap[:, 0]))
 
 
-def width_deviation(widths: Array, width: float) -> float:
-    """Return the 90th percentile of the relative deviation of the local widths (n,) from the specimen's width."""
-    return float(np.percentile(np.abs(widths / width - 1.0), 90))
+def anticlastic_bow(left: Array, right: Array, width: float, depth: float) -> Array:
+    """Return how much wider a beam can look at each point of its left edge, because its cross-section bows.
+
+    A beam of incompressible material that is bent with the curvature k has the curvature k / 2 across its depth. Its
+    outline is then wider by k depth² / 16, but at most by a sixth of the width, because a deep strip stays flat in the
+    middle of its depth (Ashwell 1950, J. R. Aeronaut. Soc. 54:708). Clamp and magnet reduce the bow near them.
+
+    Parameters
+    ----------
+    left, right : ndarray, shape (n, 2) and (m, 2)
+        Points of the two edges, ordered from the clamp.
+    width, depth : float
+        Width and depth of the specimen, in the unit of the points.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    along = np.linspace(0.0, 1.0, len(left))
+    curvature = 0.5 * (_curvature(left, along) + _curvature(right, along))
+    return np.asarray(np.minimum(np.abs(curvature) * depth**2 / 16.0, width / 6.0))
+
+
+def _curvature(edge: Array, along: Array) -> Array:
+    """Return the smoothed curvature of an edge (n, 2) at shares (m,) of its length."""
+    steps = np.diff(edge, axis=0)
+    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*steps.T))])
+    direction = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    middles = 0.5 * (arc[1:] + arc[:-1])
+    smooth = np.polynomial.Polynomial.fit(middles, direction, min(_BENDING_DEGREE, len(middles) - 1))
+    return np.asarray(smooth.deriv()(along * arc[-1]))
+
+
+def width_deviation(widths: Array, width: float, bow: Array | float = 0.0) -> float:
+    """Return the 90th percentile of the relative deviation of the local widths (n,) from the specimen's width.
+
+    An excess up to ``bow`` (n,) is no deviation, see `anticlastic_bow`.
+    """
+    excess = widths - width
+    return float(np.percentile(np.abs(excess - np.clip(excess, 0.0, bow)) / width, 90))
 
 
 def length_deviation(left: Array, right: Array, corners: Array, length: float) -> float:

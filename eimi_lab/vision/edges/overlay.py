@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.vision.beam_frame import BeamFrame
-from eimi_lab.vision.check import Flag
+from eimi_lab.vision.check import Flag, Severity
 from eimi_lab.vision.edges.edge_set import EdgeSet
 from eimi_lab.vision.following.follow import FollowedBeam
 from eimi_lab.vision.intensity import eight_bit, full_scale
 
 LEFT_COLOUR, RIGHT_COLOUR, CORNER_COLOUR = (255, 128, 0), (0, 128, 255), (0, 200, 0)  # blue, green, red
 FLAG_COLOUR = (0, 0, 255)
+NOTE_COLOUR = (96, 96, 96)
 STATED_COLOUR, FOLLOWED_COLOUR = (255, 220, 80), (0, 230, 255)  # light blue, yellow
 _SUB_PIXEL_BITS = 4
 _NORMAL_EVERY = 10  # points
@@ -124,20 +125,24 @@ def _draw_followed(picture: NDArray[np.uint8], followed: FollowedBeam) -> None:
 
 
 def _with_words_below(picture: NDArray[np.uint8], flags: Sequence[Flag]) -> NDArray[np.uint8]:
-    """Add name, value and limit of each flag on white below the picture, and the remedies in smaller letters."""
+    """Add name, value and limit of each flag on white below the picture, and the remedies in smaller letters.
+
+    Notes, which need no action, are grey.
+    """
     if not flags:
         return picture
     wide = max(picture.shape[1], _LEAST_TEXT_PX)
     size = max(0.4, _LETTERS * wide)
     letters = int((wide - 20) / (cv2.getTextSize("n" * 20, _FONT, _REMEDY_SIZE * size, 1)[0][0] / 20))
-    lines: list[tuple[str, float]] = []
+    lines: list[tuple[str, float, tuple[int, int, int]]] = []
     for flag in flags:
-        lines.append((f"{flag.name} {flag.value:.3g} (limit {flag.limit:.3g}), {flag.severity}", size))
-        lines += [(line, _REMEDY_SIZE * size) for line in textwrap.wrap(flag.remedy, letters)]
+        colour = NOTE_COLOUR if flag.severity is Severity.NOTE else FLAG_COLOUR
+        lines.append((f"{flag.name} {flag.value:.3g} (limit {flag.limit:.3g}), {flag.severity}", size, colour))
+        lines += [(line, _REMEDY_SIZE * size, colour) for line in textwrap.wrap(flag.remedy, letters)]
     high = int(1.8 * cv2.getTextSize("Ag", _FONT, size, 1)[0][1]) + 2
     below = np.full((high * len(lines) + 8, wide, 3), 255, dtype=np.uint8)
-    for row, (text, scale) in enumerate(lines):
-        cv2.putText(below, text, (10, (row + 1) * high - 2), _FONT, scale, FLAG_COLOUR, 1, cv2.LINE_AA)
+    for row, (text, scale, colour) in enumerate(lines):
+        cv2.putText(below, text, (10, (row + 1) * high - 2), _FONT, scale, colour, 1, cv2.LINE_AA)
     filled = cv2.copyMakeBorder(picture, 0, 0, 0, wide - picture.shape[1], cv2.BORDER_CONSTANT, value=(255, 255, 255))
     return np.asarray(np.vstack([filled, below]), dtype=np.uint8)
 

@@ -1,8 +1,8 @@
 """Run a protocol on a supply that the package does not know; its family speaks SCPI in words of its own."""
 
 import eimi_lab as eimi
+from eimi_drivers.supplies.profile import Profile
 from eimi_drivers.supplies.scpi import scpi_driver
-from eimi_drivers.supplies.scpi_profiles import Profile
 
 eimi.SUPPLIES["mine"] = scpi_driver(
     Profile("mine", on=("OUTP ON",), off=("OUTP OFF",), measure_current="MEAS:CURR:DC?")

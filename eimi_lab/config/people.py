@@ -1,0 +1,54 @@
+"""Read people.toml, which lists the authors of a published archive."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from eimi_lab.config.toml import Document, Table, parse, read_text
+
+_ORCID_DIGITS = 16
+
+
+def _orcid(text: str) -> str:
+    """Check the form and the check digit of an ORCID iD (ISO 7064, MOD 11-2)."""
+    digits = text.removeprefix("https://orcid.org/").replace("-", "")
+    if len(digits) != _ORCID_DIGITS or not digits[:-1].isdecimal() or digits[-1] not in "0123456789X":
+        raise ValueError("should be an ORCID iD such as 0000-0002-1825-0097")
+    total = 0
+    for digit in digits[:-1]:
+        total = (total + int(digit)) * 2
+    check = (12 - total % 11) % 11
+    if digits[-1] != ("X" if check == 10 else str(check)):
+        raise ValueError("its last character should be the check digit of the other 15; compare it with orcid.org")
+    return "-".join(digits[start : start + 4] for start in range(0, _ORCID_DIGITS, 4))
+
+
+class Person(Table):
+    """One author in people.toml."""
+
+    given_name: Annotated[str, Field(min_length=1)]
+    """First names."""
+    family_name: Annotated[str, Field(min_length=1)]
+    """Last name."""
+    orcid: Annotated[str, AfterValidator(_orcid)] | None = None
+    """ORCID iD; its check digit is checked."""
+    affiliation: str | None = None
+    """Name of the institution."""
+    email: str | None = None
+    """Address for questions, which anybody can read."""
+
+
+class People(Document):
+    """Contents of people.toml."""
+
+    person: Annotated[tuple[Person, ...], Field(min_length=1, strict=False)]
+    """The authors in their order, each in a table [[person]]."""
+
+
+def load_people(path: str | Path) -> People:
+    """Read people.toml. Raises InputError, which names the file and the wrong key."""
+    file = Path(path)
+    return parse(People, read_text(file), file)

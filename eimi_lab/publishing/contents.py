@@ -1,0 +1,182 @@
+"""The files of an archive: kind, size and hash of each."""
+
+from __future__ import annotations
+
+import hashlib
+import mimetypes
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path, PurePosixPath
+from typing import Literal
+
+from eimi_lab.config.toml import is_dataset
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.fits.fits_file import read_fits_file
+from eimi_lab.fits.records import FitRecord, TensileRecord
+from eimi_lab.fits.time_records import RingDownRecord
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.paths import followed
+
+Kind = Literal["dataset", "fits", "text of a dataset", "other"]
+
+TEXTS = ("specimen", "calibration", "protocol", "rig")
+"""The TOML files of a run. Its dataset contains them; the archive holds each of them also as a file."""
+
+MEDIA_TYPES = {
+    ".h5": "application/x-hdf5",
+    ".toml": "application/toml",
+    ".json": "application/json",
+    ".inp": "text/plain",
+    ".feb": "application/xml",
+    ".html": "text/html",
+}
+
+
+@dataclass(frozen=True)
+class PublishedFile:
+    """A file of an archive.
+
+    Parameters
+    ----------
+    place
+        Place in the archive, relative to its root, with "/" between folders.
+    source
+        The file on the disk; None for the text of a dataset.
+    text
+        The content of a text of a dataset.
+    kind
+        Kind of the file.
+    size_bytes, sha256
+        Size and hash of the content.
+    changed
+        Time of the last change in ISO 8601; for a dataset, the start of its run.
+    about
+        One sentence that describes the content.
+    fits
+        The fits, if the file is a result file.
+    """
+
+    place: PurePosixPath
+    source: Path | None
+    kind: Kind
+    size_bytes: int
+    sha256: str
+    changed: str
+    about: str
+    text: bytes = b""
+    fits: tuple[FitRecord | TensileRecord | RingDownRecord, ...] = field(default=(), repr=False)
+
+    @property
+    def media_type(self) -> str:
+        """The media type that belongs to the ending of the name."""
+        suffix = self.place.suffix.lower()
+        return MEDIA_TYPES.get(suffix) or mimetypes.types_map.get(suffix, "application/octet-stream")
+
+
+def gather(runs: Sequence[Path]) -> tuple[PublishedFile, ...]:
+    """Return the files of an archive.
+
+    Parameters
+    ----------
+    runs
+        Datasets, results and other files, or folders that contain them. A folder stays a folder in the archive; hidden
+        files in it are left out.
+
+    Raises
+    ------
+    InputError
+        If a file does not exist, cannot be read, or is given twice, or if a dataset is still being written.
+    """
+    files: dict[PurePosixPath, PublishedFile] = {}
+    for run in runs:
+        for source, place in _files_of(run):
+            for file in _described(source, place):
+                if file.place in files:
+                    raise InputError(f"{run}: the archive has a file {file.place} already; rename one of the two")
+                files[file.place] = file
+    return tuple(files.values())
+
+
+def _files_of(run: Path) -> Iterator[tuple[Path, PurePosixPath]]:
+    """Yield the files of a run and their places in the archive."""
+    if run.is_file():
+        yield run, PurePosixPath(run.name)
+        return
+    if not run.is_dir():
+        raise InputError(f"{run}: there is no such file or folder")
+    inside = {path: path.relative_to(run).parts for path in sorted(run.rglob("*")) if path.is_file()}
+    visible = {path: parts for path, parts in inside.items() if not any(part.startswith(".") for part in parts)}
+    if not visible:
+        raise InputError(f"{run}: the folder has no files")
+    for path, parts in visible.items():
+        yield path, PurePosixPath(followed(run).name, *parts)
+
+
+def _described(source: Path, place: PurePosixPath) -> Iterator[PublishedFile]:
+    """Yield a file with its description, then the TOML texts if it is a dataset."""
+    try:
+        with source.open("rb") as opened:
+            sha256 = hashlib.file_digest(opened, "sha256").hexdigest()
+        status = source.stat()
+    except OSError as error:
+        raise InputError(f"{source}: cannot be read ({error.strerror})") from error
+    changed = datetime.fromtimestamp(status.st_mtime, UTC).isoformat(timespec="seconds")
+    if is_dataset(source):
+        yield from _dataset(source, place, status.st_size, sha256)
+        return
+    fits = _fits_of(source)
+    about = f"Identified laws: {', '.join(dict.fromkeys(fit.model for fit in fits))}." if fits else ""
+    kind: Kind = "fits" if fits else "other"
+    yield PublishedFile(place, source, kind, status.st_size, sha256, changed, about, fits=fits)
+
+
+def _fits_of(source: Path) -> tuple[FitRecord | TensileRecord | RingDownRecord, ...]:
+    """Return the fits of a result file; an empty tuple if the file is of another kind."""
+    if source.suffix.lower() != ".json":
+        return ()
+    try:
+        return tuple(read_fits_file(source))
+    except InputError:
+        return ()
+
+
+def _dataset(source: Path, place: PurePosixPath, size_bytes: int, sha256: str) -> Iterator[PublishedFile]:
+    with open_dataset(source) as dataset:
+        if not dataset.finished:
+            raise InputError(f"{source}: is still being written, or its writer crashed; `eimi recover` helps")
+        beam = dataset.specimen.specimen
+        start = dataset.start_time().isoformat(timespec="seconds")
+        recorded = "frames" if dataset.kind == "frames" else "tracked points"
+        about = (
+            f"The beam {beam.name} of {beam.material} in {len(dataset.states)} states: {recorded}, as NeXus in HDF5."
+        )
+        texts = {name: text for name in TEXTS if (text := dataset.text(name)) is not None}
+    yield PublishedFile(place, source, "dataset", size_bytes, sha256, start, about)
+    for name, text in texts.items():
+        content = text.encode()
+        yield PublishedFile(
+            place.with_name(f"{place.stem}_{name}.toml"),
+            None,
+            "text of a dataset",
+            len(content),
+            hashlib.sha256(content).hexdigest(),
+            start,
+            f"{name}.toml of the run, as {place.name} contains it.",
+            content,
+        )
+
+
+def without_dataset(files: Sequence[PublishedFile]) -> tuple[str, ...]:
+    """Return one line for each fit whose dataset is not in the archive, or differs from the one in it."""
+    published = {file.sha256 for file in files if file.kind == "dataset"}
+    lines: dict[str, None] = {}
+    for file in files:
+        for fit in file.fits:
+            for reference in fit.datasets if isinstance(fit, FitRecord) else ():
+                if reference.sha256 not in published:
+                    lines[
+                        f"{file.place}: the fit is of {reference.path} with the SHA-256 {reference.sha256[:16]}..., "
+                        "and the archive has no such dataset"
+                    ] = None
+    return tuple(lines)

@@ -1,0 +1,69 @@
+"""The focal length that a phone or a camera states in the Exif data of a picture."""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+from PIL import Image
+from PIL.ExifTags import IFD, Base
+
+DIAGONAL_35MM = 43.2666
+"""Diagonal (mm) of a frame of 36 x 24 mm. The "35 mm equivalent" has the same angle of view over the diagonal (CIPA
+DCG-001, 2005)."""
+FOCAL_LENGTH_SHARE = 0.03
+"""Assumed standard uncertainty of a focal length from Exif: it is rounded to 1 mm of about 26 mm, holds for a lens that
+is focused at infinity, and ignores that correcting the distortion crops the picture."""
+_SAME_SHAPE = 0.01  # relative difference of two ratios of width to height
+_MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}  # FocalPlaneResolutionUnit: inch (Exif 2.3, 4.6.5), cm, mm, µm
+
+
+@dataclass(frozen=True)
+class FocalLength:
+    """A focal length in pixels of the stored picture, and its source in words."""
+
+    px: float
+    source: str
+
+
+def focal_length(path: Path, size: tuple[int, int]) -> FocalLength | None:
+    """Return the focal length that a picture states; None if it states none, or if it was cropped.
+
+    Parameters
+    ----------
+    path : Path
+        The picture.
+    size : tuple of int
+        Width and height of its pixels, px.
+    """
+    try:
+        with Image.open(path) as picture:
+            exif = picture.getexif()
+            table = exif.get_ifd(IFD.Exif)
+            exif_size = _number(table.get(Base.ExifImageWidth)), _number(table.get(Base.ExifImageHeight))
+            equivalent_mm = _number(table.get(Base.FocalLengthIn35mmFilm))
+            focal_mm = _number(table.get(Base.FocalLength))
+            per_unit = _number(table.get(Base.FocalPlaneXResolution))
+            unit_mm = _MM_PER_UNIT.get(int(_number(table.get(Base.FocalPlaneResolutionUnit)) or 2), 25.4)
+    except (OSError, ValueError, TypeError, SyntaxError, KeyError, struct.error, Image.DecompressionBombError):
+        return None  # the Exif data are absent or damaged
+    if all(exif_size) and abs(max(exif_size) / min(exif_size) * min(size) / max(size) - 1.0) > _SAME_SHAPE:
+        return None
+    if equivalent_mm:
+        source = f"focal length of {equivalent_mm:g} mm, 35 mm equivalent, from Exif"
+        return FocalLength(equivalent_mm / DIAGONAL_35MM * math.hypot(*size), source)
+    if focal_mm and per_unit and all(exif_size):
+        source = f"focal length of {focal_mm:g} mm and resolution of the sensor from Exif"
+        return FocalLength(focal_mm * per_unit / unit_mm * max(size) / max(exif_size), source)
+    return None
+
+
+def _number(value: object) -> float:
+    """Return a positive number of Exif; 0 for a value that is absent or is no such number."""
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, ZeroDivisionError):
+        return 0.0
+    return number if math.isfinite(number) and number > 0 else 0.0

@@ -1,0 +1,123 @@
+"""The centre line of a beam of fixed length in the picture, described by the direction along it.
+
+The direction is a polynomial in the arc length, and its integral gives the place of every point. A point at a fixed arc
+length is therefore the same material point while the beam bends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+DEGREE = 6
+_NODES = 129
+_STIFF = 1e-4  # weight of the regularisation per point; parts of the beam without points keep their direction
+
+
+@dataclass(frozen=True)
+class BeamCurve:
+    """A centre line.
+
+    Parameters
+    ----------
+    root_px : ndarray, shape (2,)
+        Where the line begins, at the clamp.
+    coefficients : ndarray, shape (DEGREE + 1,)
+        Chebyshev coefficients of the direction (radians, clockwise from the picture's +x) over the length.
+    length_px : float
+        Length of the line.
+
+    Examples
+    --------
+    >>> straight = BeamCurve(np.zeros(2), np.zeros(DEGREE + 1), 10.0)
+    >>> places, normals = straight.at(np.array([0.0, 5.0, 10.0]))
+    >>> places.round(6).tolist(), normals[0].tolist()
+    ([[0.0, 0.0], [5.0, 0.0], [10.0, 0.0]], [-0.0, 1.0])
+    """
+
+    root_px: Array
+    coefficients: Array
+    length_px: float
+
+    def at(self, along_px: Array) -> tuple[Array, Array]:
+        """Return places and unit normals (p, 2) at arc lengths (p,), px."""
+        nodes, places = self._integrated()
+        direction = self._direction(along_px)
+        x, y = (np.interp(along_px, nodes, places[:, axis]) for axis in range(2))
+        return np.column_stack([x, y]), np.column_stack([-np.sin(direction), np.cos(direction)])
+
+    def moved(self, along_px: Array, offset_px: Array, weight: Array) -> BeamCurve:
+        """Return the curve after a least-squares step toward points beside it.
+
+        Parameters
+        ----------
+        along_px : ndarray, shape (p,)
+            Arc lengths of the points.
+        offset_px : ndarray, shape (p,)
+            Distances of the points from the curve, along its normals.
+        weight : ndarray, shape (p,)
+            Weight of each point; 0 for none.
+        """
+        nodes, _ = self._integrated()
+        middle = 0.5 * (nodes[1:] + nodes[:-1])
+        direction = self._direction(middle)
+        change = chebyshev.chebvander(2.0 * middle / self.length_px - 1.0, DEGREE)  # of the direction
+        step = np.diff(nodes)[:, None, None]
+        velocity = np.stack([-np.sin(direction), np.cos(direction)], axis=1)[:, :, None] * change[:, None, :] * step
+        moved = np.concatenate([np.zeros((1, 2, DEGREE + 1)), np.cumsum(velocity, axis=0)])
+        at = np.clip(np.rint(along_px / nodes[1]).astype(int), 0, len(nodes) - 1)
+        _, normals = self.at(along_px)
+        root = self._direction(np.zeros(1))
+        across = np.concatenate([-np.sin(root), np.cos(root)])
+        jacobian = np.column_stack([normals @ across, np.einsum("pa,pak->pk", normals, moved[at])])
+        weighted = jacobian * weight[:, None]
+        scale = np.maximum(np.abs(jacobian).max(axis=0), 1e-9)
+        stiff = _STIFF * max(weight.sum(), 1.0) * scale**2 * np.concatenate([[1.0], np.arange(DEGREE + 1) ** 2])
+        change_of = np.linalg.solve(weighted.T @ jacobian + np.diag(stiff + 1e-12), weighted.T @ offset_px)
+        return BeamCurve(self.root_px + change_of[0] * across, self.coefficients + change_of[1:], self.length_px)
+
+    def extrapolated(self, before: BeamCurve, share: float) -> BeamCurve:
+        """Return the curve that continues the change from `before` to this curve by a share of the change."""
+        return BeamCurve(
+            self.root_px, self.coefficients + share * (self.coefficients - before.coefficients), self.length_px
+        )
+
+    def _direction(self, along_px: Array) -> Array:
+        return np.asarray(chebyshev.chebval(2.0 * along_px / self.length_px - 1.0, self.coefficients))
+
+    def _integrated(self) -> tuple[Array, Array]:
+        nodes = np.linspace(0.0, self.length_px, _NODES)
+        direction = self._direction(0.5 * (nodes[1:] + nodes[:-1]))
+        steps = np.column_stack([np.cos(direction), np.sin(direction)]) * nodes[1]
+        return nodes, self.root_px + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+
+
+def curve_through(points_px: Array, length_px: float) -> BeamCurve:
+    """Return the centre line through ordered points.
+
+    Parameters
+    ----------
+    points_px : ndarray, shape (n, 2)
+        Points of the centre line, from the clamp; the first one is the root.
+    length_px : float
+        Length of the beam; beyond the last point the curve continues straight.
+    """
+    steps = np.diff(points_px, axis=0)
+    lengths = np.hypot(*steps.T)
+    along = np.concatenate([[0.0], np.cumsum(lengths)])
+    middle, direction = 0.5 * (along[1:] + along[:-1]), np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    grid = np.linspace(0.0, length_px, 4 * DEGREE + 1)
+    smooth = np.interp(grid, middle, direction)
+    coefficients = np.asarray(chebyshev.chebfit(2.0 * grid / length_px - 1.0, smooth, DEGREE), dtype=np.float64)
+    curve = BeamCurve(np.asarray(points_px[0], dtype=np.float64), coefficients, length_px)
+    inside = along <= length_px
+    for _ in range(3):
+        places, normals = curve.at(along[inside])
+        offset = ((points_px[inside] - places) * normals).sum(axis=1)
+        curve = curve.moved(along[inside], offset, np.ones(int(inside.sum())))
+    return curve

@@ -1,0 +1,223 @@
+"""Find the beam in each frame of a recording, near its place in the frames before.
+
+The beam is a curve of fixed length (`beam_curve`). In each frame its last change is first continued. The
+curve is then moved to the band that contrasts with its surroundings, and then to the middle between the two edges. Only
+the pixels around the beam are read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.edges.edge_set import EdgeSet
+from eimi_lab.vision.edges.profiles import AVERAGED_PX, read_profiles, stations
+from eimi_lab.vision.projection import Projection
+from eimi_lab.vision.tracking.beam_curve import BeamCurve, curve_through
+from eimi_lab.vision.tracking.step_places import band_shifts, step_places
+
+Array = NDArray[np.float64]
+
+STATIONS = 24
+_FIRST, _LAST = 0.06, 0.97  # shares of the length; near the clamp and near the corners a profile is not a clean step
+_REACH_PX = 7.0  # half length of an edge profile without motion
+_WIDEST = 0.45  # share of the beam's width: the inner end of an edge profile does not reach the other edge
+_FAINT = 0.35  # share of the contrast in the first frame; a band or step with less contrast is not the beam
+_FEWEST = 0.5  # smallest share of the stations at which the beam has to be seen
+_LINES_PX = np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
+_SEARCH = 1.0  # largest shift in the first search, in widths of the beam
+_WIDER_SEARCH = 3.0
+_CLOSE_PX = 1.0  # the edges are measured again if the curve was farther from their middle
+_OFF_CURVE_PX = 3.0  # an edge point farther from the smooth curve is dirt or a reflection
+
+
+@dataclass(frozen=True)
+class SeenBeam:
+    """The beam in one frame.
+
+    Parameters
+    ----------
+    middle_px, left_px, right_px : ndarray, shape (p, 2)
+        Points of the centre line and of both edges at fixed arc lengths; NaN where an edge was not seen.
+    """
+
+    middle_px: Array
+    left_px: Array
+    right_px: Array
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether enough of the beam was seen to follow it further."""
+        return float(np.isfinite(self.middle_px[:, 0]).mean()) >= _FEWEST
+
+
+class BeamTracker:
+    """Follow a beam through the frames of a recording, in their order.
+
+    Parameters
+    ----------
+    image : ndarray, shape (H, W) or (H, W, 3)
+        A frame of the recording.
+    edges : EdgeSet
+        The edges of the beam in this frame.
+    frame : BeamFrame
+        The map between pixels and the beam frame.
+    length_mm : float
+        Length of the beam.
+    projection : Projection, optional
+        Projection of the colours of all frames.
+
+    Attributes
+    ----------
+    along_mm : ndarray, shape (p,)
+        Arc lengths of the points that are followed.
+
+    Raises
+    ------
+    ValueError
+        If the edges are empty, or if the beam does not contrast with its surroundings at them.
+    """
+
+    def __init__(
+        self,
+        image: NDArray[Any],
+        edges: EdgeSet,
+        frame: BeamFrame,
+        length_mm: float,
+        projection: Projection | None = None,
+    ) -> None:
+        if not len(edges.middle_mm):
+            raise ValueError("the first frame has no edges")
+        self._projection = projection
+        root, ahead = frame.to_px([[0.0, 0.0], [1.0, 0.0]])
+        length_px = length_mm * float(np.linalg.norm(ahead - root))
+        self.along_mm = np.linspace(_FIRST, _LAST, STATIONS) * length_mm
+        self._along_px = self.along_mm * length_px / length_mm
+        ordered = edges.middle_mm[np.argsort(np.hypot(*edges.middle_mm.T), kind="stable")]
+        step = max(1, len(ordered) // (2 * STATIONS))
+        self._curve = curve_through(np.vstack([root, frame.to_px(ordered[step // 2 :: step])]), length_px)
+        self._before: BeamCurve | None = None
+        left, right = (frame.to_px(side.points_mm) for side in (edges.left, edges.right))
+        places, normals = self._curve.at(self._along_px)
+        near_left, near_right = (_nearest(side, places) for side in (left, right))
+        self._half_px = 0.5 * (
+            np.abs(_across(near_left, places, normals)) + np.abs(_across(near_right, places, normals))
+        )
+        self._half_px = np.maximum(np.median(self._half_px) * 0.5, self._half_px)
+        self._left_sign = float(np.sign(np.median(_across(near_left, places, normals)))) or 1.0
+        self._polarity = 1.0
+        contrasts = [self._bands(self._grey(image), self._curve, 1.0, sign)[1] for sign in (1.0, -1.0)]
+        best = int(np.argmax([np.median(contrast) for contrast in contrasts]))
+        self._polarity = (1.0, -1.0)[best]
+        self._contrast = float(np.median(contrasts[best]))
+        if self._contrast <= 0.0:
+            raise ValueError("the beam does not contrast with its surroundings")
+
+    def follow(self, image: NDArray[Any]) -> SeenBeam:
+        """Return the beam in the next frame; most of its points are NaN if it was not seen."""
+        grey = self._grey(image)
+        predicted = self._curve if self._before is None else self._curve.extrapolated(self._before, 1.0)
+        band = None
+        for start, reach in ((predicted, _SEARCH), (self._curve, _SEARCH), (self._curve, _WIDER_SEARCH)):
+            band = self._near(grey, start, reach)
+            if band is not None:
+                break
+        if band is None:
+            self._before = None
+            missing = np.full((STATIONS, 2), np.nan)
+            return SeenBeam(missing, missing, missing)
+        beam, curve = self._on_edges(grey, band, self._smear_px(band))
+        if beam.is_seen:
+            self._before, self._curve = self._curve, curve
+        else:
+            self._before = None
+        return beam
+
+    def _grey(self, image: NDArray[Any]) -> NDArray[Any]:
+        if image.ndim == 2:
+            return image
+        if self._projection is None:
+            return np.asarray(image.mean(axis=2, dtype=np.float32))
+        return self._projection.apply(image)
+
+    def _near(self, grey: NDArray[Any], curve: BeamCurve, reach: float) -> BeamCurve | None:
+        """Return the centre line of the band near a curve; None if too little of the band is seen."""
+        for again in range(2):
+            shift, contrast = self._bands(grey, curve, reach, self._polarity)
+            weight = (contrast > _FAINT * self._contrast).astype(float)
+            if weight.mean() < _FEWEST:
+                return None
+            moved = curve.moved(self._along_px, shift, weight)
+            off = np.abs(shift - _across(moved.at(self._along_px)[0], *curve.at(self._along_px)))
+            weight *= off <= max(3.0 * float(np.median(off[weight > 0])), 2.0)
+            curve = curve.moved(self._along_px, shift, weight)
+            if again or np.abs(shift[weight > 0]).max() < 0.5 * self._half_px.min():
+                break
+            reach = min(reach, 0.5)
+        return curve
+
+    def _bands(self, grey: NDArray[Any], curve: BeamCurve, reach: float, polarity: float) -> tuple[Array, Array]:
+        places, normals = curve.at(self._along_px)
+        share = self._along_px / curve.length_px
+        widest = 2.0 * float(self._half_px.max())
+        reach_px = np.clip(2.0 * reach * widest * share**1.5, 3.0, reach * widest)  # points near the clamp move least
+        span = np.ceil(1.4 * self._half_px.max() + reach_px.max() + 5.0)
+        across = np.arange(-span, span + 1.0)
+        tangents = np.stack([normals[:, 1], -normals[:, 0]], axis=1)
+        points = places[:, None, :] + np.array([-1.5, 1.5])[None, :, None] * tangents[:, None, :]
+        profiles, _ = read_profiles(grey, points, np.repeat(normals[:, None], 2, axis=1), across)
+        return band_shifts(profiles, across, self._half_px, reach_px, polarity)
+
+    def _smear_px(self, curve: BeamCurve) -> float:
+        """Return how far the fastest point moved since the frame before: no exposure is longer than that time."""
+        places, normals = self._curve.at(self._along_px)
+        return float(np.abs(_across(curve.at(self._along_px)[0], places, normals)).max())
+
+    def _on_edges(self, grey: NDArray[Any], curve: BeamCurve, smear_px: float) -> tuple[SeenBeam, BeamCurve]:
+        reach = _REACH_PX + 0.5 * smear_px
+        for _ in range(3):
+            places, normals = curve.at(self._along_px)
+            left, right = (self._edge(grey, places, normals, side, reach) for side in (1.0, -1.0))
+            middle = 0.5 * (left + right)
+            offset = _across(middle, places, normals)
+            is_usable = np.isfinite(offset)
+            if is_usable.mean() < _FEWEST:
+                break
+            moved = curve.moved(self._along_px, np.where(is_usable, offset, 0.0), is_usable.astype(float))
+            deviations = offset - _across(moved.at(self._along_px)[0], places, normals)
+            off = np.abs(deviations - np.nanmedian(deviations)) > _OFF_CURVE_PX
+            left[off], right[off], middle[off] = np.nan, np.nan, np.nan
+            is_usable &= ~off
+            curve = curve.moved(self._along_px, np.where(is_usable, offset, 0.0), is_usable.astype(float))
+            if np.nanmax(np.abs(offset)) < _CLOSE_PX:
+                break
+        sides = (left, right) if self._left_sign > 0 else (right, left)
+        return SeenBeam(middle, *sides), curve
+
+    def _edge(self, grey: NDArray[Any], places: Array, normals: Array, side: float, reach: float) -> Array:
+        """Return the points of one edge (p, 2); NaN where there is no step of the expected kind."""
+        inner = float(min(reach, 2.0 * _WIDEST * self._half_px.min()))
+        across = stations(inner, max(inner, min(reach, 2.0 * self._half_px.max())))
+        outward = side * normals
+        tangents = np.stack([normals[:, 1], -normals[:, 0]], axis=1)
+        origins = places + self._half_px[:, None] * outward
+        lines = origins[:, None, :] + _LINES_PX[None, :, None] * tangents[:, None, :]
+        profiles, inside = read_profiles(grey, lines, np.repeat(outward[:, None], AVERAGED_PX, axis=1), across)
+        steps = step_places(across, profiles)
+        sound = inside & (self._polarity * steps.height > _FAINT * self._contrast)
+        sound &= (steps.offset_px > across[0]) & (steps.offset_px < across[-1])
+        points = origins + steps.offset_px[:, None] * outward
+        return np.where(sound[:, None], points, np.nan)
+
+
+def _across(points: Array, places: Array, normals: Array) -> Array:
+    return np.asarray(((points - places) * normals).sum(axis=1))
+
+
+def _nearest(line: Array, places: Array) -> Array:
+    """Return the point of a line nearest to each place."""
+    return np.asarray(line[((places[:, None] - line) ** 2).sum(axis=2).argmin(axis=1)])

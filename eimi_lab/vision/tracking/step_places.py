@@ -1,0 +1,103 @@
+"""Measure the places of steps on profiles by the area under each profile, which does not depend on the blur.
+
+A frame of a moving beam is blurred by the lens and by the motion during the exposure. The area under a step from 0 to 1
+is the distance from the mean place of the step to the end of the profile, for any blur. If the speed is constant during
+an exposure, this mean place is the place at the middle of the exposure.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_END_SHARE = 6  # the plateaus are means over this part of a profile, at each end
+
+
+class StepPlaces(NamedTuple):
+    """Steps on n profiles.
+
+    Attributes
+    ----------
+    offset_px : ndarray, shape (n,)
+        Place of each step, in the coordinates of the stations.
+    height : ndarray, shape (n,)
+        Outer minus inner grey value.
+    """
+
+    offset_px: Array
+    height: Array
+
+
+def step_places(stations_px: Array, profiles: Array) -> StepPlaces:
+    """Return the places of one step on each profile.
+
+    Parameters
+    ----------
+    stations_px : ndarray, shape (m,)
+        Evenly spaced places along the profiles, outward.
+    profiles : ndarray, shape (n, m)
+        Grey values.
+
+    Examples
+    --------
+    >>> u = np.linspace(-5.0, 5.0, 41)
+    >>> ramp = np.clip(0.5 + (u - 0.7) / 4.0, 0.0, 1.0)  # a step at 0.7, smeared over 4 px
+    >>> step_places(u, 20.0 + 100.0 * ramp[None]).offset_px.round(2).tolist()
+    [0.7]
+    """
+    ends = max(2, len(stations_px) // _END_SHARE)
+    inner, outer = profiles[:, :ends].mean(axis=1), profiles[:, -ends:].mean(axis=1)
+    height = outer - inner
+    share = (profiles - inner[:, None]) / np.where(np.abs(height) > 1e-9, height, 1.0)[:, None]
+    area = (share.sum(axis=1) - 0.5 * (share[:, 0] + share[:, -1])) * (stations_px[1] - stations_px[0])
+    return StepPlaces(stations_px[-1] - area, height)
+
+
+def band_shifts(
+    profiles: Array, stations_px: Array, half_px: Array, reach_px: Array, polarity: float
+) -> tuple[Array, Array]:
+    """Return the shift of a band on each profile that contrasts most with both of its sides.
+
+    Parameters
+    ----------
+    profiles : ndarray, shape (n, m)
+        Grey values at every pixel across the beam.
+    stations_px : ndarray, shape (m,)
+        Places along the profiles, one pixel apart.
+    half_px : ndarray, shape (n,)
+        Half of the width of the band on each profile.
+    reach_px : ndarray, shape (n,)
+        Largest shift.
+    polarity : float
+        +1 for a dark band, -1 for a bright one.
+
+    Returns
+    -------
+    shift_px, contrast : ndarray, shape (n,)
+        Shift, and the smaller of the two differences in grey value between the band and its sides.
+    """
+    total = np.concatenate([np.zeros((len(profiles), 1)), np.cumsum(polarity * profiles, axis=1)], axis=1)
+    first = stations_px[0] - 0.5
+    last = profiles.shape[1]
+    most = int(np.ceil(reach_px.max()))
+    shifts = np.arange(-most, most + 1, dtype=float)
+    rows = np.arange(len(profiles))[:, None]
+
+    def mean(low: Array, high: Array) -> Array:
+        begin = np.clip(np.rint(low - first), 0, last - 1).astype(int)
+        end = np.clip(np.maximum(np.rint(high - first).astype(int), begin + 1), 1, last)
+        return np.asarray((total[rows, end] - total[rows, begin]) / (end - begin))
+
+    half = half_px[:, None]
+    beside = np.maximum(4.0, 0.35 * half)
+    inside = mean(shifts - 0.8 * half, shifts + 0.8 * half)
+    left = mean(shifts - half - beside, shifts - half - 1.0)
+    right = mean(shifts + half + 1.0, shifts + half + beside)
+    contrast = np.minimum(left, right) - inside
+    contrast = np.where(np.abs(shifts) <= reach_px[:, None], contrast, -np.inf)
+    best = contrast.argmax(axis=1)
+    return shifts[best], contrast[np.arange(len(profiles)), best]

@@ -1,0 +1,180 @@
+"""Ring-downs and creep of tracked points, imported with the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eimi_fitting.time.measured import Motion
+from eimi_lab.dataset.moving.beam_modes import cantilever_modes
+from eimi_lab.dataset.reading import open_dataset
+
+Run = Callable[..., tuple[int, str]]
+
+RATE_HZ, FREQUENCY_HZ, DECAY_PER_S = 100.0, 5.0, 1.5
+HELD = 20
+REST_MM = np.array([[5.0, 0.5], [10.0, 0.0]])
+
+
+def swing(frames: int = 120) -> np.ndarray:
+    """Return places (frames, 2, 2) of two points that are held for 20 frames and then swing about a sagged place."""
+    time = np.maximum(np.arange(frames) - HELD, 0) / RATE_HZ
+    swinging = 1.5 * np.exp(-DECAY_PER_S * time) * np.cos(2 * np.pi * FREQUENCY_HZ * time)
+    places = np.repeat(REST_MM[None], frames, axis=0)
+    places[..., 1] += (swinging[:, None] - 2.0) * cantilever_modes(REST_MM[:, 0] / 10.0)[:, 0]
+    return places
+
+
+def write_table(path: Path, places: np.ndarray, clock: str = "time_s") -> Path:
+    rows = [f"{clock},point,x0_mm,y0_mm,x_mm,y_mm,sigma_mm"]
+    for k, frame in enumerate(places):
+        at = k if clock == "frame" else f"{k / RATE_HZ:.4f}"
+        for name, rest, place in zip("ab", REST_MM, frame, strict=True):
+            if np.isfinite(place).all():
+                rows.append(f"{at},{name},{rest[0]},{rest[1]},{place[0]:.6f},{place[1]:.6f},0.01")
+    path.write_text("\n".join(rows))
+    return path
+
+
+def imported(run: Run, files: Path, source: Path, *options: object) -> tuple[int, str]:
+    gravity = () if "--calibration" in options else ("--gravity-angle", "-90")
+    return run("import", source, "--specimen", files / "specimen.toml", "-o", files / "out.h5", *gravity, *options)
+
+
+def ring_down(files: Path) -> Motion:
+    with open_dataset(files / "out.h5") as dataset:
+        assert not dataset.creeps()
+        (motion,) = dataset.ring_downs()
+    return motion
+
+
+def test_a_ring_down_of_a_table_begins_at_its_release(run: Run, files: Path) -> None:
+    code, said = imported(run, files, write_table(files / "flick.csv", swing()), "--ring-down", "--hanging", "0.5")
+    assert code == 0, said
+    motion = ring_down(files)
+    assert "the release is taken at 0.2" in said
+    assert len(motion.time_s) == 100
+    np.testing.assert_allclose(motion.time_s[:, 0], np.arange(len(motion.time_s)) / RATE_HZ, atol=1e-9)
+    np.testing.assert_allclose(motion.points_mm, swing()[-len(motion.time_s) :], atol=1e-5)
+    np.testing.assert_allclose(motion.rest_mm, REST_MM)
+    assert (motion.hanging_N, motion.tip_force_N, motion.from_A, motion.lost_frames) == (0.5, 0.0, 0.0, 0)
+    assert motion.step_uncertainty_s == pytest.approx(1 / RATE_HZ)
+    with open_dataset(files / "out.h5") as dataset:
+        assert dataset.states == ()
+        assert dataset.gravity_angle_deg == -90.0
+
+
+def test_a_stated_release_and_rate_replace_the_times_of_the_table(run: Run, files: Path) -> None:
+    table = write_table(files / "flick.csv", swing(), clock="frame")
+    code, said = imported(run, files, table, "--creep", "--rate", "50", "--released", "0.5", "--removed", "0.2")
+    assert code == 0, said
+    assert "taken at" not in said
+    with open_dataset(files / "out.h5") as dataset:
+        assert not dataset.ring_downs()
+        (motion,) = dataset.creeps()
+    assert motion.kind == "creep"
+    assert motion.tip_force_N == 0.2
+    assert motion.time_s[0, 0] == pytest.approx(0.0)
+    assert motion.duration_s == pytest.approx((119 - 25) / 50)
+
+
+def test_missing_points_and_frames_are_kept_as_missing(run: Run, files: Path) -> None:
+    places = swing()
+    places[60, 0] = np.nan  # not seen
+    places[80:83] = np.nan  # frames without any row
+    assert imported(run, files, write_table(files / "flick.csv", places), "--ring-down", "--released", "0.3")[0] == 0
+    motion = ring_down(files)
+    assert motion.lost_frames == 3
+    assert np.isnan(motion.points_mm[30, 0]).all()
+    assert np.isfinite(motion.points_mm[30, 1]).all()
+    assert int((~motion.seen).sum()) == 1
+
+
+def test_the_stored_amplitudes_are_those_of_the_modes(run: Run, files: Path) -> None:
+    import h5py
+
+    imported(run, files, write_table(files / "flick.csv", swing()), "--ring-down", "--released", "0.2")
+    with h5py.File(files / "out.h5") as file:
+        amplitudes = file["entry/ring_down_points/0/modal_amplitudes"][()]
+    time = np.arange(len(amplitudes)) / RATE_HZ
+    truth = 1.5 * np.exp(-DECAY_PER_S * time) * np.cos(2 * np.pi * FREQUENCY_HZ * time)
+    np.testing.assert_allclose(amplitudes[:, 0], truth - truth.mean(), atol=1e-4)
+    np.testing.assert_allclose(amplitudes[:, 1], 0.0, atol=1e-4)
+
+
+def test_markers_of_a_c3d_file_become_a_ring_down_and_a_state(run: Run, files: Path) -> None:
+    ezc3d = pytest.importorskip("ezc3d")
+    places = swing()
+    capture = ezc3d.c3d()
+    capture["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    capture["parameters"]["POINT"]["RATE"]["value"] = [RATE_HZ]
+    capture["parameters"]["POINT"]["LABELS"]["value"] = ["tip a", "tip b", "base"]
+    points = np.ones((4, 3, len(places)))
+    points[0, :2], points[2, :2] = places[..., 0].T + 200.0, places[..., 1].T + 500.0
+    points[[0, 2], 2] = [[190.0], [480.0]]  # a marker on the clamp
+    capture["data"]["points"] = points
+    capture.write(str(files / "capture.c3d"))
+    (files / "states.csv").write_text("time_s,field_mT\n1.18,0\n")
+    placing = (
+        "--format",
+        "c3d",
+        "--plane",
+        "xz",
+        "--clamp",
+        "200,500",
+        "--axis",
+        "0",
+        "--rest",
+        "1",
+        "--sigma",
+        "0.02",
+    )
+    code, said = imported(run, files, files / "capture.c3d", "--ring-down", *placing, "--states", files / "states.csv")
+    assert code == 0, said
+    assert "1 of 3 points left out" in said
+    motion = ring_down(files)
+    np.testing.assert_allclose(np.diff(motion.time_s[:, 0]), 1 / RATE_HZ, rtol=1e-4)
+    # Frame 1, in which the beam is straight, is that of the held beam.
+    np.testing.assert_allclose(
+        motion.points_mm[:, 1, 1] - motion.points_mm[0, 1, 1],
+        swing()[-len(motion.time_s) :, 1, 1] - swing()[-len(motion.time_s), 1, 1],
+        atol=1e-3,
+    )
+    with open_dataset(files / "out.h5") as dataset:
+        assert len(dataset.states) == 1
+        assert len(dataset.points()[0].names) == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--ring-down", "--creep"), "--ring-down and --creep: give one of them"),
+        (("--released", "0.2"), "--released: is for a motion; give --ring-down or --creep, too"),
+        (("--ring-down", "--released", "9"), "--released 9: should be within"),
+        (("--ring-down", "--rate", "-3"), "--rate -3: should be greater than 0"),
+        (("--ring-down", "--rate", "100"), "--rate needs the column frame"),
+        (("--ring-down", "--released", "1.17"), "only 3 frames follow the release"),
+        (("--ring-down", "--row-time", "1e-5"), "--row-time and --exposure: are for a video"),
+        ((), "--states: is missing; give states.csv, or --ring-down or --creep for a motion"),
+    ],
+)
+def test_what_is_wrong_with_an_imported_motion_is_said_in_one_line(
+    run: Run, files: Path, options: tuple[str, ...], message: str
+) -> None:
+    code, said = imported(run, files, write_table(files / "flick.csv", swing()), *options)
+    assert code == 2
+    assert message in said
+    assert not (files / "out.h5").exists()
+
+
+def test_a_motion_survives_recovery(run: Run, files: Path) -> None:
+    imported(run, files, write_table(files / "flick.csv", swing()), "--ring-down")
+    before = ring_down(files)
+    code, said = run("recover", files / "out.h5", "-o", files / "whole.h5")
+    assert code == 0, said
+    with open_dataset(files / "whole.h5") as dataset:
+        (after,) = dataset.ring_downs()
+    np.testing.assert_array_equal(after.points_mm, before.points_mm)

@@ -1,0 +1,229 @@
+"""Ring-downs that a run records after its states: steps of the current to zero, with every frame."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from eimi_drivers.emulators.faults import Fault
+from eimi_drivers.interfaces import Frame, InstrumentError
+from eimi_lab.acquisition.events import Event, RingDownStored
+from eimi_lab.config.protocol import Protocol
+from eimi_lab.config.toml import parse
+from eimi_lab.dataset.frame_stream import FrameStream
+from eimi_lab.dataset.layout import frame_stack
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.process.errors import InputError
+from eimi_lab.process.stopping import Stopped
+
+
+def asked(setup: Any, lines: str) -> None:
+    setup.protocol = parse(Protocol, f"{lines}\n{setup.protocol.text}", "p")
+
+
+def middle(image: np.ndarray) -> float:
+    dark = np.flatnonzero(image.mean(axis=0) < 115)
+    return float(dark[0] + dark[-1]) / 2
+
+
+def ring_downs(path: Path) -> list[tuple[Any, list[np.ndarray], Any]]:
+    """Return the step, the images and the frames of each ring-down."""
+    with open_dataset(path) as dataset:
+        return [(step, list(frames.images()), frames) for step, frames in dataset.recorded_ring_downs()]
+
+
+def test_every_frame_of_a_ring_down_is_stored_with_its_time(setup: Any) -> None:
+    asked(setup, "ring_down = { seconds = 0.5 }")
+    images: list[np.ndarray] = []
+    grab = setup.camera.grab
+
+    def remembered(timeout_s: float) -> Frame:
+        frame = grab(timeout_s)
+        if setup.coil.state.set_current_A == 0.0:
+            images.append(frame.image)
+        return frame
+
+    setup.camera.grab = remembered
+    events: list[Event] = []
+    setup.run(on_event=events.append)
+    assert setup.is_off()
+    ((step, stored, frames),) = ring_downs(setup.path)
+    # The camera's period is 5 ms; the supply's exchange advances the same simulated clock.
+    assert 30 <= len(stored) == step.frames
+    for earlier, later in zip(stored[-20:], images[-20:], strict=True):
+        np.testing.assert_array_equal(earlier, later)
+    assert 0.5 <= frames.elapsed_s[-1] < 1.5
+    assert np.median(np.diff(frames.elapsed_s)) == pytest.approx(0.005)
+    np.testing.assert_allclose(frames.time_s - frames.elapsed_s, step.time_s)
+    assert (step.from_A, step.to_A, step.lost) == (0.3, 0.0, 0)
+    assert 0 < step.uncertainty_s < 0.3
+    assert step.rate_Hz == pytest.approx(200.0, rel=1e-3)
+    assert middle(stored[-1]) == pytest.approx(64.0, abs=0.5)
+    assert frames.set_A[0] in (0.0, 0.3)
+    assert frames.set_A[-1] == 0.0
+    (said,) = [event for event in events if isinstance(event, RingDownStored)]
+    assert (said.frames, said.lost, said.flags) == (len(stored), 0, ())
+    with open_dataset(setup.path) as dataset:
+        points = dataset.set_points()
+    assert [point.current_A for point in points] == [0.0, 0.1, 0.2, 0.3, 0.0][-len(points) :]
+    assert points[-1].time_s == pytest.approx(step.time_s)
+
+
+def test_ring_downs_are_repeated_from_the_stated_current(setup: Any) -> None:
+    asked(setup, "ring_down = { seconds = 0.5, from_A = 0.2, repeats = 3 }")
+    setup.run()
+    assert [step.from_A for step, _, _ in ring_downs(setup.path)] == [0.2] * 3
+    assert [step.ring_down for step, _, _ in ring_downs(setup.path)] == [0, 1, 2]
+    assert all(len(stored) == step.frames > 10 for step, stored, _ in ring_downs(setup.path))
+
+
+def test_lost_frames_of_a_ring_down_are_counted_and_flagged(setup: Any) -> None:
+    asked(setup, "ring_down = { seconds = 0.3, rate_Hz = 1000 }")
+    grab = setup.camera.grab
+
+    def losing(timeout_s: float) -> Frame:
+        if setup.coil.state.set_current_A == 0.0 and setup.camera.number % 20 == 0:
+            setup.camera.number += 2
+        return grab(timeout_s)
+
+    setup.camera.grab = losing
+    events: list[Event] = []
+    said = setup.run(on_event=events.append)
+    ((step, stored, _),) = ring_downs(setup.path)
+    assert step.lost >= 2 * (len(stored) // 20)
+    (event,) = [event for event in events if isinstance(event, RingDownStored)]
+    assert event.lost == step.lost
+    assert set(event.flags) == {"RING_DOWN_LOST", "RING_DOWN_SLOW"}
+    assert f"{step.lost} lost, RING_DOWN_LOST, RING_DOWN_SLOW" in said[-1]
+
+
+def test_a_supply_that_cannot_be_set_to_zero_ends_the_ring_down_and_the_run(setup: Any) -> None:
+    asked(setup, "ring_down = { seconds = 500 }")
+
+    def deaf(data: bytes) -> bool:
+        return data.startswith(b"ISET1:0.000") and setup.coil.state.set_current_A == 0.3
+
+    setup.line.inject(Fault.SILENCE, deaf)
+    with pytest.raises(InstrumentError):
+        setup.run()
+    assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
+    assert not setup.coil.state.output
+
+
+def test_ctrl_c_keeps_the_recorded_frames_of_the_ring_down(setup: Any) -> None:
+    asked(setup, "ring_down = { seconds = 500 }")
+    let_go: list[int] = []
+
+    def ask(number: int) -> None:
+        if setup.stored_all and setup.coil.state.set_current_A == 0.0:
+            let_go.append(number)
+            if len(let_go) == 20:
+                signal.raise_signal(signal.SIGINT)
+
+    setup.stored_all = False
+    setup.camera.event = ask
+
+    def watch(live: Any) -> None:
+        setup.stored_all |= live.state == 3
+
+    with pytest.raises(Stopped):
+        setup.run(show=watch)
+    assert setup.is_off()
+    ((step, stored, _),) = ring_downs(setup.path)
+    assert len(stored) == step.frames >= 20
+
+
+def test_a_release_of_an_earlier_version_is_a_ring_down(setup: Any) -> None:
+    asked(setup, "release = { seconds = 0.2 }")
+    assert setup.protocol.ring_down is not None
+    assert setup.protocol.ring_down.seconds == 0.2
+    setup.run()
+    now = ring_downs(setup.path)
+    with h5py.File(setup.path, "r+") as file:  # as an earlier version wrote it
+        entry = file["entry"]
+        entry.move("ring_down", "release")
+        entry["release"].move("ring_down", "state")
+        entry["release/state"][:] = 3
+        del entry["ring_down_steps"], entry["set_points"]
+    ((step, stored, frames),) = ring_downs(setup.path)
+    assert step.from_A == 0.3
+    assert step.frames == now[0][0].frames
+    np.testing.assert_array_equal(stored[-1], now[0][1][-1])
+    np.testing.assert_array_equal(frames.elapsed_s, now[0][2].elapsed_s)
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ("ring_down = { seconds = 5.0, from_A = 0.0 }", "does not move the beam"),
+        ("ring_down = { seconds = 5.0, from_A = 3.0 }", "ring_down.from_A goes to 3 A"),
+        ("ring_down = { seconds = 0.0 }", "seconds"),
+        ("creep = true\ntransients = { frames_per_state = 0 }", "creep = true needs transients.frames_per_state"),
+        ("release = { seconds = 1 }\nring_down = { seconds = 1 }", "release"),
+    ],
+)
+def test_a_protocol_that_cannot_record_is_refused(setup: Any, lines: str, message: str) -> None:
+    with pytest.raises((InputError, ValidationError), match=message):
+        asked(setup, lines)
+
+
+def test_creep_frames_last_as_long_as_the_state(setup: Any) -> None:
+    text = setup.protocol.text.replace("[settle]", "[settle]\ndwell_s = 3.0")
+    setup.protocol = parse(Protocol, f"creep = true\ntransients = {{ frames_per_state = 20 }}\n{text}", "p")
+    setup.run()
+    with open_dataset(setup.path) as dataset:
+        transients = [dataset.transient(state.index) for state in dataset.states]
+        points = dataset.set_points()
+    for recorded in transients[1:]:
+        assert recorded is not None
+        assert 15 <= len(recorded.elapsed_s) <= 20
+        assert recorded.elapsed_s[-1] >= 2.5
+        ratios = recorded.elapsed_s[2:] / recorded.elapsed_s[1:-1]
+        assert np.median(ratios) > 1.1  # log-spaced
+    assert [point.current_A for point in points][-3:] == [0.1, 0.2, 0.3]
+
+
+def test_a_stream_is_read_by_every_reader_and_holds_few_frames_in_memory(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    images = rng.integers(0, 255, (70, 40, 64, 3), dtype=np.uint8)
+    with h5py.File(tmp_path / "s.h5", "w", libver="latest") as file:
+        stack = frame_stack(file, "frames", images[0])
+        file.swmr_mode = True
+        with FrameStream(stack, ring_bytes=3 * images[0].nbytes) as stream:
+            for image in images:
+                stream.put(image)
+                assert stream.waiting <= 3
+        with h5py.File(tmp_path / "s.h5", "r", swmr=True) as reader:
+            np.testing.assert_array_equal(reader["frames"][()], images[..., ::-1])
+    raw = bytearray((tmp_path / "s.h5").read_bytes())
+    with h5py.File(tmp_path / "s.h5") as file:
+        chunk = file["frames"].id.get_chunk_info(30)
+    raw[chunk.byte_offset + 100] ^= 1
+    (tmp_path / "s.h5").write_bytes(raw)
+    with h5py.File(tmp_path / "s.h5") as file:
+        np.testing.assert_array_equal(file["frames"][31], images[31, ..., ::-1])
+        with pytest.raises(OSError, match="read"):
+            file["frames"][30]
+
+
+def test_a_stream_reports_what_it_could_not_write(tmp_path: Path) -> None:
+    image = np.zeros((8, 8), np.uint8)
+    with h5py.File(tmp_path / "s.h5", "w", libver="latest") as file:
+        stack = frame_stack(file, "frames", image)
+        with FrameStream(stack) as stream, pytest.raises(ValueError, match="the frames before are"):
+            stream.put(image[:4])
+    with h5py.File(tmp_path / "s.h5", "r") as file:  # it can only be read
+
+        def put_many() -> None:
+            with FrameStream(file["frames"]) as stream:
+                for _ in range(100):
+                    stream.put(image)
+
+        with pytest.raises((OSError, RuntimeError, ValueError)):
+            put_many()

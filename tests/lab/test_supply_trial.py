@@ -1,0 +1,156 @@
+"""`eimi instruments --try` tries a driver on a supply without a coil, switches it off, and reports."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from eimi_drivers.clock import SimulatedClock, WallClock
+from eimi_drivers.discovery import Discovery, Found
+from eimi_drivers.emulators import CoilSupply, emulate, serve_tcp
+from eimi_drivers.emulators.session import OPEN_OHM
+from eimi_drivers.supplies import SUPPLIES
+from eimi_drivers.supplies.transcript import ReplayedTransport
+from eimi_lab.acquisition import supply_trial
+from eimi_lab.acquisition.trial_form import FORM
+from eimi_lab.cli import app
+from tests.patience import PATIENCE_S
+
+PAGE = Path(__file__).parents[2] / "docs" / "instruments.md"
+Serve = Callable[..., tuple[CoilSupply, str]]
+
+
+@pytest.fixture
+def serve() -> Iterator[Serve]:
+    """Serve an emulated supply on TCP; return its model and its address."""
+    with ExitStack() as stack:
+
+        def served(driver: str, resistance_ohm: float = OPEN_OHM) -> tuple[CoilSupply, str]:
+            coil = CoilSupply(WallClock(), resistance_ohm=resistance_ohm)
+            address = stack.enter_context(serve_tcp(emulate(driver, coil)))
+            return coil, address
+
+        yield served
+
+
+def run(*arguments: str) -> tuple[int, str]:
+    result = CliRunner().invoke(app, ["instruments", *arguments])
+    return result.exit_code, result.output
+
+
+@pytest.fixture(autouse=True)
+def briefly(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(supply_trial, "ON_FOR_S", 0.2)
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("driver", ["aim-tti", "keithley-2260b"])
+def test_a_supply_without_a_coil_passes_and_is_off(serve: Serve, driver: str) -> None:
+    coil, address = serve(driver)
+    status, output = run("--try", driver, address, "--yes", "--who", "A. Person", "-o", "report.md")
+    assert status == 0, output
+    assert output.count("passed: ") == 9
+    assert not coil.state.output
+    report = Path("report.md").read_text()
+    assert "| who | A. Person |" in report
+    assert "| line | TCP socket |" in report
+    assert "| passed | yes |" in report
+    assert "127.0.0.1" not in report
+    again = SUPPLIES[driver](ReplayedTransport(Path("report.wire.txt")), supply_trial.LIMITS, SimulatedClock())
+    assert again.identify().text in report
+
+
+def test_a_coil_at_the_output_is_noticed_and_switched_off(serve: Serve) -> None:
+    coil, address = serve("aim-tti", resistance_ohm=4.0)
+    status, output = run("--try", "aim-tti", address, "--yes", "-o", "report.md")
+    assert status == 1
+    assert "FAILED: it measures voltage and current: 0.100 A flow; disconnect everything" in output
+    assert "passed: it switches off: " in output
+    assert not coil.state.output
+    assert "| passed | NO |" in Path("report.md").read_text()
+
+
+def test_a_supply_that_is_on_is_left_alone(serve: Serve) -> None:
+    coil, address = serve("keithley-2200")
+    coil.set_voltage(3.0)
+    coil.switch(True)
+    before = coil.state
+    status, output = run("--try", "keithley-2200", address, "--yes", "-o", "report.md")
+    assert status == 1
+    assert "FAILED: its output is off: the output is on; switch it off at the front panel" in output
+    assert coil.state == before
+
+
+def test_a_driver_of_another_family_is_noticed_before_anything_is_set(serve: Serve) -> None:
+    coil, address = serve("aim-tti")
+    before = coil.state
+    status, output = run("--try", "keithley-2200", address, "--yes", "-o", "report.md")
+    assert status == 1
+    assert "fits the driver aim-tti, not keithley-2200" in output
+    assert coil.state == before
+
+
+def test_the_only_recognised_supply_is_tried(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, address = serve("owon-spe")
+    attached = (Found("supply", "owon-spe", address, "a supply"), Found("supply", "korad or other", "COM1", "a port"))
+    monkeypatch.setattr("eimi_drivers.discovery.discover", lambda: Discovery(attached, ()))
+    status, output = run("--try", "--yes", "-o", "report.md")
+    assert status == 0, output
+    assert "driver | `owon-spe`" in Path("report.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--try", "korad", "/dev/nowhere"), "--try asks questions; run it in a terminal, or add --yes"),
+        (("korad",), "belong to --try"),
+        (("--yes",), "belong to --try"),
+        (("--try", "korat", "/dev/nowhere", "--yes"), "no supply driver 'korat'"),
+    ],
+)
+def test_a_trial_that_cannot_begin_is_refused_in_one_line(arguments: tuple[str, ...], message: str) -> None:
+    command = [sys.executable, "-m", "eimi_lab", "instruments", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=PATIENCE_S)
+    assert done.returncode in {1, 2}
+    assert message in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not list(Path.cwd().iterdir())
+
+
+def test_a_killed_trial_is_switched_off_by_its_guardian(serve: Serve) -> None:
+    coil, address = serve("keithley-2260b")
+    command = [sys.executable, "-m", "eimi_lab", "instruments", "--try", "keithley-2260b", address, "--yes"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    wait_until(lambda: coil.state.output)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    wait_until(lambda: not coil.state.output)
+
+
+def wait_until(holds: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not holds():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_the_documentation_shows_the_form_with_empty_fields() -> None:
+    empty = {field: "" for field in FORM_FIELDS}
+    shown = PAGE.read_text(encoding="utf-8")
+    for line in FORM.format(**empty | {"steps": "|  |  |  |"}).splitlines():
+        assert line.strip() in shown, line
+
+
+FORM_FIELDS = (
+    *("unit", "serial_number", "firmware", "driver", "version", "line", "date", "who", "transcript", "panel"),
+    *("passed", "steps"),
+)

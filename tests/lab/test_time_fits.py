@@ -1,0 +1,116 @@
+"""`eimi fit --time prony` on imported ring-downs: results, refusals, cards and report."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eimi_fitting import LAWS, Loads, Specimen
+from eimi_fitting.laws.prony import Prony
+from eimi_fitting.time.ringing import RingingBeam, RingTable
+
+Run = Callable[..., tuple[int, str]]
+
+SPECIMEN = """[specimen]
+name = "strip"
+material = "silicone"
+length_mm = 40.0
+width_mm = 6.0
+depth_mm = 12.0
+density_kg_m3 = 1070
+section = "plane-stress"
+[uncertainty]
+length_mm = 0.1
+width_mm = 0.03
+depth_mm = 0.05
+density_kg_m3 = 5
+"""
+AT_REST_PA = 60e3
+SERIES = Prony(np.array([[0.08, 0.1]]), np.array([[0.03, 3.0]]))
+
+
+@pytest.fixture(scope="module")
+def flick() -> tuple[str, float, float]:
+    """Return the table of a flicked level strip, its storage modulus in Pa and its loss factor at its frequency."""
+    specimen = Specimen(40.0, 6.0, 12.0, 1070.0, section="plane-stress")
+    beam = RingingBeam(specimen, Loads.along([0.0], gravity_angle_deg=-90.0), LAWS["neo-hookean"], np.ones(1))
+    relative = 1 / float(SERIES.long_term[0])
+    table = RingTable(beam, AT_REST_PA)
+    (root,) = table.roots(np.log([AT_REST_PA]), lambda s: relative * SERIES.complex_ratio(s), 1)[0]
+    model = beam.planar()
+    x = np.linspace(4.0, 40.0, 6)
+    rest = np.column_stack([x, 0 * x])
+    sag = model.positions(model.solve(beam.law, np.array([[AT_REST_PA]]), beam.loads), rest)[0, 0]
+    rng, rows = np.random.default_rng(3), ["time_s,point,x0_mm,y0_mm,x_mm,y_mm,sigma_mm"]
+    for time in np.arange(300) / 120:
+        tip = 1.5 * float(np.real(np.exp(root * max(time - 0.2, 0.0))))
+        places = sag + np.column_stack([0 * x, tip * (x / 40) ** 2]) + 0.01 * rng.standard_normal((6, 2))
+        rows += [f"{time:.5f},{k},{x[k]},0,{a:.5f},{b:.5f},0.01" for k, (a, b) in enumerate(places)]
+    value = complex(AT_REST_PA * relative * SERIES.complex_ratio(np.array([[1j * root.imag]]))[0, 0])
+    return "\n".join(rows), value.real, value.imag / value.real
+
+
+@pytest.fixture
+def imported(run: Run, tmp_path: Path, flick: tuple[str, float, float]) -> Path:
+    (tmp_path / "flick.csv").write_text(flick[0])
+    (tmp_path / "strip.toml").write_text(SPECIMEN)
+    options = ("--ring-down", "--specimen", tmp_path / "strip.toml", "--gravity-angle", "-90")
+    code, said = run("import", tmp_path / "flick.csv", *options, "-o", tmp_path / "flick.h5")
+    assert code == 0, said
+    return tmp_path / "flick.h5"
+
+
+def fitted(run: Run, dataset: Path) -> dict[str, Any]:
+    output = dataset.parent / "fits.json"
+    code, said = run("fit", dataset, "--model", "neo-hookean", "--time", "prony", "-o", output)
+    assert code == 0, said
+    (fit,) = json.loads(output.read_text())["fits"]
+    return dict(fit)
+
+
+def test_a_flick_gives_the_dynamic_modulus_and_its_card_and_report(
+    run: Run, imported: Path, flick: tuple[str, float, float]
+) -> None:
+    fit = fitted(run, imported)
+    _, storage_Pa, loss = flick
+    time = fit["time"]
+    low, high = time["dynamic_shear_modulus"]["interval_95"]
+    assert low < storage_Pa < high
+    assert time["dynamic_shear_modulus"]["value"] == pytest.approx(storage_Pa, rel=0.05)
+    assert time["dynamic_shear_modulus"]["unit"] == "Pa"
+    assert time["loss_factor"] == pytest.approx(loss, rel=0.05)
+    assert set(time["prony"][0]) == {"g", "tau_s"}
+    shortest, longest = time["known_between_s"]
+    assert shortest < 1 / (2 * np.pi * time["frequency_Hz"]) < longest
+    assert {"width", "noise", "air-mass"} <= {entry["source"] for entry in time["budget"]}
+    assert fit["kind"] == "ring-down"
+    fits = imported.parent / "fits.json"
+    card = imported.parent / "card.inp"
+    code, said = run("export", fits, "--model", "neo-hookean", "--to", "abaqus", "--bulk-ratio", "1000", "-o", card)
+    assert code == 0, said
+    assert "*VISCOELASTIC, TIME=PRONY" in card.read_text()
+    code, said = run("report", imported, "--fit", fits, "-o", imported.parent / "report.html")
+    assert code == 0, said
+    assert "Law of time" in (imported.parent / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--model", "neo-hookean"), "holds a recorded motion and no states; fit it with --time prony"),
+        (("--model", "yeoh", "--time", "prony"), "a ring-down determines one modulus"),
+        (("--model", "neo-hookean", "--time", "pronny"), "--time pronny: should be one of none, prony"),
+    ],
+)
+def test_a_fit_of_a_ring_down_that_cannot_be_is_refused(
+    run: Run, imported: Path, options: tuple[str, ...], words: str
+) -> None:
+    code, said = run("fit", imported, *options, "-o", imported.parent / "fits.json")
+    assert code == 2
+    assert words in said
+    assert not (imported.parent / "fits.json").exists()

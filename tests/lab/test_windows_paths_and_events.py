@@ -1,0 +1,36 @@
+"""What Windows needs of a path and of the events of its console, as far as it can be computed on any system."""
+
+from __future__ import annotations
+
+import pytest
+
+from eimi_lab.process import console
+from eimi_lab.process.paths import LONGEST_PLAIN, with_prefix
+
+DEEP = "\\folder" * 40
+
+
+@pytest.mark.parametrize(
+    ("absolute", "reached"),
+    [
+        ("C:\\runs\\run.h5", "run.h5"),
+        (f"C:{DEEP}\\run.h5", f"\\\\?\\C:{DEEP}\\run.h5"),
+        (f"\\\\server\\share{DEEP}", f"\\\\?\\UNC\\server\\share{DEEP}"),
+        (f"\\\\?\\C:{DEEP}\\run.h5", "run.h5"),
+        (f"\\\\?\\UNC\\server\\share{DEEP}", "run.h5"),
+        ("C:\\" + "x" * (LONGEST_PLAIN - 3), "run.h5"),
+    ],
+)
+def test_a_long_path_of_windows_gets_the_prefix_for_long_paths(absolute: str, reached: str) -> None:
+    assert with_prefix(absolute, "run.h5") == reached
+
+
+@pytest.mark.parametrize(("event", "acts"), [(0, False), (1, False), (2, True), (5, True), (6, True), (3, False)])
+def test_the_events_that_end_a_process_of_windows_are_handled(
+    monkeypatch: pytest.MonkeyPatch, event: int, acts: bool
+) -> None:
+    """0 and 1 are Ctrl-C and Ctrl-Break; 2, 5 and 6 are closing, log-off and shutdown; 3 is reserved."""
+    done: list[str] = []
+    monkeypatch.setattr(console.time, "sleep", lambda seconds: done.append(f"waits {seconds:g} s"))
+    assert console.handled(event, lambda: done.append("acts")) == int(acts)
+    assert done == (["acts", f"waits {console.HELD_S:g} s"] if acts else [])

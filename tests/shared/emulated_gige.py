@@ -1,0 +1,84 @@
+"""An emulated GigE Vision camera in a process of its own, one at a time on this computer.
+
+A camera of GigE Vision needs a fixed port of a network interface, so that two tests cannot have one each.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from filelock import FileLock
+from numpy.typing import NDArray
+
+from eimi_drivers.cameras.aravis_library import MISSING, aravis_is_installed
+from eimi_drivers.emulators.gige_camera import LOOPBACK
+from eimi_drivers.emulators.gige_process import CameraProcess, gige_process
+from tests.patience import PATIENCE_S
+
+SIZE_PX = (200, 120)
+needs_aravis = pytest.mark.skipif(not aravis_is_installed(), reason=MISSING)
+
+
+@contextmanager
+def only_gige_camera() -> Iterator[None]:
+    """Wait until no other test on this computer has a GigE camera, and keep them waiting."""
+    with FileLock(Path(tempfile.gettempdir()) / "eimi-tests-gige.lock", timeout=PATIENCE_S):
+        yield
+
+
+def numbered() -> Callable[[], NDArray[np.uint8]]:
+    """Return a function whose pictures are uniform and count from 0 to 249, again and again."""
+    number = -1
+
+    def picture() -> NDArray[np.uint8]:
+        nonlocal number
+        number = (number + 1) % 250
+        return np.full(SIZE_PX[::-1], number, np.uint8)
+
+    return picture
+
+
+def ramp() -> Callable[[], NDArray[np.uint8]]:
+    """Return a function whose pictures show the column number plus twice the row number, modulo 256."""
+    columns, rows = np.meshgrid(np.arange(SIZE_PX[0]), np.arange(SIZE_PX[1]))
+    picture = ((columns + 2 * rows) % 256).astype(np.uint8)
+    return lambda: picture
+
+
+@contextmanager
+def gige_camera(
+    prepare: Callable[[], Callable[[], NDArray[np.uint8]]] = numbered, size_px: tuple[int, int] = SIZE_PX, **camera: Any
+) -> Iterator[CameraProcess]:
+    """Serve a camera on the loopback interface, without the lock."""
+    with gige_process(prepare, size_px, address=LOOPBACK, **camera) as process:
+        yield process
+
+
+class NoisyPictures:
+    """Draw a dark vertical beam with other noise at each exposure; the number of the exposure determines the noise."""
+
+    def __init__(self) -> None:
+        self._number = 0
+
+    def __call__(self) -> NDArray[np.uint8]:
+        """Return the picture of the next exposure."""
+        self._number += 1
+        return noisy_picture(self._number)
+
+
+def noisy_picture(number: int) -> NDArray[np.uint8]:
+    """Return the picture of an exposure, the first of which has number 1."""
+    across = np.abs(np.arange(SIZE_PX[0]) - SIZE_PX[0] // 2)
+    profile = 30 + 170 / (1 + np.exp(-(across - 8) / 0.7))
+    noise = np.random.default_rng(number).normal(0, 2, SIZE_PX[::-1])
+    return np.clip(profile + noise, 0, 255).astype(np.uint8)
+
+
+FIRST_NUMBER = 65401
+"""The number that the emulated camera gives to its first exposure."""

@@ -1,0 +1,102 @@
+"""A camera whose frames come from another process at a constant rate, through a ring of buffers in shared memory.
+
+The frames are rendered before, with noise. A frame for which no buffer is free is lost, and its number is missing, as
+with the buffers of a real camera.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from multiprocessing import shared_memory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_drivers.cameras.settings import CameraSettings
+from eimi_drivers.interfaces import Frame, Identity, InstrumentDisconnected, InstrumentTimeout
+
+PRE_RENDERED = 24
+
+
+def noisy_frames(width: int, height: int, noise_grey: float = 1.3) -> NDArray[np.uint8]:
+    """Return frames (PRE_RENDERED, height, width) of a dark beam on a bright background, each with its own noise."""
+    random = np.random.default_rng(0)
+    across = np.abs(np.arange(width) - width / 2)
+    still = np.tile(30 + 170 / (1 + np.exp(-(across - width / 25) / 1.0)), (height, 1))
+    return np.stack(
+        [
+            np.rint(still + random.normal(0, noise_grey, still.shape)).clip(0, 255).astype(np.uint8)
+            for _ in range(PRE_RENDERED)
+        ]
+    )
+
+
+def _expose(name: str, size: tuple[int, int], rate_Hz: float, buffers: int, ready: Any, counts: Any) -> None:
+    """Write frames into the ring until the parent sets the last count; the other process's whole work."""
+    width, height = size
+    images = noisy_frames(width, height)
+    memory = shared_memory.SharedMemory(name)
+    ring = np.ndarray((buffers, height, width), np.uint8, memory.buf)
+    stamps = np.ndarray((buffers, 2), np.float64, memory.buf, offset=buffers * width * height)
+    number, begun_s, written = 0, time.monotonic(), 0
+    while not counts[1]:
+        number += 1
+        due_s = begun_s + number / rate_Hz
+        time.sleep(max(0.0, due_s - time.monotonic()))
+        if written - counts[0] < buffers:
+            ring[written % buffers] = images[number % PRE_RENDERED]
+            stamps[written % buffers] = number, due_s
+            written += 1
+            ready.release()
+    del ring, stamps
+    memory.close()
+
+
+class StreamingCamera:
+    """The camera. `grab` copies the oldest frame out of the ring."""
+
+    def __init__(self, width: int, height: int, rate_Hz: float, buffers: int = 32) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._memory = shared_memory.SharedMemory(create=True, size=buffers * (width * height + 16))
+        self._ring = np.ndarray((buffers, height, width), np.uint8, self._memory.buf)
+        self._stamps = np.ndarray((buffers, 2), np.float64, self._memory.buf, offset=buffers * width * height)
+        self._ready, self._counts = context.Semaphore(0), context.Array("q", 2, lock=False)
+        self._buffers, self._taken = buffers, 0
+        self.settings = CameraSettings(frame_rate_Hz=rate_Hz)
+        arguments = (self._memory.name, (width, height), rate_Hz, buffers, self._ready, self._counts)
+        self._process = context.Process(target=_expose, args=arguments, daemon=True)
+        self._process.start()
+
+    def identify(self) -> Identity:
+        return Identity("streaming", "pre-rendered frames of another process", "memory")
+
+    def flush(self) -> None:
+        while self._ready.acquire(block=False):
+            self._free()
+
+    def _free(self) -> None:
+        self._taken += 1
+        self._counts[0] = self._taken
+
+    def grab(self, timeout_s: float) -> Frame:
+        if not self._ready.acquire(timeout=timeout_s):
+            if not self._process.is_alive():
+                raise InstrumentDisconnected("memory: the other process has ended")
+            raise InstrumentTimeout(f"memory: no frame within {timeout_s:g} s")
+        place = self._taken % self._buffers
+        number, stamp_s = self._stamps[place]
+        image = self._ring[place].copy()
+        self._free()
+        return Frame(image, int(number), float(stamp_s))
+
+    def close(self) -> None:
+        if self._process.is_alive():
+            self._counts[1] = 1
+            self._process.join(10.0)
+            self._process.kill()
+            self._process.join()
+            del self._ring, self._stamps
+            self._memory.close()
+            self._memory.unlink()
