@@ -13,6 +13,7 @@ mesh_convergence    error of the tip against the mesh
 edges               error of the edges on rendered frames
 real_pictures       edges of other people's photographs against traced ones
 photographs         error of the edges in rendered photographs of coloured beams
+phone               fits of rendered photographs of a phone, with weights
 lab_photographs     rendered photographs, each with one difficulty of a laboratory
 flag_pictures       a picture for every flag
 report_pictures     a report in a browser, wide and narrow, and on paper
@@ -23,17 +24,23 @@ picture_overlays    pictures of edges for the documentation
 seeds               error of the modulus by law and seed
 coverage            the share of 95 % intervals that contain the true value
 plan                interval widths of planned and of equally spaced states
+time                frequencies, losses and Prony series against references and hidden materials
 discover            terms of hidden laws: identified, left open, and wrong
 second_worker       the gain in time by a second worker process
 storage             frames stored per second
+recording           frames of a fast camera recorded without loss
 first_frame         the time from the start of the program to the first frame
+settling            time of the settling statistic for a frame
 kill_campaign       runs killed at random moments: state of the coil and stored states
 off_campaign        every fault that can keep a coil on, at full current
 spoilt_bench        a run at full current on an emulated supply in another process
 spoilt_run          `eimi` with a camera that can be disturbed from outside
+camera_faults       an emulated GigE camera that loses packets, vanishes or is replaced
 emulated_supply     an emulated supply in a separate process
 fuzz_files          mutated HDF5 and TOML files: no traceback, no hang
 mutants             small mistakes in a copy of the code, and which of them the tests detect
+generated_mistakes  mistakes that a generator makes in sampled lines
+tests_by_line       which tests execute a line
 numbers             results of whole cases before and after a change
 timing              measure the duration of a function
 

@@ -1,11 +1,18 @@
 """Put small mistakes into a copy of the project, one at a time, and report which of them the tests detect.
 
 ``python -m benchmarks.mutants [--room NAME] [--only N] [--jobs N] [--results FILE]``
+``python -m benchmarks.mutants --sample N --seed N [--room NAME] [--jobs N] [--results FILE]``
 
 The mistakes are listed in ``benchmarks/mistakes/ROOM.toml``. An entry has the file, the right fragment, the wrong
 fragment that replaces it, and the tests that concern it. These tests run until one fails; the mistake is then caught. A
 mistake that makes a test hang is caught only if the time limit of that test ends it. With ``--results`` a run continues
 where an earlier one ended, and tries mistakes that survived again.
+
+With ``--sample`` a generator makes the mistakes instead (`generated_mistakes`), in lines that are drawn with the seed.
+The tests that execute the line are run (`tests_by_line`, whose map is recorded first), the quickest first. A mistake
+that no test executes, or that ends in no decision, counts as missed, except those that ``equivalent_mistakes.toml``
+lists with a reason. The shares are printed by room with their 95 % intervals (E. B. Wilson, J. Am. Stat. Assoc. 22,
+209, 1927), and so is the time.
 """
 
 from __future__ import annotations
@@ -13,6 +20,7 @@ from __future__ import annotations
 import argparse
 import compileall
 import json
+import math
 import multiprocessing
 import os
 import queue
@@ -28,8 +36,12 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
+from benchmarks.generated_mistakes import changed, room_of, sampled, unique_fragments
+from benchmarks.tests_by_line import TestsByLine
+
 PROJECT = Path(__file__).parents[1]
 LISTS = Path(__file__).parent / "mistakes"
+EQUIVALENT = Path(__file__).parent / "equivalent_mistakes.toml"
 LEAST = 150  # mistakes
 TEST_LIMIT_S = 300  # of one test, instead of that in pyproject.toml
 RUN_LIMIT_S = 1800  # of all tests of one mistake; a longer run counts as survived
@@ -118,7 +130,10 @@ def run_tests(tests: Sequence[str], copy: Path) -> tuple[str, str]:
         return SURVIVED, f"no end within {RUN_LIMIT_S} s"
     lines = transcript.read_text(encoding="utf-8", errors="replace").strip().splitlines() or [""]
     failed = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
-    return _OUTCOMES.get(child.exitcode, BROKEN), (failed or lines)[-1]
+    outcome = _OUTCOMES.get(child.exitcode, BROKEN)
+    if outcome == CAUGHT and not failed:  # pytest failed, and no test
+        outcome = BROKEN
+    return outcome, (failed or lines)[-1]
 
 
 def _pytest(copy: Path, transcript: Path, tests: Sequence[str]) -> None:
@@ -137,7 +152,49 @@ def _pytest(copy: Path, transcript: Path, tests: Sequence[str]) -> None:
     import pytest
 
     options = ("-x", "-q", "-n0", "-p", "no:cacheprovider", f"--timeout={TEST_LIMIT_S}", "--tb=no")
+    options += ("-W", "ignore::pytest.PytestAssertRewriteWarning")  # of the packages that were loaded before pytest
     sys.exit(int(pytest.main([*options, *tests])))
+
+
+def generated(number: int, seed: int, rooms: Sequence[str]) -> list[Mutant]:
+    """Return mistakes in lines that are drawn with the seed, with the tests that execute these lines."""
+    tests = TestsByLine()
+    mutants = []
+    for place, (file, change) in enumerate(sampled(PROJECT, number, seed, rooms), 1):
+        text = (PROJECT / file).read_text(encoding="utf-8")
+        right, wrong = unique_fragments(text, changed(text, change), change)
+        says = f"line {change.line}: {change.says}"
+        mutants.append(Mutant(place, room_of(file), says, file, right, wrong, tests.of(file, change.line)))
+    return mutants
+
+
+def wilson_95(hits: int, number: int) -> tuple[float, float]:
+    """Return Wilson's 95 % interval of a share, both ends between 0 and 1."""
+    z, share = 1.959964, hits / number
+    middle = (share + z * z / (2 * number)) / (1 + z * z / number)
+    half = z / (1 + z * z / number) * math.sqrt(share * (1 - share) / number + z * z / (4 * number * number))
+    return max(middle - half, 0.0), min(middle + half, 1.0)
+
+
+def equivalent_keys() -> dict[str, str]:
+    """Return the reasons of the generated mistakes that change no behaviour, by the keys of the mistakes."""
+    rows = tomllib.loads(EQUIVALENT.read_text(encoding="utf-8")).get("equivalent", [])
+    return {row["key"]: row["reason"] for row in rows}
+
+
+def sample_table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
+    """Return lines of Markdown with the share of the caught mistakes of each room, and its interval."""
+    excused = equivalent_keys()
+    counted = [m for m in mutants if m.key not in excused or outcomes[m.key] == CAUGHT]
+    lines = ["| room | mistakes | caught | share | 95 % interval |", "| --- | ---: | ---: | ---: | --- |"]
+    rooms = {room: [m for m in counted if m.room == room] for room in sorted({m.room for m in counted})}
+    for name, group in [*rooms.items(), ("all", counted)]:
+        caught = sum(outcomes[m.key] == CAUGHT for m in group)
+        low, high = wilson_95(caught, len(group)) if group else (0.0, 1.0)
+        share = 100 * caught / max(len(group), 1)
+        lines.append(f"| {name} | {len(group)} | {caught} | {share:.0f} % | {100 * low:.0f} to {100 * high:.0f} % |")
+    lines.append(f"{len(mutants) - len(counted)} of {len(mutants)} change no behaviour, each listed with its reason")
+    return lines
 
 
 def table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
@@ -160,13 +217,16 @@ def main() -> int:
     parser.add_argument("--only", type=int, action="append", metavar="N", help="number of a mistake; may be repeated")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--results", type=Path, help="JSON file with outcomes, to continue from")
+    parser.add_argument("--sample", type=int, metavar="N", help="generate N mistakes instead of those of the lists")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the sample")
     parser.add_argument("--list", action="store_true", help="print the mistakes without running tests")
     options = parser.parse_args()
-    chosen = [
-        m
-        for m in every_mutant()
-        if (not options.room or m.room in options.room) and (not options.only or m.number in options.only)
-    ]
+    began_s = time.perf_counter()
+    if options.sample:
+        drawn = generated(options.sample, options.seed, options.room or ())
+    else:
+        drawn = [m for m in every_mutant() if not options.room or m.room in options.room]
+    chosen = [m for m in drawn if not options.only or m.number in options.only]
     for mutant in chosen:  # check before the first run
         mutant.applied((PROJECT / mutant.file).read_text(encoding="utf-8"))
     if options.list:
@@ -181,6 +241,8 @@ def main() -> int:
             copies.put(copied(PROJECT, Path(folder) / str(job)))
 
         def one(mutant: Mutant) -> tuple[Mutant, str, str, float]:
+            if not mutant.tests:
+                return mutant, SURVIVED, "no test executes the line", 0.0
             copy, start_s = copies.get(), time.perf_counter()
             try:
                 return mutant, *tried(mutant, copy), time.perf_counter() - start_s
@@ -189,12 +251,16 @@ def main() -> int:
 
         for mutant, outcome, line, seconds in pool.map(one, due):
             outcomes[mutant.key] = earlier[mutant.key] = outcome
-            print(f"{mutant.number:4d} {mutant.room:12s} {outcome:8s} {mutant.says} ({seconds:.0f} s)", flush=True)
+            where = f"{mutant.file}: " if options.sample else ""
+            print(
+                f"{mutant.number:4d} {mutant.room:12s} {outcome:8s} {where}{mutant.says} ({seconds:.0f} s)", flush=True
+            )
             if outcome != CAUGHT:
-                print(f"     {line}", flush=True)
+                print(f"     {line} [{mutant.key}]", flush=True)
             if options.results:
                 options.results.write_text(json.dumps(earlier, indent=1))
-    print("\n".join(table(chosen, outcomes)))
+    print("\n".join((sample_table if options.sample else table)(chosen, outcomes)))
+    print(f"{len(due)} tried in {(time.perf_counter() - began_s) / 60:.1f} minutes")
     return int(any(outcomes[m.key] != CAUGHT for m in chosen))
 
 

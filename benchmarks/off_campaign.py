@@ -140,6 +140,15 @@ OFF_TARGET = r"A measured at a set-point of 1\.5 A"
 LINES = (("korad", "pty"), ("scpi", "tcp"), ("scpi", "hislip"))
 """A serial line, a socket and HiSLIP."""
 
+ALL_LINES = (*LINES, ("keysight-n6700", "tcp"), ("genesys", "pty"))
+"""Also a supply with a watchdog, and one with a serial number and an address on its line."""
+
+
+def _line(driver: str, transport: str) -> str:
+    """Return the name of a line; the driver is omitted for those of `LINES`."""
+    return transport if (driver, transport) in LINES else f"{transport} {driver}"
+
+
 ON = "MAY STILL BE ON"
 CUT = (("korad", "port"), ("genesys", "port"), ("scpi", "tcp"), ("keysight-n6700", "tcp"), ("scpi", "hislip"))
 """Lines that can be cut; the second and the fourth supply have a serial number."""
@@ -231,34 +240,37 @@ FAULTS = (
         for driver, transport in CUT
         for fault in ("swap", "disconnect")
     ),
-    *(Fault(f"sleep {transport}", driver, transport, _asleep, ON, 3.0) for driver, transport in LINES),
     *(
-        Fault(
-            f"brownout {transport}",
-            driver,
-            transport,
-            lambda t: _spoilt(t, "brownout"),
-            f"this run did not switch it off|a person switched the output off|{OFF_TARGET}",
-            3.0,
-        )
-        for driver, transport in LINES
+        Fault(f"sleep {_line(driver, transport)}", driver, transport, _asleep, ON, 3.0)
+        for driver, transport in ALL_LINES
     ),
     *(
         Fault(
-            f"offset, {number.name} {transport}",
+            f"brownout {_line(driver, transport)}",
+            driver,
+            transport,
+            lambda t: _spoilt(t, "brownout"),
+            f"this run did not switch it off|a person switched the output off|{OFF_TARGET}|no complete answer within",
+            3.0,
+        )
+        for driver, transport in ALL_LINES
+    ),
+    *(
+        Fault(
+            f"offset, {number.name} {_line(driver, transport)}",
             driver,
             transport,
             lambda t, n=number: _spoilt_then_sent(t, "offset", n),
-            r"the coil (is|was switched) off, below 0\.02 A measured",
+            r"the coil (is|was switched) off, below 0\.(02|15) A measured",
             within,
             not_said=ON,
         )
-        for driver, transport in LINES
+        for driver, transport in ALL_LINES
         for number, within in ((signal.SIGTERM, 4.0), (signal.SIGKILL, 3.0))
     ),
     *(
         Fault(
-            f"locked, {number.name} {transport}",
+            f"locked, {number.name} {_line(driver, transport)}",
             driver,
             transport,
             lambda t, n=number: _spoilt_then_sent(t, "locked", n),
@@ -266,7 +278,7 @@ FAULTS = (
             3.0,
             out_of_reach=True,
         )
-        for driver, transport in LINES
+        for driver, transport in ALL_LINES
         for number in (signal.SIGTERM, signal.SIGKILL)
     ),
     Fault("two Ctrl-C", "korad", "pty", lambda t: t.send(signal.SIGINT, signal.SIGINT, pause_s=0.1), STOPPED, 2.5),
@@ -383,11 +395,16 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 
 
 def _called_off_too_early(trial: Trial) -> list[str]:
-    """Return the messages that called the coil off while a current above the limit flowed."""
+    """Return the messages that called the coil off while a current above the limit flowed.
+
+    The limit is the one that the message states; without one, it is the smallest of all families.
+    """
     early = []
     for line, at_s in zip(trial.lines, trial.heard_s, strict=True):
         true_A = trial.supply.true_A(at_s)
-        if re.search("the coil (is|was switched) off", line) and abs(true_A) > OFF_A + LEAST_CHANGE_A:
+        stated = re.search(r"off, below (\S+) A measured", line)
+        limit_A = float(stated[1]) if stated else OFF_A
+        if re.search("the coil (is|was switched) off", line) and abs(true_A) > limit_A + LEAST_CHANGE_A:
             early.append(f"called off at {true_A:.2f} A: {line}")
     return early
 

@@ -1,9 +1,10 @@
-"""Compare the same curve in FElupe and in `eimi_fitting`: time and error against one fine reference, and their ratio.
+"""Compute the same curve with FElupe and with `eimi_fitting`, and compare times and errors.
 
     pip install -e '.[bench]'; python -m benchmarks.peer [--short]
 
-Both run in one process with one thread, on the same beam, material and 16 field states. The reference is `eimi_fitting`
-on 80 x 10 elements. The finest FElupe mesh of the table shows that FElupe converges to the same limit.
+Both run in one process with one thread, on the same beam, material and 16 field states. The errors are differences from
+a reference: `eimi_fitting` on 80 x 10 elements. The finest FElupe mesh of the table shows that FElupe converges to the
+same limit.
 """
 
 from __future__ import annotations
@@ -30,14 +31,14 @@ FELUPE_TOLERANCE_MM = 1e-3
 
 
 def errors(tip: Array, reference: Array) -> tuple[float, float]:
-    """Return the tip error of the last state, and the largest one, in % of the deflection of the last state."""
+    """Return the tip error of the last state and the largest tip error of all states, in % of the last deflection."""
     off = np.linalg.norm(tip - reference, axis=1)
     deflection = np.linalg.norm(reference[-1] - TIP[0])
     return 100 * off[-1] / deflection, 100 * off.max() / deflection
 
 
 def main() -> None:
-    """Print every figure; --short uses one coarse mesh, once."""
+    """Print all times and errors; with --short, use a coarse reference and one FElupe mesh, and repeat nothing."""
     try:
         import felupe
 

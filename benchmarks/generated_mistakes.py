@@ -1,0 +1,235 @@
+"""Generate mistakes in randomly drawn lines, so that no person who knows the tests chooses the mistakes.
+
+A mistake changes one place of the syntax tree: an operator, a comparison, a condition, a number, two arguments, a name,
+or a whole statement. Lines are drawn with equal probability from all lines that can be changed. For each drawn line
+one of its changes is drawn. Texts, annotations and imports are never changed.
+"""
+
+from __future__ import annotations
+
+import ast
+import random
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOTS = ("eimi_lab", "drivers/eimi_drivers", "fitting/eimi_fitting")
+
+_COMPARISONS: dict[type[ast.cmpop], tuple[str, str]] = {
+    ast.Lt: ("<", "<="),
+    ast.LtE: ("<=", "<"),
+    ast.Gt: (">", ">="),
+    ast.GtE: (">=", ">"),
+    ast.Eq: ("==", "!="),
+    ast.NotEq: ("!=", "=="),
+    ast.Is: ("is", "is not"),
+    ast.IsNot: ("is not", "is"),
+    ast.In: ("in", "not in"),
+    ast.NotIn: ("not in", "in"),
+}
+_OPERATORS: dict[type[ast.operator], tuple[str, str]] = {
+    ast.Add: ("+", "-"),
+    ast.Sub: ("-", "+"),
+    ast.Mult: ("*", "/"),
+    ast.Div: ("/", "*"),
+    ast.Pow: ("**", "*"),
+    ast.FloorDiv: ("//", "/"),
+    ast.Mod: ("%", "*"),
+}
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of one place: lines counted from 1, columns in bytes from 0, the new text, and a description."""
+
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+    new: str
+    says: str
+
+
+def room_of(file: str) -> str:
+    """Return the room of a file: the name of its package, such as "acquisition", "supplies" or "inference"."""
+    parts = Path(file).parts
+    start = 1 if parts[0] == "eimi_lab" else 2
+    return parts[start] if len(parts) > start + 1 else parts[start - 1]
+
+
+def changes(text: str) -> list[Change]:
+    """Return every change that the generator can make in a source file."""
+    tree = ast.parse(text)
+    skipped = _skipped(tree)
+    found = [
+        change for node, names in _walked(tree, {}) if id(node) not in skipped for change in _of_node(node, text, names)
+    ]
+    return sorted(found, key=lambda change: (change.line, change.column, change.says, change.new))
+
+
+def _skipped(tree: ast.AST) -> set[int]:
+    """Return the nodes that are never changed: annotations, decorators, texts, imports, blocks for type checkers."""
+    roots: list[ast.AST] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.AnnAssign):
+            roots.append(node.annotation)
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            every = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs, node.args.vararg, node.args.kwarg]
+            roots += [a.annotation for a in every if a is not None and a.annotation is not None]
+            roots += [*([node.returns] if node.returns else []), *node.decorator_list]
+        elif (
+            isinstance(node, ast.Import | ast.ImportFrom | ast.JoinedStr | ast.Assert)
+            or (isinstance(node, ast.Call) and ast.unparse(node.func) in ("TypeVar", "ParamSpec", "typer.Option"))
+            or (isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"))
+        ):
+            roots.append(node)
+    return {id(inner) for root in roots for inner in ast.walk(root)}
+
+
+def _walked(node: ast.AST, names: Mapping[str, int]) -> Iterator[tuple[ast.AST, Mapping[str, int]]]:
+    """Yield every node with the parameters and local names of its function, and the line where each gets its value."""
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+        first: dict[str, int] = {a.arg: 0 for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)}
+        for inner in ast.walk(node):
+            if isinstance(inner, ast.Name) and isinstance(inner.ctx, ast.Store):
+                first[inner.id] = min(first.get(inner.id, inner.lineno), inner.lineno)
+        names = {name: first[name] for name in sorted(first.keys() - {"self", "cls", "_"})}
+    yield node, names
+    for child in ast.iter_child_nodes(node):
+        yield from _walked(child, names)
+
+
+def _of_node(node: ast.AST, text: str, names: Mapping[str, int]) -> Iterator[Change]:
+    match node:
+        case ast.Compare(ops=[op]) if type(op) in _COMPARISONS:
+            old, new = _COMPARISONS[type(op)]
+            yield from _between(text, node.left, node.comparators[0], old, new)
+        case ast.BinOp(op=op) if type(op) in _OPERATORS and not _is_text(node):
+            old, new = _OPERATORS[type(op)]
+            yield from _between(text, node.left, node.right, old, new)
+        case ast.BoolOp(op=op, values=[first, second, *_]):
+            old, new = ("and", "or") if isinstance(op, ast.And) else ("or", "and")
+            yield from _between(text, first, second, old, new)
+        case ast.UnaryOp(op=ast.USub() | ast.Not(), operand=operand):
+            yield _replaced(node, f"({ast.unparse(operand)})", "a sign or a `not` is dropped")
+        case ast.If(test=test) | ast.While(test=test) | ast.IfExp(test=test):
+            yield _replaced(test, f"not ({ast.unparse(test)})", "a condition is inverted")
+        case ast.comprehension(ifs=[test, *_]):
+            yield _replaced(test, f"not ({ast.unparse(test)})", "a condition is inverted")
+        case ast.Constant(value=bool() as value):
+            yield _replaced(node, str(not value), f"{value} becomes {not value}")
+        case ast.Constant(value=int() | float() as number):
+            new_number = number + 1 if isinstance(number, int) else 2 * number if number else 1.0
+            yield _replaced(node, repr(new_number), f"{number} becomes {new_number}")
+        case ast.Call(args=[ast.expr() as first, ast.expr() as second, *_]):
+            one, other = ast.unparse(first), ast.unparse(second)
+            starred = isinstance(first, ast.Starred) or isinstance(second, ast.Starred)
+            if one != other and not starred:
+                yield Change(*_start(first), *_end(second), f"{other}, {one}", "two arguments are swapped")
+        case ast.Name(ctx=ast.Load(), id=name) if name in names:
+            others = [other for other, line in names.items() if line < node.lineno and other != name]
+            yield from (_replaced(node, other, f"{name} becomes {other}") for other in others[:1])
+        case ast.Expr(value=ast.Call()) | ast.AugAssign() | ast.Raise() | ast.Break() | ast.Continue():
+            yield _replaced(node, "pass", "a statement is dropped")
+        case ast.Assign(targets=[ast.Attribute() | ast.Subscript()]):
+            yield _replaced(node, "pass", "a statement is dropped")
+        case ast.Return(value=ast.expr() as value) if ast.unparse(value) != "None":
+            yield _replaced(node, "return None", "a result is dropped")
+
+
+def _is_text(node: ast.BinOp) -> bool:
+    sides = (node.left, node.right)
+    return any(
+        isinstance(n, ast.JoinedStr) or (isinstance(n, ast.Constant) and isinstance(n.value, str)) for n in sides
+    )
+
+
+def _start(node: ast.expr | ast.stmt) -> tuple[int, int]:
+    return node.lineno, node.col_offset
+
+
+def _end(node: ast.expr | ast.stmt) -> tuple[int, int]:
+    return node.end_lineno or node.lineno, node.end_col_offset or node.col_offset
+
+
+def _replaced(node: ast.expr | ast.stmt, new: str, says: str) -> Change:
+    return Change(*_start(node), *_end(node), new, says)
+
+
+def _between(text: str, left: ast.expr, right: ast.expr, old: str, new: str) -> Iterator[Change]:
+    """Yield the change of an operator between two operands; yield nothing if the place of the operator is ambiguous."""
+    (line, column), (end_line, end_column) = _end(left), _start(right)
+    if line != end_line:
+        return
+    source = text.splitlines()[line - 1].encode()
+    gap = source[column:end_column].decode()
+    if gap.count(old) == 1:
+        place = column + len(gap[: gap.index(old)].encode())
+        yield Change(line, place, line, place + len(old.encode()), new, f"{old} becomes {new}")
+
+
+def changed(text: str, change: Change) -> str:
+    """Return the text with a change; the columns of a syntax tree count bytes."""
+    lines = text.encode().splitlines(keepends=True)
+    first, last = lines[change.line - 1], lines[change.end_line - 1]
+    middle = first[: change.column] + change.new.encode() + last[change.end_column :]
+    return b"".join([*lines[: change.line - 1], middle, *lines[change.end_line :]]).decode()
+
+
+def compiles(text: str) -> bool:
+    """Return whether a text is valid Python."""
+    try:
+        compile(text, "changed", "exec")
+    except (SyntaxError, ValueError):
+        return False
+    return True
+
+
+def unique_fragments(text: str, other: str, change: Change) -> tuple[str, str]:
+    """Return the smallest group of whole lines around a change that occurs once in a text, and the changed lines."""
+    before, after = text.splitlines(keepends=True), other.splitlines(keepends=True)
+    grown = len(after) - len(before)
+    first, last = change.line - 1, change.end_line
+    while text.count("".join(before[first:last])) != 1:
+        first, last = max(first - 1, 0), min(last + 1, len(before))
+    return "".join(before[first:last]), "".join(after[first : last + grown])
+
+
+def sampled(project: Path, number: int, seed: int, rooms: Sequence[str] = ()) -> list[tuple[str, Change]]:
+    """Draw lines of the project without replacement, and one change of each drawn line.
+
+    Parameters
+    ----------
+    project
+        The top folder.
+    number
+        Number of lines to draw; if fewer lines can be changed, all of them are drawn.
+    seed
+        Seed of the draw. The same seed and the same code give the same sample.
+    rooms
+        Draw only from the packages with these names (see `room_of`); by default from all packages.
+
+    Returns
+    -------
+    list of (str, Change)
+        The path of each drawn file relative to ``project``, and the change of the line.
+    """
+    generator = random.Random(seed)
+    lines: dict[tuple[str, int], list[Change]] = {}
+    for root in ROOTS:
+        for path in sorted((project / root).rglob("*.py")):
+            file = path.relative_to(project).as_posix()
+            if not rooms or room_of(file) in rooms:
+                for change in changes(path.read_text(encoding="utf-8")):
+                    lines.setdefault((file, change.line), []).append(change)
+    drawn: list[tuple[str, Change]] = []
+    places = sorted(lines)
+    generator.shuffle(places)
+    for file, line in places:
+        if len(drawn) == number:
+            break
+        text = (project / file).read_text(encoding="utf-8")
+        usable = [change for change in lines[file, line] if compiles(changed(text, change))]
+        if usable:
+            drawn.append((file, generator.choice(usable)))
+    return drawn

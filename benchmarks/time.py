@@ -1,0 +1,167 @@
+"""Verify frequencies, losses and laws of time: `python -m benchmarks.time [--hidden 2] [--seed 1]`.
+
+The first table compares frequencies with those of Euler-Bernoulli beams, roots of one mode with closed forms, and the
+complex frequency of small vibrations with a motion in time that shares neither mesh nor integrator with it. The second
+fits hidden materials with two Prony terms: a run with two ring-downs and two records of creep is simulated by the
+transient solution of a beam whose dimensions differ from the stated ones as their uncertainties say, and fitted.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from eimi_fitting import LAWS, BeamModel, Loads, Magnet, Specimen
+from eimi_fitting.beam.transient import Transient
+from eimi_fitting.beam.vibration import Vibration, complex_roots
+from eimi_fitting.inference.evidence.sources import StatedSource, specimen_under
+from eimi_fitting.laws.prony import Prony
+from eimi_fitting.time.channels import signals_of
+from eimi_fitting.time.decay import decay_of
+from eimi_fitting.time.identification import LawOfTime, RecordedMotion, StaticStates, identify_time
+from eimi_fitting.time.measured import Motion
+from tests.fitting.test_vibration import MU_PA, NO_LOAD, euler_bernoulli_Hz, thin
+
+NEO = LAWS["neo-hookean"]
+MAGNET = Magnet(length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0)
+BEAM = Specimen(30.0, 3.0, 5.0, 1070.0, section="plane-stress", magnet=MAGNET)
+STATED = {"width": 0.02, "depth": 0.03, "length": 0.05, "magnet-density": 50.0}
+FIELDS = ((5.0, 30.0), (0.0, 16.0), (7.0, 30.0), (0.0, 16.0))  # mT, and the time in s for which each lasts
+REST_MM = np.column_stack([np.linspace(4, 29, 8), np.zeros(8)])
+NOISE_MM, STEP_S, RINGING_S = 0.005, 0.0025, 16.0
+TIMES_S = np.array([0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0])
+
+
+def in_field(field_mT: float) -> Loads:
+    """Return the loads of a hanging beam in a field across it."""
+    return Loads.along([field_mT])
+
+
+def print_references() -> None:
+    """Print the largest deviations from Euler-Bernoulli beams, closed forms and the transient solution."""
+    worst = 0.0
+    for length in (50.0, 70.0, 90.0, 120.0):
+        for density, tip_kg in ((None, 0.0), (7500.0, 0.0), (7500.0, 4e-4), (None, 2e-4)):
+            specimen = thin(length, density)
+            motion, _ = Vibration(BeamModel(specimen, 26, 1), tip_kg).about(NEO, np.array([[MU_PA]]), NO_LOAD)
+            expected = euler_bernoulli_Hz(specimen, tip_kg)[0]
+            worst = max(worst, abs(motion.frequencies_Hz()[0, 0] / expected - 1))
+    print(f"Euler-Bernoulli with tip body, 16 beams: frequency within {100 * worst:.3f} %")
+    stiffness, rest, mass = np.array([[[120.0]]]), np.array([[[30.0]]]), np.array([[[0.01]]])
+    solid = Prony(np.array([0.3]), np.array([0.02]))
+    cases = {
+        "Kelvin-Voigt": (lambda s: 1 + 0.004 * s, [0.01, 0.48, 150.0]),
+        "standard linear solid": (solid.complex_ratio, [2e-4, 0.01, 3.0, 114.0]),
+    }
+    for name, (ratio, polynomial) in cases.items():
+        root = complex_roots(stiffness, rest, mass, ratio)[0, 0]
+        exact = np.roots(polynomial)
+        error = abs(root / exact[np.argmax(exact.imag)] - 1)
+        print(f"{name}: complex root within {error:.1e}")
+    series, instantaneous = Prony(np.array([0.12, 0.1]), np.array([0.05, 2.0])), 60e3
+    model = BeamModel(BEAM, 16, 1)
+    at_rest = instantaneous * float(series.long_term)
+    for field in (0.0, 3.5, 7.0):
+        motion_in_time = Transient(model, NEO, np.array([instantaneous]), series, in_field(field + 0.1))
+        places = []
+        for _ in range(1200):
+            motion_in_time.advance(STEP_S, in_field(field))
+            places.append(motion_in_time.rigid[:2].copy())
+        time = STEP_S * (1 + np.arange(len(places)))[:, None]
+        recorded = Motion("ring_down", np.array(places)[:, None], REST_MM[:1], time, np.full_like(time, 1e-4))
+        mode = decay_of(signals_of(recorded, 0.0), "release", BEAM.length_mm, is_stepped=True).modes[0]
+        reduced, _ = Vibration(BeamModel(BEAM)).about(NEO, np.array([[at_rest]]), in_field(field))
+        (root, *_) = reduced.roots(lambda s: instantaneous / at_rest * series.complex_ratio(s))[0]
+        frequency = 100 * (root.imag / (2 * np.pi * mode.frequency_Hz) - 1)
+        loss = 100 * (-2 * root.real / root.imag / mode.loss - 1)
+        print(f"transient solution at {field:g} mT: frequency {frequency:+.3f} %, loss {loss:+.2f} % of itself")
+
+
+def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMotion], StaticStates]:
+    """Return the instantaneous modulus, the series, the motions and the static states of one hidden material."""
+    series = Prony(rng.uniform(0.06, 0.16, 2), np.exp(rng.uniform(np.log([0.03, 1.0]), np.log([0.1, 6.0]))))
+    instantaneous = float(rng.uniform(40e3, 80e3))
+    wrong = {key: np.array([sigma * rng.standard_normal()]) for key, sigma in STATED.items()}
+    model = BeamModel(specimen_under(BEAM, wrong), 16, 1)
+    motion = Transient(model, NEO, np.array([instantaneous]), series, in_field(0.0))
+    recorded, begins, seen, tips = [], [], [], []
+    for number, (field, seconds) in enumerate(FIELDS):
+        begins.append(motion.time_s)
+        times, places = [], []
+        for step in range(int(RINGING_S / STEP_S)):
+            motion.advance(STEP_S, in_field(field))
+            if step % 6 == 5:
+                times.append(motion.time_s - begins[-1])
+                places.append(model.positions(motion.shapes(), REST_MM)[0, 0])
+        while motion.time_s - begins[-1] < seconds - 1e-9:
+            motion.advance(0.25, in_field(field), with_inertia=False)
+            times.append(motion.time_s - begins[-1])
+            places.append(model.positions(motion.shapes(), REST_MM)[0, 0])
+        seen.append(motion.time_s)
+        tips.append(float(model.tip_angle_deg(motion.shapes())[0, 0]))
+        noisy = np.array(places) + NOISE_MM * rng.standard_normal((len(places), 8, 2))
+        earlier = [(-1e3, in_field(0.0))] + [(begins[k] - begins[-1], in_field(FIELDS[k][0])) for k in range(number)]
+        time = np.repeat(np.array(times)[:, None], 8, axis=1)
+        kind = "creep" if field else "ring_down"
+        label = f"step {number}"
+        recorded.append(
+            RecordedMotion(
+                Motion(kind, noisy, REST_MM, time, np.full(time.shape, NOISE_MM), to_A=field, label=label),
+                in_field(field),
+                tuple(earlier),
+            )
+        )
+    nominal, moduli = BeamModel(BEAM, 16, 1), instantaneous * np.geomspace(0.5, 1.2, 21)
+    bent = [k for k, (field, _) in enumerate(FIELDS) if field]
+    logs = []
+    for k in bent:  # what an elastic fit with the stated dimensions finds
+        angles = nominal.tip_angle_deg(nominal.solve(NEO, moduli[:, None], in_field(FIELDS[k][0])))[:, 0]
+        logs.append(np.interp(-tips[k], -angles, np.log(moduli)))
+    static = StaticStates(
+        Loads.along([field for field, _ in FIELDS]),
+        np.array(begins),
+        np.array(seen),
+        float(np.exp(np.mean(logs))),
+        0.002,
+        {},
+    )
+    return instantaneous, series, recorded, static
+
+
+def print_hidden(seed: int) -> bool:
+    """Print the errors of the fit of one hidden material; return whether the interval of the modulus holds."""
+    instantaneous, series, motions, static = hidden_run(np.random.default_rng(seed))
+    stated = [StatedSource(key, sigma, "specimen") for key, sigma in STATED.items()]
+    found: LawOfTime = identify_time(NEO, np.array([static.modulus_Pa]), BEAM, motions, stated, static)
+    truth = instantaneous * float(series.complex_ratio(np.array(2j * np.pi * found.frequency_Hz)).real)
+    modulus = found.dynamic_shear_modulus
+    holds = modulus.interval_95[0] <= truth <= modulus.interval_95[1]
+    fitted = Prony(np.array([t.g for t in found.prony]), np.array([t.tau_s for t in found.prony]))
+    curve = found.instantaneous_shear_modulus.value * fitted.ratio(TIMES_S) / (instantaneous * series.ratio(TIMES_S))
+    # The error that all moduli share comes from the dimensions; the law of time is the rest.
+    shape = curve / curve[0]
+    interval = 50 * (modulus.interval_95[1] - modulus.interval_95[0]) / modulus.value
+    print(
+        f"{seed:4d}: {len(fitted.g)} terms, dynamic modulus {100 * (modulus.value / truth - 1):+.2f} % "
+        f"(±{interval:.1f} %)"
+        f"{'' if holds else ' (outside)'}, mu(t) / mu(0.03 s) within {100 * np.abs(shape - 1).max():.2f} %, "
+        f"moment {found.moment.value if found.moment else float('nan'):.3f}, {found.wall_s:.1f} s"
+    )
+    return holds
+
+
+def main() -> None:
+    """Print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--hidden", type=int, default=2, help="number of hidden materials")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the first one")
+    arguments = parser.parse_args()
+    print_references()
+    held = [print_hidden(arguments.seed + k) for k in range(arguments.hidden)]
+    if held:
+        print(f"95 % intervals of the dynamic modulus hold in {sum(held)} of {len(held)}")
+
+
+if __name__ == "__main__":
+    main()
