@@ -3,7 +3,8 @@
     python examples/pictures_of_a_beam.py FOLDER            # hanging in a coil, with a magnet at its tip
     python examples/pictures_of_a_beam.py FOLDER --weights  # level, with weights at its tip, without a coil
 
-The beam is a simulated solid of 46 kPa in front of a cloth. The pictures show a clamp and a scale of 20 mm.
+The beam is a simulated solid of 46 kPa in front of a cloth. The pictures show a clamp and a scale of 20 mm. Those with
+weights show it in perspective, and state the focal length of the lens as a phone does.
 """
 
 import argparse
@@ -11,12 +12,16 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from PIL import Image
+from PIL.ExifTags import IFD, Base
 
 from eimi_fitting import Beam, Loads, Magnet, Specimen
+from eimi_fitting.beam.view import View
 from eimi_lab.virtual.raster import coverage
 
 SIZE, PIXELS_PER_MM = (1100, 900), 20.0
 MODULUS_PA = 46e3
+STAND_OFF_MM = 300.0
 MAGNET = Magnet(length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0)
 
 
@@ -45,6 +50,17 @@ def picture(outline_px: np.ndarray, clamp_px: np.ndarray, seed: int) -> np.ndarr
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
+def write(path: Path, image: np.ndarray, in_perspective: bool) -> None:
+    """Write a picture (height, width, 3: blue, green, red), with the focal length that gives the stand-off."""
+    exif = Image.Exif()
+    exif[Base.Make] = "simulated"
+    if in_perspective:  # 43.27 mm is the diagonal of a frame of 36 x 24 mm
+        exif.get_ifd(IFD.Exif)[Base.FocalLengthIn35mmFilm] = round(
+            STAND_OFF_MM * PIXELS_PER_MM * 43.27 / np.hypot(*SIZE)
+        )
+    Image.fromarray(image[..., ::-1]).save(path, exif=exif)
+
+
 def main(folder: Path, weights: bool) -> None:
     """Write four pictures to a folder, with weights at the tip or in the field of a coil."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -59,9 +75,10 @@ def main(folder: Path, weights: bool) -> None:
     bent = Beam(specimen, along=16, across=1).solve("neo-hookean", [MODULUS_PA], loads)
     to_px = PIXELS_PER_MM * np.stack([along, across])
     plate = clamp + np.array([[0.0, -7.0], [0.0, 7.0], [-4.0, 7.0], [-4.0, -7.0]]) @ to_px
-    for number, (left, right) in enumerate(bent.edges()):
+    lens = View((0.5 * (np.array(SIZE) - 1) - clamp) / PIXELS_PER_MM, STAND_OFF_MM) if weights else None
+    for number, (left, right) in enumerate(bent.edges(view=lens)):
         outline_px = clamp + np.concatenate([left, right[::-1]]) @ to_px
-        cv2.imwrite(str(folder / f"beam_{number}.png"), picture(outline_px, plate, number))
+        write(folder / f"beam_{number}.png", picture(outline_px, plate, number), weights)
         print(f"{folder}/beam_{number}.png: {steps[number]:g} {'g' if weights else 'A'}")
 
 

@@ -16,7 +16,6 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -31,7 +30,6 @@ BLOCK = re.compile(
     r"(?:<!-- (?P<note>[^>]*) -->\n)?```(?P<kind>\w+)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)```", re.S
 )
 FIRST = "tutorials/first_beam.md"
-LONG = ("your_own_rig", "weights", "refit_a_folder", "whole_way", "report")
 TRUE_PA = {"first_beam": 46390, "your_own_pictures": 46e3, "weights": 46e3, "tracked_points": 88e3}
 SHORTER = {
     "dragon_skin_10_quick": "short.toml",
@@ -109,12 +107,7 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def marked(page: Path) -> Any:
-    """Mark a page as slow if most of its commands are on other pages too."""
-    return pytest.param(page, marks=[pytest.mark.slow] if page.stem in LONG else [])
-
-
-@pytest.mark.parametrize("page", [marked(page) for page in PAGES], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_every_command_of_a_page_runs(page: Path, begun: Path, tmp_path: Path) -> None:
     assert blocks(page)
     if page == DOCS / FIRST:
@@ -124,6 +117,23 @@ def test_every_command_of_a_page_runs(page: Path, begun: Path, tmp_path: Path) -
         for made in ("run.h5", "fits.json"):
             shutil.copy(begun / made, tmp_path)
     follow(page, tmp_path, shortened=True)
+
+
+@pytest.mark.parametrize("page", sorted((DOCS / "tutorials").glob("*.md")), ids=lambda page: page.stem)
+def test_a_tutorial_says_what_it_takes_and_what_to_do_next(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert page in PAGES, "its commands are not run"
+    assert re.search(r"^- \*\*Time\*\*: .*(minutes|hour)", text, re.M)
+    assert "- **You need**: " in text
+    assert re.search(r"\n## What to do next\n\n(?:.*\]\(.*\n|.+\n)+\Z", text)
+
+
+@pytest.mark.parametrize("path", sorted((DOCS / "notebooks").glob("*.ipynb")), ids=lambda path: path.stem)
+def test_a_notebook_is_committed_with_its_outputs(path: Path) -> None:
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    outputs = [output for cell in cells if cell["cell_type"] == "code" for output in cell["outputs"]]
+    assert outputs
+    assert not [output for output in outputs if output["output_type"] == "error"]
 
 
 @pytest.mark.slow

@@ -38,6 +38,7 @@ def test_a_caught_mistake_is_reported_and_the_copy_is_restored(tmp_path: Path) -
     """Run it on a project of one line and one test, in processes as for this project."""
     project = tmp_path / "small"
     project.mkdir()
+    (project / "pyproject.toml").write_text('[tool.pytest.ini_options]\nfilterwarnings = ["error"]\n')
     (project / "sums.py").write_text("def add(a, b):\n    return a + b\n")
     (project / "test_sums.py").write_text("from sums import add\n\ndef test_add():\n    assert add(2, 2) == 4\n")
     copy = copied(project, tmp_path / "copies")

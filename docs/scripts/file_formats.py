@@ -25,12 +25,15 @@ from eimi_fitting.inference.evidence.sources import SOURCES, File
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.csv_tables import Column
 from eimi_lab.config.materials import TrueMaterials
+from eimi_lab.config.people import People
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.rig import Rig
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import Document
 from eimi_lab.config.uncertainty import FOCAL_LENGTH, keys_of
-from eimi_lab.dataset.state_loads import FRAME_COLUMNS, LOAD_COLUMNS, STATE_COLUMNS
+from eimi_lab.dataset.moving.motion_csv import POINT_COLUMNS as MOTION_COLUMNS
+from eimi_lab.dataset.moving.motion_csv import TIME_COLUMNS
+from eimi_lab.dataset.state_loads import FRAME_COLUMNS, LOAD_COLUMNS, STATE_COLUMNS, UNTIL_COLUMNS
 from eimi_lab.dataset.tracked.points_csv import COLUMNS as POINT_COLUMNS
 from eimi_lab.dataset.tracked.points_csv import OPTIONAL_COLUMNS
 from eimi_lab.fits.tensile_files import COLUMNS as TENSILE_COLUMNS
@@ -72,14 +75,27 @@ EXAMPLES: dict[type[Document], tuple[str, ...]] = {
     Protocol: ("dragon_skin_10.toml",),
     Rig: ("rigs/bench_example.toml", "rigs/virtual.toml"),
     TrueMaterials: ("rigs/virtual_materials.toml",),
+    People: (),
 }
 # Examples of keys that no shipped file has.
 FURTHER_EXAMPLES = {
     "current.values_A": "[0.0, 0.2, 0.5]",
+    "creep": "true",
+    "settle.dwell_s": "60.0",
+    "ring_down": "{ seconds = 10.0, rate_Hz = 120.0 }",
+    "ring_down.seconds": "10.0",
+    "ring_down.from_A": "1.5",
+    "ring_down.rate_Hz": "120.0",
+    "ring_down.repeats": "3",
     "current.up_and_down": "true",
     "specimen.rest_shape": '"straight"',
     "current.both_polarities": "true",
     "telecentric": "true",
+    "person.given_name": '"Josiah"',
+    "person.family_name": '"Carberry"',
+    "person.orcid": '"0000-0002-1825-0097"',
+    "person.affiliation": '"Brown University"',
+    "person.email": '"josiah@example.org"',
     "background_field_mT": "[0.0, 0.04]",
     "field.radius_mm": "100.0",
     "field.gap_mm": "100.0",
@@ -147,13 +163,23 @@ def page() -> str:
         ("protocol.toml", Protocol, "The currents of a run, and the conditions for each state."),
         ("rig.toml", Rig, "The supply and the camera, and their addresses."),
         ("materials.toml", TrueMaterials, "The materials of the specimens of a virtual rig. No fit reads this file."),
+        ("people.toml", People, "The authors of an archive, for `eimi publish --people`."),
     ):
         parts.append(f"\n## {title}\n\n{words}\n" + _document(model))
     parts.append(TABLES)
     parts.append(
-        _table("states.csv", "The loads in each picture or state.", FRAME_COLUMNS | STATE_COLUMNS | LOAD_COLUMNS)
+        _table(
+            "states.csv",
+            "The loads in each picture or state.",
+            FRAME_COLUMNS | UNTIL_COLUMNS | STATE_COLUMNS | LOAD_COLUMNS,
+        )
     )
     parts.append(_table("points.csv", "Tracked points instead of pictures.", POINT_COLUMNS | OPTIONAL_COLUMNS))
+    words = (
+        "Tracked points of a motion, for `eimi import --ring-down` or `--creep`: one row for each point of each frame. "
+        "The file needs the column time_s, or the column frame and `--rate`."
+    )
+    parts.append(_table("A motion's CSV", words, TIME_COLUMNS | MOTION_COLUMNS))
     words = (
         "A tensile test: one column of strain and one of stress. The files of the Soft Robotics Materials Database "
         "(Marechal et al. 2020) are read as they are."

@@ -80,6 +80,8 @@ def of_the_bench(browser: Browser, address: str) -> None:
     page.get_by_label("Note").fill("third casting, from the left")
     page.get_by_role("button", name="Dry run").click()
     page.get_by_text("duration:").first.wait_for()
+    page.get_by_text("live camera of").wait_for()
+    page.wait_for_timeout(1500)
     keep(page, "idle")
     page.get_by_role("button", name="Start").click()
     page.locator("#modulus-plot circle.dot").first.wait_for()

@@ -25,7 +25,8 @@ from eimi_fitting.laws.tensile import engineering_stress, fit_tensile
 from eimi_lab.showing.palette import PALETTE
 
 FOLDER = Path(__file__).parents[1] / "why" / "sketches"
-BLUE, ORANGE, PINK, SKY, RED, GREEN = PALETTE[:6]
+BLUE, ORANGE, PINK, GREEN, RED = PALETTE[:5]
+SKY = "#56B4E9"
 SILICONE, STEEL, GREY = "#E9D8C0", "#666666", "#888888"
 ECOFLEX_PA = np.array([8737.0, 4511.0, -3313.0])  # protocols/rigs/virtual_materials.toml
 BLOCK = np.array([[0, 0], [1, 0], [3, -2], [3, -3], [2, -3], [0, -1]])  # a band of one candidate
@@ -276,12 +277,31 @@ def decisions(axes: Axes) -> None:
     bare(axes, (-0.2, 6.8), (-0.2, 3.1))
 
 
+def time(axes: Axes) -> None:
+    """Draw the tip against the logarithm of time: bent, released, ringing, and creeping back."""
+    before, after = np.linspace(-2.6, -2.0, 2), np.linspace(-2.0, 1.8, 4000)
+    since = 10**after - 10**-2.0
+    creep = 0.28 * np.exp(-since / 0.4) + 0.16 * np.exp(-since / 9.0)
+    ring = 0.9 * np.exp(-4.0 * since) * np.cos(2 * np.pi * 5.0 * since)
+    axes.plot(before, [1.34, 1.34], color="black", lw=1.6)
+    axes.plot(after, creep + ring, color="black", lw=1.2)
+    axes.plot(after, creep, color=BLUE, lw=1.6, ls="--")
+    axes.plot(after, creep + 0.9 * np.exp(-4.0 * since), color=RED, lw=1.0, ls=":")
+    axes.text(-2.58, 1.42, "held by the field", fontsize=8)
+    axes.text(-1.05, 1.02, "rings: frequency and decay give\nthe modulus at 1/(2πf)", color=RED, fontsize=8)
+    axes.text(0.35, 0.36, "creeps: the law between\n1 s and the end", color=BLUE, fontsize=8)
+    axes.set(xlim=(-2.6, 1.8), ylim=(-0.75, 1.6), xlabel="time after the release (logarithm)", ylabel="tip")
+    axes.set_xticks([])
+    axes.set_yticks([0.0], ["rest"])
+
+
 SKETCHES: dict[str, tuple[Drawing, tuple[float, float]]] = {
     "physics": (physics, (5.4, 3.9)),
     "section": (section, (7.4, 2.0)),
     "metric": (metric, (5.6, 3.3)),
     "statistics": (statistics, (5.4, 2.8)),
     "edges": (edges, (5.4, 2.9)),
+    "time": (time, (5.4, 2.6)),
     "planning": (planning, (5.4, 2.4)),
     "verification": (verification, (5.0, 3.0)),
     "speed": (speed, (5.6, 3.0)),

@@ -55,7 +55,9 @@ def test_the_quick_demonstration_writes_all_files(demonstration):
     assert re.search(r"neo-hookean: initial shear modulus \d+ Pa \[\d+, \d+\].*% from the truth", printed)
     assert moduli(folder / "fits.json")["neo-hookean"] == pytest.approx(46390, rel=0.02)
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert page.count('<img src="data:image/') == 7
+    assert "Do the residuals look like noise?" in page
+    assert "Published shear moduli of Dragon Skin 10" in page
+    assert page.count('<img src="data:image/') == 8
     assert "neo-hookean" in page
     assert "://" not in page  # self-contained
 

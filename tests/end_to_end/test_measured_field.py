@@ -88,6 +88,14 @@ def test_a_fit_uses_the_field_that_a_gaussmeter_measured(done: Callable[..., lis
         assert line.mT_per_A == pytest.approx(TRUE_MT_PER_A, abs=3 * line.mT_per_A_sigma)
         assert line.offset_mT == pytest.approx(OFFSET_MT, abs=3 * line.offset_mT_sigma)
         assert [state.temperature_degC for state in dataset.states] == pytest.approx([23.0] * 3, abs=0.1)
+    (fit,) = json.loads((tmp_path / "measured" / "fits.json").read_text())["fits"]
+    (reference,) = fit["datasets"]
+    assert reference["measured_field"]["mT_per_A"] == line.mT_per_A
+    assert reference["measured_field"]["offset_mT_sigma"] == line.offset_mT_sigma
+    assert reference["measured_field"]["source"].startswith("hall (LSCI,MODEL425")
+    assert reference["temperature"]["mean_degC"] == pytest.approx(23.0, abs=0.1)
+    (fit,) = json.loads((tmp_path / "typed" / "fits.json").read_text())["fits"]
+    assert not {"measured_field", "temperature"} & set(fit["datasets"][0])
     typed, measured = moduli
     assert abs(measured / TRUE_PA - 1) < 0.02
     assert abs(typed / TRUE_PA - 1) > 0.04

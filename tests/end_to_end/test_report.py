@@ -50,6 +50,11 @@ def test_a_report_shows_tensile_fits_beside_bending_fits(done: Done, folder: Pat
         assert words in page
     assert "is not drawn" not in page
     assert "://" not in page
+    first_pages, appendix = page.split('<h1 class="appendix"')
+    for words in ("Can it be believed?", "error by field", "Causes of the"):
+        assert words in first_pages
+    for words in ("The result of each fit", "Each fit on each specimen", "of each fit minus that of", "SHA-256"):
+        assert words in appendix
     # The report shows the errors that `eimi validate` writes.
     fits = ("--fit", "fits.json", "--fit", "tensile.json")
     done("validate", "train.h5", "unseen.h5", *fits, "-o", "shown.json", "--force", folder=folder)
@@ -60,7 +65,7 @@ def test_a_report_shows_tensile_fits_beside_bending_fits(done: Done, folder: Pat
 
 
 class Copying(ThreadPoolExecutor):
-    """An executor that pickles arguments and results, as one with other processes does."""
+    """An executor that pickles arguments and results, as an executor with other processes does."""
 
     def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
         copy = pickle.loads(pickle.dumps((arguments, options)))
@@ -118,7 +123,7 @@ def test_a_fit_that_fails_beside_the_others_is_simulated_alone(
 
 
 def test_a_page_is_the_same_with_workers_and_without(folder: Path) -> None:
-    """With workers the panels of the fits are drawn first; the page must not show it."""
+    """With workers the panels of the fits are drawn before the other panels; the page must be the same nevertheless."""
     (folder / "again.json").write_text((folder / "fits.json").read_text())
     fits = [folder / name for name in ("fits.json", "tensile.json", "again.json")]
     pages, totals = [], []

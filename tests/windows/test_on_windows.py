@@ -14,13 +14,17 @@ from pathlib import Path
 import pytest
 
 from eimi_drivers.clock import WallClock
+from eimi_drivers.emulators.coil_line import serve_coil
 from eimi_drivers.emulators.serve import emulate, serve_tcp
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import Limits
 from eimi_drivers.supplies.supply_names import open_supply
+from eimi_lab.config.protocol import load_protocol
+from eimi_lab.page.data_folder import DataFolder
 from eimi_lab.process import replacing
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import write_file
+from eimi_lab.process.paths import followed, reachable
 from eimi_lab.process.pipes import never_wait_to_write, readable
 from eimi_lab.process.writer_lock import WriterLock, is_being_written, lock_file
 from tests.patience import PATIENCE_S
@@ -170,3 +174,79 @@ def test_an_emulated_supply_without_a_tcp_port_is_refused_in_one_line(tmp_path: 
     done = eimi(tmp_path, "emulate", "korad")
     assert done.returncode == 1
     assert done.stderr == "eimi: Windows has no pseudo-terminals; serve on a TCP port: `eimi emulate SUPPLY --tcp 0`\n"
+
+
+def test_files_in_a_folder_with_a_long_path_are_written_locked_and_read(tmp_path: Path) -> None:
+    plain = tmp_path.joinpath(*["x" * 60] * 5)
+    assert len(str(plain)) > 300
+    done = eimi(tmp_path, "init", str(plain))
+    assert done.returncode == 0, done.stderr
+    folder = reachable(plain)
+    assert str(folder).startswith("\\\\?\\")
+    assert {"calibration.toml", "protocol.toml", "specimen.toml"} <= {path.name for path in folder.iterdir()}
+    assert load_protocol(plain / "protocol.toml").currents_A
+    path = folder / "fits.json"
+    write_file(path, "µ", force=False)
+    lock = WriterLock(path)
+    assert is_being_written(path)
+    lock.release()
+    assert not lock_file(path).exists()
+    assert path.read_bytes() == "µ".encode()
+    assert DataFolder(followed(folder)).inside("fits.json").name == "fits.json"
+
+
+CLOSED = """
+import threading, time
+from pathlib import Path
+from eimi_lab.cli import main
+from eimi_lab.process import console
+
+def close():
+    while not Path("close").exists():
+        time.sleep(0.02)
+    console._handlers[-1](2)  # CTRL_CLOSE_EVENT
+
+threading.Thread(target=close, daemon=True).start()
+main()
+"""
+"""The program, in which a thread calls the handler of console events as Windows does."""
+
+RIG = """
+name = "emulated"
+calibration = "virtual_calibration.toml"
+supply = {{ driver = "scpi", address = "{address}", limits = {{ current_A = 2.0, voltage_V = 30.0 }} }}
+camera = {{ driver = "virtual", source = "{coil}" }}
+
+[virtual]
+seed = 1
+coil_time_constant_s = 0.05
+current_noise_A = 0.0
+frame_size_px = [640, 512]
+mesh = [8, 1, 1]
+materials = "virtual_materials.toml"
+"""
+
+
+def test_a_run_whose_console_is_closed_ends_with_the_coil_off(tmp_path: Path) -> None:
+    shipped = Path(__file__).parents[2] / "protocols" / "rigs"
+    for name in ("virtual_calibration.toml", "virtual_materials.toml"):
+        (tmp_path / name).write_bytes((shipped / name).read_bytes())
+    coil = CoilSupply(WallClock())
+    with serve_tcp(emulate("scpi", coil)) as address, serve_coil(coil) as line:
+        (tmp_path / "rig.toml").write_text(RIG.format(address=address, coil=line))
+        bench = ["--specimen", "type1", "--rig", "rig.toml", "-o", "run.h5"]
+        run = subprocess.Popen(
+            [sys.executable, "-c", CLOSED, "acquire", "dragon_skin_10_quick", *bench],
+            cwd=tmp_path,
+            stderr=subprocess.PIPE,
+            encoding="utf-8",
+        )
+        until = time.monotonic() + PATIENCE_S
+        while not (coil.state.output and coil.state.set_current_A > 0.0):
+            assert time.monotonic() < until
+            assert run.poll() is None, run.communicate()
+            time.sleep(0.02)
+        (tmp_path / "close").touch()
+        said = run.communicate(timeout=PATIENCE_S)[1]
+    assert "stopped by SIGBREAK: the coil is off" in said
+    assert not coil.state.output
